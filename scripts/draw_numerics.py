@@ -19,7 +19,6 @@ from mmt_lab.stability.maps import contact_map, loop_map
 PANELS: Final = {
     "burg": ("batch", "offset"),
     "lines": ("to_lsf", "low_pass"),
-    "networks": ("speed_power", "velocity_power", "velocity_spectrum", "velocity_adding"),
     "conceal": ("spectrum", "alone"),
     "contact": None,
     "pipeline": None,

@@ -12,6 +12,7 @@ from mmt.texture.autoregression.forms import (
 )
 from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
+from mmt.texture.settings import Method
 
 
 def model(
@@ -28,10 +29,10 @@ def model(
     variance = generator.uniform(0.1, 1.0, count)
     power = output_power(variance, lsf_to_reflection(lsf))
     samples = TextureSamples(inputs, lsf, variance, power, space)
-    return TextureModel(samples, interpolate="variance", rate_hz=rate_hz)
+    return TextureModel(samples, method="published", rate_hz=rate_hz)
 
 
-def stiff(seed: int, interpolate: str = "power", scale: float = 1.0) -> TextureModel:
+def stiff(seed: int, method: Method = "published", scale: float = 1.0) -> TextureModel:
     """Return a model with poles at the unit circle; each sample's order of them is another."""
     generator = np.random.default_rng(seed)
     poles = np.array([0.9999999, -0.9999999, 0.99, -0.99, 0.9, -0.9, 0.5, 0.1])
@@ -44,7 +45,7 @@ def stiff(seed: int, interpolate: str = "power", scale: float = 1.0) -> TextureM
         variance,
         output_power(variance, reflection),
     )
-    return TextureModel(samples, interpolate=interpolate)  # type: ignore[arg-type]
+    return TextureModel(samples, method=method)
 
 
 def directed(seed: int = 0) -> TextureModel:

@@ -16,7 +16,6 @@ from pydantic.fields import FieldInfo
 from mmt.cli import follower, leader, listener, main
 from mmt.scene import Scene
 from mmt.scene.files import example_scenes
-from mmt.texture.interpolation import registry
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -133,7 +132,6 @@ def test_pictures_are_small_and_used() -> None:
 def test_the_python_code_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The blocks of a page are one program, run in an empty folder; what they register goes."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(registry, "INTERPOLATORS", dict(registry.INTERPOLATORS))
     names: dict[str, object] = {"__name__": "__main__"}
     for line, block in fenced(page.read_text(encoding="utf-8"), "python"):
         padded = "\n" * (line - 1) + block  # so that a traceback names the page's own line

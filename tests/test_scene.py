@@ -1,4 +1,3 @@
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -7,8 +6,9 @@ import pytest
 from mmt.core.errors import InputError
 from mmt.scene import PART_TABLES, Scene
 from mmt.scene.files import environment_overrides, load_scene, scene_from_tables
-from mmt.scene.texture_table import TEXTURE_TABLE
-from mmt.texture.settings import Inputs, ModellingSettings
+from mmt.scene.recorded import scene_of_recording
+from mmt.scene.texture_table import TEXTURE_TABLE, Texture
+from mmt.texture.settings import CriterionScale, Inputs, ModellingSettings
 
 CONFIGS = sorted((Path(__file__).parents[1] / "configs").glob("*.toml"))
 SIMULATED: dict[str, Any] = {"link": {}, "simulated": {}, "hand": {}, "recording": {}}
@@ -46,14 +46,25 @@ def test_a_part_runs_in_the_services_that_its_values_ask_for() -> None:
         ({**SIMULATED, "texture": {"order": 99}}, ["order is 99", "1 to 64"]),
         ({**SIMULATED, "texture": {"order": "some"}}, ["texture.order", "'some'"]),
         ({**SIMULATED, "texture": {"axis": "w"}}, ["texture.axis", "dft321"]),
-        ({**SIMULATED, "texture": {"stop_distance": 9.0}}, ["stop_distance"]),
         (
-            {**SIMULATED, "texture": {"level": "interpolated"}},
-            ['level "interpolated"', 'set criterion to "distance"'],
+            {**SIMULATED, "texture": {"method": "published", "stop_distance": 9.0}},
+            ["stop_distance must not exceed"],
         ),
         (
-            {**SIMULATED, "texture": {"method": "published", "interpolator": "nearest"}},
-            ['method is "published" and interpolator "nearest"', '"delaunay"; leave interpolator'],
+            {**SIMULATED, "texture": {"level": "interpolated"}},
+            ['level = "interpolated": no longer a choice; write method = "published"'],
+        ),
+        (
+            {**SIMULATED, "texture": {"method": "custom", "interpolator": "rbf"}},
+            ['interpolator = "rbf" and method = "custom": no', 'write method = "field"'],
+        ),
+        (
+            {**SIMULATED, "texture": {"method": "published", "start_share": 0.5}},
+            ['start_share is of method "field"', "write start_distance and stop_distance"],
+        ),
+        (
+            {**SIMULATED, "texture": {"start_distance": 9.0}},
+            ['start_distance is of method "published", and method is "field"'],
         ),
         (
             {**SIMULATED, "texture": {"method": "published", "selection": {}}},
@@ -264,21 +275,56 @@ def test_a_resolved_scene_of_each_method_is_read_again(method: str) -> None:
     assert ("position" in scene.channels()) == (method == "model")
 
 
-@pytest.mark.parametrize(
-    ("inputs", "interpolator"), [("isotropic", "delaunay"), ("anisotropic", "network")]
-)
-def test_one_key_models_as_published(inputs: Inputs, interpolator: str) -> None:
+@pytest.mark.parametrize("inputs", ["isotropic", "anisotropic"])
+def test_one_key_models_as_published(inputs: Inputs) -> None:
     texture = {"method": "published", "inputs": inputs}
     made = scene_from_tables({**SIMULATED, "texture": texture}, origin="test").texture
     assert made is not None
-    assert (made.interpolate, made.interpolator) == ("variance", interpolator)
+    assert made.settings(1000.0) == ModellingSettings(method="published", inputs=inputs)
+    assert made.scale == CriterionScale("distance", "completion sum", *made.distances, rises=False)
     again = scene_from_tables(
         {**SIMULATED, "texture": TEXTURE_TABLE.dump_python(made, mode="json")}, origin="test"
     )
     assert again.texture == made
-    other: Inputs = "anisotropic" if inputs == "isotropic" else "isotropic"
-    settings = replace(made.settings(1000.0), inputs=other)
-    assert settings == ModellingSettings(method="published", inputs=other)
+
+
+FORMER = {"start_distance": "auto", "stop_distance": 4.0, "start_share": 0.5, "stop_share": 0.9}
+
+
+@pytest.mark.parametrize(
+    ("parts", "expected"),
+    [
+        (
+            {"level": "gaussian_process", "shape": "smoothed", "criterion": "uncertainty"},
+            {"method": "field", "start_share": 0.5, "stop_share": 0.9},
+        ),
+        (
+            {"level": "gaussian_process", "shape": "measured", "criterion": "distance"},
+            {"method": "field", "start_share": 0.5, "stop_share": 0.9},
+        ),
+        (
+            {"level": "interpolated", "interpolate": "power", "interpolator": "rbf"},
+            {"method": "published", "stop_distance": 4.0},
+        ),
+    ],
+)
+@pytest.mark.parametrize("method", [{}, {"method": "custom"}])
+def test_the_scene_of_an_earlier_recording_is_read_by_the_nearest_method(
+    parts: dict[str, str], expected: dict[str, Any], method: dict[str, str]
+) -> None:
+    tables = {**SIMULATED, "texture": {**FORMER, **method, **parts, "order": 7}}
+    scene = scene_of_recording(tables, "a recording")
+    assert scene.texture == Texture(**expected, order=7)
+    assert scene_of_recording(scene.dump(), "a recording") == scene
+    with pytest.raises(InputError, match="no longer a choice"):
+        scene_from_tables(tables)
+
+
+def test_a_recorded_scene_that_is_wrong_is_named() -> None:
+    with pytest.raises(InputError, match=r"^a recording: texture.order"):
+        scene_of_recording({**SIMULATED, "texture": {"order": "some"}}, "a recording")
+    with pytest.raises(InputError, match=r"^a recording: texture"):
+        scene_of_recording({**SIMULATED, "texture": 3}, "a recording")
 
 
 def test_a_variable_that_is_wrong_is_named_and_not_the_file(

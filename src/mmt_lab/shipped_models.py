@@ -17,7 +17,7 @@ from mmt.texture.model.fits import HIGHEST_AUTOMATIC_ORDER
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import trials
 from mmt.texture.online.modeller import OnlineModeller
-from mmt.texture.settings import INTERPOLATED, Inputs, ModellingSettings
+from mmt.texture.settings import Inputs, ModellingSettings
 
 TRIALS: Final = 6
 DURATION_S: Final = 20.0
@@ -37,38 +37,29 @@ def trials_of(surface: Surface) -> list[RecordArray]:
 
 
 def settings_of(surface: Surface) -> ModellingSettings:
-    """Return what a surface is modelled with: its heading counts where it has one.
-
-    As in paper B the interpolator is a network of radial basis functions.
-    """
+    """Return what a surface is modelled with: its heading counts where it has one."""
     inputs: Inputs = "isotropic" if surface.isotropic else "anisotropic"
-    return ModellingSettings(inputs=inputs, interpolator="rbf", **INTERPOLATED)
+    return ModellingSettings(inputs=inputs)
 
 
 def build(sessions: Sequence[RecordArray], settings: ModellingSettings) -> TextureModel:
     """Build the model of a surface from trials on it, as it is shipped.
 
     In two passes, so that the common order is chosen from the segments of all trials, where
-    a leader settles it when the start criterion is met. The model is made once, of all
-    samples, and so is the same as one that is loaded from its file.
+    a leader settles it when the start criterion is met. The level is that of the samples: of so
+    many the blocks would tell little more, and take as many bytes again.
     """
     fits = list(_modelled(sessions, settings).fits.values())
     segments = [fit.segment.vibration_m_s2 for fit in fits]
     order = choose_order(segments, largest=HIGHEST_AUTOMATIC_ORDER)
-    gathered = _modelled(sessions, replace(settings, order=order)).model
-    if gathered is None:
+    model = _modelled(sessions, replace(settings, order=order)).model
+    if model is None:
         raise InputError(f"no steady stroke in {len(sessions)} trials: nothing can be modelled")
-    return TextureModel(
-        gathered.samples,
-        interpolate=settings.interpolate,
-        interpolator=settings.interpolator,
-        rate_hz=settings.rate_hz,
-    )
+    return TextureModel(model.samples, method=settings.method, rate_hz=settings.rate_hz)
 
 
 def _modelled(sessions: Sequence[RecordArray], settings: ModellingSettings) -> OnlineModeller:
-    """Feed trials to a modeller that interpolates in the cheapest way."""
-    modeller = OnlineModeller(replace(settings, interpolator="nearest"))
+    modeller = OnlineModeller(settings, deferred=True)
     for block in trials(sessions):
         modeller.update(block)
     return modeller

@@ -132,11 +132,11 @@ def test_no_segment_spans_two_sessions() -> None:
 def test_a_scene_says_how_to_model(session_file: Path, tmp_path: Path) -> None:
     scene = tmp_path / "scene.toml"
     scene.write_text(
-        "[link]\n[replay]\n[texture]\norder = 9\nshape = 'measured'\n", encoding="utf-8"
+        "[link]\n[replay]\n[texture]\norder = 9\nmethod = 'published'\n", encoding="utf-8"
     )
     assert run("build", session_file, tmp_path / "m.npz", "--scene", scene).exit_code == 0
     model = TextureModel.load(tmp_path / "m.npz")
-    assert (model.order, model.shape) == (9, "measured")
+    assert (model.order, model.method) == (9, "published")
     assert Texture().order == "auto"
 
 

@@ -35,7 +35,7 @@ def made(inputs="isotropic", count=25, order=6, seed=3, fastest_mm_s=300.0) -> T
         columns = [speed * np.cos(heading), speed * np.sin(heading), force]
     power = rng.uniform(0.5, 5.0, count)
     return TextureModel(
-        TextureSamples(np.column_stack(columns), lsf, power, power, space), interpolate="variance"
+        TextureSamples(np.column_stack(columns), lsf, power, power, space), method="published"
     )
 
 
@@ -145,7 +145,7 @@ def test_what_cannot_be_a_surface_is_explained(tmp_path):
     with pytest.raises(InputError, match=r"[Nn]o such file"):
         get_surface(str(tmp_path / "absent.npz"))
     model = made()
-    fast = TextureModel(model.samples, interpolate="variance", rate_hz=10_000.0)
+    fast = TextureModel(model.samples, method="published", rate_hz=10_000.0)
     with pytest.raises(InputError, match="at 10000 Hz, a surface needs one at 1000 Hz"):
         ModelSurface("fast", fast)
 

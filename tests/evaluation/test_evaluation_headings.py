@@ -107,7 +107,7 @@ def test_by_heading_is_in_tables_report_and_json(ridged, tmp_path):
 @pytest.fixture(scope="module")
 def directed():
     session = session_on("ridged-plastic", 14.0)
-    return evaluate_session(session, ModellingSettings(inputs="anisotropic", criterion="distance"))
+    return evaluate_session(session, ModellingSettings(inputs="anisotropic"))
 
 
 def test_a_model_that_knows_the_heading_is_nearer_to_the_texture(directed):

@@ -42,7 +42,8 @@ def even_model(vibration: np.ndarray, order: int, power: float = 1.0) -> Texture
     speed, force = (axis.ravel() for axis in axes)
     level = np.full(36, power)
     return TextureModel(
-        TextureSamples.isotropic(speed, force, np.tile(lsf, (36, 1)), level * gain, level)
+        TextureSamples.isotropic(speed, force, np.tile(lsf, (36, 1)), level * gain, level),
+        method="published",
     )
 
 

@@ -19,7 +19,7 @@ from mmt.texture.completion.distance import FARTHEST
 from mmt.texture.online.history import build, update_blocks
 from mmt.texture.settings import ModellingSettings
 
-SETTINGS = ModellingSettings(order=8, criterion="distance")
+SETTINGS = ModellingSettings(order=8, method="published")
 STEP_KEYS = {
     "time_s",
     "samples",

@@ -46,7 +46,7 @@ def model_of(
         level * samples.variance,
         level * samples.power,
     )
-    return TextureModel(scaled)
+    return TextureModel(scaled, method="published")
 
 
 @pytest.mark.parametrize("name", ["plastic", "sandpaper", "wood"])
@@ -149,7 +149,7 @@ def test_worst_beyond_the_samples():
 
 def test_the_level_of_a_field_says_how_sure_it_is_where_it_is_worst():
     slow = model_of(get_surface("plastic"), np.array([40.0, 60.0]), np.array([0.3, 0.6]))
-    field = TextureModel(slow.samples, level="gaussian_process")
+    field = TextureModel(slow.samples)
     _, (level, shape) = worst_of(field, get_surface("plastic"))
     assert level.limit == "field"
     _, deviation_db = field.level_db(level.speed_mm_s, level.force_n)
@@ -179,7 +179,7 @@ def test_worst_sparse_where_the_samples_are_far():
     axes = np.meshgrid(np.linspace(10.0, 290.0, 15), np.linspace(0.1, 2.9, 15))
     speed, force = (axis.ravel() for axis in axes)
     ring = (speed < 40) | (speed > 260) | (force < 0.4) | (force > 2.6)
-    model = TextureModel(exact_filters(surface, speed[ring], force[ring], 8))
+    model = TextureModel(exact_filters(surface, speed[ring], force[ring], 8), method="published")
     _, (_, shape) = worst_of(model, surface)
     assert shape.limit == "sparse"
     assert shape.nearest_sample > 0.2

@@ -56,12 +56,11 @@ def test_a_model_that_went_out_comes_back_the_same(tmp_path: Path) -> None:
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
 
 
-def test_a_model_of_power_goes_out_with_its_variance_at_the_vertices(tmp_path: Path) -> None:
-    samples = model().samples
-    before = type(model())(samples, interpolate="power")
+def test_a_field_goes_out_with_its_variance_at_the_vertices(tmp_path: Path) -> None:
+    before = type(model())(model().samples)
     path = tmp_path / "out.xml"
     path.write_bytes(export_hatt(before, "cork"))
-    at = samples.speed_mm_s, samples.force_n
+    at = before.vertices[:, :2].T * np.array([[300.0], [3.0]])
     np.testing.assert_allclose(import_hatt(path).model.at(*at)[1], before.at(*at)[1], rtol=1e-9)
 
 

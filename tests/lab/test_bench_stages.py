@@ -6,14 +6,12 @@ import pytest
 
 from mmt.evaluation.figures import to_png
 from mmt_lab.bench import signals
-from mmt_lab.bench.network_methods import DELAUNAY, OURS
 from mmt_lab.experiments import (
     burg,
     conceal,
     contact,
     interpolation,
     lines,
-    networks,
     order,
     pipeline,
     synthesis,
@@ -50,19 +48,6 @@ PLANS = {
         interpolation,
         interpolation.Plan(
             surfaces=("mesh",), counts=(10, 60), table_count=60, order=8, draws=1, rounds=2
-        ),
-    ),
-    "networks": (
-        networks,
-        networks.Plan(
-            counts=(20, 80),
-            compared_at=80,
-            order=6,
-            queries=30,
-            rounds=2,
-            system_counts=(40, 200),
-            changes=60,
-            kept=40,
         ),
     ),
     "synthesis": (
@@ -177,31 +162,16 @@ def test_frequencies_from_reflection_coefficients_keep_their_digits(results):
     assert accuracy.met
 
 
-def test_more_samples_and_linear_power_interpolate_better(results):
+def test_more_samples_interpolate_better_and_the_field_knows_the_power_best(results):
     shape, level = results["interpolation"].panels
-    for method in ("Delaunay, linear power", "nearest"):
+    for method in ("field", "published"):
         at = errors(shape, method)
         assert at[60] < at[10]
     at_60 = {curve.method: errors(level, curve.method)[60] for curve in level.curves}
-    assert at_60["Delaunay, linear power"] == min(at_60.values())
+    assert at_60["field"] < at_60["published"]
     rows = results["interpolation"].records[0].rows
-    floor = next(row for row in rows if row["interpolation"] == interpolation.FLOOR)
+    floor = next(row for row in rows if row["method"] == interpolation.FLOOR)
     assert floor["power error (dB)"] < 1e-6
-
-
-def test_networks_meet_smooth_textures_better_and_grow(results):
-    result = results["networks"]
-    for panel in result.panels:
-        methods = {curve.method: errors(panel, curve.method) for curve in panel.curves}
-        assert list(methods[OURS]) == [20, 80]
-        if panel.y is not networks.ADDING and panel.name.startswith("speed"):
-            assert methods[OURS][80] < methods[DELAUNAY][80]
-    met = {target.what: target.met for target in result.targets}
-    assert met["Power, speed and force: error over that of triangles, 80 samples"]
-    assert met["difference after 60 changes"]
-    cost, sequence = result.records
-    assert [row["samples"] for row in cost.rows] == [40, 200]
-    assert all(row["difference of leave-one-out errors"] < 1e-8 for row in sequence.rows)
 
 
 def test_a_rarer_renewal_changes_more(results):
@@ -238,7 +208,7 @@ def test_before_the_first_model_nothing_is_right(results):
         assert errors(panels["gfc_session"], method)[0.5] == 1.0
         assert errors(panels["jnd_session"], method)[0.5] == 0.0
         assert errors(panels["gfc_session"], method)[6.0] < 0.1
-    spent = panels["gfc_processing"].points("linear power (default)")
+    spent = panels["gfc_processing"].points("field")
     assert [point.knob for point in spent] == [4.0, 6.0]
     assert spent[0].x.median < spent[1].x.median
 

@@ -108,7 +108,7 @@ def test_a_generator_that_is_the_texture_has_no_error_and_one_3_db_louder_has_3_
 @pytest.mark.parametrize("texture", ["drawn-3", "corduroy"])
 def test_the_estimate_of_our_own_model_agrees_with_its_exact_figures(texture):
     case = Case(texture, 1000)
-    settings = ModellingSettings(inputs=case.inputs, **METHODS["ours"])
+    settings = ModellingSettings(inputs=case.inputs, **METHODS["field"])
     model = build_models(blocks_of(case), settings).model_at(10.0)
     truth = KnownTexture(get_surface(texture))
     strokes = rendered_strokes(isotropic=truth.surface.isotropic)
@@ -224,8 +224,8 @@ def test_generators_are_named_once_and_not_as_a_method():
     noise = f"{__name__}:build_noise"
     with pytest.raises(InputError, match="name each once"):
         check_generators([noise, noise])
-    with pytest.raises(InputError, match="'ours' is not known"):
-        check_generators(["ours"])
+    with pytest.raises(InputError, match="'field' is not known"):
+        check_generators(["field"])
 
 
 def test_the_command_compares_the_guides_generator_and_goes_on_past_a_broken_one(
@@ -238,7 +238,7 @@ def test_the_command_compares_the_guides_generator_and_goes_on_past_a_broken_one
     file = tmp_path / "figures.json"
     others = f"replay:build,{__name__}:build_late"
     monkeypatch.setattr(rendered_comparison, "judge_rendered", partial(judge_rendered, run_s=1.0))
-    options = ["--generators", others, "--methods", "published,power", "--textures", "drawn-3"]
+    options = ["--generators", others, "--methods", "published,field", "--textures", "drawn-3"]
     options += ["--seeds", "1", "--workers", "1"]
     written = ["--json", str(file), "--report", str(tmp_path / "report")]
     result = CliRunner().invoke(app, ["lab", "compare", *options, *written])
@@ -250,7 +250,7 @@ def test_the_command_compares_the_guides_generator_and_goes_on_past_a_broken_one
     assert 0.9 < of_replay["gfc"]["median"] < 1.0
     assert 0.5 < of_replay["power_error_db"]["median"] < 5.0
     times = {one["method"]: one for one in rendered["times"]}
-    assert set(times) == {"published", "power", "replay:build"}
+    assert set(times) == {"published", "field", "replay:build"}
     assert all(0.0 < one["block_p50_us"] <= one["block_p99_us"] for one in times.values())
     page = (tmp_path / "report" / "report.html").read_text()
     assert "what the estimate is worth" in page

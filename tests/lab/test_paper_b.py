@@ -42,11 +42,10 @@ def felt():
 
 
 def test_the_numbers_of_a_model_are_those_of_its_network(felt):
-    networks = felt.model.interpolant
-    level, filters = networks.level, networks.filters
-    own = [level.centres, level.weights, filters.weights, level.coefficients, filters.coefficients]
-    assert felt.numbers == sum(values.size for values in own)
-    assert felt.model.interpolate == "variance"
+    rows = felt.model.interpolant.rows  # a centre and its weights
+    polynomial = (1 + felt.model.dimensions) * (1 + felt.model.order)
+    assert felt.model.interpolant.is_network
+    assert felt.numbers == rows.size + polynomial
 
 
 def test_the_filter_is_renewed_a_hundred_times_a_second(felt):

@@ -22,7 +22,7 @@ from mmt_lab.sweep.combinations import (
 )
 from mmt_lab.sweep.running import run_locally, run_on_dask
 
-CHOICES = ("texture.order=6,9", "texture.interpolate=power")
+CHOICES = ("texture.order=6,9", "texture.method=field")
 
 
 @pytest.fixture(scope="module")

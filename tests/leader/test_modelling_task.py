@@ -305,7 +305,7 @@ TEXTURES: dict[str, dict[str, Any]] = {
     "demo": {},
     "fixed order": {"order": 10},
     "selection": {"selection": {}},
-    "uncertainty": {"level": "gaussian_process", "criterion": "uncertainty"},
+    "published": {"method": "published"},
     "surfaces": {"surfaces": {}},
 }
 

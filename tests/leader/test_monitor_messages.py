@@ -137,7 +137,7 @@ def test_a_scene_without_these_channels_has_no_point() -> None:
 
 
 def test_automatic_thresholds_are_told_as_numbers() -> None:
-    scene = SCENE.model_copy(update={"texture": Texture(criterion="distance")})
+    scene = SCENE.model_copy(update={"texture": Texture(method="published")})
     assert scene.texture is not None
     assert scene.texture.start_distance == "auto"
     message = unpack(hello(scene, "some-id"))
@@ -184,7 +184,7 @@ def test_what_is_rendered_is_called_what_it_is(
 
 def test_a_criterion_says_its_value_its_cells_and_where_a_stroke_is_wanted() -> None:
     monitor = CompletionMonitor()
-    monitor.update_points(np.array([[0.2, 0.2], [0.3, 0.2]]), 1.0)
+    monitor.update(np.array([[0.2, 0.2], [0.3, 0.2]]), 1.0)
     growing = completion_header(monitor.progress, None, None)
     assert growing["value"] == sum(cell_distances(np.array([[0.2, 0.2], [0.3, 0.2]])))
     assert len(growing["cells"]) == 9

@@ -16,13 +16,7 @@ from mmt.session import read_session, write_session
 from mmt.testing.simulation.offline import simulate_session
 from mmt.web.viewing.recording import ViewedRecording
 
-OURS = {
-    "level": "gaussian_process",
-    "shape": "smoothed",
-    "criterion": "uncertainty",
-    "start_share": 0.5,
-    "stop_share": 0.9,
-}
+FIELD = {"method": "field", "start_share": 0.5, "stop_share": 0.9}
 
 
 async def test_a_session_starts_and_stops_by_the_expected_share(tmp_path: Path) -> None:
@@ -35,7 +29,7 @@ async def test_a_session_starts_and_stops_by_the_expected_share(tmp_path: Path) 
         simulated=None,
         hand=None,
         replay={"file": str(session), "speed": 2.0},
-        texture=OURS,
+        texture=FIELD,
         recording={"file": str(recording)},
     )
     together = Together.of(scene)

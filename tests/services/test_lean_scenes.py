@@ -68,7 +68,7 @@ before = "{before}"
 [actuator]
 """
 
-MODELLING = {"published": ("published", "stream"), "warm": ("custom", "warm")}
+MODELLING = {"published": ("published", "stream"), "warm": ("field", "warm")}
 """Methods of modelling, and what is rendered before there is a model, by the scene's name."""
 
 METHODS = ("passive", "model")
@@ -124,7 +124,12 @@ EXPECTED: dict[str, set[str]] = {
     "follower replay": {*NETWORK, *FILES, REPLAY},
     "leader stream-only": {*NETWORK, HAND, ACTUATOR},
     "follower stream-only": {*NETWORK, SIMULATED},
-    "leader model-only": {*MODEL - {"mmt.texture.online.modeller"}, HAND, ACTUATOR},
+    "leader model-only": {
+        *MODEL - {"mmt.texture.online.modeller"},
+        "mmt.texture.field.posterior",
+        HAND,
+        ACTUATOR,
+    },
     "leader passive": {*NETWORK, HAND, "mmt.leader.feedback_passive", "mmt.contact.passivity"},
     "follower passive": {*NETWORK, SIMULATED, "mmt.follower.feedback", "mmt.contact.passivity"},
     "leader model": {

@@ -21,7 +21,7 @@ class Seen:
 
 
 async def run(directory: Path, session: Path, selection: dict[str, float] | None) -> Seen:
-    texture: dict[str, object] = {"order": 10, "criterion": "distance", "stop_distance": 1.0}
+    texture: dict[str, object] = {"order": 10, "stop_share": 0.9999}
     if selection is not None:
         texture["selection"] = selection
     scene = small_scene(

@@ -292,7 +292,7 @@ async def test_resetting_the_model_fades_back_to_the_stream_and_begins_anew(
             "session": {"duration_s": 600.0},
             "link": {"port": 0},
             "replay": {"file": str(tmp_path / "made.mcap"), "speed": 4.0, "loop": True},
-            "texture": {"order": 4, "start_distance": 35.0, "stop_distance": 0.01},
+            "texture": {"order": 4},
             "rendering": {"crossfade_ms": 100.0},
             "playout": {},
             "actuator": {},

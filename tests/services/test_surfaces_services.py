@@ -24,7 +24,7 @@ from mmt.texture.model.texture_model import TextureModel
 
 FRAMES_A_TICK = 5
 Gate = tuple[int, Callable[[Leader], object]]
-TEXTURE = {"order": 10, "start_distance": 25.0, "stop_distance": 1.0, "surfaces": {}}
+TEXTURE = {"order": 10, "surfaces": {}}
 
 
 class GatedSource:

@@ -61,15 +61,15 @@ def test_an_added_sample_never_raises_the_sum(
 
 def test_the_monitor_remembers_when_each_criterion_was_met() -> None:
     monitor = CompletionMonitor()
-    monitor.update_points(np.empty((0, 2)), 1.0)
+    monitor.update(np.empty((0, 2)), 1.0)
     assert not monitor.started
     assert math.isfinite(monitor.distance)
-    monitor.update_points(CELL_CENTRES[:5], 2.0)
+    monitor.update(CELL_CENTRES[:5], 2.0)
     first = monitor.distance
-    monitor.update_points(np.repeat(CELL_CENTRES, 3, axis=0), 3.0)
+    monitor.update(np.repeat(CELL_CENTRES, 3, axis=0), 3.0)
     assert monitor.distance == 0.0 < first
     assert monitor.stop_s == 3.0
-    monitor.update_points(np.repeat(CELL_CENTRES, 3, axis=0), 4.0)
+    monitor.update(np.repeat(CELL_CENTRES, 3, axis=0), 4.0)
     assert monitor.stop_s == 3.0
 
 
@@ -90,7 +90,7 @@ def test_the_settings_hold_the_derived_thresholds() -> None:
         assert DISTANCES[inputs] == expected
         settings = ModellingSettings(inputs=inputs)
         assert settings.distances == DISTANCES[inputs]
-    assert ModellingSettings(start_distance=9.0).distances == (9.0, 4.243)
+    assert ModellingSettings(method="published", start_distance=9.0).distances == (9.0, 4.243)
     assert pytest.approx(7.5) == PLANE_CELLS.start_distance
 
 

@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from mmt.texture.completion import make_criterion
 from mmt.texture.completion.distance import CompletionMonitor, cells_of
 from mmt.texture.completion.uncertainty import (
     PRIOR_S,
@@ -20,6 +19,7 @@ from mmt.texture.field.scatter import NUGGET
 from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC
 from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.online.methods import method_of
 from mmt.texture.settings import START_SHARE, STOP_SHARE, Inputs, ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
 
@@ -53,7 +53,7 @@ def model_of(points: np.ndarray, power: float = 1.0) -> TextureModel:
     samples = TextureSamples(
         points * space.scale, lsf, 0.5 * level, level, space, np.full(len(points), 80.0)
     )
-    return TextureModel(samples, level="gaussian_process")
+    return TextureModel(samples)
 
 
 def motion(
@@ -154,11 +154,7 @@ def test_every_cell_has_strokes_and_each_stroke_its_cell(dimensions):
 
 
 def criterion(inputs: Inputs = "isotropic") -> UncertaintyCriterion:
-    found = make_criterion(
-        ModellingSettings(inputs=inputs, level="gaussian_process", criterion="uncertainty")
-    )
-    assert isinstance(found, UncertaintyCriterion)
-    return found
+    return UncertaintyCriterion(ModellingSettings(inputs=inputs))
 
 
 def test_without_a_model_or_any_power_nothing_is_expected_right():
@@ -216,8 +212,8 @@ def test_an_operator_who_keeps_to_one_line_completes_it():
     model = model_of(np.column_stack([speed, force]))
     judge.update(model, float(seconds))
     assert judge.stopped
-    published = make_criterion(ModellingSettings(criterion="distance"))
-    published.update(model, float(seconds))
+    published = CompletionMonitor()
+    published.update(model.points, float(seconds))
     assert not published.started
 
 
@@ -258,10 +254,9 @@ def test_it_is_evaluated_again_after_two_hundredths_more_of_stroking():
 
 def test_the_published_sum_is_what_runs_where_it_is_asked_for():
     settings = ModellingSettings(method="published")
-    monitor = make_criterion(settings)
+    monitor = method_of(settings).criterion
     assert isinstance(monitor, CompletionMonitor)
     assert monitor.progress.scale == settings.scale
     assert not monitor.progress.scale.rises
-    monitor.observe(motion(1.0, 100.0, 1.0))
-    monitor.update(model_of(strokes(30, 2, largest=0.3)), 1.0)
+    monitor.update(strokes(30, 2, largest=0.3), 1.0)
     assert monitor.progress.advice == pytest.approx((250.0, 2.5))  # the farthest cell's centre

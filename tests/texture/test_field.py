@@ -64,7 +64,7 @@ def samples_of(points, power, effective):
 
 def model_of(points, power, effective=80.0):
     samples = samples_of(points, power, np.full(len(points), effective))
-    return TextureModel(samples, level="gaussian_process")
+    return TextureModel(samples)
 
 
 def covariance_written_out(a, b, h):
@@ -374,7 +374,7 @@ def test_whatever_is_felt_the_level_is_finite_and_not_negative(
     power[random.random(count) < 0.2] = 0.0
     felt = FieldCells.of(points, power, random.normal(0.0, 1e6, (count, 2))) if blocks else None
     samples = samples_of(points, power, np.full(count, effective))
-    model = TextureModel(samples, level="gaussian_process", field=felt)
+    model = TextureModel(samples, field=felt)
     asked = np.vstack([scattered(50, directed, seed + 1), np.zeros((1, points.shape[1]))])
     _, variance = model.at(*(asked * model.space.scale).T)
     assert (variance >= 0.0).all()
@@ -394,10 +394,9 @@ def test_a_saved_model_has_the_same_level_when_it_is_loaded(directed, tmp_path: 
     points = scattered(60, directed)
     samples = samples_of(points[:20], measured(points)[:20], np.full(20, 80.0))
     for felt in (None, FieldCells.of(points, measured(points), anywhere(60))):
-        model = TextureModel(samples, level="gaussian_process", field=felt)
+        model = TextureModel(samples, field=felt)
         model.save(tmp_path / "model.npz")
         loaded = TextureModel.load(tmp_path / "model.npz")
-        assert loaded.level == "gaussian_process"
         np.testing.assert_array_equal(loaded.kernel_parameters, model.kernel_parameters)
         assert (loaded.field is None) == (felt is None)
 
@@ -406,7 +405,7 @@ def test_a_file_whose_blocks_are_spoilt_is_refused_in_words(tmp_path: Path):
     points = scattered(10)
     model = model_of(points, measured(points))
     felt = FieldCells.of(points, measured(points), nowhere(10))
-    TextureModel(model.samples, level="gaussian_process", field=felt).save(tmp_path / "a.npz")
+    TextureModel(model.samples, field=felt).save(tmp_path / "a.npz")
     with np.load(tmp_path / "a.npz") as file:
         content = dict(file)
     for name, value in (
@@ -417,11 +416,3 @@ def test_a_file_whose_blocks_are_spoilt_is_refused_in_words(tmp_path: Path):
         np.savez(tmp_path / "b.npz", **{**content, name: value})
         with pytest.raises(InputError, match="field"):
             TextureModel.load(tmp_path / "b.npz")
-
-
-def test_a_level_of_its_own_and_an_interpolated_amplitude_exclude_each_other():
-    samples = samples_of(scattered(5), np.ones(5), np.full(5, 80.0))
-    with pytest.raises(InputError, match="needs interpolate"):
-        TextureModel(samples, level="gaussian_process", interpolate="amplitude")
-    with pytest.raises(InputError, match="level is 'guessed'"):
-        TextureModel(samples, level="guessed")  # type: ignore[arg-type]

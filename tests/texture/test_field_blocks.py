@@ -94,41 +94,42 @@ def test_nothing_gives_no_blocks():
 
 
 def test_held_out_segments_and_another_surface_are_withdrawn():
-    gathering = Gathering(ModellingSettings(level="gaussian_process"))
+    gathering = Gathering(ModellingSettings())
     assert gathering.add(work(stroke(1000)))
-    assert gathering.cells().sums[:, 0].sum() == 19
+    assert gathering.cells()().sums[:, 0].sum() == 19
     assert gathering.add(work(held_out=[(120, 230)]))
-    assert gathering.cells().sums[:, 0].sum() == 16
+    assert gathering.cells()().sums[:, 0].sum() == 16
     assert gathering.add(work(forget_from=800))
-    assert gathering.cells().sums[:, 0].sum() == 12
+    assert gathering.cells()().sums[:, 0].sum() == 12
     assert not gathering.add(work())
 
 
 def test_a_held_out_segment_is_left_out_of_the_blocks_that_come_with_it():
-    gathering = Gathering(ModellingSettings(level="gaussian_process"))
+    gathering = Gathering(ModellingSettings())
     gathering.add(work(stroke(1000), held_out=[(100, 200)]))
-    assert gathering.cells().sums[:, 0].sum() == 17
+    assert gathering.cells()().sums[:, 0].sum() == 17
 
 
 def test_what_is_older_than_can_be_withdrawn_is_summed_for_good():
-    gathering = Gathering(ModellingSettings(level="gaussian_process"))
+    gathering = Gathering(ModellingSettings())
     seconds = 2 * round(WITHDRAWN_S) + 3
     for second in range(seconds):
         gathering.add(work(stroke(1000, first=1000 * second)))
-    before = gathering.cells().sums[:, 0].sum()
+    before = gathering.cells()().sums[:, 0].sum()
     gathering.add(work(forget_from=0))
-    assert 0 < gathering.cells().sums[:, 0].sum() < before == 20 * seconds - 1
+    assert 0 < gathering.cells()().sums[:, 0].sum() < before == 20 * seconds - 1
 
 
 def test_sums_asked_for_later_are_those_of_the_moment_in_whatever_order():
-    gathering = Gathering(ModellingSettings(level="gaussian_process"))
-    gathering.remember()
+    gathering = Gathering(ModellingSettings(), deferred=True)
+    now = Gathering(ModellingSettings())
     at_once, later = [], []
     for second in range(2 * round(WITHDRAWN_S) + 3):
         gone = {"held_out": [(1000 * second - 500, 1000 * second + 200)]} if second % 4 == 3 else {}
-        gathering.add(work(stroke(1000, first=1000 * second, speed=50.0 + second), **gone))
-        at_once.append(gathering.cells())
-        later.append(gathering.deferred())
+        for one in (gathering, now):
+            one.add(work(stroke(1000, first=1000 * second, speed=50.0 + second), **gone))
+        at_once.append(now.cells()())
+        later.append(gathering.cells())
     for number in (0, 5, 22, 21, 3, 3):
         found = later[number]()
         np.testing.assert_array_equal(found.keys, at_once[number].keys)

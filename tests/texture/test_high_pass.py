@@ -18,11 +18,12 @@ from mmt.texture.autoregression.reshaping import (
 from mmt.texture.autoregression.simulation import simulate_ar
 from mmt.texture.autoregression.spectra import lsf_spectrum
 from mmt.texture.field.cells import FieldCells
+from mmt.texture.field.posterior import LevelField
 from mmt.texture.model.fits import fit_segments
 from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.segmentation.segments import Segment
-from mmt.texture.settings import ModellingSettings
+from mmt.texture.settings import Method, ModellingSettings
 from mmt.texture.signals.biquad import butterworth_high_pass
 from mmt.texture.signals.filtering import VIBRATION_CUTOFF_HZ
 from mmt.texture.signals.high_pass import gain_without_high_pass, without_high_pass
@@ -87,16 +88,17 @@ def test_smoothed_fits_are_of_the_vibration_before_the_filter_and_measured_ones_
     low_hz = np.arange(10.0, 16.0)
     truth = lsf_spectrum(reflection_to_lsf(FLAT), np.ones(1), low_hz, 1000.0).mean()
     off_db = {}
-    for shape in ("measured", "smoothed"):
-        fits = fit_segments(segments, 8, itertools.count(), ModellingSettings(shape=shape))
+    methods: tuple[Method, ...] = ("published", "field")
+    for method in methods:
+        fits = fit_segments(segments, 8, itertools.count(), ModellingSettings(method=method))
         lsf, variance = np.array([fit.lsf for fit in fits]), np.array([x.variance for x in fits])
         mean = lsf_spectrum(lsf, variance, low_hz, 1000.0).mean()
-        off_db[shape] = 10 * np.log10(mean / truth)
+        off_db[method] = 10 * np.log10(mean / truth)
         power = np.array([fit.power for fit in fits])
         reflection = lsf_to_reflection(lsf)
         np.testing.assert_allclose(variance, power * np.prod(1 - reflection**2, axis=1), rtol=0.02)
-    assert off_db["measured"] < -1.5
-    assert abs(off_db["smoothed"]) < 1.0
+    assert off_db["published"] < -1.5
+    assert abs(off_db["field"]) < 1.0
 
 
 def test_blocks_get_back_what_the_nearest_filter_says():
@@ -104,11 +106,9 @@ def test_blocks_get_back_what_the_nearest_filter_says():
     lsf = reflection_to_lsf(np.vstack([SLOW, FLAT]))
     samples = TextureSamples(inputs, lsf, np.ones(2), np.ones(2))
     cells = FieldCells.of(samples.points, np.array([2.0, 5.0]), np.array([[0.0, 0.0], [50.0, 0.0]]))
-    measured, smoothed = (
-        TextureModel(samples, level="gaussian_process", shape=shape, field=cells)
-        for shape in ("measured", "smoothed")
-    )
-    more_db = smoothed.level_db(*inputs.T)[0] - measured.level_db(*inputs.T)[0]
+    plain = LevelField(cells)
+    model = TextureModel(samples, field=cells)
+    more_db = model.level_db(*inputs.T)[0] - plain.level_db(samples.points)[0]
     gains_db = 10 * np.log10(gain_without_high_pass(np.vstack([SLOW, FLAT]), 1000.0))
     assert more_db[0] == pytest.approx(gains_db[0], abs=0.2)
     assert more_db[1] < 0.5 * more_db[0]

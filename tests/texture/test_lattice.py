@@ -117,7 +117,7 @@ def test_the_power_is_the_models_while_the_filter_changes_at_every_sample(spread
         power / output_power(1.0, reflection),
         power,
     )
-    model = TextureModel(samples, interpolate="power")
+    model = TextureModel(samples)
     speed, force = generator.uniform(60, 300, 100_000), generator.uniform(0.6, 3, 100_000)
     output = Synthesizer(model, limit_m_s2=np.inf, seed=1).render(speed, force)
     lsf, variance = model.at(speed[:20_000], force[:20_000])

@@ -9,13 +9,9 @@ from scipy.signal import welch
 
 from mmt.core.errors import InputError
 from mmt.models import find_model
-from mmt.texture.autoregression.forms import (
-    ar_to_reflection,
-    lsf_to_ar,
-    output_power,
-    reflection_to_lsf,
-)
-from mmt.texture.model.texture_model import LEVELS, TextureModel, TextureSamples
+from mmt.texture.autoregression.forms import lsf_to_ar, output_power, reflection_to_lsf
+from mmt.texture.model.texture_model import TextureModel, TextureSamples
+from mmt.texture.settings import Method
 from mmt.texture.synthesis.synthesizer import Synthesizer
 
 FREQUENCIES_HZ = np.linspace(10, 490, 97)
@@ -41,36 +37,28 @@ def scattered(count: int, order: int = 8) -> TextureSamples:
     )
 
 
-@pytest.mark.parametrize("interpolate", list(LEVELS))
-def test_a_sample_is_reproduced_at_its_own_point(interpolate: str) -> None:
+def published(samples: TextureSamples) -> TextureModel:
+    return TextureModel(samples, method="published")
+
+
+def test_a_sample_is_reproduced_at_its_own_point() -> None:
     samples = scattered(15)
-    model = TextureModel(samples, interpolate=interpolate)  # type: ignore[arg-type]
-    lsf, variance = model.at(samples.speed_mm_s, samples.force_n)
+    lsf, variance = published(samples).at(samples.speed_mm_s, samples.force_n)
     np.testing.assert_allclose(lsf, samples.lsf, atol=1e-10)
     np.testing.assert_allclose(variance, samples.variance, rtol=1e-9)
 
 
-def test_power_is_linear_between_samples_when_asked() -> None:
+def test_variance_and_frequencies_are_linear_between_samples() -> None:
     samples = make_samples([100, 200], [1.5, 1.5])
-    model = TextureModel(samples, interpolate="power")
     shares = np.linspace(0, 1, 11)
-    lsf, variance = model.at(100 + 100 * shares, np.full(11, 1.5))
-    power = output_power(variance, ar_to_reflection(lsf_to_ar(lsf)))
-    np.testing.assert_allclose(
-        power, (1 - shares) * samples.power[0] + shares * samples.power[1], rtol=1e-9
-    )
+    lsf, variance = published(samples).at(100 + 100 * shares, np.full(11, 1.5))
+    for found, own in ((variance, samples.variance), (lsf.T[0], samples.lsf[:, 0])):
+        np.testing.assert_allclose(found, (1 - shares) * own[0] + shares * own[1], rtol=1e-9)
 
 
-def test_amplitude_is_linear_between_samples_when_asked() -> None:
-    samples = make_samples([100, 200], [1.5, 1.5])
-    model = TextureModel(samples, interpolate="amplitude")
-    lsf, variance = model.at(150.0, 1.5)
-    power = output_power(variance, ar_to_reflection(lsf_to_ar(lsf)))
-    np.testing.assert_allclose(np.sqrt(power), np.sqrt(samples.power).mean(), rtol=1e-9)
-
-
-def test_no_vibration_without_speed_or_force() -> None:
-    model = TextureModel(scattered(20))
+@pytest.mark.parametrize("method", ["field", "published"])
+def test_no_vibration_without_speed_or_force(method: Method) -> None:
+    model = TextureModel(scattered(20), method=method)
     for speed, force in [(0.0, 1.0), (150.0, 0.0), (0.0, 0.0), (np.nan, 1.0), (-50.0, 1.0)]:
         _, variance = model.at(speed, force)
         assert variance[0] == 0.0
@@ -78,7 +66,7 @@ def test_no_vibration_without_speed_or_force() -> None:
 
 def test_the_maximum_edges_copy_their_nearest_sample() -> None:
     samples = make_samples([150], [1.5])
-    model = TextureModel(samples)
+    model = published(samples)
     lsf, variance = model.at([300.0, 300.0, 900.0], [3.0, 1.8, 70.0])
     np.testing.assert_allclose(lsf, np.repeat(samples.lsf, 3, axis=0), atol=1e-10)
     np.testing.assert_allclose(variance, samples.variance[0], rtol=1e-9)
@@ -102,7 +90,7 @@ def test_the_maximum_edges_copy_their_nearest_sample() -> None:
 def test_degenerate_sample_sets_give_a_finite_stable_model(
     speed: list[float], force: list[float]
 ) -> None:
-    model = TextureModel(make_samples(speed, force))
+    model = published(make_samples(speed, force))
     grid_speed, grid_force = np.meshgrid(np.linspace(0, 300, 31), np.linspace(0, 3, 31))
     lsf, variance = model.at(grid_speed.ravel(), grid_force.ravel())
     assert np.isfinite(variance).all()
@@ -112,7 +100,7 @@ def test_degenerate_sample_sets_give_a_finite_stable_model(
 
 def test_repeated_samples_become_one_vertex_with_their_mean() -> None:
     samples = make_samples([120.0, 120.0], [1.2, 1.2])
-    lsf, _ = TextureModel(samples).at(120.0, 1.2)
+    lsf, _ = published(samples).at(120.0, 1.2)
     np.testing.assert_allclose(lsf[0], samples.lsf.mean(axis=0), atol=1e-12)
 
 
@@ -130,22 +118,12 @@ def test_spectrum_is_the_filters() -> None:
 
 def test_the_model_cannot_be_changed() -> None:
     samples = scattered(5)
-    model = TextureModel(samples)
+    model = published(samples)
     with pytest.raises(ValueError, match="read-only"):
         model.samples.lsf[0, 0] = 0.0
     before = model.at(100.0, 1.0)[0]
     samples.lsf[:] = 0.5
     np.testing.assert_array_equal(model.at(100.0, 1.0)[0], before)
-
-
-@pytest.mark.parametrize("interpolate", list(LEVELS))
-def test_saved_and_loaded_is_the_same(tmp_path: Path, interpolate: str) -> None:
-    model = TextureModel(scattered(12), interpolate=interpolate)  # type: ignore[arg-type]
-    model.save(tmp_path / "model.npz")
-    again = TextureModel.load(tmp_path / "model.npz")
-    assert again.interpolate == interpolate
-    np.testing.assert_array_equal(again.vertices, model.vertices)
-    assert model.to_bytes() == again.to_bytes()
 
 
 def test_a_bad_file_is_explained(tmp_path: Path) -> None:
@@ -186,7 +164,7 @@ def test_bad_samples_are_explained() -> None:
     }
     for message, samples in cases.items():
         with pytest.raises(InputError, match=message):
-            TextureModel(samples)
+            published(samples)
 
 
 @pytest.mark.parametrize("apart", [1e-15, 1e-12, 1e-9])
@@ -195,7 +173,7 @@ def test_samples_beside_each_other_are_one_vertex_wherever_they_lie(apart: float
     around = 0.5 * apart * np.array([(-1, 0), (1, 0), (0, 1), (0, -1)])
     points = (centres[:, None, :] + around).reshape(-1, 2)
     samples = make_samples(list(300 * points[:, 0]), list(3 * points[:, 1]))
-    model = TextureModel(samples)
+    model = published(samples)
     assert len(model.vertices) == 20 + 20
     lsf, _ = model.at(300 * centres[:, 0], 3 * centres[:, 1])
     np.testing.assert_allclose(lsf, samples.lsf.reshape(20, 4, -1).mean(axis=1), atol=1e-8)
@@ -204,7 +182,7 @@ def test_samples_beside_each_other_are_one_vertex_wherever_they_lie(apart: float
 @pytest.mark.parametrize("inside", [1e-16, 1e-12, 1e-9, 1e-7])
 def test_samples_beside_an_edge_lie_on_it(inside: float) -> None:
     near = 1.0 - inside
-    model = TextureModel(
+    model = published(
         make_samples([300 * near, 300 * near, 100.0, 0.0], [3 * near, 1.1, 3 * near, 3 * inside])
     )
     corners = model.vertices[model.triangles[:, :3], :2]
@@ -277,7 +255,7 @@ def test_without_a_model_it_is_silent() -> None:
 
 def test_bounded_while_filters_and_models_are_swapped() -> None:
     generator = np.random.default_rng(9)
-    models = [stiff(9), TextureModel(scattered(9, order=3))]
+    models = [stiff(9), published(scattered(9, order=3))]
     synthesizer = Synthesizer(models[0], seed=2, limit_m_s2=40.0)
     for block in range(200):
         synthesizer.model = models[block % 2]
@@ -299,7 +277,7 @@ def test_bad_inputs_are_silence() -> None:
 def test_a_model_says_what_it_is() -> None:
     model = TextureModel.load(str(find_model(Path("oak"))))
     told = repr(model)
-    for words in ("anisotropic", "282 samples of order 5", "1000 Hz", "mm/s", " N", "rbf"):
+    for words in ("anisotropic", "282 samples of order 5", "1000 Hz", "mm/s", " N", "method field"):
         assert words in told
 
 

@@ -126,13 +126,13 @@ def test_a_model_of_smoothed_spectra_keeps_its_samples_and_comes_back_from_its_f
     effective = effective_samples(lsf, np.full(30, 250))
     power = np.random.default_rng(6).uniform(0.5, 2.0, 30)
     samples = TextureSamples(points * space.scale, lsf, 0.2 * power, power, space, effective, 0.01)
-    model = TextureModel(samples, shape="smoothed", level="gaussian_process")
+    model = TextureModel(samples)
     np.testing.assert_array_equal(model.samples.lsf, lsf)
     at_samples = model.at(*samples.inputs.T)[0]
     np.testing.assert_allclose(at_samples, smoothed_shapes(samples)[:30], atol=1e-9)
     assert np.abs(at_samples - lsf).max() > 1e-3
     again = TextureModel.from_bytes(model.to_bytes())
-    assert (again.shape, again.samples.noise_power) == ("smoothed", 0.01)
+    assert again.samples.noise_power == 0.01
     np.testing.assert_array_equal(again.vertices, model.vertices)
     np.testing.assert_array_equal(again.kernel_parameters, model.kernel_parameters)
 
@@ -149,12 +149,12 @@ def test_where_level_and_shape_are_processes_the_shape_is_the_process_between_sa
     inside = boundary(space.dimensions, inside=True).points[len(around) :]
     radius = np.hypot(*inside[:, :-1].T) if space.directed else inside[:, 0]
     assert ((radius < 1.0) & (inside[:, -1] > 0.0) & (inside[:, -1] < 1.0)).all()
-    model = TextureModel(samples, shape="smoothed", level="gaussian_process")
+    model = TextureModel(samples)
     found = model.at(*(inside * space.scale).T)[0]
     expected = smoothed_shapes(samples, inside=True)[12 + len(around) :]
     np.testing.assert_allclose(found, expected, atol=1e-7)
     assert len(model.vertices) == 12 + len(around) + len(inside)
-    assert len(TextureModel(samples, shape="smoothed").vertices) == 12 + len(around)
+    assert len(TextureModel(samples, method="published").vertices) == 12 + len(around)
 
 
 def test_lengths_are_what_effective_lengths_came_from():

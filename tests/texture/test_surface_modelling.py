@@ -15,12 +15,12 @@ from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.completion.distance import CompletionMonitor
 from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
-from mmt.texture.settings import ModellingSettings, OnlineSelectionSettings, SurfaceSettings
+from mmt.texture.settings import Method, ModellingSettings, OnlineSelectionSettings, SurfaceSettings
 from mmt.texture.surfaces import SurfaceChange
 from mmt.texture.surfaces import modeller as modelling
 from mmt.texture.surfaces.modeller import SurfaceModeller
 
-SETTINGS = ModellingSettings(order=10, criterion="distance", surfaces=SurfaceSettings())
+SETTINGS = ModellingSettings(method="published", order=10, surfaces=SurfaceSettings())
 Changes = dict[int, list[SurfaceChange]]
 
 
@@ -185,9 +185,9 @@ def test_a_model_that_is_complete_stays_as_it_is_until_the_end(
 def test_a_criterion_that_foreign_samples_have_met_is_taken_back() -> None:
     monitor = CompletionMonitor(start_distance=20.0, stop_distance=10.0)
     corners = np.array([[x, y] for x in (0.2, 0.5, 0.8) for y in (0.2, 0.5, 0.8)])
-    monitor.update_points(corners, 5.0)
+    monitor.update(corners, 5.0)
     assert (monitor.started, monitor.stopped) == (True, True)
-    monitor.update_points(corners[:1], 6.0)
+    monitor.update(corners[:1], 6.0)
     assert monitor.started  # a criterion that was met stays met ...
     monitor.revoke_since(5.0)
     assert monitor.started
@@ -196,9 +196,9 @@ def test_a_criterion_that_foreign_samples_have_met_is_taken_back() -> None:
 
 
 @pytest.mark.parametrize(
-    ("level", "selection"), [("gaussian_process", False), ("interpolated", True)]
+    ("method", "selection"), [("field", False), ("published", False), ("field", True)]
 )
-def test_two_surfaces_are_told_apart_and_recalled(level: str, selection: bool) -> None:
+def test_two_surfaces_are_told_apart_and_recalled(method: Method, selection: bool) -> None:
     course = SurfaceCourse(
         [get_surface("glass"), get_surface("sandpaper")],
         [CourseChange(6000, 1, in_contact=True), CourseChange(12_000, 0, in_contact=False)],
@@ -208,7 +208,7 @@ def test_two_surfaces_are_told_apart_and_recalled(level: str, selection: bool) -
     to_second, to_first = (np.flatnonzero(np.diff(under)) + 1).tolist()
     settings = replace(
         SETTINGS,
-        level=level,  # type: ignore[arg-type]
+        method=method,
         selection=OnlineSelectionSettings() if selection else None,
     )
     modeller = SurfaceModeller(settings, 1000)

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from library_samples import directed, model, stiff
 
 from mmt.rendering import open_textures, render, touch
-from mmt.texture.model.texture_model import LEVELS, TextureModel
+from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.settings import Method
 from mmt.texture.synthesis.generation import Generator, estimate
 from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt.texture.synthesis.update_fade import MixedModel, UpdateFade, can_be_mixed
@@ -75,12 +76,15 @@ def test_the_ends_of_a_mix_are_the_models(made) -> None:
         )
 
 
+METHODS: tuple[Method, ...] = ("field", "published")
+
+
 @settings(max_examples=40, deadline=None)
-@given(st.floats(0.0, 1.0), st.sampled_from(list(LEVELS)), st.sampled_from([1e-290, 1.0, 1e250]))
+@given(st.floats(0.0, 1.0), st.sampled_from(METHODS), st.sampled_from([1e-290, 1.0, 1e250]))
 def test_filters_between_stiff_ones_are_stable_and_of_the_mean_power(
-    share: float, interpolate: str, scale: float
+    share: float, method: Method, scale: float
 ) -> None:
-    before, now = stiff(1, interpolate, scale), stiff(2, interpolate, scale)
+    before, now = stiff(1, method, scale), stiff(2, method, scale)
     speed, force = np.linspace(-10.0, 400.0, 30), np.linspace(0.0, 4.0, 30)
     lsf, variance = MixedModel(before, now, share).at(speed, force)
     assert np.isfinite(variance).all()
@@ -95,13 +99,10 @@ def test_filters_between_stiff_ones_are_stable_and_of_the_mean_power(
         assert found == pytest.approx(expected, rel=0.1)
 
 
-@pytest.mark.parametrize("interpolate", list(LEVELS))
+@pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("renewal", [1, 7])
-def test_rendering_goes_through_the_mixes(interpolate: str, renewal: int) -> None:
-    before, now = (
-        TextureModel(model(seed=seed).samples, interpolate=interpolate)  # type: ignore[arg-type]
-        for seed in (1, 2)
-    )
+def test_rendering_goes_through_the_mixes(method: Method, renewal: int) -> None:
+    before, now = (TextureModel(model(seed=seed).samples, method=method) for seed in (1, 2))
     speed, force = np.linspace(40.0, 260.0, 1000), np.linspace(2.5, 0.5, 1000)
     synthesizer = Synthesizer(before, seed=3, renewal_samples=renewal, fade_samples=300)
     found = [synthesizer.render(speed[:400], force[:400])]

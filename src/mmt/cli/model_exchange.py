@@ -27,9 +27,6 @@ def import_model(
         Path, typer.Argument(metavar="FILE", help="A model of the Penn toolkit (HaTT), .xml.")
     ],
     target: Annotated[Path, typer.Argument(metavar="OUT", help="The model, a .npz file.")],
-    interpolate: Annotated[
-        str, typer.Option(help="What is linear between samples: variance, power, amplitude.")
-    ] = "variance",
     json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
     force: Force = False,
 ) -> None:
@@ -39,7 +36,7 @@ def import_model(
     if target.suffix.lower() != SUFFIX:
         raise InputError(f"model {target}: the name of a model file must end in {SUFFIX}")
     require_absent(target, force=force)
-    imported = import_hatt(source, interpolate)  # type: ignore[arg-type]  # the model checks it
+    imported = import_hatt(source)
     save(imported.model, target)
     figures: dict[str, Any] = {
         "material": imported.material,

@@ -24,7 +24,7 @@ from mmt.evaluation.results import Evaluation
 from mmt.evaluation.scoring import Scorer
 from mmt.evaluation.truth import KnownTexture, known_texture
 from mmt.scene import Scene, Texture
-from mmt.scene.files import scene_from_tables
+from mmt.scene.recorded import scene_of_recording
 from mmt.session.data import missing_frames
 from mmt.session.operators import control_periods
 from mmt.session.stream import Recording, blocks_of, in_memory
@@ -244,7 +244,7 @@ def recorded_scene(session: Recording) -> Scene:
     """
     if session.scene is None:
         return Scene()
-    return scene_from_tables(dict(session.scene), origin=f"the scene recorded in {session.path}")
+    return scene_of_recording(session.scene, f"the scene recorded in {session.path}")
 
 
 def modelling_of(scene: Scene) -> tuple[ModellingSettings, float]:

@@ -23,7 +23,7 @@ from mmt.texture.selection import ModelPoints
 from mmt.texture.selection.leave_one_out import DelaunayNeighbours
 from mmt.texture.selection.points import amplitude_of
 from mmt.texture.selection.published import spectral_error
-from mmt.texture.settings import INTERPOLATED, ModellingSettings
+from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.signals.metrics import gfc_of_rows
 
@@ -52,8 +52,7 @@ class Pool:
                 samples.power[kept],
                 samples.space,
             ),
-            interpolate=self.settings.interpolate,
-            interpolator=self.settings.interpolator,
+            method=self.settings.method,
             rate_hz=self.settings.rate_hz,
         )
 
@@ -121,11 +120,7 @@ def pool_models(models: Sequence[TextureModel], names: Sequence[str]) -> Pool:
         first.space,
     )
     settings = ModellingSettings(
-        interpolate=first.interpolate,
-        interpolator=first.interpolator,
-        inputs=first.space.name,
-        rate_hz=first.rate_hz,
-        **INTERPOLATED,
+        method=first.method, inputs=first.space.name, rate_hz=first.rate_hz
     )
     data = ModelPoints(samples.points, samples.lsf, samples.variance)
     origin = [name for name, part in zip(names, parts, strict=True) for _ in range(len(part))]

@@ -130,7 +130,7 @@ def _processor() -> str:
 def _overview(evaluations: Sequence[Evaluation]) -> list[Block]:
     from mmt.evaluation import figures
 
-    criterion = evaluations[0].settings.criterion
+    criterion = evaluations[0].settings.scale.criterion
     blocks: list[Block] = [
         Heading("Overview"),
         tables.overview(evaluations),

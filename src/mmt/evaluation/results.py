@@ -11,7 +11,7 @@ from mmt.evaluation.grid_errors import HeadingErrors
 from mmt.session.operators import ControlPeriod, control_sentence
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import ModelHistory
-from mmt.texture.settings import ModellingSettings
+from mmt.texture.settings import THRESHOLDS, ModellingSettings
 
 Basis = Literal["truth", "held-out"]
 """The reference of the power error and of the share within one JND."""
@@ -210,7 +210,8 @@ class Evaluation:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the evaluation for a program; the keys are documented for `mmt evaluate`."""
-        start, stop = self.settings.distances  # "auto" resolved
+        scale = self.settings.scale  # "auto" resolved
+        own = THRESHOLDS[self.settings.method]
         return {
             "session": self.name,
             "path": self.path,
@@ -235,7 +236,7 @@ class Evaluation:
             "period_s": self.period_s,
             "step_s": self.step_s,
             "seed": self.seed,
-            "settings": {**asdict(self.settings), "start_distance": start, "stop_distance": stop},
+            "settings": {**asdict(self.settings), own[0]: scale.start, own[1]: scale.stop},
             "processing_s": round(self.processing_s, 6),
             "times_real_time": round(self.times_real_time, 2),
         }

@@ -11,10 +11,10 @@ from mmt.evaluation.held_out import Approximation, HeldOutRecording
 from mmt.evaluation.levels import root_mean_square
 from mmt.evaluation.results import HeldOutSegment, PowerMap, Score, Worst
 from mmt.evaluation.truth import DENSITY_HZ, KnownTexture
-from mmt.texture.completion import make_criterion
 from mmt.texture.completion.distance import cells_of
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.online.history import ModelHistory
+from mmt.texture.online.methods import method_of
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import Inputs, ModellingSettings
 from mmt.texture.signals.amplitude_spectra import Spectra
@@ -76,7 +76,7 @@ class Scorer:
         self._grids: dict[int, GridErrors | None] = {}
         self._approximations: dict[int, list[Approximation]] = {}
         self._empty_distance = cells_of(self._space.dimensions).empty
-        self._empty = make_criterion(settings).progress.value
+        self._empty = method_of(settings).criterion.progress.value
 
     def score(self, time_s: float) -> Score:
         """Return the figures at a session time: those of the last update up to then."""

@@ -80,7 +80,7 @@ def explain(
             f"the {what} depends on the heading, which the model does not know: the mean over "
             f"all headings itself has {unaware.text(shape=shape)} here"
         )
-    elif not shape and model.level == "gaussian_process" and model.level_field is not None:
+    elif not shape and model.method == "field" and model.level_field is not None:
         limit = "field"
         deviation_db = float(model.level_db(*stroke.inputs(model.space).T)[1][0])
         reason = (
@@ -90,7 +90,7 @@ def explain(
     elif boundary >= _MUCH:
         limit = "beyond the samples"
         beyond = f"boundary points weigh {boundary:.0%} here"
-        if model.interpolator in {"rbf", "network"}:
+        if model.interpolant.is_network:
             beyond = "the network goes beyond its samples here"
         reason = f"{beyond}; {place} is {far}"
     elif there.much_of(error, shape=shape):

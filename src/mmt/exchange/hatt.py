@@ -17,7 +17,6 @@ from mmt.texture.autoregression.forms import (
 from mmt.texture.autoregression.moving_average import all_pole
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
-from mmt.texture.settings import Interpolated
 
 
 @dataclass(frozen=True)
@@ -51,7 +50,7 @@ class Imported:
     same_triangles: float | None
 
 
-def import_hatt(path: Path, interpolate: Interpolated = "variance") -> Imported:
+def import_hatt(path: Path) -> Imported:
     """Read a model of the user's own toolkit.
 
     Every vertex of the file, its boundary points included, becomes a sample. The plane is
@@ -62,8 +61,6 @@ def import_hatt(path: Path, interpolate: Interpolated = "variance") -> Imported:
     ----------
     path
         An XML file.
-    interpolate
-        As of `mmt.texture.TextureModel`; the toolkit interpolates the variance.
 
     Raises
     ------
@@ -73,7 +70,7 @@ def import_hatt(path: Path, interpolate: Interpolated = "variance") -> Imported:
     content = read_hatt(path)
     try:
         samples, error_db = _samples(content)
-        model = TextureModel(samples, interpolate=interpolate, rate_hz=content.rate_hz)
+        model = TextureModel(samples, method="published", rate_hz=content.rate_hz)
     except InputError as error:
         raise InputError(f"model {path}: {error}") from error
     return Imported(

@@ -10,7 +10,6 @@ from typing import Final, NamedTuple
 
 from mmt.leader.part import Part, Parts, Session
 from mmt.scene import Scene
-from mmt.texture.interpolation.registry import INTERPOLATORS
 
 
 class PartEntry(NamedTuple):
@@ -104,16 +103,8 @@ def numerics_of(scene: Scene) -> list[str]:
     """Return the names of the modules with compiled kernels that a scene's leader imports."""
     if not scene.numerics:
         return []
-    names = {"rbf"} if _takes_a_model(scene) else set()  # as in the models that are shipped
-    if scene.listening is not None:
-        names.add("delaunay")  # the leader that shares may take it
-    if scene.texture is not None:
-        names.add(scene.texture.interpolator)
     entries = [entry for entry in PARTS.values() if entry.wanted(scene)]
-    return [
-        *(name for entry in entries for name in entry.numerics),
-        *(INTERPOLATORS[name].partition(":")[0] for name in names if name in INTERPOLATORS),
-    ]
+    return [name for entry in entries for name in entry.numerics]
 
 
 def first_numerics_of(scene: Scene) -> list[str] | None:

@@ -4,14 +4,25 @@ Its keys are the fields of `mmt.texture.settings.TextureSettings`, which pydanti
 their annotations.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Annotated, ClassVar, Final
+from typing import Annotated, Any, ClassVar, Final
 
 from annotated_types import Ge, Le
-from pydantic import ConfigDict, TypeAdapter
+from pydantic import ConfigDict, TypeAdapter, model_validator
 
 from mmt.scene.table import Part
-from mmt.texture.settings import ModellingSettings, TextureSettings
+from mmt.texture.settings import THRESHOLDS, Method, ModellingSettings, TextureSettings
+
+_PARTS: Final = ("interpolate", "interpolator", "level", "shape", "criterion")
+"""Keys of which earlier versions put a method together."""
+
+_OF_FIELD: Final = {
+    "level": "gaussian_process",
+    "shape": "smoothed",
+    "criterion": "uncertainty",
+    "interpolate": "power",
+}
 
 
 @dataclass(frozen=True)
@@ -23,6 +34,18 @@ class Texture(TextureSettings, Part):
     update_period_s: Annotated[float, Ge(0.1), Le(10)] = 1.0
     """Time between two updates of the model."""
 
+    @model_validator(mode="before")
+    @classmethod
+    def _without_parts(cls, table: Any) -> Any:
+        former = _former(table) if isinstance(table, Mapping) else []
+        if former:
+            raise ValueError(
+                f"{' and '.join(former)}: no longer a choice; write method = "
+                f'"{_nearest(table)}", which comes nearest (the methods are "field", the default, '
+                'and "published")'
+            )
+        return table
+
     def settings(self, rate_hz: float) -> ModellingSettings:
         """Return the settings of the numerics for a stream of a sampling rate."""
         keys = {field.name: getattr(self, field.name) for field in fields(TextureSettings)}
@@ -31,3 +54,32 @@ class Texture(TextureSettings, Part):
 
 TEXTURE_TABLE: Final = TypeAdapter(Texture)
 """Validates and dumps the table by itself."""
+
+
+def by_method(table: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return a table that names a method, of one that may name its parts as in earlier versions.
+
+    The method is the one that comes nearest, with its own thresholds.
+    """
+    if not _former(table):
+        return table
+    method = _nearest(table)
+    others = {key for name, keys in THRESHOLDS.items() if name != method for key in keys}
+    kept = {key: value for key, value in table.items() if key not in {*_PARTS, *others}}
+    return {**kept, "method": method}
+
+
+def _former(table: Mapping[str, Any]) -> list[str]:
+    """Return what of a table earlier versions alone have, as sentences name it."""
+    former = [f'{key} = "{table[key]}"' for key in _PARTS if key in table]
+    return [*former, *(['method = "custom"'] if table.get("method") == "custom" else [])]
+
+
+def _nearest(table: Mapping[str, Any]) -> Method:
+    """Return the method that comes nearest to parts: what the level is decides first."""
+    if table.get("method") == "published":
+        return "published"
+    for key, value in _OF_FIELD.items():
+        if key in table:
+            return "field" if table[key] == value else "published"
+    return "published" if table.get("interpolator") == "network" else "field"

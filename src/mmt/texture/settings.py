@@ -5,23 +5,17 @@ A key of a scene's ``[texture]`` is one field here, with its default, its bounds
 ``docs/reference/scene.md``.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from types import MappingProxyType
-from typing import Annotated, Any, Final, Literal, NamedTuple
+from dataclasses import dataclass
+from typing import Annotated, Final, Literal, NamedTuple
 
 from annotated_types import Ge, Gt, Le, Lt
 
 from mmt.texture.autoregression.order_limit import LARGEST_ORDER
-from mmt.texture.interpolation.registry import check_name
 
-Method = Literal["custom", "published"]
+Method = Literal["field", "published"]
 Axis = Literal["x", "y", "z"]
 VibrationAxis = Literal["x", "y", "z", "dft321"]
-Interpolated = Literal["variance", "power", "amplitude"]
 Inputs = Literal["isotropic", "anisotropic"]
-Level = Literal["interpolated", "gaussian_process"]
-Shape = Literal["measured", "smoothed"]
 Criterion = Literal["distance", "uncertainty"]
 
 CHANNELS: Final[dict[Inputs, tuple[str, ...]]] = {
@@ -38,40 +32,31 @@ MAXIMUM_FORCE_N = 3.0
 """Paper A, section V.B: the plane ends here; stronger forces count as this strong."""
 
 
-class Distances(NamedTuple):
-    """Completion distances at which rendering starts and modelling ends."""
+class StartStop(NamedTuple):
+    """Values of a criterion at which rendering starts and modelling ends."""
 
     start: float
     stop: float
 
 
-DISTANCES: Final[dict[Inputs, Distances]] = {
-    "isotropic": Distances(7.5, 4.243),
-    "anisotropic": Distances(52.63, 36.0),
+DISTANCES: Final[dict[Inputs, StartStop]] = {
+    "isotropic": StartStop(7.5, 4.243),
+    "anisotropic": StartStop(52.63, 36.0),
 }
 """Defaults for each kind of inputs; how they are derived is in
 `mmt.texture.completion.distance`."""
 
-INTERPOLATED: Final[Mapping[str, Any]] = MappingProxyType(
-    {"level": "interpolated", "shape": "measured", "criterion": "distance"}
-)
-"""The keys of a model that is interpolated between its samples as they are, and does not know its
-error."""
-
-_AS_PUBLISHED: Final = {"interpolate": "variance", **INTERPOLATED}
-
-PUBLISHED: Final[Mapping[Inputs, Mapping[str, Any]]] = MappingProxyType(
-    {
-        "isotropic": {**_AS_PUBLISHED, "interpolator": "delaunay"},
-        "anisotropic": {**_AS_PUBLISHED, "interpolator": "network"},
-    }
-)
-"""The keys that the method ``"published"`` sets: of paper A over speed and force, of paper B
-(Abdulali and Jeon, Data-driven rendering of anisotropic haptic textures) over velocity and
-force."""
+THRESHOLDS: Final[dict[Method, tuple[str, str]]] = {
+    "field": ("start_share", "stop_share"),
+    "published": ("start_distance", "stop_distance"),
+}
+"""The keys of each method's own."""
 
 Distance = Annotated[float, Gt(0)] | Literal["auto"]
 """A completion distance, or that of `DISTANCES` for the inputs."""
+
+Share = Annotated[float, Gt(0), Lt(1)] | Literal["auto"]
+"""An expected share, or `START_SHARE` or `STOP_SHARE`."""
 
 START_SHARE: Final = 0.75
 """Expected share at which rendering starts: about that which the published method leaves right at
@@ -99,11 +84,6 @@ class CriterionScale:
     def meets(self, value: float, threshold: float) -> bool:
         """Say whether a value is as good as a threshold, or better."""
         return value >= threshold if self.rises else value <= threshold
-
-
-def distance_scale(start: float, stop: float) -> CriterionScale:
-    """Return the scale of the published sum of distances."""
-    return CriterionScale("distance", "completion sum", start, stop, rises=False)
 
 
 @dataclass(frozen=True)
@@ -142,8 +122,9 @@ class TextureSettings:
         is read.
     """
 
-    method: Method = "custom"
-    """How a texture is modelled: by the keys below, or as published."""
+    method: Method = "field"
+    """How a texture is modelled: by a field of its level with an expected share, or as published
+    (Awan et al.; over velocity and force Abdulali and Jeon)."""
 
     axis: VibrationAxis = "z"
     """The acceleration that is modelled: one axis, or all three joined by DFT321."""
@@ -179,31 +160,16 @@ class TextureSettings:
     """What the texture is a function of: speed and force, or velocity vector and force."""
 
     start_distance: Distance = "auto"
-    """Completion sum at which rendering starts, for the criterion ``"distance"``."""
+    """Completion sum at which rendering starts, of the method ``"published"``."""
 
     stop_distance: Distance = "auto"
     """Completion sum at which modelling ends; not above `start_distance`."""
 
-    criterion: Criterion = "uncertainty"
-    """What decides when rendering starts and modelling ends."""
+    start_share: Share = "auto"
+    """Expected share at which rendering starts, of the method ``"field"``."""
 
-    start_share: Annotated[float, Gt(0), Lt(1)] = START_SHARE
-    """Expected share at which rendering starts, for the criterion ``"uncertainty"``."""
-
-    stop_share: Annotated[float, Gt(0), Lt(1)] = STOP_SHARE
+    stop_share: Share = "auto"
     """Expected share at which modelling ends; not below `start_share`."""
-
-    interpolate: Interpolated = "power"
-    """What is linear between samples, beside the line spectral frequencies."""
-
-    interpolator: str = "delaunay"
-    """A name known to `mmt.texture.interpolation.registry`."""
-
-    level: Level = "gaussian_process"
-    """What the vibration's power follows."""
-
-    shape: Shape = "smoothed"
-    """The spectra at the samples."""
 
     selection: OnlineSelectionSettings | None = None
     """Selection of samples; None keeps them all."""
@@ -212,8 +178,7 @@ class TextureSettings:
     """A model for each of several surfaces; None for a single model."""
 
     def __post_init__(self) -> None:
-        if self.method == "published":
-            self._set_published()
+        self._check_method()
         if self.order != "auto" and not 1 <= self.order <= LARGEST_ORDER:
             raise ValueError(f"order is {self.order}, allowed are 'auto' and 1 to {LARGEST_ORDER}")
         start, stop = self.distances
@@ -222,58 +187,56 @@ class TextureSettings:
                 f"stop_distance is {stop:g} and start_distance "
                 f"{start:g}: stop_distance must not exceed start_distance"
             )
-        if self.stop_share < self.start_share:
+        start, stop = self.shares
+        if stop < start:
             raise ValueError(
-                f"stop_share is {self.stop_share:g} and start_share {self.start_share:g}: "
+                f"stop_share is {stop:g} and start_share {start:g}: "
                 "stop_share must not be below start_share"
-            )
-        if self.criterion == "uncertainty" and self.level != "gaussian_process":
-            raise ValueError(
-                f'criterion is "uncertainty" and level "{self.level}", whose error is not known: '
-                'leave level at "gaussian_process", or set criterion to "distance"'
-            )
-        if self.level != "interpolated" and self.interpolate != "power":
-            raise ValueError(
-                f'interpolate is "{self.interpolate}" and level "{self.level}": with this level '
-                'nothing is interpolated beside the spectrum\'s shape; leave interpolate at "power"'
             )
         if self.longest_samples < 2 * self.shortest_samples:
             raise ValueError("longest_samples must be at least twice shortest_samples")
-        check_name(self.interpolator)
 
-    def _set_published(self) -> None:
-        """Set the keys that the published method has, where nothing else was set."""
-        if self.selection is not None:
+    def _check_method(self) -> None:
+        if self.method not in THRESHOLDS:
+            allowed = " and ".join(f'"{name}"' for name in THRESHOLDS)
+            raise ValueError(f'method is "{self.method}", allowed are {allowed}')
+        for method, keys in THRESHOLDS.items():
+            for key in keys if method != self.method else ():
+                if getattr(self, key) != "auto":
+                    own = " and ".join(THRESHOLDS[self.method])
+                    raise ValueError(
+                        f'{key} is of method "{method}", and method is "{self.method}": leave it '
+                        f"out, or write {own}"
+                    )
+        if self.method == "published" and self.selection is not None:
             raise ValueError(
                 'method is "published" and there is a table selection: what is published selects '
                 "from whole trials, by `mmt model select --method published`; leave the table out"
             )
-        usual = {field.name: field.default for field in fields(self)}
-        for key, value in PUBLISHED[self.inputs].items():
-            allowed = {usual[key], *(of[key] for of in PUBLISHED.values())}
-            if getattr(self, key) not in allowed:
-                raise ValueError(
-                    f'method is "published" and {key} "{getattr(self, key)}": as published it is '
-                    f'"{value}"; leave {key} out, or set method to "custom"'
-                )
-            object.__setattr__(self, key, value)
 
     @property
-    def distances(self) -> Distances:
+    def distances(self) -> StartStop:
         """The completion distances, those of the inputs in place of ``"auto"``."""
         usual = DISTANCES[self.inputs]
-        return Distances(
+        return StartStop(
             usual.start if self.start_distance == "auto" else self.start_distance,
             usual.stop if self.stop_distance == "auto" else self.stop_distance,
         )
 
     @property
+    def shares(self) -> StartStop:
+        """The expected shares, `START_SHARE` and `STOP_SHARE` in place of ``"auto"``."""
+        return StartStop(
+            START_SHARE if self.start_share == "auto" else self.start_share,
+            STOP_SHARE if self.stop_share == "auto" else self.stop_share,
+        )
+
+    @property
     def scale(self) -> CriterionScale:
-        """What the criterion measures, and its thresholds."""
-        if self.criterion == "distance":
-            return distance_scale(*self.distances)
-        title = "expected share"
-        return CriterionScale(self.criterion, title, self.start_share, self.stop_share, rises=True)
+        """What tells how complete a model is, and its thresholds."""
+        if self.method == "published":
+            return CriterionScale("distance", "completion sum", *self.distances, rises=False)
+        return CriterionScale("uncertainty", "expected share", *self.shares, rises=True)
 
 
 @dataclass(frozen=True)

@@ -69,7 +69,7 @@ class Loops:
         noise: FloatArray,
         output: FloatArray,
     ) -> Callable[[], None]:
-        """Render speed and force (n,) from standard normal noise (n,), power interpolated."""
+        """Render speed and force (n,) from standard normal noise (n,), by a published model."""
         vertices, memory = np.array(model.vertices), np.zeros(model.order)
         return self._call(
             self._render,

@@ -189,7 +189,7 @@ static int64_t locate(const double *vertices, int64_t columns, const int64_t *tr
     return -1;
 }
 
-/* mmt.texture.synthesis.synthesizer._render for power that is linear in a triangle, by way of the filter's
+/* mmt.texture.synthesis.synthesizer._render for a variance that is linear in a triangle, by way of the filter's
    coefficients alone; -1 where that is not enough. memory holds the lattice's first state. */
 int64_t render(const double *vertices, int64_t columns, const int64_t *triangles,
                int64_t triangle_count, const double *speed_mm_s, const double *force_n,
@@ -218,6 +218,7 @@ int64_t render(const double *vertices, int64_t columns, const int64_t *triangles
             if (!ar_to_reflection(ar, order, k)) return -1;
             for (int i = 0; i < order; i++) c[i] = sqrt((1.0 - k[i]) * (1.0 + k[i]));
             wanted = sqrt(level);
+            for (int i = 0; i < order; i++) wanted /= c[i];
         }
         double before = memory[order - 1];
         double forward = c[order - 1] * noise[index] - k[order - 1] * before;

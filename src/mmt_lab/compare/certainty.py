@@ -1,15 +1,13 @@
-"""What a model says of its own error against what that error is, and what criteria make of it.
+"""What a model says of its own error against what that error is, and what its thresholds leave.
 
-A session's model is built twice: as the published sum of distances ends it, and as the share of
-strokes whose level is expected to be right does. At every update of the latter the expected share
-is compared with the true one, and each error with the standard deviation that was predicted for
-it. At the start and the stop of either criterion it is told what time it took and what error is
-left.
+At every update the share of strokes whose level is expected to be right is compared with the true
+one, and each error with the standard deviation that was predicted for it. At the start and the stop
+it is told what time it took and what error is left.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -26,14 +24,12 @@ from mmt.texture.completion.uncertainty import (
 )
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import ModelHistory, build
-from mmt.texture.settings import Criterion, ModellingSettings
+from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.signals.just_noticeable import JND_DB
 from mmt.texture.signals.metrics import within_jnd
 from mmt_lab.compare.cases import Case
 from mmt_lab.compare.judging import METHODS
-
-CRITERIA: Final[tuple[Criterion, ...]] = ("distance", "uncertainty")
 
 DEVIATIONS_DB: Final = (0.0, 0.25, 0.5, 1.0, 2.0, float("inf"))
 """Edges of the bands of predicted standard deviations."""
@@ -56,12 +52,12 @@ class Update:
 
 @dataclass(frozen=True)
 class Outcome:
-    """A session at one threshold of one criterion; figures are None where it was not met.
+    """A session at one threshold; figures are None where it was not met.
 
     Attributes
     ----------
-    criterion, threshold
-        One of `CRITERIA`, and ``start`` or ``stop``.
+    threshold
+        ``start`` or ``stop``.
     time_s, samples
         When it was met, and samples of the model.
     within_jnd
@@ -75,7 +71,6 @@ class Outcome:
         evaluation's grid.
     """
 
-    criterion: Criterion
     threshold: str
     time_s: float | None = None
     samples: int = 0
@@ -108,7 +103,7 @@ class Certainty:
 
 def has_certainty(method: str) -> bool:
     """Say whether models of a method know how sure their level is."""
-    return METHODS[method].get("level") == "gaussian_process"
+    return METHODS[method] == METHODS["field"]
 
 
 def judge_certainty(case: Case, method: str, blocks: Sequence[RecordArray]) -> Certainty:
@@ -123,16 +118,11 @@ def judge_certainty(case: Case, method: str, blocks: Sequence[RecordArray]) -> C
     blocks
         The session's frames, one for each update.
     """
-    options: dict[str, Any] = {"inputs": case.inputs, **METHODS[method]}
-    settings = {name: ModellingSettings(**{**options, "criterion": name}) for name in CRITERIA}
-    judge = _Judge(case, blocks, settings["uncertainty"])
-    histories = {name: build(blocks, settings[name]) for name in CRITERIA}
-    updates, squares, counts = judge.calibration(histories["uncertainty"])
-    outcomes = [
-        judge.outcome(name, threshold, histories[name])
-        for name in CRITERIA
-        for threshold in ("start", "stop")
-    ]
+    settings = ModellingSettings(inputs=case.inputs, **METHODS[method])
+    judge = _Judge(case, blocks, settings)
+    history = build(blocks, settings)
+    updates, squares, counts = judge.calibration(history)
+    outcomes = [judge.outcome(threshold, history) for threshold in ("start", "stop")]
     return Certainty(
         **case.labels,
         method=method,
@@ -183,9 +173,9 @@ class _Judge:
             counts += np.bincount(band, minlength=len(counts))
         return updates, squares, counts
 
-    def outcome(self, criterion: Criterion, threshold: str, history: ModelHistory) -> Outcome:
-        """Say what a criterion's threshold took, and what it leaves."""
-        nothing = Outcome(criterion, threshold)
+    def outcome(self, threshold: str, history: ModelHistory) -> Outcome:
+        """Say what a threshold took, and what it leaves."""
+        nothing = Outcome(threshold)
         time_s = history.start_s if threshold == "start" else history.stop_s
         if time_s is None:
             return nothing

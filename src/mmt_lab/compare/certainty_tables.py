@@ -1,4 +1,4 @@
-"""Criteria and calibration over sessions, as tables, sentences and a figure's data."""
+"""Thresholds and calibration over sessions, as tables, sentences and a figure's data."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -10,14 +10,12 @@ from matplotlib.figure import Figure
 from mmt.core.arrays import BoolArray, FloatArray
 from mmt.evaluation.document import Table
 from mmt.evaluation.texts import number
-from mmt_lab.compare.certainty import CRITERIA, DEVIATIONS_DB, Certainty, Outcome, Update
+from mmt_lab.compare.certainty import DEVIATIONS_DB, Certainty, Outcome, Update
 
 SHARES: Final = (0.0, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98, 1.0)
 """Edges of the bands of expected shares."""
 
 DEFINITIONS: Final = {
-    "criterion": "distance: the published sum; uncertainty: the expected share, [texture] "
-    'criterion = "uncertainty", at its usual thresholds. Each session is modelled by either',
     "expected": "share of strokes whose level is expected to be within one JND, from the level's "
     "posterior, weighted by the operator's motion up to then",
     "true": "share of the same strokes, with the same weights, whose level is within "
@@ -30,25 +28,23 @@ DEFINITIONS: Final = {
 
 
 def criteria_table(certainties: Sequence[Certainty], caption: str) -> Table:
-    """Return what time either criterion takes at its thresholds, and what error it leaves."""
+    """Return what time the thresholds take, and what error they leave."""
     rows = []
     for threshold in ("start", "stop"):
-        for criterion in CRITERIA:
-            every = [_outcome(one, criterion, threshold) for one in certainties]
-            met = [outcome for outcome in every if outcome.time_s is not None]
-            rows.append(
-                [
-                    threshold,
-                    criterion,
-                    f"{len(met)} of {len(every)}",
-                    _median(met, "time_s", 1),
-                    *(_median(met, name, 2) for name in ("samples", "expected", "weighted")),
-                    *(_median(met, name, 2) for name in ("to_come", "within_jnd")),
-                    _median(met, "gfc", 3),
-                    _median(met, "log_spectral_db", 2),
-                ]
-            )
-    columns = ["at", "criterion", "met", "time (s)", "samples", "expected", "true"]
+        every = [_outcome(one, threshold) for one in certainties]
+        met = [outcome for outcome in every if outcome.time_s is not None]
+        rows.append(
+            [
+                threshold,
+                f"{len(met)} of {len(every)}",
+                _median(met, "time_s", 1),
+                *(_median(met, name, 2) for name in ("samples", "expected", "weighted")),
+                *(_median(met, name, 2) for name in ("to_come", "within_jnd")),
+                _median(met, "gfc", 3),
+                _median(met, "log_spectral_db", 2),
+            ]
+        )
+    columns = ["at", "met", "time (s)", "samples", "expected", "true"]
     columns += ["to come", "even", "GFC", "spectrum (dB)"]
     return Table(columns, rows, caption)
 
@@ -119,8 +115,8 @@ def _in_band(expected: FloatArray, low: float, high: float) -> BoolArray:
     return (expected >= low) & ((expected < high) | (high == SHARES[-1]))
 
 
-def _outcome(one: Certainty, criterion: str, threshold: str) -> Outcome:
-    return next(o for o in one.outcomes if (o.criterion, o.threshold) == (criterion, threshold))
+def _outcome(one: Certainty, threshold: str) -> Outcome:
+    return next(outcome for outcome in one.outcomes if outcome.threshold == threshold)
 
 
 def _values(met: Sequence[Outcome], name: str) -> FloatArray:

@@ -14,25 +14,22 @@ from mmt.evaluation.levels import root_mean_square
 from mmt.evaluation.truth import KnownTexture
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.online.history import ModelHistory, build, update_blocks
-from mmt.texture.settings import INTERPOLATED, ModellingSettings
+from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.metrics import within_jnd
 from mmt_lab.compare.cases import Case
 
 METHODS: Final[Mapping[str, Mapping[str, Any]]] = MappingProxyType(
     {
         "published": {"method": "published"},
-        "power": INTERPOLATED,
-        "level": {"level": "gaussian_process", "shape": "measured", "criterion": "distance"},
-        "ours": {"level": "gaussian_process", "shape": "smoothed", "criterion": "distance"},
+        "field": {"method": "field"},
     }
 )
-"""Keys of ``[texture]``, by the method's name. Published are paper A's triangulation over speed and
-force, and paper B's network where the heading counts; ``ours`` is what is rendered by default.
-All are compared at the moments of one criterion."""
+"""Keys of ``[texture]``, by the method's name: paper A's triangulation over speed and force, and
+paper B's network where the heading counts; and the default. Both are compared at the moments of one
+criterion."""
 
 MOMENTS: Final = ("3 s", "start", "stop", "30 s")
-"""When methods are compared. The criteria are those of the first method named: its samples, not
-the method, meet them."""
+"""When methods are compared. The criterion is that of the first method named."""
 
 FIGURES: Final = (
     "within_jnd",

@@ -7,9 +7,8 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.texture.autoregression.forms import lsf_to_reflection
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
-from mmt.texture.settings import Interpolated
+from mmt.texture.settings import Method
 from mmt_lab.bench.measuring import interleave
 from mmt_lab.bench.textures import Truth, exact_samples, scattered
 from mmt_lab.harness.experiment import Experiment
@@ -29,7 +28,7 @@ Filters = tuple[FloatArray, FloatArray]
 Query = Callable[[FloatArray, FloatArray], Filters]
 """From speeds (mm/s) and forces (N), (k,), to filters."""
 
-LINEAR: Final[tuple[Interpolated, ...]] = ("power", "variance", "amplitude")
+METHODS: Final[tuple[Method, ...]] = ("field", "published")
 FLOOR: Final = "none: the filter of each point itself"
 TIME: Final = Axis("time of a point (µs)", "µs")
 SHAPE: Final = Axis("error of the spectrum (1 - GFC)", "1 - GFC")
@@ -49,7 +48,7 @@ class Plan:
 
 
 def measure(plan: Plan) -> Findings:
-    """Measure Delaunay interpolation, three ways, beside its alternatives."""
+    """Measure what both methods make of the same samples."""
     truths = [Truth(name) for name in plan.surfaces]
     shape, level = Curves(), Curves()
     rows = []
@@ -69,8 +68,7 @@ def measure(plan: Plan) -> Findings:
             f"{plan.order} and the exact power of the texture {', '.join(plan.surfaces)} there, "
             "so that no fit's scatter is in the errors. Errors against the texture itself at "
             f"12 x 12 points, the mean over textures and {plan.draws} draws of samples. Time "
-            "of one point out of 144. Delaunay with the model's boundary points; nearest "
-            "sample and inverse squared distance over the samples alone."
+            "of one point out of 144."
         ),
         panels=(
             Panel("spectrum", "Spectrum, by the samples", "samples", TIME, SHAPE, shape.done()),
@@ -81,39 +79,8 @@ def measure(plan: Plan) -> Findings:
 
 
 def _queries(samples: TextureSamples) -> dict[str, Query]:
-    """Return every method, built on these samples."""
-    queries: dict[str, Query] = {
-        f"Delaunay, linear {kind}": TextureModel(samples, interpolate=kind).at for kind in LINEAR
-    }
-    return {**queries, "nearest": _nearest(samples), "inverse distance": _inverse_distance(samples)}
-
-
-def _nearest(samples: TextureSamples) -> Query:
-    def query(speed_mm_s: FloatArray, force_n: FloatArray) -> Filters:
-        index = _squares(samples, speed_mm_s, force_n).argmin(axis=1)
-        return samples.lsf[index], samples.variance[index]
-
-    return query
-
-
-def _inverse_distance(samples: TextureSamples) -> Query:
-    """Shepard, "A two-dimensional interpolation function for irregularly-spaced data", 1968."""
-
-    def query(speed_mm_s: FloatArray, force_n: FloatArray) -> Filters:
-        weights = 1.0 / np.maximum(_squares(samples, speed_mm_s, force_n), 1e-12)
-        weights /= weights.sum(axis=1, keepdims=True)
-        lsf = weights @ samples.lsf
-        gain = np.prod(1.0 - lsf_to_reflection(lsf) ** 2, axis=1)
-        return lsf, (weights @ samples.power) * gain
-
-    return query
-
-
-def _squares(samples: TextureSamples, speed_mm_s: FloatArray, force_n: FloatArray) -> FloatArray:
-    """Return the squared distances (k, n) in the normalised plane."""
-    speed = (speed_mm_s[:, np.newaxis] - samples.speed_mm_s) / 300.0
-    force = (force_n[:, np.newaxis] - samples.force_n) / 3.0
-    return speed * speed + force * force
+    """Return both methods, built on these samples."""
+    return {method: TextureModel(samples, method=method).at for method in METHODS}
 
 
 def _errors(truth: Truth, count: int, plan: Plan) -> dict[str, tuple[float, float]]:
@@ -153,7 +120,7 @@ def _rows(
             rows.append(
                 {
                     "texture": truth.surface.name,
-                    "interpolation": name,
+                    "method": name,
                     "1 - GFC": shape,
                     "power error (dB)": level,
                 }
@@ -166,12 +133,12 @@ def _mean(values: Sequence[float]) -> float:
 
 
 def run() -> Findings:
-    """Measure Delaunay interpolation, three ways, beside its alternatives."""
+    """Measure what both methods make of the same samples."""
     return measure(Plan())
 
 
 EXPERIMENT = Experiment(
-    shows="how far models between their samples are off, by the way they interpolate",
+    shows="how far models between their samples are off, by either method",
     duration="20 s",
     run=run,
     group="bench",

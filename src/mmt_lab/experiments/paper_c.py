@@ -20,7 +20,14 @@ from mmt.texture.selection import select_published
 from mmt.texture.signals.amplitude_spectra import Spectra
 from mmt_lab.harness.experiment import Experiment, Seed, SpectraOption
 from mmt_lab.harness.findings import Findings, Target
-from mmt_lab.selection.concatenated import DataSet, data_set, segments_of, settings_of, stroke
+from mmt_lab.selection.concatenated import (
+    DataSet,
+    NetworkModel,
+    data_set,
+    segments_of,
+    settings_of,
+    stroke,
+)
 from mmt_lab.selection.running import ROWS, Row
 
 FRESH_S: Final = 10.0
@@ -130,7 +137,7 @@ def _score(
     settings = settings_of(row)
     chosen = np.zeros(len(found.pool.data), dtype=np.bool_)
     chosen[: row.points] = mask
-    model = found.pool.model(chosen)
+    model = NetworkModel.from_contents(found.pool.model(chosen).contents)
     fresh = segments_of(stroke(row, FRESH_S, seed), settings)
     return [
         HeldOutRecording(one, settings.rate_hz, spectra).approximate(model, number)

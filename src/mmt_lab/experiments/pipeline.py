@@ -10,7 +10,7 @@ from mmt.evaluation.levels import root_mean_square
 from mmt.evaluation.truth import KnownTexture, known_texture
 from mmt.session.data import RecordedSession
 from mmt.texture.online.history import ModelHistory, build, update_blocks
-from mmt.texture.settings import INTERPOLATED, Interpolated, ModellingSettings
+from mmt.texture.settings import Method, ModellingSettings
 from mmt.texture.signals.metrics import within_jnd
 from mmt_lab.bench.measuring import spread
 from mmt_lab.bench.textures import session
@@ -34,11 +34,7 @@ MEASURES: Final = {
         Axis("share of the plane", "share", logarithmic=False),
     ),
 }
-METHODS: Final[dict[str, Interpolated]] = {
-    "linear power (default)": "power",
-    "linear variance (as published)": "variance",
-    "linear amplitude": "amplitude",
-}
+METHODS: Final[tuple[Method, ...]] = ("field", "published")
 _PERIOD_FRAMES: Final = 1000
 _MILLISECONDS: Final = 1e3
 
@@ -59,8 +55,8 @@ def measure(plan: Plan) -> Findings:
     by_session = {name: Curves() for name in MEASURES}
     by_processing = {name: Curves() for name in MEASURES}
     rows = []
-    for method, interpolate in METHODS.items():
-        settings = ModellingSettings(interpolate=interpolate, **INTERPOLATED)
+    for method in METHODS:
+        settings = ModellingSettings(method=method)
         runs = [_Run(one, settings, plan) for one in sessions]
         for moment in plan.moments_s:
             found = [run.at(moment) for run in runs]
@@ -76,7 +72,7 @@ def measure(plan: Plan) -> Findings:
         title="Whole pipeline",
         about=(
             f"Simulated sessions of {plan.duration_s:g} s on {', '.join(plan.surfaces)}; an "
-            "update every second, every setting at its default but the interpolation. The "
+            "update every second, every setting at its default but the method. The "
             "leader's model against the known texture over the plane, 12 x 12 points, the mean "
             "over textures: goodness of fit at the resolution of Welch's estimate, power, and "
             "the share of points whose power is within one just noticeable difference (1.36 "
@@ -140,7 +136,7 @@ def _time(values: Sequence[float]) -> Spread:
 def _row(method: str, run: _Run, plan: Plan) -> dict[str, str | float | None]:
     shape, level, jnd = run.at(plan.duration_s)
     return {
-        "interpolation": method,
+        "method": method,
         "texture": run.truth.surface.name,
         "GFC": 1.0 - shape,
         "power error (dB)": level,

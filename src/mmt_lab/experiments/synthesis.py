@@ -63,7 +63,7 @@ def measure(plan: Plan) -> Findings:
     """Measure blocks at every renewal, one-sample calls, and the same loop in C."""
     surface = get_surface(plan.surface)
     samples = exact_samples(surface, *scattered(plan.samples, 0), plan.order)
-    model = TextureModel(samples, interpolate="power")
+    model = TextureModel(samples, method="published")
     motion = _motion(plan)
     curves, rates = Curves(), {}
     reference = _render(model, motion, 1)

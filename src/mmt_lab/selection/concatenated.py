@@ -7,6 +7,7 @@ filters, and may ring on into the next segment.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Final
 
@@ -17,10 +18,12 @@ from mmt.evaluation.pooling import Pool, pool_sessions
 from mmt.scene import Hand, Scene
 from mmt.session import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
+from mmt.texture.interpolation.interpolant import Interpolant, networked
+from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.segmentation.segmenter import segment, segmentation_settings
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.selection import ModelPoints
-from mmt.texture.settings import INTERPOLATED, Inputs, ModellingSettings
+from mmt.texture.settings import Inputs, ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
 from mmt_lab.selection.knocks import placed_knock, simulated_knock
 from mmt_lab.selection.running import Row
@@ -31,6 +34,15 @@ KNOCKS: Final = 6
 """Different knocks in a data set."""
 
 _NORMAL: Final = 2  # the axis that is modelled, z
+
+
+class NetworkModel(TextureModel):
+    """A model by the network of papers B and C, of speed and force too."""
+
+    @cached_property
+    def interpolant(self) -> Interpolant:
+        """The network through the samples."""
+        return networked(self.rendered.vertices)
 
 
 @dataclass(frozen=True)
@@ -60,13 +72,7 @@ def network_settings(inputs: Inputs) -> ModellingSettings:
 
     The papers name no order of the filters; here it is that of all trials of the laboratory.
     """
-    return ModellingSettings(
-        inputs=inputs,
-        interpolate="variance",
-        interpolator="network",
-        order=ORDER,
-        **INTERPOLATED,
-    )
+    return ModellingSettings(method="published", inputs=inputs, order=ORDER)
 
 
 def settings_of(row: Row) -> ModellingSettings:

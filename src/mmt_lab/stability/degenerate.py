@@ -12,6 +12,7 @@ from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
 from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
 from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.settings import Method
 
 _ORDER: Final = 10
 
@@ -104,7 +105,7 @@ def _polar(heading: FloatArray, turn: FloatArray) -> FloatArray:
 
 def build(
     points: FloatArray,
-    interpolator: str = "delaunay",
+    method: Method = "published",
     space: InputSpace | None = None,
     scale: float = 1.0,
 ) -> TextureModel:
@@ -114,8 +115,8 @@ def build(
     ----------
     points
         Normalised points, (n, 2) of the plane or (n, 3) of the cylinder.
-    interpolator
-        Between the samples.
+    method
+        How the samples are rendered.
     space
         The input space, by default the one with the dimensions of the points.
     scale
@@ -129,4 +130,4 @@ def build(
     samples = TextureSamples(
         points * space.scale, reflection_to_lsf(k), power / output_power(1.0, k), power, space
     )
-    return TextureModel(samples, interpolator=interpolator)
+    return TextureModel(samples, method=method)

@@ -237,7 +237,7 @@ def _judge(leader: LeaderInProcess, watch: MemoryWatch, ticks: int, drift_ticks:
 
 def run_endless_modelling(seconds: int) -> Outcome:
     """Model a hand that stays in one corner, so that the sum of distances is never met."""
-    settings = ModellingSettings(criterion="distance")  # the expected share is of its own strokes
+    settings = ModellingSettings(method="published")  # an expected share is of its own strokes
     modeller, watch = OnlineModeller(settings), MemoryWatch(since=2)
     pattern = stroke_pattern(PATTERN_SAMPLES, whole_plane=False, stroke_samples=_SHORT_STROKE)
     source = FrameSource(pattern)

@@ -59,7 +59,6 @@ def scene(
             "hand": {},
             "texture": {
                 "inputs": inputs,
-                "start_distance": 30.0 if inputs == "isotropic" else "auto",
                 "surfaces": surfaces,
                 **(texture or {}),
             },

@@ -61,7 +61,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
             "link": {},
             "simulated": {},
             "hand": {},
-            "texture": {"start_distance": 40.0, "surfaces": {}},
+            "texture": {"surfaces": {}},
         }
     )
     frames, _ = simulate_session(Scene(), "plastic", SECONDS)

@@ -18,7 +18,7 @@ from mmt.texture.online.history import build, update_blocks
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt.web.viewing.rebuilding import ModelRebuild, frozen_spans
 
-NEVER = ModellingSettings(criterion="distance", start_distance=12.0, stop_distance=1e-6)
+NEVER = ModellingSettings(method="published", start_distance=12.0, stop_distance=1e-6)
 
 
 @cache
@@ -67,7 +67,7 @@ def test_a_moment_has_the_state_of_the_last_update() -> None:
 
 
 def test_the_model_is_left_alone_once_it_is_complete() -> None:
-    settings = ModellingSettings(criterion="distance", start_distance=20.0, stop_distance=12.0)
+    settings = ModellingSettings(method="published", start_distance=20.0, stop_distance=12.0)
     rebuilding = rebuilt(settings)
     last = rebuilding.states[-1]
     assert last.stop_s == last.time_s < 13.0
@@ -117,7 +117,7 @@ def test_each_surface_has_its_own_model_and_criteria() -> None:
     frames, _ = simulate_session(Scene(), course, 17.0, 4)
     settings = ModellingSettings(
         order=10,
-        criterion="distance",
+        method="published",
         start_distance=20.0,
         stop_distance=9.0,
         surfaces=SurfaceSettings(),

@@ -2,18 +2,14 @@
 
 A criterion says when a model is good enough to render from, and when modelling may stop. There are
 two: the published sum of distances (`mmt.texture.completion.distance`) and the share of strokes
-whose level is expected to be right (`mmt.texture.completion.uncertainty`). `make_criterion` builds
-the one that the settings name.
+whose level is expected to be right (`mmt.texture.completion.uncertainty`). Each is of one method
+(`mmt.texture.online.methods`).
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 from mmt.texture.settings import CriterionScale
-from mmt.texture.signals.aligned import AlignedBlock
-
-if TYPE_CHECKING:
-    from mmt.texture.model.texture_model import TextureModel
 
 
 @dataclass(frozen=True)
@@ -47,7 +43,7 @@ class Progress:
 
 
 class Criterion(Protocol):
-    """A criterion of completion, evaluated after each update of the model.
+    """A criterion of completion, as of the newest update of the model.
 
     Attributes
     ----------
@@ -61,18 +57,8 @@ class Criterion(Protocol):
     start_s: float | None
     stop_s: float | None
 
-    def observe(self, block: AlignedBlock) -> None:
-        """Add the newest aligned samples of the stream: how the operator moves."""
-
-    def update(self, model: "TextureModel | None", time_s: float) -> None:
-        """Evaluate the model (None before the first) at a session time in seconds."""
-
     def revoke_since(self, since_s: float) -> None:
         """Revoke thresholds met later than `since_s` that the present value does not meet."""
-
-    @property
-    def due(self) -> bool:
-        """Whether so much is new that evaluating a model tells more than the last time."""
 
     @property
     def started(self) -> bool:
@@ -92,11 +78,6 @@ class Thresholds:
         self.scale = scale
         self.start_s: float | None = None
         self.stop_s: float | None = None
-
-    @property
-    def due(self) -> bool:
-        """Whether so much is new that evaluating a model tells more than the last time."""
-        return True
 
     @property
     def started(self) -> bool:

@@ -14,18 +14,14 @@ diagonal, and so does the sum here.
 import math
 from dataclasses import dataclass
 from functools import reduce
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.texture.completion.criterion import Progress, Thresholds
 from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC
-from mmt.texture.settings import distance_scale
-from mmt.texture.signals.aligned import AlignedBlock
-
-if TYPE_CHECKING:
-    from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.settings import CriterionScale
 
 DIVISIONS: Final = 3
 NEIGHBOURS: Final = 3
@@ -176,21 +172,14 @@ class CompletionMonitor(Thresholds):
         stop_distance: float = STOP_DISTANCE,
         dimensions: int = 2,
     ) -> None:
-        super().__init__(distance_scale(start_distance, stop_distance))
+        super().__init__(
+            CriterionScale("distance", "completion sum", start_distance, stop_distance, rises=False)
+        )
         self._dimensions = dimensions
         self._space = ISOTROPIC if dimensions == 2 else ANISOTROPIC
         self.progress = self._at(np.empty((0, dimensions)))
 
-    def observe(self, block: AlignedBlock) -> None:
-        """Ignore the stream: this criterion depends on the samples alone."""
-
-    def update(self, model: "TextureModel | None", time_s: float) -> None:
-        """Evaluate the model (None before the first) at a session time in seconds."""
-        self.update_points(
-            np.empty((0, self._dimensions)) if model is None else model.points, time_s
-        )
-
-    def update_points(self, points: FloatArray, time_s: float) -> None:
+    def update(self, points: FloatArray, time_s: float) -> None:
         """Evaluate normalised samples (n, d) of a model at a session time in seconds."""
         self.progress = self._at(points)
         self.meet(self.progress.value, time_s)

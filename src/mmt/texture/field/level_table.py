@@ -2,7 +2,7 @@
 
 Logarithms of the level on a grid that is even in ln(speed), ln(force) and the heading, and
 interpolated linearly: exact for a power law. Below the slowest speed and the lightest force of
-the grid the level falls to zero linearly, as in `mmt.texture.field.trend`. A reading costs two
+the grid the level falls to zero linearly: a hand at rest feels nothing. A reading costs two
 logarithms and an exponential, and an arctangent more where the heading counts.
 """
 
@@ -22,7 +22,7 @@ PLANAR_SHAPE: Final = (1, 41, 41)
 DIRECTED_SHAPE: Final = (48, 17, 17)
 """Headings (over a whole turn), speeds and forces of a table with headings."""
 
-TABLE_SIZES: Final = 7
+TABLE_SIZES: Final = 4
 """Place of the table's shape in `TextureModel.kernel_parameters`; zeros where there is none."""
 
 TABLE: Final = TABLE_SIZES + 3

@@ -1,1 +1,1 @@
-"""Values between the samples of a model: Delaunay triangulations and radial basis networks."""
+"""Values between the samples of a model: Delaunay triangulations and the network of paper B."""

@@ -1,7 +1,7 @@
 """Points around a model's samples, so that the interpolation covers all that a hand can reach.
 
-And points inside, for models whose level and shape are processes: between a few samples these
-bend more than the interpolation does.
+And points inside, for models whose shape is a process: between a few samples it bends more than the
+interpolation does.
 
 In the plane of speed and force they lie on the four edges (paper A, section V.B); around the
 cylinder of velocity vector and force on its faces and beside its wall.
@@ -31,6 +31,7 @@ _GOLDEN_ANGLE: Final = math.pi * (3.0 - math.sqrt(5.0))
 
 _SPEEDS: Final = 7
 _RADII: Final = 0.2, 0.45, 0.7, 0.9
+_OFF: Final = 0.02
 
 
 class Boundary(NamedTuple):
@@ -63,7 +64,7 @@ def _square() -> Boundary:
 def _cylinder() -> Boundary:
     """Return rings, and points inside the faces: 80, none of them silent.
 
-    That nothing is felt at rest is the trend's (`mmt.texture.field.trend`).
+    That nothing is felt at rest is the level table's (`mmt.texture.field.level_table`).
     """
     headings = np.linspace(0.0, 2.0 * np.pi, HEADINGS, endpoint=False)
     rings = [
@@ -84,15 +85,21 @@ def _lattice() -> FloatArray:
 
 
 def _shells() -> FloatArray:
-    """Return points inside the space, (144, 3): rings at four speeds and three forces."""
+    """Return points inside the space, (144, 3): about four speeds and three forces.
+
+    Around each in turn, off it by no more than `_OFF`: points on one sphere have no one
+    triangulation.
+    """
     headings = np.linspace(0.0, 2.0 * np.pi, HEADINGS, endpoint=False)
-    return np.vstack(
+    points = np.vstack(
         [
             _at(radius, headings + number * np.pi / HEADINGS, force)
             for number, radius in enumerate(_RADII)
             for force in (0.2, 0.5, 0.8)
         ]
     )
+    turn = _GOLDEN_ANGLE * np.arange(len(points))[:, None]
+    return np.asarray(points + _OFF * np.cos(turn * np.array([1.0, 2.0, 3.0])))
 
 
 def _at(radius: float | FloatArray, heading: FloatArray, force: float | FloatArray) -> FloatArray:

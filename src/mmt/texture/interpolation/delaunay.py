@@ -20,19 +20,10 @@ from scipy.spatial import Delaunay
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.compiled import kernel
 from mmt.texture.autoregression.split import separate
-from mmt.texture.interpolation.interpolator import Evaluator, Interpolant, State
 from mmt.texture.interpolation.tetrahedra import locate_3d, locate_many_3d
-from mmt.texture.interpolation.vertices import Vertices
 
 _TOLERANCE = 1e-12
 _FLAT = 1e-12
-
-
-def build(vertices: Vertices, previous: Interpolant | None, state: State | None) -> Interpolant:
-    """Triangulate anew, which costs O(n log n)."""
-    del previous, state
-    mesh = triangulate(vertices.points)
-    return Interpolant(_interpolate_linearly, vertices.table, mesh.triangles)
 
 
 @dataclass(frozen=True)
@@ -244,11 +235,10 @@ def _mean_of_four(
     return apart
 
 
-@Evaluator
-def _interpolate_linearly(
+@kernel("i8(f8[:, ::1], i8[:, ::1], i8, f8[::1], f8[::1], f8[::1])")
+def linear_into(
     rows: FloatArray,
     links: IntArray,
-    tail: FloatArray,  # noqa: ARG001
     hint: int,
     point: FloatArray,
     values: FloatArray,

@@ -168,7 +168,7 @@ def _one_filter(look: Sequence[Stretch], space: InputSpace) -> TextureModel:
     vibration = np.concatenate([stretch.vibration_m_s2 for stretch in look])
     law = coordinates(space.normalise(inputs)).law
     even = Stretch(inputs, vibration * np.exp(0.5 * (law.mean() - law)))
-    return TextureModel(fitted([even], space), level="gaussian_process")
+    return TextureModel(fitted([even], space))
 
 
 def _errors(model: TextureModel, stretch: Stretch, first: int) -> tuple[FloatArray, FloatArray]:

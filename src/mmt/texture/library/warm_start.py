@@ -149,8 +149,6 @@ def _own(look: Sequence[Stretch], blocks: Blocks, settings: ModellingSettings) -
     cells = FieldCells.of(blocks.points, blocks.power, blocks.position_mm)
     return TextureModel(
         fitted(parts, InputSpace(settings.inputs), settings.rate_hz),
-        level="gaussian_process",
-        shape="smoothed",
         field=cells,
         rate_hz=settings.rate_hz,
     )

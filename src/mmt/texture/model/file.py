@@ -1,72 +1,30 @@
 """The ``.npz`` file of a texture model; the layout is in ``docs/reference/model-file.md``."""
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, cast
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.texture.field.cells import FieldCells
-from mmt.texture.field.trend import NO_TREND, Trend
-from mmt.texture.interpolation.interpolator import State
 from mmt.texture.model.file_arrays import Arrays, file_arrays, pack_arrays
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.samples import TextureSamples
-from mmt.texture.settings import CHANNELS
+from mmt.texture.settings import Method
 
-FORMAT_VERSION: Final = 6
-"""Version of a file in which level or shape are estimates of their own. Versions 4 and 5, without
-the blocks of the level, are read too, version 2, without what was fitted, and version 1, whose
-models are isotropic and by Delaunay."""
-
-INTERPOLATED_VERSION: Final = 3
-"""Version of a file in which both are interpolated, as earlier programs render it."""
-
-_OWN: Final = frozenset(
-    (
-        *("format_version", "inputs", "lsf_rad", "variance", "power", "rate_hz", "interpolate"),
-        *("interpolator", "level", "shape", "effective_samples", "segment_samples"),
-        *("maximum_speed_mm_s", "maximum_force_n", "noise_power"),
-        *("trend_exponents", "level_hyperparameters"),
-        *("field_cells", "field_sums", "field_place_mm"),
-        *(channel for channels in CHANNELS.values() for channel in channels),
-    )
-)
-"""Arrays of the model; all others are the interpolator's state."""
+FORMAT_VERSION: Final = 7
+"""Version of a file. Versions 1 to 6, which name the parts of a method, are read as the method that
+comes nearest."""
 
 
-@dataclass(frozen=True, eq=False)
-class FittedParameters:
-    """Parameters that a model has fitted to its samples, by which it is built again as it is.
-
-    Fitting the exponents anew costs little, choosing the networks' settings most of what building
-    them takes; and a model that has grown may have been given its own at fewer samples than it
-    has.
-
-    Attributes
-    ----------
-    trend
-        The power law over which its level is interpolated, `NO_TREND` for an isotropic one.
-    interpolator_state
-        What the interpolator stores of itself, by the arrays' names in a model file.
-    """
-
-    trend: Trend
-    interpolator_state: State
-
-
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class ModelContents:
     """What a model file holds: the parameters of `TextureModel`, which are not checked here."""
 
     samples: TextureSamples
-    interpolate: str
-    interpolator: str
-    level: str
-    shape: str
+    method: Method
     rate_hz: float
-    fitted: FittedParameters | None
     field: FieldCells | None = None
 
 
@@ -90,7 +48,8 @@ def arrays_of(contents: ModelContents) -> Arrays:
     """Return a model as the arrays of a file, by name."""
     samples, space = contents.samples, contents.samples.space
     return {
-        "format_version": np.int64(_written_version(contents)),
+        "format_version": np.int64(FORMAT_VERSION),
+        "method": np.str_(contents.method),
         "inputs": np.str_(space.name),
         **dict(zip(space.channels, samples.inputs.T, strict=True)),
         "lsf_rad": samples.lsf,
@@ -99,10 +58,7 @@ def arrays_of(contents: ModelContents) -> Arrays:
         "maximum_speed_mm_s": np.float64(space.maximum_speed_mm_s),
         "maximum_force_n": np.float64(space.maximum_force_n),
         "rate_hz": np.float64(contents.rate_hz),
-        "interpolate": np.str_(contents.interpolate),
-        "interpolator": np.str_(contents.interpolator),
-        **_level_arrays(contents),
-        **_fitted_arrays(contents.fitted, directed=space.directed),
+        **_known_of_powers(samples),
         **_field_arrays(contents.field),
     }
 
@@ -117,7 +73,7 @@ def contents_of(arrays: Arrays) -> ModelContents:
     """
     content = dict(arrays)
     try:
-        version = _version(content)
+        method, has_blocks = _method(content)
         space = InputSpace(
             str(content["inputs"]),  # type: ignore[arg-type] # checked by the class
             float(content["maximum_speed_mm_s"]),
@@ -133,68 +89,49 @@ def contents_of(arrays: Arrays) -> ModelContents:
             float(content.get("noise_power", 0.0)),
             _numbers(content, "segment_samples"),
         )
-        estimated = version > INTERPOLATED_VERSION
-        return ModelContents(
-            samples,
-            str(content["interpolate"]),
-            str(content["interpolator"]),
-            str(content["level"]) if estimated else "interpolated",
-            str(content["shape"]) if estimated else "measured",
-            float(content["rate_hz"]),
-            _fitted(content, directed=space.directed) if version > 2 else None,
-            _field(content, directed=space.directed),
-        )
+        field = _field(content, directed=space.directed) if has_blocks else None
+        return ModelContents(samples, method, float(content["rate_hz"]), field)
     except KeyError as error:
         raise InputError(f"the array {error} is missing") from error
     except (ValueError, TypeError, IndexError, OverflowError) as error:
         raise InputError(f"its arrays do not fit together: {error}") from error
 
 
-def _version(content: Arrays) -> int:
-    """Return the version of a file, whose arrays are completed where it is the first."""
+def _method(content: Arrays) -> tuple[Method, bool]:
+    """Return the method of a file, and whether its blocks are as the method takes them.
+
+    Earlier versions name what is interpolated and how, and from 4 on what level and shape are.
+    Linear variances, or those of a network over velocity and force, are as published; all else
+    comes nearest to the field. With shapes as measured blocks are of the vibration behind the
+    high-pass, and not used.
+    """
     version = int(content.get("format_version", 0))
     if not 1 <= version <= FORMAT_VERSION:
         raise InputError(f"format version is {version}, this program reads 1 to {FORMAT_VERSION}")
+    if version == FORMAT_VERSION:
+        return cast(Method, str(content["method"])), "field_cells" in content
     if version == 1:
         content.update(inputs=np.array("isotropic"), interpolator=np.array("delaunay"))
-    return version
+    own = "network" if str(content["inputs"]) == "anisotropic" else "delaunay"
+    parts = str(content["interpolate"]), str(content["interpolator"])
+    measured = str(content.get("shape", "measured")) == "measured"
+    if parts == ("variance", own) and measured:
+        return "published", False
+    return "field", "field_cells" in content and not measured
 
 
 def _numbers(content: Arrays, name: str) -> FloatArray | None:
     return np.asarray(content[name], dtype=np.float64) if name in content else None
 
 
-def _written_version(contents: ModelContents) -> int:
-    plain = contents.level == "interpolated" and contents.shape == "measured"
-    plain &= contents.field is None
-    return INTERPOLATED_VERSION if plain else FORMAT_VERSION
-
-
-def _level_arrays(contents: ModelContents) -> Arrays:
+def _known_of_powers(samples: TextureSamples) -> Arrays:
     arrays: Arrays = {}
-    samples = contents.samples
     if samples.effective is not None:
         arrays["effective_samples"] = samples.effective
     if samples.counts is not None:
         arrays["segment_samples"] = samples.counts
     if samples.noise_power > 0.0:
         arrays["noise_power"] = np.array(samples.noise_power)
-    if _written_version(contents) == FORMAT_VERSION:
-        arrays.update(level=np.array(contents.level), shape=np.array(contents.shape))
-    return arrays
-
-
-def _fitted_arrays(fitted: FittedParameters | None, *, directed: bool) -> Arrays:
-    arrays: Arrays = {}
-    if fitted is None:
-        return arrays
-    if directed:
-        arrays["trend_exponents"] = np.array(fitted.trend)
-    taken = sorted(_OWN & fitted.interpolator_state.keys())
-    if taken:
-        message = f"an interpolator's state has the names of the model's own arrays: {taken}"
-        raise ValueError(message)
-    arrays.update(fitted.interpolator_state)
     return arrays
 
 
@@ -208,9 +145,7 @@ def _field_arrays(field: FieldCells | None) -> Arrays:
     }
 
 
-def _field(content: Arrays, *, directed: bool) -> FieldCells | None:
-    if "field_cells" not in content:
-        return None
+def _field(content: Arrays, *, directed: bool) -> FieldCells:
     keys, sums = content["field_cells"].astype(np.int64), content["field_sums"].astype(np.float64)
     if keys.ndim != 2 or keys.shape[1] != 5 or sums.shape != (len(keys), 4) or not len(keys):
         raise InputError(
@@ -220,13 +155,3 @@ def _field(content: Arrays, *, directed: bool) -> FieldCells | None:
     field = FieldCells(directed, keys, sums, float(content["field_place_mm"]))
     field.check()
     return field
-
-
-def _fitted(content: Arrays, *, directed: bool) -> FittedParameters:
-    trend = NO_TREND
-    if directed:
-        trend = Trend(*content["trend_exponents"].astype(np.float64).tolist())
-        if trend != NO_TREND:
-            trend.check()
-    state = {name: array for name, array in content.items() if name not in _OWN}
-    return FittedParameters(trend, state)

@@ -8,7 +8,7 @@ the same recursion led on to the highest automatic order: the common order is no
 shape of a few hundred samples bears, and so shows narrow lines broader than they are, and powers
 worth more.
 
-Where spectra are smoothed, filters and powers are those of the vibration before the high-pass of
+For the method "field" filters and powers are those of the vibration before the high-pass of
 the modelling (`mmt.texture.signals.high_pass`).
 """
 
@@ -80,7 +80,7 @@ def fit_segments(
     fits = burg_batch(vibration, max(order, resolving))
     effective = effective_samples(_lsf_of(fits, resolving), counts)
     lsf, variance, power = _lsf_of(fits, order), fits.variances[:, order], fits.power
-    if settings.shape == "smoothed":
+    if settings.method == "field":
         reflection, gain = without_high_pass(fits.reflection, order, settings.rate_hz)
         lsf, power = reflection_to_lsf(reflection), power * gain
         variance = power * np.prod(1.0 - np.square(reflection), axis=1)

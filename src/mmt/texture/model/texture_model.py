@@ -3,51 +3,43 @@
 Awan et al., section V.B: the samples' filters, kept as line spectral frequencies (LSF), stand
 at their mean speed and force, both divided by their maxima; the plane is Delaunay
 triangulated, extended by boundary points on its four edges. Abdulali and Jeon (paper B): in
-place of the speed, the velocity vector. What differs between the two is the input space
-(`mmt.texture.model.inputs`) and the interpolator (`mmt.texture.interpolation.registry`). A
-model never changes: modelling builds a new one and hands it over by one assignment.
+place of the speed, the velocity vector. What a model renders from its samples is in
+`mmt.texture.model.rendered`, for either method. A model never changes: modelling builds a new one
+and hands it over by one assignment.
 """
 
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Self, cast, get_args
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.errors import InputError
 from mmt.models import find_model
-from mmt.texture.autoregression.forms import lsf_to_reflection
 from mmt.texture.autoregression.spectra import lsf_spectrum
 from mmt.texture.field.level_table import TABLE, TABLE_SIZES
-from mmt.texture.field.trend import NO_TREND, fit_trend, without_trend
 from mmt.texture.interpolation.delaunay import Triangulation, triangulate
-from mmt.texture.interpolation.interpolator import Interpolant
-from mmt.texture.interpolation.registry import WITHOUT_TREND, load
-from mmt.texture.interpolation.vertices import vertex_table
-from mmt.texture.model.file import FittedParameters, ModelContents, pack, unpack
+from mmt.texture.interpolation.interpolant import Interpolant
+from mmt.texture.model.file import ModelContents, pack, unpack
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.kernel_parameters import (
     DIMENSIONS,
-    FORCE_EXPONENT,
-    LEVEL_KIND,
-    LEVELS,
     MODEL_ORDER,
     PER_FORCE,
     PER_SPEED,
-    SPEED_EXPONENT,
     filters_into,
 )
+from mmt.texture.model.rendered import RENDERED
 from mmt.texture.model.samples import TextureSamples
-from mmt.texture.settings import Interpolated, Level, Shape
+from mmt.texture.settings import Method
 
 if TYPE_CHECKING:
     from mmt.texture.field.cells import FieldCells
     from mmt.texture.field.posterior import LevelField
 
-__all__ = ["LEVELS", "TextureModel", "TextureSamples", "load_model"]
+__all__ = ["TextureModel", "TextureSamples", "load_model"]
 
 
 class TextureModel:
@@ -57,96 +49,44 @@ class TextureModel:
     ----------
     samples
         At least one; copied. A sample beyond the end of its space counts as lying there.
-    interpolate
-        What is interpolated beside the LSF: ``"variance"`` of the excitation (the published
-        way), ``"power"`` of the vibration, or its ``"amplitude"``, the root of the power.
-        With the latter two the variance follows from the interpolated filter's own gain.
-    interpolator
-        How: a name known to `mmt.texture.interpolation.registry`.
-    level
-        What the level follows: ``"interpolated"`` as said above, or ``"gaussian_process"``, the
-        posterior mean of `mmt.texture.field.posterior`, for which `interpolate` is ``"power"``.
-    shape
-        Whether the spectra are those of the samples, ``"measured"``, or ``"smoothed"`` over all of
-        them by `mmt.texture.field.shape_smoothing`. The latter are samples of the vibration before
-        the modelling's high-pass (`mmt.texture.model.fits`), and blocks get their powers back.
+    method
+        ``"published"``: LSF and the excitation's variance are linear between the samples, or over
+        velocity and force a network through them. ``"field"``: LSF are linear between smoothed
+        ones, and the level is the posterior mean of a Gaussian process. Samples of the latter are
+        those of the vibration before the modelling's high-pass (`mmt.texture.model.fits`).
     field
-        Blocks by which the level is estimated; None for the samples alone.
+        Blocks by which the level of ``"field"`` is estimated; None for the samples alone.
     rate_hz
         Sampling rate of the filters.
-    previous
-        An earlier state of the same model, from which some interpolators grow at less cost.
-    fitted
-        What `fitted` was of a model of the same samples: nothing is fitted or chosen anew.
 
     Raises
     ------
     InputError
         Shapes disagree, a number is not finite or negative, an LSF set is not ascending
-        inside (0, pi), there is no such interpolation or level, or the two exclude each other.
+        inside (0, pi), or there is no such method.
     """
 
     def __init__(
         self,
         samples: TextureSamples,
         *,
-        interpolate: Interpolated = "power",
-        interpolator: str = "delaunay",
-        level: Level = "interpolated",
-        shape: Shape = "measured",
+        method: Method = "field",
         field: "FieldCells | None" = None,
         rate_hz: float = 1000.0,
-        previous: "TextureModel | None" = None,
-        fitted: FittedParameters | None = None,
     ) -> None:
-        for name, value, allowed in (
-            ("interpolate", interpolate, list(LEVELS)),
-            ("level", level, get_args(Level)),
-            ("shape", shape, get_args(Shape)),
-        ):
-            if value not in allowed:
-                raise InputError(f"{name} is {value!r}, allowed are {', '.join(allowed)}")
-        if level != "interpolated" and interpolate != "power":
-            raise InputError(f'level {level!r} needs interpolate "power", not {interpolate!r}')
-        build = load(interpolator)
+        if method not in RENDERED:
+            raise InputError(f"method is {method!r}, allowed are {', '.join(RENDERED)}")
         samples.check()
         self.samples = samples.frozen()
-        self.interpolate: Interpolated = interpolate
-        self.interpolator = interpolator
+        self.method: Method = method
         self.rate_hz = float(rate_hz)
-        self.points = self.samples.points
-        self.points.setflags(write=False)
-        self.level: Level = level
-        self.shape: Shape = shape
-        values = {
-            "variance": self.samples.variance,
-            "power": self.samples.power,
-            "amplitude": np.sqrt(self.samples.power),
-        }[interpolate]
-        self.trend = NO_TREND
-        if self.space.directed and interpolator not in WITHOUT_TREND:
-            is_amplitude = interpolate == "amplitude"
-            self.trend = (
-                fitted.trend
-                if fitted
-                else fit_trend(self.points, values, is_amplitude=is_amplitude)
-            )
-            values = without_trend(self.points, values, self.trend)
-        inside = (level, shape) == ("gaussian_process", "smoothed")
-        lsf = self._lsf(inside=inside)
-        vertices = vertex_table(self.points, values, lsf, inside=inside)
-        self.vertices = vertices.table
-        self.dimensions = self.space.dimensions
-        grown = previous is not None and previous._alike == self._alike
-        self.interpolant: Interpolant = build(
-            vertices,
-            previous.interpolant if previous is not None and grown else None,
-            fitted.interpolator_state if fitted else None,
-        )
         self.field = field if field is None or len(field) else None
         """What the level is estimated from, beside the samples."""
-        if level == "gaussian_process":
-            _ = self.kernel_parameters  # made now, where modelling has the time
+        self.points = self.samples.points
+        self.points.setflags(write=False)
+        self.dimensions = self.space.dimensions
+        self.rendered = RENDERED[method](self.samples, self.field, self.rate_hz)
+        self.vertices = self.rendered.vertices.table
 
     def __repr__(self) -> str:
         samples, space = self.samples, self.space
@@ -154,28 +94,30 @@ class TextureModel:
         forces = f"{samples.force_n.min():.3g} to {samples.force_n.max():.3g} N"
         return (
             f"<TextureModel: {space.name}, {len(samples)} samples of order {self.order} at "
-            f"{self.rate_hz:g} Hz, {speeds}, {forces}, interpolator {self.interpolator}, "
-            f"level {self.level}, shape {self.shape}>"
+            f"{self.rate_hz:g} Hz, {speeds}, {forces}, method {self.method}>"
         )
 
-    @property
-    def fitted(self) -> FittedParameters:
-        """The parameters that were fitted to the samples."""
-        return FittedParameters(self.trend, self.interpolant.state())
+    @cached_property
+    def interpolant(self) -> Interpolant:
+        """Filters and, unless a table tells it, the level over the inputs."""
+        return self.rendered.interpolate(self.rendered.vertices)
 
     @cached_property
     def kernel_parameters(self) -> FloatArray:
         """What kernels need beside the interpolant; see `mmt.texture.model.kernel_parameters`."""
-        field = self.level_field if self.level == "gaussian_process" else None
-        table = np.zeros((0, 0, 0)) if field is None else field.table
+        level = self.rendered.level
+        table = np.zeros((0, 0, 0)) if level is None else level.table
         parameters = np.empty(TABLE + table.size)
         parameters[TABLE_SIZES:TABLE], parameters[TABLE:] = table.shape, table.ravel()
-        parameters[LEVEL_KIND] = LEVELS[self.interpolate]
-        parameters[SPEED_EXPONENT], parameters[FORCE_EXPONENT] = self.trend
         parameters[PER_SPEED] = 1.0 / self.space.maximum_speed_mm_s
         parameters[PER_FORCE] = 1.0 / self.space.maximum_force_n
         parameters[DIMENSIONS], parameters[MODEL_ORDER] = self.dimensions, self.order
         return parameters
+
+    def prepared(self) -> Self:
+        """Return the model, all that rendering needs of it computed: where there is the time."""
+        _ = self.interpolant, self.kernel_parameters
+        return self
 
     @cached_property
     def level_field(self) -> "LevelField | None":
@@ -183,19 +125,18 @@ class TextureModel:
 
         By the blocks of `field`, or without them by the samples.
         """
-        from mmt.texture.field.posterior import LevelField, field_of_samples
+        if self.method == "field":
+            return self.rendered.level
+        from mmt.texture.field.posterior import field_of_samples
 
-        if self.field is None:
-            return field_of_samples(self.samples)
-        gain = self._gain_at(self.field.points)
-        return LevelField(self.field, noise_power=self.samples.noise_power, gain=gain)
+        return field_of_samples(self.samples)
 
     def level_db(self, *inputs: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Return mean and standard deviation of the level in dB, each of shape (k,).
 
-        They are those of `level_field`, 0 dB being 1 (m/s2)^2, which every model has: with a
-        level of ``"gaussian_process"`` the mean is what is rendered; an ``"interpolated"`` one
-        goes through the samples, scatter and all, and may be off this mean by the deviation.
+        They are those of `level_field`, 0 dB being 1 (m/s2)^2, which every model has: with the
+        method ``"field"`` the mean is what is rendered; a ``"published"`` level goes through the
+        samples, scatter and all, and may be off this mean by the deviation.
 
         Parameters
         ----------
@@ -211,33 +152,6 @@ class TextureModel:
         if self.level_field is None:
             raise InputError("no sample of the model has any power: its level has no logarithm")
         return self.level_field.level_db(points)
-
-    def _gain_at(self, points: FloatArray) -> FloatArray:
-        """Return what the power that was felt at points (k, d) lacks by the high-pass, (k,).
-
-        By the nearest filter; 1 where the filters are as measured, too.
-        """
-        if self.shape == "measured":
-            return np.ones(len(points))
-        from mmt.texture.signals.high_pass import gain_without_high_pass
-
-        place, lsf = np.split(self.vertices, [self.dimensions + 1], axis=1)
-        gain = gain_without_high_pass(lsf_to_reflection(np.ascontiguousarray(lsf)), self.rate_hz)
-        nearest = cKDTree(place[:, : self.dimensions]).query(points)[1]
-        return np.asarray(gain[nearest])
-
-    def _lsf(self, *, inside: bool) -> FloatArray:
-        """Return the frequencies at the samples, and around them where they are smoothed."""
-        if self.shape == "measured":
-            return self.samples.lsf
-        from mmt.texture.field.shape_smoothing import smoothed_shapes
-
-        return smoothed_shapes(self.samples, inside=inside)
-
-    @property
-    def _alike(self) -> tuple[object, ...]:
-        """What an earlier model must share to be grown from."""
-        return self.space, self.interpolate, self.interpolator, self.shape, self.order
 
     @property
     def space(self) -> InputSpace:
@@ -256,11 +170,11 @@ class TextureModel:
 
     @cached_property
     def triangulation(self) -> Triangulation:
-        """The triangulation of samples and boundary points, whatever the interpolator."""
+        """The triangulation of samples and boundary points, also of a network."""
         points = np.ascontiguousarray(self.vertices[:, : self.dimensions])
-        if self.interpolator == "delaunay":
-            return Triangulation(points, self.interpolant.links)
-        return triangulate(points)
+        if self.interpolant.is_network:
+            return triangulate(points)
+        return Triangulation(points, self.interpolant.links)
 
     def at(self, *inputs: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Interpolate the filter.
@@ -284,9 +198,7 @@ class TextureModel:
         """
         points = np.ascontiguousarray(self.space.normalise(self.space.stack(*inputs)))
         lsf, variance = np.empty((len(points), self.order)), np.empty(len(points))
-        by = self.interpolant
-        address, parameters = by.evaluator.address, self.kernel_parameters
-        filters_into(address, by.rows, by.links, by.tail, parameters, points, lsf, variance)
+        filters_into(*self.interpolant, self.kernel_parameters, points, lsf, variance)
         return lsf, variance
 
     def spectrum(self, *inputs: npt.ArrayLike, frequencies_hz: FloatArray) -> FloatArray:
@@ -318,16 +230,7 @@ class TextureModel:
     @property
     def contents(self) -> ModelContents:
         """What its file holds."""
-        return ModelContents(
-            self.samples,
-            self.interpolate,
-            self.interpolator,
-            self.level,
-            self.shape,
-            self.rate_hz,
-            self.fitted,
-            self.field,
-        )
+        return ModelContents(self.samples, self.method, self.rate_hz, self.field)
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -355,13 +258,9 @@ class TextureModel:
         """Rebuild a model from `contents`; raises `InputError` as the constructor does."""
         return cls(
             contents.samples,
-            interpolate=cast(Interpolated, contents.interpolate),  # names are checked there
-            interpolator=contents.interpolator,
-            level=cast(Level, contents.level),
-            shape=cast(Shape, contents.shape),
+            method=contents.method,
             field=contents.field,
             rate_hz=contents.rate_hz,
-            fitted=contents.fitted,
         )
 
 

@@ -1,53 +1,44 @@
 """The third stage of an update: an immutable model that interpolates between the fits."""
 
 import weakref
-from collections.abc import Callable, Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mmt.texture.interpolation.registry import load
-from mmt.texture.model.fits import Fit, samples_of, unpacked
+from mmt.texture.model.fits import Fit, samples_of
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.online.gathering import Gathering
+from mmt.texture.online.methods import ModellingMethod, ModelMaker
 from mmt.texture.online.work import Made, ModelSource, SegmentRange, Stopwatch, Work
 from mmt.texture.settings import ModellingSettings
 
 if TYPE_CHECKING:
-    from mmt.texture.field.cells import FieldCells
     from mmt.texture.selection.online import OnlineSelection
-
-_INDEPENDENT: Final = ("delaunay", "nearest")
-"""Interpolators of which a model is the same whatever the model before was."""
 
 
 class BuildingStage:
-    """Choose the fits that a model is made of, and triangulate them.
-
-    Cost: O(n log n) for all n fits.
+    """Choose the fits that a model is made of, and build it by the method.
 
     Parameters
     ----------
     settings
         Settings of the modelling.
+    method
+        How to model.
     deferred
-        Whether each model is made only when it is asked for, where none depends on the one
-        before.
+        Whether each model is made only when it is asked for.
     """
 
-    def __init__(self, settings: ModellingSettings, *, deferred: bool = False) -> None:
-        load(settings.interpolator)
-        self._settings = settings
+    def __init__(
+        self, settings: ModellingSettings, method: ModellingMethod, *, deferred: bool = False
+    ) -> None:
+        self._method = method
         self._space = InputSpace(settings.inputs)
         self._selection = _selection(settings)
-        self._gathering = Gathering(settings) if _gathers(settings) else None
         self._chosen: Sequence[Fit] = ()
         self._outliers = self._redundant = 0
-        self._deferred = deferred and settings.interpolator in _INDEPENDENT
-        if self._gathering is not None and self._deferred:
-            self._gathering.remember()
+        self._deferred = deferred
         self._source: ModelSource | None = None
 
     @property
@@ -90,20 +81,15 @@ class BuildingStage:
     def build(self, work: Work) -> None:
         """Build the model anew, where it changes, and set it."""
         clock = Stopwatch(work.durations_s)
-        felt = self._gathering is not None and self._gathering.add(work)
-        if self._changes(work) or (felt and self._chosen):
-            packed = tuple([fit.packed for fit in self._chosen])
-            deferred = _Deferred(packed, work.noise_power, self._settings, self._cells())
-            self._source = deferred if self._deferred else Made(deferred.made(self.model))
+        make = self._method.model(work, self._chosen, changed=self._changes(work))
+        if make is not None and not self._chosen:
+            self._source = Made()
+        elif make is not None:
+            self._source = Deferred(make) if self._deferred else Made(make().prepared())
         work.chosen, work.outliers, work.redundant = self._chosen, self._outliers, self._redundant
         if self._source is not None:
             work.source = self._source
         clock.lap("triangulate")
-
-    def _cells(self) -> "Callable[[], FieldCells] | None":
-        if self._gathering is None:
-            return None
-        return self._gathering.deferred() if self._deferred else self._gathering.cells
 
     def _changes(self, work: Work) -> bool:
         if work.added or work.removed_count:
@@ -111,51 +97,23 @@ class BuildingStage:
         return work.forget_from is None and self._source is None and bool(work.fits)
 
 
-class _Deferred:
-    """The model of some fits, made anew for whoever asks while nobody else holds it."""
+class Deferred:
+    """A model that is made anew for whoever asks while nobody else holds it."""
 
-    def __init__(
-        self,
-        packed: tuple[bytes, ...],
-        noise_power: float,
-        settings: ModellingSettings,
-        cells: "Callable[[], FieldCells] | None",
-    ) -> None:
-        self._packed, self._noise_power, self._settings = packed, noise_power, settings
-        self._cells = cells
+    def __init__(self, make: ModelMaker) -> None:
+        self._make = make
         self._held: weakref.ref[TextureModel] | None = None
 
-    def __call__(self) -> TextureModel | None:
+    def __call__(self) -> TextureModel:
+        """Return it."""
         held = None if self._held is None else self._held()
         if held is None:
-            held = self.made()
-            self._held = None if held is None else weakref.ref(held)
+            held = self._make()
+            self._held = weakref.ref(held)
         return held
 
     def __reduce__(self) -> tuple[object, ...]:
-        return type(self), (self._packed, self._noise_power, self._settings, self._cells)
-
-    def made(self, previous: TextureModel | None = None) -> TextureModel | None:
-        """Return a new model, grown from an earlier one; None without fits."""
-        if not self._packed:
-            return None
-        settings = self._settings
-        samples = unpacked(self._packed, InputSpace(settings.inputs))
-        return TextureModel(
-            replace(samples, noise_power=self._noise_power),
-            interpolate=settings.interpolate,
-            interpolator=settings.interpolator,
-            level=settings.level,
-            shape=settings.shape,
-            field=None if self._cells is None else self._cells(),
-            previous=previous,
-            rate_hz=settings.rate_hz,
-        )
-
-
-def _gathers(settings: ModellingSettings) -> bool:
-    """Say whether blocks tell the level; beside a selection its samples do, without outliers."""
-    return settings.level == "gaussian_process" and settings.selection is None
+        return type(self), (self._make,)
 
 
 def _selection(settings: ModellingSettings) -> "OnlineSelection | None":

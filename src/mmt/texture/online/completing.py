@@ -2,12 +2,10 @@
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray
-from mmt.texture.completion import make_criterion
-from mmt.texture.completion.criterion import Criterion
-from mmt.texture.completion.distance import CompletionMonitor, distance_sum
+from mmt.texture.completion.distance import distance_sum
 from mmt.texture.model.fits import points_of
 from mmt.texture.model.inputs import InputSpace
+from mmt.texture.online.methods import ModellingMethod
 from mmt.texture.online.work import ModelUpdate, Stopwatch, Work
 from mmt.texture.settings import ModellingSettings
 
@@ -19,12 +17,14 @@ class CompletionStage:
     ----------
     settings
         Settings of the modelling.
+    method
+        How to model.
     """
 
-    def __init__(self, settings: ModellingSettings) -> None:
+    def __init__(self, settings: ModellingSettings, method: ModellingMethod) -> None:
         self._space = InputSpace(settings.inputs)
         self._rate_hz = settings.rate_hz
-        self.criterion: Criterion = make_criterion(settings)
+        self._method = method
 
     def judge(self, work: Work, first_sequence: int) -> None:
         """Judge the model of an update, and set what has come of the update.
@@ -39,16 +39,14 @@ class CompletionStage:
             Number of the stream's first frame.
         """
         clock = Stopwatch(work.durations_s)
-        for block in work.observed:
-            self.criterion.observe(block)
+        criterion = self._method.criterion
         points = np.empty((0, self._space.dimensions))
         if work.chosen:
             points = points_of(work.chosen, self._space)
-        if work.forget_from is None:
-            self._update(work, points, anew=self.criterion.due)
-        elif work.removed_count:
-            self._update(work, points, anew=True)
-            self.criterion.revoke_since((work.forget_from - first_sequence) / self._rate_hz)
+        revoked = work.forget_from is not None and work.removed_count > 0
+        self._method.judge(work, points, anew=revoked or work.forget_from is None)
+        if revoked and work.forget_from is not None:
+            criterion.revoke_since((work.forget_from - first_sequence) / self._rate_hz)
         clock.lap("completion")
         work.update = ModelUpdate(
             time_s=work.time_s if work.session_time_s is None else work.session_time_s,
@@ -56,10 +54,10 @@ class CompletionStage:
             added=len(work.added),
             removed=work.removed_count,
             distance=distance_sum(points),
-            progress=self.criterion.progress,
+            progress=criterion.progress,
             order=work.order,
-            started=self.criterion.started,
-            stopped=self.criterion.stopped,
+            started=criterion.started,
+            stopped=criterion.stopped,
             source=work.source,
             durations_s=work.durations_s,
             outliers=work.outliers,
@@ -68,10 +66,3 @@ class CompletionStage:
             changes=work.changes,
             left=work.left,
         )
-
-    def _update(self, work: Work, points: FloatArray, *, anew: bool) -> None:
-        """Evaluate the criterion; the published one asks for no model, which may be deferred."""
-        if isinstance(self.criterion, CompletionMonitor):
-            self.criterion.update_points(points, work.time_s)
-        elif anew:
-            self.criterion.update(work.source(), work.time_s)

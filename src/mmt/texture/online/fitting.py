@@ -7,8 +7,9 @@ from typing import Final
 import numpy as np
 from scipy.spatial import cKDTree
 
-from mmt.texture.model.fits import Fit, automatic_order, fit_segments, points_of
+from mmt.texture.model.fits import Fit, automatic_order, points_of
 from mmt.texture.model.inputs import InputSpace
+from mmt.texture.online.methods import ModellingMethod
 from mmt.texture.online.work import SegmentRange, Stopwatch, Work
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
@@ -26,9 +27,12 @@ class FittingStage:
     ----------
     settings
         Settings of the modelling.
+    method
+        How to model.
     """
 
-    def __init__(self, settings: ModellingSettings) -> None:
+    def __init__(self, settings: ModellingSettings, method: ModellingMethod) -> None:
+        self._method = method
         self._settings = settings
         self._space = InputSpace(settings.inputs)
         self._numbers = itertools.count()
@@ -69,7 +73,7 @@ class FittingStage:
             segments = segments if self.order == before else everything
         if self.order is None:
             return
-        for fit in fit_segments(segments, self.order, self._numbers, self._settings):
+        for fit in self._method.add(segments, self.order, self._numbers):
             self.fits[fit.segment.start, fit.segment.stop] = fit
 
     def _thin_out(self) -> int:

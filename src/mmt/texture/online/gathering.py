@@ -32,21 +32,22 @@ class Gathering:
     ----------
     settings
         Settings of the modelling.
+    deferred
+        Whether the sums of an update may be asked for later: every block is kept then.
     """
 
-    def __init__(self, settings: ModellingSettings) -> None:
-        space = InputSpace(settings.inputs)
+    def __init__(self, settings: ModellingSettings, *, deferred: bool = False) -> None:
         self._cutter = BlockCutter(
-            space,
+            InputSpace(settings.inputs),
             settings.least_speed_mm_s,
             settings.least_force_n,
             settings.rate_hz,
             settings.normal,
         )
         kept_samples = round(WITHDRAWN_S * settings.rate_hz)
-        self._new = partial(_Sums, self._cutter.cut([]), self._cutter.length, kept_samples)
-        self._sums = self._new()
-        self._past: _Past | None = None
+        new = partial(_Sums, self._cutter.cut([]), self._cutter.length, kept_samples)
+        self._sums = new()
+        self._past = _Past(new) if deferred else None
 
     def add(self, work: Work) -> bool:
         """Add what an update has observed; return whether that changes anything."""
@@ -55,17 +56,10 @@ class Gathering:
             self._past.steps.append(step)
         return self._sums.add(step)
 
-    def cells(self) -> FieldCells:
-        """Return the sums of all blocks."""
-        return self._sums.cells()
-
-    def remember(self) -> None:
-        """Keep every block from now on, for `deferred`; call it before the first is added."""
-        self._past = _Past(self._new)
-
-    def deferred(self) -> Callable[[], FieldCells]:
-        """Return what gives the sums as they are now, whenever it is called."""
-        assert self._past is not None  # noqa: S101 - `remember` was called
+    def cells(self) -> Callable[[], FieldCells]:
+        """Return what gives the sums of all blocks up to now: at once, or if deferred whenever."""
+        if self._past is None:
+            return self._sums.cells
         return partial(self._past.cells, len(self._past.steps))
 
 

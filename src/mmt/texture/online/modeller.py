@@ -20,6 +20,7 @@ from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.building import BuildingStage
 from mmt.texture.online.completing import CompletionStage
 from mmt.texture.online.fitting import LARGEST_MODEL, FittingStage
+from mmt.texture.online.methods import method_of
 from mmt.texture.online.segmenting import SegmentingStage
 from mmt.texture.online.work import ModelUpdate, SegmentRange, Work
 from mmt.texture.segmentation.segments import Segment
@@ -55,14 +56,15 @@ class OnlineModeller:
         self.settings = settings or ModellingSettings()
         self.space = InputSpace(self.settings.inputs)
         self._segmenting = SegmentingStage(self.settings, accept)
-        self._fitting = FittingStage(self.settings)
-        self._building = BuildingStage(self.settings, deferred=deferred)
-        self._completing = CompletionStage(self.settings)
+        self._method = method_of(self.settings, deferred=deferred)
+        self._fitting = FittingStage(self.settings, self._method)
+        self._building = BuildingStage(self.settings, self._method, deferred=deferred)
+        self._completing = CompletionStage(self.settings, self._method)
 
     @property
     def completion(self) -> Criterion:
         """The criterion of completion, as of the newest update."""
-        return self._completing.criterion
+        return self._method.criterion
 
     @property
     def fits(self) -> dict[SegmentRange, Fit]:

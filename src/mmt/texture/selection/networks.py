@@ -1,14 +1,14 @@
 """Leave-one-out prediction by a radial basis function network, which is not trained again.
 
-A network without one of its centres follows in closed form, and samples come and go at O(n^2); see
-`mmt.texture.interpolation.radial_basis.online`.
+The error of a network at a sample without that sample follows in closed form, and a sample that
+leaves for good takes its row and column out of the inverse, ``B - b b^T / b_i``, in O(n^2)
+(`mmt.texture.interpolation.networks.solving`). One that comes has the network solved anew.
 """
 
 import numpy as np
 
-from mmt.core.arrays import BoolArray, FloatArray
-from mmt.texture.interpolation.radial_basis.network import PUBLISHED
-from mmt.texture.interpolation.radial_basis.online import RadialBasisSystem
+from mmt.core.arrays import BoolArray, FloatArray, IntArray
+from mmt.texture.interpolation.networks.solving import RadialBasisNetwork
 
 
 class NetworkNeighbours:
@@ -26,29 +26,51 @@ class NetworkNeighbours:
 
     def __init__(self, points: FloatArray, values: FloatArray, present: BoolArray) -> None:
         self._points, self._values = points, values
-        numbers = np.flatnonzero(present)
-        self._system = RadialBasisSystem(points[numbers], values[numbers], PUBLISHED)
-        self._handles = {number: handle for handle, number in enumerate(numbers.tolist())}
+        self._numbers: IntArray
+        self._network: RadialBasisNetwork
+        self._weights: FloatArray
+        self._inverse: FloatArray | None
+        self._use(np.flatnonzero(present))
 
     def predict(self, index: int) -> FloatArray | None:
         """Return the values (v,) without the point; None where the others do not suffice."""
-        if index not in self._handles:
-            predicted: FloatArray = self._system.network().at(self._points[index : index + 1])[0]
-            return predicted
-        handle = self._handles[index]
-        centre = next(c for c, held in enumerate(self._system.handles) if handle in held)
-        if len(self._system.handles[centre]) > 1:  # its place stays a centre of the others
-            self.remove(index)
-            predicted = self._system.network().at(self._points[index : index + 1])[0]
-            self.add(index)
-            return predicted
-        error = self._system.leave_one_out()[centre]
-        return self._values[index] - error if np.isfinite(error).all() else None
+        found = np.flatnonzero(self._numbers == index)
+        if not len(found):
+            if len(self._network.points) != len(self._numbers):
+                self._use(self._numbers)
+            return np.asarray(self._network.at(self._points[index : index + 1])[0])
+        row, inverse = int(found[0]), self._inverted()
+        pivot = float(inverse[row, row])
+        if self._network.is_indispensable(pivot):
+            return None
+        return np.asarray(self._values[index] - self._weights[row] / pivot)
 
     def remove(self, index: int) -> None:
         """See `LeaveOneOutModel`."""
-        self._system.remove(self._handles.pop(index))
+        row, inverse = int(np.flatnonzero(self._numbers == index)[0]), self._inverted()
+        column, pivot = inverse[:, row], float(inverse[row, row])
+        self._numbers = np.delete(self._numbers, row)
+        if self._network.is_indispensable(pivot):
+            self._use(self._numbers)
+            return
+        weights = self._weights - np.outer(column, self._weights[row] / pivot)
+        inverse = inverse - np.outer(column, column / pivot)
+        self._weights = np.delete(weights, row, axis=0)
+        self._inverse = np.delete(np.delete(inverse, row, axis=0), row, axis=1)
 
     def add(self, index: int) -> None:
         """See `LeaveOneOutModel`."""
-        self._handles[index] = self._system.add(self._points[index], self._values[index])
+        self._use(np.append(self._numbers, index))
+
+    def _use(self, numbers: IntArray) -> None:
+        """Solve for the network of some points, at least one."""
+        self._numbers = numbers
+        self._network = RadialBasisNetwork(self._points[numbers], self._values[numbers])
+        self._weights = self._network.weights
+        self._inverse = None
+
+    def _inverted(self) -> FloatArray:
+        """Return the inverse that gives the weights of the points that are left."""
+        if self._inverse is None:
+            self._inverse = self._network.inverse
+        return self._inverse

@@ -24,17 +24,13 @@ from mmt.texture.autoregression.lattice import lattice_step, lsf_to_lattice_into
 from mmt.texture.autoregression.order_limit import LARGEST_ORDER
 from mmt.texture.autoregression.split import separate
 from mmt.texture.field.level_table import TABLE_SIZES, tabulated_level
-from mmt.texture.field.trend import trend_at
-from mmt.texture.interpolation.interpolator import SCRATCH, evaluate_into
+from mmt.texture.interpolation.interpolant import SCRATCH, interpolate_into
 from mmt.texture.model.inputs import normalise_into
 from mmt.texture.model.kernel_parameters import (
     DIMENSIONS,
-    FORCE_EXPONENT,
-    LEVEL_KIND,
     MODEL_ORDER,
     PER_FORCE,
     PER_SPEED,
-    SPEED_EXPONENT,
 )
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.synthesis.generation import (
@@ -49,7 +45,7 @@ from mmt.texture.synthesis.generation import (
 )
 from mmt.texture.synthesis.update_fade import UpdateFade, can_be_mixed
 
-_COUNTER = SCRATCH  # scratch: that of the evaluator, samples, where it found the point in each
+_COUNTER = SCRATCH  # scratch: that of the interpolation, samples, where it found the point in each
 _HINTS = _COUNTER + 1  # of two models, then point, level and LSF of each, work
 _POINT = _HINTS + 2
 _VALUES = _POINT + 3
@@ -166,9 +162,8 @@ class Synthesizer:
         self._generator.reset()
 
 
-def _for_kernel(model: TextureModel) -> tuple[int, FloatArray, IntArray, FloatArray, FloatArray]:
-    by = model.interpolant
-    return by.evaluator.address, by.rows, by.links, by.tail, model.kernel_parameters
+def _for_kernel(model: TextureModel) -> tuple[FloatArray, IntArray, FloatArray, FloatArray]:
+    return *model.interpolant, model.kernel_parameters
 
 
 def _unfit(inputs: tuple[FloatArray, ...]) -> str:
@@ -176,24 +171,11 @@ def _unfit(inputs: tuple[FloatArray, ...]) -> str:
     return f"inputs are arrays of {given}: each must be (n,) float64, with the same n"
 
 
-@kernel("f8(f8, i8, f8[::1])")
-def _amplitude(level: float, level_kind: int, complement: FloatArray) -> float:
-    """Return the root of the output's power."""
-    if level_kind == 2:
-        return level
-    amplitude = np.sqrt(level)
-    if level_kind == 0:
-        for cosine in complement:
-            amplitude /= cosine
-    return float(min(amplitude, LARGEST_AMPLITUDE))
-
-
 @kernel(
-    "f8(i8, f8[:, ::1], i8[:, ::1], f8[:, ::1], f8[::1], f8, f8, f8, i8, f8[::1], f8[::1],"
+    "f8(f8[:, ::1], i8[:, ::1], f8[:, ::1], f8[::1], f8, f8, f8, i8, f8[::1], f8[::1],"
     " f8[::1], f8[::1])"
 )
 def _filter_into(
-    evaluator: int,
     rows: FloatArray,
     links: IntArray,
     tail: FloatArray,
@@ -214,29 +196,27 @@ def _filter_into(
     point = scratch[_POINT : _POINT + int(parameters[DIMENSIONS])]
     normalise_into(first, second, third, parameters[PER_SPEED], parameters[PER_FORCE], point)
     hint = int(scratch[place])
-    hint = evaluate_into(evaluator, rows, links, tail, hint, point, values, scratch)
-    scratch[place] = hint
+    scratch[place] = interpolate_into(rows, links, tail, hint, point, values, scratch)
     lsf_to_lattice_into(values[1:], reflection, complement, scratch[_WORK:])
-    level = values[0]
     if parameters[TABLE_SIZES] > 0.0:
         across = point[1] if len(point) == 3 else 0.0
-        level = tabulated_level(parameters, point[0], across, point[len(point) - 1])
-    elif parameters[SPEED_EXPONENT] > 0.0:
-        level *= trend_at(parameters[SPEED_EXPONENT], parameters[FORCE_EXPONENT], point)
-    return float(_amplitude(level, int(parameters[LEVEL_KIND]), complement))
+        power = tabulated_level(parameters, point[0], across, point[len(point) - 1])
+        return min(math.sqrt(power), LARGEST_AMPLITUDE)
+    amplitude = math.sqrt(values[0])
+    for cosine in complement:
+        amplitude /= cosine
+    return min(amplitude, LARGEST_AMPLITUDE)
 
 
 @kernel(
-    "b1(i8, f8[:, ::1], i8[:, ::1], f8[:, ::1], f8[::1], i8, f8[:, ::1], i8[:, ::1], f8[:, ::1],"
+    "b1(f8[:, ::1], i8[:, ::1], f8[:, ::1], f8[::1], f8[:, ::1], i8[:, ::1], f8[:, ::1],"
     " f8[::1], i8, i8, f8[:], f8[:], f8[:], i8, f8, f8, f8[::1], f8[::1], f8[::1], f8[::1])"
 )
 def _render(
-    evaluator: int,
     rows: FloatArray,
     links: IntArray,
     tail: FloatArray,
     parameters: FloatArray,
-    old_evaluator: int,
     old_rows: FloatArray,
     old_links: IntArray,
     old_tail: FloatArray,
@@ -271,13 +251,13 @@ def _render(
         if int(scratch[_COUNTER]) % renewal == 0:
             x, y, z = first[index], second[index], third[index]
             amplitude = _filter_into(
-                *(evaluator, rows, links, tail, parameters, x, y, z),
+                *(rows, links, tail, parameters, x, y, z),
                 *(_HINTS, values, reflection, complement, scratch),
             )
             if passed + index < length:
                 share = (passed + index) / length
                 old_amplitude = _filter_into(
-                    *(old_evaluator, old_rows, old_links, old_tail, old_parameters, x, y, z),
+                    *(old_rows, old_links, old_tail, old_parameters, x, y, z),
                     *(_HINTS + 1, old, reflection, complement, scratch),
                 )
                 for k in range(1, order + 1):

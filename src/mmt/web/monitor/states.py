@@ -118,7 +118,7 @@ def model_message(model: "TextureModel | None") -> bytes:
     header: dict[str, Any] = {"samples": len(points), "order": model.order}
     header["cells"] = [round(value, 4) for value in cell_distances(points).tolist()]
     arrays: dict[str, npt.ArrayLike] = {"points": points}
-    if model.interpolator == "delaunay":  # it has them: nothing is computed for the page
+    if not model.interpolant.is_network:  # it has them: nothing is computed for the page
         arrays["vertices"] = model.vertices[:, :dimensions]
         links = model.triangulation.triangles[:, : dimensions + 1]
         arrays["tetrahedra" if model.space.directed else "triangles"] = links

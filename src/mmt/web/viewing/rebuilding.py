@@ -19,11 +19,11 @@ from mmt.core.arrays import BoolArray, FloatArray, RecordArray
 from mmt.core.errors import MmtError
 from mmt.session.data import JsonObject
 from mmt.session.windows import SessionWindows
-from mmt.texture.completion import make_criterion
 from mmt.texture.completion.criterion import Progress
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.factory import ModellerFactory
 from mmt.texture.online.history import update_blocks
+from mmt.texture.online.methods import method_of
 from mmt.texture.online.modeller import ModelUpdate
 from mmt.texture.settings import ModellingSettings
 
@@ -156,7 +156,7 @@ class ModelRebuild:
             edges_s = [0.0, *sorted(max(0.0, float(at_s)) for at_s in resets), np.inf]
             for number, begin_s in enumerate(edges_s[:-1]):
                 if number:
-                    empty = make_criterion(self._settings).progress
+                    empty = method_of(self._settings).criterion.progress
                     self.states.append(ModelState(begin_s, empty, None, None, None))
                 self._build((begin_s, min(edges_s[number + 1], self._windows.duration_s)))
                 if self._leave.is_set():

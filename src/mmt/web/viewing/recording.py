@@ -5,7 +5,7 @@ from typing import Any, Final, Self
 
 from mmt.core.errors import InputError
 from mmt.scene import Scene, Texture
-from mmt.scene.files import scene_from_tables
+from mmt.scene.recorded import scene_of_recording
 from mmt.session.mcap_windows import open_windows
 from mmt.session.windows import SessionWindows, Window
 from mmt.texture.model.texture_model import TextureModel
@@ -165,7 +165,7 @@ class ViewedRecording:
             )
             return Scene()
         try:
-            scene = scene_from_tables(dict(recorded), origin="the recorded scene")
+            scene = scene_of_recording(recorded, "the recorded scene")
         except InputError as error:
             self._remarks.append(f"The model is by the defaults: {error}")
             return Scene()

@@ -89,7 +89,7 @@ def _swap_cases(samples: int) -> Iterator[Case]:
         )
     yield Case(
         f"another 50 filters faded in each second, swapped at every one of {samples // 10} samples",
-        "power the models' to 2 %, peak under 8 deviations",
+        "power the models' to 5 %, peak under 8 deviations",
         partial(_fades, samples // 10),
     )
 
@@ -185,8 +185,9 @@ def many_filters(spread: float, count: int = 50, order: int = 16, *, seed: int =
 def _swaps(spread: float, samples: int) -> Outcome:
     """Jump about the plane, away from its silent edges, and render without any limit."""
     generator = np.random.default_rng(8)
-    synthesizer = Synthesizer(many_filters(spread), limit_m_s2=np.inf, seed=3)
-    power = peak = 0.0
+    model = many_filters(spread)
+    synthesizer = Synthesizer(model, limit_m_s2=np.inf, seed=3)
+    power = expected = peak = 0.0
     seconds = []
     for _ in range(samples // _BLOCK):
         speed = generator.uniform(0.3 * _SPEED_MM_S, _SPEED_MM_S, _BLOCK)
@@ -195,8 +196,9 @@ def _swaps(spread: float, samples: int) -> Outcome:
         output = synthesizer.render(speed, force)
         seconds.append(time.thread_time() - started)
         power += float(np.mean(output**2))
+        expected += _power(model, speed[:100], force[:100])
         peak = max(peak, float(np.abs(output).max()))
-    error = power / len(seconds) - 1.0
+    error = power / expected - 1.0
     ratio, nanoseconds = _flatness(seconds)
     return Outcome(
         f"power off by {error:+.1%}, peak {peak:.1f}, {nanoseconds:.0f} ns, {ratio:.2f} x",
@@ -209,20 +211,28 @@ def _fades(samples: int) -> Outcome:
     """Jump about the plane while one model after the other is faded in."""
     generator = np.random.default_rng(9)
     synthesizer = Synthesizer(limit_m_s2=np.inf, seed=3, fade_samples=1000)
-    power = peak = 0.0
-    for second in range(samples // 1000):
-        synthesizer.model = many_filters(1.4, seed=second)
+    power = expected = peak = 0.0
+    models = [many_filters(1.4, seed=second) for second in range(samples // 1000)]
+    for before, model in zip([models[0], *models], models, strict=False):
+        synthesizer.model = model
         speed = generator.uniform(0.3 * _SPEED_MM_S, _SPEED_MM_S, 1000)
         force = generator.uniform(0.3 * _FORCE_N, _FORCE_N, 1000)
         output = synthesizer.render(speed, force)
         power += float(np.mean(output**2))
+        expected += 0.5 * (_power(before, speed, force) + _power(model, speed, force))
         peak = max(peak, float(np.abs(output).max()))
-    error = power / (samples // 1000) - 1.0
+    error = power / expected - 1.0
     return Outcome(
         f"power off by {error:+.1%}, peak {peak:.1f}",
-        held=abs(error) < 0.02 and peak < 8.0,
+        held=abs(error) < 0.05 and peak < 8.0,
         figures={"power_error": error, "peak": peak},
     )
+
+
+def _power(model: TextureModel, speed: FloatArray, force: FloatArray) -> float:
+    """Return the mean power of a model's filters at n strokes, each (n,)."""
+    lsf, variance = model.at(speed, force)
+    return float(output_power(variance, lsf_to_reflection(lsf)).mean())
 
 
 def _flatness(seconds: list[float]) -> tuple[float, float]:

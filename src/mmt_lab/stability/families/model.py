@@ -65,12 +65,12 @@ def _plane(points: FloatArray, queries: int) -> Outcome:
     microseconds = 1e6 * (time.thread_time() - started) / len(speed)
     gaps = np.diff(lsf, prepend=0.0, append=np.pi, axis=1)
     power = output_power(variance, lsf_to_reflection(lsf))
-    highest = float(power.max() / model.samples.power.max())
+    highest = float(variance.max() / model.samples.variance.max())
     rendered = Synthesizer(model, limit_m_s2=np.inf).render(speed, force)
     area, least = _areas(model)
     return Outcome(
-        f"{len(model.vertices)} vertices, area 1 {area - 1.0:+.0e}, power to {highest:.3f} of the "
-        f"largest, {microseconds:.1f} us a query",
+        f"{len(model.vertices)} vertices, area 1 {area - 1.0:+.0e}, variance to {highest:.3f} of "
+        f"the largest, {microseconds:.1f} us a query",
         held=bool(
             gaps.min() > 0.0
             and power.min() >= 0.0

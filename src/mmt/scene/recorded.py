@@ -1,0 +1,21 @@
+"""The scene of a recorded session, also of one that an earlier version recorded."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from mmt.scene import Scene
+from mmt.scene.files import scene_from_tables
+from mmt.scene.texture_table import by_method
+
+
+def scene_of_recording(tables: Mapping[str, Any], origin: str) -> Scene:
+    """Return the scene that a session was recorded with.
+
+    Raises
+    ------
+    InputError
+        The recorded scene is not valid; `origin` is what the message calls it.
+    """
+    if isinstance(tables.get("texture"), Mapping):
+        tables = {**tables, "texture": by_method(tables["texture"])}
+    return scene_from_tables(tables, origin=origin)

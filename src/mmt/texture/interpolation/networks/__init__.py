@@ -1,0 +1,1 @@
+"""The radial basis function network of paper B."""

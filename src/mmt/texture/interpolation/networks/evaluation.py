@@ -1,0 +1,178 @@
+"""The network of a texture model at a point: level and filter, in compiled code, made valid.
+
+The network goes through level and line spectral frequencies (LSF) of the samples. It is no convex
+combination: between samples it overshoots, beyond them it follows its polynomial. What paper B
+leaves open is done here: the level is not negative, no larger than `LEVEL_ROOM` allows, and falls
+to zero from the slowest and the lightest sample on at the latest; the LSF are replaced by the
+nearest valid ones: at least a gap apart, and each within what the samples have of it, which keeps
+them from 0 and pi. With the gaps taken out, ``z_i = w_i - i gap``, valid means ascending within
+ascending bounds, and pooling adjacent violators, each pool at its mean within its bounds, finds the
+nearest (least squares) in O(m) (Best, Chakravarti and Ubhaya, "Minimizing separable convex
+functions subject to simple chain constraints", SIAM J. Optim. 10 (2000), 658-672).
+"""
+
+import math
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.core.compiled import kernel
+from mmt.texture.autoregression.split import separate
+from mmt.texture.interpolation.networks.solving import RadialBasisNetwork
+
+LEVEL_ROOM: Final = 2.0
+"""Largest level over the samples' largest: the level goes on rising beyond the fastest and
+strongest of them, and an extrapolation gone wild is held."""
+
+LEAST_GAP: Final = 0.03
+"""In rad: just below the smallest gap, 0.038 rad, of the HaTT models at 1 kHz."""
+
+LEAST_REACH: Final = 0.01
+"""Normalised speed and force from which on the level falls to zero, whatever the samples."""
+
+_GAP, _UNIT, _SLOWEST, _LIGHTEST = range(4)  # the first row of the tail
+_LOWEST, _HIGHEST, _COEFFICIENTS = 1, 2, 3  # rows of the tail
+_BLOCK = 32  # terms added up before they join the sum: the rounding grows as n/32 + 32, not as n
+_LARGEST_LEVEL = 1e300
+
+
+def network_arrays(points: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Solve for the network of samples.
+
+    Parameters
+    ----------
+    points
+        Normalised, shape (n, d).
+    values
+        Level and LSF, shape (n, 1 + order).
+
+    Returns
+    -------
+    rows
+        Point and weights of each sample, shape (n, d + 1 + order).
+    tail
+        First the least gap of the LSF (rad), the unit of the level, and the least normalised speed
+        and force of a sample; then least and largest values; then the polynomial's coefficients.
+        Shape (4 + d, max(4, 1 + order)).
+    """
+    unit = float(values[:, 0].max()) or 1.0
+    scaled = np.column_stack([values[:, 0] / unit, values[:, 1:]])
+    network = RadialBasisNetwork(points, scaled)
+    speed = points[:, 0] if points.shape[1] == 2 else np.hypot(points[:, 0], points[:, 1])
+    slowest, lightest = (max(float(x.min()), LEAST_REACH) for x in (speed, points[:, -1]))
+    tail = np.zeros((3 + len(network.coefficients), max(4, values.shape[1])))
+    tail[0, :4] = least_gap(values[:, 1:]), unit, slowest, lightest
+    tail[_LOWEST, : values.shape[1]] = values.min(axis=0)
+    tail[_HIGHEST, : values.shape[1]] = values.max(axis=0)
+    tail[_HIGHEST, 0] = LEVEL_ROOM * min(unit, _LARGEST_LEVEL)
+    tail[_COEFFICIENTS:, : values.shape[1]] = network.coefficients
+    return np.ascontiguousarray(np.hstack([points, network.weights])), tail
+
+
+def least_gap(lsf: FloatArray) -> float:
+    """Return the gap to keep for samples (n, m): 0.03 rad, or what they themselves keep.
+
+    Distances from 0 and pi count as gaps.
+    """
+    gaps = np.diff(lsf, axis=1, prepend=0.0, append=math.pi)
+    return float(min(LEAST_GAP, gaps.min()))
+
+
+@kernel("f8(f8[::1], f8, f8)")
+def _reach(point: FloatArray, slowest: float, lightest: float) -> float:
+    """Return 1, or less where the hand is slower or lighter than any sample, 0 at rest."""
+    speed = point[0] if len(point) == 2 else math.hypot(point[0], point[1])
+    return float(min(1.0, speed / slowest, point[len(point) - 1] / lightest))
+
+
+@kernel("void(f8[:, ::1], f8[::1], f8[::1], f8[::1])")
+def _add_radial(rows: FloatArray, point: FloatArray, values: FloatArray, block: FloatArray) -> None:
+    """Add the radial functions' part, block by block of rows."""
+    dimensions, first = len(point), 0
+    while first < len(rows):
+        block[:] = 0.0
+        last = min(first + _BLOCK, len(rows))
+        for j in range(first, last):
+            squared = 0.0
+            for axis in range(dimensions):
+                step = point[axis] - rows[j, axis]
+                squared += step * step
+            phi = 0.5 * squared * math.log(squared) if squared > 0.0 else 0.0
+            for k in range(len(values)):
+                block[k] += phi * rows[j, dimensions + k]
+        for k in range(len(values)):
+            values[k] += block[k]
+        first = last
+
+
+@kernel("void(f8[::1], f8, f8[::1], f8[::1], f8[::1])")
+def nearest_valid_lsf(
+    lsf: FloatArray, gap: float, lowest: FloatArray, highest: FloatArray, work: FloatArray
+) -> None:
+    """Replace frequencies by the nearest ones within bounds that are a gap apart.
+
+    Parameters
+    ----------
+    lsf : (m,)
+        Any numbers; those that are not finite count as pi/2.
+    gap
+        In rad, not negative.
+    lowest, highest : (m,)
+        Bounds inside (0, pi), either of them a gap apart.
+    work : (3 * m,) or longer
+        Scratch.
+
+    Notes
+    -----
+    What rounding leaves together is moved apart by a rounding.
+    """
+    pools = 0  # each with its mean, its value within bounds, and how many it has
+    for i in range(len(lsf)):
+        mean = (lsf[i] if math.isfinite(lsf[i]) else 0.5 * math.pi) - i * gap
+        size, first, least = 1, i, lowest[i] - i * gap
+        value = min(max(mean, least), highest[i] - i * gap)
+        while pools > 0 and work[3 * pools - 2] >= value:
+            pools -= 1
+            before = int(work[3 * pools + 2])
+            share = size / (before + size)
+            mean = work[3 * pools] * (1.0 - share) + mean * share
+            size += before
+            first -= before
+            value = min(max(mean, least), highest[first] - first * gap)
+        work[3 * pools] = mean
+        work[3 * pools + 1] = value
+        work[3 * pools + 2] = size
+        pools += 1
+    i = 0
+    for pool in range(pools):
+        for _ in range(int(work[3 * pool + 2])):
+            lsf[i] = work[3 * pool + 1] + i * gap
+            i += 1
+    separate(lsf)
+
+
+@kernel("void(f8[:, ::1], f8[:, ::1], f8[::1], f8[::1], f8[::1])")
+def network_into(
+    rows: FloatArray,
+    tail: FloatArray,
+    point: FloatArray,
+    values: FloatArray,
+    scratch: FloatArray,
+) -> None:
+    """Write level and LSF (1 + order,) at a point (d,): a valid filter.
+
+    `rows` and `tail` are those of `network_arrays`, and `scratch` holds 4 order + 1 numbers or
+    more. Costs n logarithms and n (1 + order) multiplications, and O(order) for the rest.
+    """
+    values[:] = 0.0
+    _add_radial(rows, point, values, scratch[: len(values)])
+    end = len(values)
+    for i in range(end):
+        values[i] += tail[_COEFFICIENTS, i]
+        for axis in range(len(point)):
+            values[i] += point[axis] * tail[_COEFFICIENTS + 1 + axis, i]
+    bound = tail[_HIGHEST, 0] * _reach(point, tail[0, _SLOWEST], tail[0, _LIGHTEST])
+    values[0] = min(max(values[0], 0.0) * tail[0, _UNIT], bound)
+    lowest, highest = tail[_LOWEST, 1:end], tail[_HIGHEST, 1:end]
+    nearest_valid_lsf(values[1:], tail[0, _GAP], lowest, highest, scratch[end:])

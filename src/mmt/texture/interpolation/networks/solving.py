@@ -1,0 +1,122 @@
+"""A radial basis function network through samples, and its error at each without it.
+
+``f(u) = sum_j w_j phi(|u - q_j|) + d_0 + sum_k d_k u_k`` (Abdulali and Jeon, "Data-Driven Rendering
+of Anisotropic Haptic Textures", 2016, eq. 1). The paper gives this form, a radial function at every
+sample and a polynomial, and names neither: phi is the thin plate spline ``r^2 log r``, the
+smoothest in a plane, which has no shape parameter to choose, with the polynomial of degree 1 that
+it needs (Fasshauer, "Meshfree Approximation Methods with MATLAB", 2007, chapter 8).
+
+The weights are orthogonal to the polynomials, where the matrix K of radial functions is positive
+definite. With U an orthonormal basis of the polynomials' values at the samples,
+``(I - U U^T) K (I - U U^T) + s U U^T`` is so everywhere, and one Cholesky factor solves for all
+outputs. Polynomials that the samples cannot tell apart (fewer samples than polynomials, samples on
+a line or a plane) are not in U.
+
+Cost: n^3 / 3 multiplications; n^3 with the inverse, which the errors take.
+"""
+
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from scipy.linalg import lapack
+from scipy.spatial.distance import cdist
+
+from mmt.core.arrays import FloatArray
+
+SAME_PLANE: Final = 1e-6
+"""A combination of polynomials whose values (n,) are smaller than this is dropped."""
+
+_REFINABLE: Final = 1e-4
+"""Largest relative error of a solution that one step of refinement leaves at 1e-8."""
+
+_EPS: Final = float(np.finfo(np.float64).eps)
+_LEAST_RECIPROCAL_CONDITION: Final = 100.0 * _EPS / _REFINABLE
+_INDISPENSABLE: Final = 1e-10
+"""A sample whose pivot in the inverse, times the system's norm, is no more than this is the only
+one to tell some polynomial: nothing can be said without it."""
+
+
+class RadialBasisNetwork:
+    """The network through samples.
+
+    Samples that all but coincide are smoothed: there the system is too close to singular, and as
+    much is added to its diagonal as gives it twice the least eigenvalue that can be refined.
+
+    Parameters
+    ----------
+    points, values
+        At least one sample, shapes (n, d) and (n, m), finite.
+
+    Attributes
+    ----------
+    weights, coefficients
+        Of the radial functions, (n, m), and of the polynomial, (1 + d, m), constant first.
+    """
+
+    def __init__(self, points: FloatArray, values: FloatArray) -> None:
+        self.points = points
+        polynomials = _polynomials(points)
+        basis, singular, right = np.linalg.svd(polynomials, full_matrices=False)
+        kept = singular > SAME_PLANE
+        self._basis: FloatArray = basis[:, kept]
+        radial = _radial(points, points)
+        projected = self._off(self._off(radial).T)
+        self._scale = max(float(np.abs(projected).sum(axis=0).max()), np.finfo(np.float64).tiny)
+        rounding = _EPS * float(np.abs(radial).sum(axis=0).max()) / _REFINABLE
+        self._factor, added = self._factored(projected, rounding)
+        radial[np.diag_indices_from(radial)] += added
+        self.weights = np.zeros_like(values)
+        for _ in range(2):  # the second time refines
+            self.weights += self._solved(values - radial @ self.weights)
+        rest = self._basis.T @ (values - radial @ self.weights)
+        self.coefficients = np.asarray((right[kept].T / singular[kept]) @ rest)
+
+    def at(self, queries: FloatArray) -> FloatArray:
+        """Return the outputs (q, m) at points (q, d)."""
+        radial = _radial(queries, self.points) @ self.weights
+        return np.asarray(radial + _polynomials(queries) @ self.coefficients)
+
+    @cached_property
+    def inverse(self) -> FloatArray:
+        """The block of the system's inverse that gives the weights from the values, (n, n)."""
+        lower, _ = lapack.dpotri(self._factor, lower=1)
+        full = np.tril(lower) + np.tril(lower, -1).T
+        return np.asarray(self._off(self._off(full).T))
+
+    def is_indispensable(self, pivot: float) -> bool:
+        """Say of a diagonal element of `inverse` whether nothing is known without that sample.
+
+        Of all others the error without the sample is its weight over its pivot (Rippa, "An
+        algorithm for selecting a good value for the parameter c in radial basis function
+        interpolation", Adv. Comput. Math. 11 (1999), 193-210).
+        """
+        return pivot * self._scale <= _INDISPENSABLE
+
+    def _off(self, columns: FloatArray) -> FloatArray:
+        """Return what of columns (n, k) is orthogonal to the polynomials."""
+        return np.asarray(columns - self._basis @ (self._basis.T @ columns))
+
+    def _solved(self, values: FloatArray) -> FloatArray:
+        solved, _ = lapack.dpotrs(self._factor, self._off(values), lower=1)
+        return self._off(solved)
+
+    def _factored(self, projected: FloatArray, rounding: float) -> tuple[FloatArray, float]:
+        """Return the Cholesky factor, and what was added to the diagonal for it."""
+        system = projected + self._scale * (self._basis @ self._basis.T)
+        least = max(_LEAST_RECIPROCAL_CONDITION * self._scale, rounding)
+        factor, failed = lapack.dpotrf(system, lower=1, clean=1)
+        if not failed and lapack.dpocon(factor, self._scale, uplo="L")[0] * self._scale >= least:
+            return np.asarray(factor), 0.0
+        system[np.diag_indices_from(system)] += 2.0 * least
+        return np.asarray(lapack.dpotrf(system, lower=1, clean=1)[0]), 2.0 * least
+
+
+def _radial(queries: FloatArray, centres: FloatArray) -> FloatArray:
+    """Return phi from each of points (q, d) to each centre (n, d), (q, n)."""
+    squared = cdist(queries, centres, "sqeuclidean")
+    return np.asarray(0.5 * squared * np.log(np.where(squared > 0.0, squared, 1.0)))
+
+
+def _polynomials(points: FloatArray) -> FloatArray:
+    return np.column_stack([np.ones(len(points)), points])

@@ -1,1 +1,0 @@
-"""Radial basis function networks (paper B)."""

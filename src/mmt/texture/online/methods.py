@@ -1,0 +1,170 @@
+"""The two ways to model a texture from a stream, and the calls that both have.
+
+Segments become fitted samples (`add`), these a model (`model`), which says the spectrum at a point
+(`TextureModel.spectrum`), and how complete it is (`judge`, `criterion`). All else that the online
+modelling does is the same for both.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Protocol
+
+from mmt.core.arrays import FloatArray
+from mmt.texture.completion.criterion import Criterion
+from mmt.texture.completion.distance import CompletionMonitor
+from mmt.texture.model.fits import Fit, fit_segments, unpacked
+from mmt.texture.model.inputs import InputSpace
+from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.online.work import Work
+from mmt.texture.segmentation.segments import Segment
+from mmt.texture.settings import ModellingSettings
+
+if TYPE_CHECKING:
+    from mmt.texture.field.cells import FieldCells
+
+ModelMaker = Callable[[], TextureModel]
+
+
+class ModellingMethod(Protocol):
+    """A way to model a texture, with what it keeps of one model's stream.
+
+    The calls belong to different stages of an update, which may run at the same time.
+    """
+
+    @property
+    def criterion(self) -> Criterion:
+        """How complete the model is, as of the newest update."""
+
+    def add(self, segments: Sequence[Segment], order: int, numbers: Iterator[int]) -> list[Fit]:
+        """Return segments as fitted samples of an order, each with its own number."""
+
+    def model(self, work: Work, chosen: Sequence[Fit], *, changed: bool) -> ModelMaker | None:
+        """Return what makes the model of an update, None where it is the one before.
+
+        Parameters
+        ----------
+        work
+            What the update has observed.
+        chosen
+            The fits that the model is made of.
+        changed
+            Whether these are other ones than before.
+        """
+
+    def judge(self, work: Work, points: FloatArray, *, anew: bool) -> None:
+        """Evaluate the criterion, where ``anew``, after an update.
+
+        Parameters
+        ----------
+        work
+            With what the update has observed, and what gives its model.
+        points
+            Normalised inputs of the model's samples, shape (n, d).
+        anew
+            False where the update has only taken away what was not there.
+        """
+
+
+def method_of(settings: ModellingSettings, *, deferred: bool = False) -> ModellingMethod:
+    """Return the method that settings name, with nothing of a stream yet.
+
+    ``deferred`` says whether models may be made later than in their update.
+    """
+    if settings.method == "published":
+        return PublishedMethod(settings)
+    return FieldMethod(settings, deferred=deferred)
+
+
+class PublishedMethod:
+    """The model of papers A and B: what was measured, interpolated, until it is densely sampled.
+
+    Parameters
+    ----------
+    settings
+        Settings of the modelling.
+    """
+
+    def __init__(self, settings: ModellingSettings) -> None:
+        self._settings = settings
+        dimensions = InputSpace(settings.inputs).dimensions
+        self.criterion = CompletionMonitor(*settings.distances, dimensions)
+
+    def add(self, segments: Sequence[Segment], order: int, numbers: Iterator[int]) -> list[Fit]:
+        """See `ModellingMethod`."""
+        return fit_segments(segments, order, numbers, self._settings)
+
+    def model(self, work: Work, chosen: Sequence[Fit], *, changed: bool) -> ModelMaker | None:
+        """See `ModellingMethod`."""
+        return _maker(self._settings, chosen, work.noise_power) if changed else None
+
+    def judge(self, work: Work, points: FloatArray, *, anew: bool) -> None:
+        """See `ModellingMethod`; this criterion depends on the samples alone."""
+        if anew:
+            self.criterion.update(points, work.time_s)
+
+
+class FieldMethod:
+    """The model whose level is a field that knows its error, until enough strokes are right.
+
+    Parameters
+    ----------
+    settings
+        Settings of the modelling.
+    deferred
+        See `method_of`.
+    """
+
+    def __init__(self, settings: ModellingSettings, *, deferred: bool = False) -> None:
+        from mmt.texture.completion.uncertainty import UncertaintyCriterion
+        from mmt.texture.online.gathering import Gathering
+
+        self._settings = settings
+        self.criterion: UncertaintyCriterion = UncertaintyCriterion(settings)
+        selects = settings.selection is not None  # its samples tell the level, without outliers
+        self._gathering = None if selects else Gathering(settings, deferred=deferred)
+
+    def add(self, segments: Sequence[Segment], order: int, numbers: Iterator[int]) -> list[Fit]:
+        """See `ModellingMethod`."""
+        return fit_segments(segments, order, numbers, self._settings)
+
+    def model(self, work: Work, chosen: Sequence[Fit], *, changed: bool) -> ModelMaker | None:
+        """See `ModellingMethod`."""
+        if self._gathering is None:
+            return _maker(self._settings, chosen, work.noise_power) if changed else None
+        felt = self._gathering.add(work)
+        if not (changed or (felt and chosen)):
+            return None
+        return _maker(self._settings, chosen, work.noise_power, self._gathering.cells())
+
+    def judge(self, work: Work, points: FloatArray, *, anew: bool) -> None:
+        """See `ModellingMethod`; evaluated as often as the strokes are news."""
+        del points
+        for block in work.observed:
+            self.criterion.observe(block)
+        if anew and (work.forget_from is not None or self.criterion.due):
+            self.criterion.update(work.source(), work.time_s)
+
+
+def _maker(
+    settings: ModellingSettings,
+    chosen: Sequence[Fit],
+    noise_power: float,
+    cells: "Callable[[], FieldCells] | None" = None,
+) -> ModelMaker:
+    """Return what makes the model of fits, at least one, whenever it is called."""
+    return partial(_made, settings, tuple([fit.packed for fit in chosen]), noise_power, cells)
+
+
+def _made(
+    settings: ModellingSettings,
+    packed: tuple[bytes, ...],
+    noise_power: float,
+    cells: "Callable[[], FieldCells] | None",
+) -> TextureModel:
+    return TextureModel(
+        replace(unpacked(packed, InputSpace(settings.inputs)), noise_power=noise_power),
+        method=settings.method,
+        field=None if cells is None else cells(),
+        rate_hz=settings.rate_hz,
+    )
