@@ -1,7 +1,7 @@
 """What a model renders from its samples, by either method."""
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Final, NamedTuple
+from functools import cached_property
+from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -18,61 +18,93 @@ if TYPE_CHECKING:
     from mmt.texture.field.posterior import LevelField
 
 
-class Rendered(NamedTuple):
-    """What a model renders from.
+class Rendered(Protocol):
+    """What a model renders from, each part computed when it is first asked for."""
 
-    Attributes
-    ----------
-    vertices
-        Samples and boundary points.
-    interpolate
-        From these to level and filter over the inputs.
-    level
-        Posterior of the level's logarithm in place of the interpolant's level, None for the
-        latter.
-    """
+    def __init__(
+        self, samples: TextureSamples, cells: "FieldCells | None", rate_hz: float
+    ) -> None: ...
 
-    vertices: Vertices
-    interpolate: Callable[[Vertices], Interpolant]
-    level: "LevelField | None" = None
+    @property
+    def vertices(self) -> Vertices:
+        """Samples and boundary points."""
 
+    @property
+    def interpolant(self) -> Interpolant:
+        """Level and filter over the inputs."""
 
-def published(samples: TextureSamples, cells: "FieldCells | None", rate_hz: float) -> Rendered:
-    """Return LSF and variance linear over speed and force, or the network over velocity and force.
-
-    Papers A and B; neither knows the blocks.
-    """
-    del cells, rate_hz
-    vertices = vertex_table(samples.points, samples.variance, samples.lsf)
-    return Rendered(vertices, networked if samples.space.directed else triangulated)
+    @property
+    def level(self) -> "LevelField | None":
+        """Posterior of the level in place of the interpolant's level, None for the latter."""
 
 
-def field(samples: TextureSamples, cells: "FieldCells | None", rate_hz: float) -> Rendered:
-    """Return LSF linear between smoothed ones, and the level of the blocks, or of the samples."""
-    from mmt.texture.field.posterior import LevelField, field_of_samples
-    from mmt.texture.field.shape_smoothing import smoothed_shapes
+class PublishedRendered:
+    """Papers A and B: LSF and variance linear over speed and force, a network over velocity."""
 
-    lsf = smoothed_shapes(samples, inside=True)
-    vertices = vertex_table(samples.points, samples.power, lsf, inside=True)
-    if cells is None:
-        level = field_of_samples(samples)
-    else:
-        gain = _gain_at(cells.points, vertices, rate_hz)
-        level = LevelField(cells, noise_power=samples.noise_power, gain=gain)
-    return Rendered(vertices, triangulated, level)
+    level = None
 
+    def __init__(self, samples: TextureSamples, cells: "FieldCells | None", rate_hz: float) -> None:
+        del cells, rate_hz
+        self._samples = samples
 
-def _gain_at(points: FloatArray, vertices: Vertices, rate_hz: float) -> FloatArray:
-    """Return what the power that was felt at points (k, d) lacks by the high-pass, (k,).
+    @cached_property
+    def vertices(self) -> Vertices:
+        """See `Rendered`."""
+        samples = self._samples
+        return vertex_table(samples.points, samples.variance, samples.lsf)
 
-    By the nearest filter.
-    """
-    from mmt.texture.signals.high_pass import gain_without_high_pass
-
-    lsf = np.ascontiguousarray(vertices.values[:, 1:])
-    gain = gain_without_high_pass(lsf_to_reflection(lsf), rate_hz)
-    return np.asarray(gain[cKDTree(vertices.points).query(points)[1]])
+    @cached_property
+    def interpolant(self) -> Interpolant:
+        """See `Rendered`."""
+        interpolate = networked if self._samples.space.directed else triangulated
+        return interpolate(self.vertices)
 
 
-RENDERED: Final[dict[Method, Callable[..., Rendered]]] = {"field": field, "published": published}
-"""From samples, blocks or None, and sampling rate (Hz) to what is rendered, by method."""
+class FieldRendered:
+    """LSF linear between smoothed ones, and the level of the blocks, or without of the samples."""
+
+    def __init__(self, samples: TextureSamples, cells: "FieldCells | None", rate_hz: float) -> None:
+        self._samples, self._cells, self._rate_hz = samples, cells, rate_hz
+
+    @cached_property
+    def vertices(self) -> Vertices:
+        """See `Rendered`."""
+        from mmt.texture.field.shape_smoothing import smoothed_shapes
+
+        samples = self._samples
+        lsf = smoothed_shapes(samples, inside=True)
+        return vertex_table(samples.points, samples.power, lsf, inside=True)
+
+    @cached_property
+    def interpolant(self) -> Interpolant:
+        """See `Rendered`."""
+        return triangulated(self.vertices)
+
+    @cached_property
+    def level(self) -> "LevelField | None":
+        """See `Rendered`."""
+        from mmt.texture.field.posterior import LevelField, field_of_samples
+
+        samples, cells = self._samples, self._cells
+        if cells is None:
+            return field_of_samples(samples)
+        gain = self._gain_at(cells.points)
+        return LevelField(cells, noise_power=samples.noise_power, gain=gain)
+
+    def _gain_at(self, points: FloatArray) -> FloatArray:
+        """Return what the power that was felt at points (k, d) lacks by the high-pass, (k,).
+
+        By the nearest sample's filter.
+        """
+        from mmt.texture.signals.high_pass import gain_without_high_pass
+
+        samples = self._samples
+        gain = gain_without_high_pass(lsf_to_reflection(samples.lsf.copy()), self._rate_hz)
+        return np.asarray(gain[cKDTree(samples.points).query(points)[1]])
+
+
+RENDERED: Final[dict[Method, type[Rendered]]] = {
+    "field": FieldRendered,
+    "published": PublishedRendered,
+}
+"""By method."""

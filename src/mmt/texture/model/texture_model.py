@@ -86,7 +86,7 @@ class TextureModel:
         self.points.setflags(write=False)
         self.dimensions = self.space.dimensions
         self.rendered = RENDERED[method](self.samples, self.field, self.rate_hz)
-        self.vertices = self.rendered.vertices.table
+        """What it renders from."""
 
     def __repr__(self) -> str:
         samples, space = self.samples, self.space
@@ -97,10 +97,15 @@ class TextureModel:
             f"{self.rate_hz:g} Hz, {speeds}, {forces}, method {self.method}>"
         )
 
+    @property
+    def vertices(self) -> FloatArray:
+        """Points, level and LSF of samples and boundary points; see `Vertices`."""
+        return self.rendered.vertices.table
+
     @cached_property
     def interpolant(self) -> Interpolant:
         """Filters and, unless a table tells it, the level over the inputs."""
-        return self.rendered.interpolate(self.rendered.vertices)
+        return self.rendered.interpolant
 
     @cached_property
     def kernel_parameters(self) -> FloatArray:
