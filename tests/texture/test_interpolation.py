@@ -64,6 +64,6 @@ def test_vertices_and_edges_are_found_exactly() -> None:
 def test_any_start_leads_to_the_triangle(start: int) -> None:
     mesh = triangulate(cloud(8, 200))
     weights = np.empty(3)
-    triangle = locate(mesh.points, mesh.triangles, start, 0.37, 0.81, weights)
+    triangle = locate(mesh.points, mesh.triangles, start, np.array([0.37, 0.81]), weights)
     found = weights @ mesh.points[mesh.triangles[triangle, :3]]
     np.testing.assert_allclose(found, [0.37, 0.81], atol=1e-12)

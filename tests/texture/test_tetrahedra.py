@@ -6,8 +6,7 @@ from hypothesis.extra import numpy as hnp
 from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import Delaunay
 
-from mmt.texture.interpolation.delaunay import triangulate
-from mmt.texture.interpolation.tetrahedra import locate_3d
+from mmt.texture.interpolation.delaunay import locate, triangulate
 
 CORNERS = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
 
@@ -67,7 +66,7 @@ def test_values_are_continuous_across_faces() -> None:
 def test_any_start_leads_to_the_tetrahedron(start: int) -> None:
     mesh = triangulate(cloud(8, 200))
     weights, point = np.empty(4), np.array([0.37, 0.81, 0.2])
-    found = locate_3d(mesh.points, mesh.triangles, start, point, weights)
+    found = locate(mesh.points, mesh.triangles, start, point, weights)
     np.testing.assert_allclose(weights @ mesh.points[mesh.triangles[found, :4]], point, atol=1e-12)
 
 

@@ -6,8 +6,7 @@ weight: a hand moves continuously, so that a step or two suffices; a scan over a
 follows where the walk does not settle. A visibility walk in a Delaunay triangulation does not run
 in circles (Devillers et al., Walking in a Triangulation, 2002). Weights are barycentric, clipped
 to be non-negative and to sum to one, so that an interpolated value never leaves the range of its
-corners. The kernels for tetrahedra are in `mmt.texture.interpolation.tetrahedra`: one for both
-would be slower by a third in the plane.
+corners.
 
 Building costs O(n log n) (Qhull); locating costs O(1) for a continuous motion.
 """
@@ -20,10 +19,10 @@ from scipy.spatial import Delaunay
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.compiled import kernel
 from mmt.texture.autoregression.split import separate
-from mmt.texture.interpolation.tetrahedra import locate_3d, locate_many_3d
 
 _TOLERANCE = 1e-12
 _FLAT = 1e-12
+_FLAT_AREA = 1e-15
 
 
 @dataclass(frozen=True)
@@ -54,8 +53,7 @@ class Triangulation:
         located = np.ascontiguousarray(np.clip(queries, low, high), dtype=np.float64)
         corners = np.empty((len(located), located.shape[1] + 1), dtype=np.int64)
         weights = np.empty(corners.shape)
-        locate_each = locate_many if located.shape[1] == 2 else locate_many_3d
-        locate_each(self.points, self.triangles, located, corners, weights)
+        locate_many(self.points, self.triangles, located, corners, weights)
         return corners, weights
 
 
@@ -90,149 +88,120 @@ def _without_flat(
     return corners[kept], np.where(opposite >= 0, number[opposite], -1)[kept]
 
 
-@kernel("b1(f8[:, ::1], i8[:, ::1], i8, f8, f8, f8[::1])")
+@kernel("b1(f8[:, ::1], i8[:, ::1], i8, f8[::1], f8[::1])")
 def barycentric(
-    points: FloatArray,
-    triangles: IntArray,
-    triangle: int,
-    x: float,
-    y: float,
-    weights: FloatArray,
+    points: FloatArray, simplices: IntArray, simplex: int, point: FloatArray, weights: FloatArray
 ) -> bool:
-    """Write the weights of (x, y) in a triangle; false where the triangle has no area.
+    """Write the weights (d + 1,) of a point (d,) in a simplex; false where that is flat.
 
-    Twice the signed area is computed from edges relative to one corner, so that its
-    rounding error is relative to the triangle and not to the plane. `points` may have
-    further columns; only the first two are read.
+    Areas and volumes are computed from edges relative to one corner, so that their rounding
+    errors are relative to the simplex and not to the space. `points` may have further columns;
+    only the first d are read.
     """
-    a, b, c = triangles[triangle, 0], triangles[triangle, 1], triangles[triangle, 2]
-    bx, by = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
-    cx, cy = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1]
-    area = bx * cy - by * cx
-    if abs(area) <= 1e-15:
-        return False
-    px, py = x - points[a, 0], y - points[a, 1]
-    weights[1] = (px * cy - py * cx) / area
-    weights[2] = (bx * py - by * px) / area
-    weights[0] = 1.0 - weights[1] - weights[2]
+    a, b, c = simplices[simplex, 0], simplices[simplex, 1], simplices[simplex, 2]
+    ax, ay = points[a, 0], points[a, 1]
+    bx, by, cx, cy = points[b, 0] - ax, points[b, 1] - ay, points[c, 0] - ax, points[c, 1] - ay
+    px, py = point[0] - ax, point[1] - ay
+    if len(point) == 2:
+        area = bx * cy - by * cx
+        if abs(area) <= _FLAT_AREA:
+            return False
+        weights[1] = (px * cy - py * cx) / area
+        weights[2] = (bx * py - by * px) / area
+        weights[0] = 1.0 - weights[1] - weights[2]
+        return True
+    d, az = simplices[simplex, 3], points[a, 2]
+    bz, cz, pz = points[b, 2] - az, points[c, 2] - az, point[2] - az
+    dx, dy, dz = points[d, 0] - ax, points[d, 1] - ay, points[d, 2] - az
+    ux, uy, uz = cy * dz - cz * dy, cz * dx - cx * dz, cx * dy - cy * dx
+    volume = bx * ux + by * uy + bz * uz
+    vx, vy, vz = py * bz - pz * by, pz * bx - px * bz, px * by - py * bx
+    weights[1] = (px * ux + py * uy + pz * uz) / volume
+    weights[2] = -(dx * vx + dy * vy + dz * vz) / volume
+    weights[3] = (cx * vx + cy * vy + cz * vz) / volume
+    weights[0] = 1.0 - weights[1] - weights[2] - weights[3]
     return True
 
 
-@kernel("i8(f8[:, ::1], i8[:, ::1], f8, f8, f8[::1])")
-def _scan(points: FloatArray, triangles: IntArray, x: float, y: float, weights: FloatArray) -> int:
+@kernel("i8(f8[::1])")
+def _least(weights: FloatArray) -> int:
+    least = 0
+    for corner in range(1, len(weights)):
+        if weights[corner] < weights[least]:
+            least = corner
+    return least
+
+
+@kernel("i8(f8[:, ::1], i8[:, ::1], f8[::1], f8[::1])")
+def _scan(points: FloatArray, simplices: IntArray, point: FloatArray, weights: FloatArray) -> int:
     best, best_least = 0, -np.inf
-    for triangle in range(triangles.shape[0]):
-        if barycentric(points, triangles, triangle, x, y, weights):
-            least = min(weights[0], weights[1], weights[2])
+    for simplex in range(simplices.shape[0]):
+        if barycentric(points, simplices, simplex, point, weights):
+            least = weights[_least(weights)]
             if least > best_least:
-                best, best_least = triangle, least
-    barycentric(points, triangles, best, x, y, weights)
+                best, best_least = simplex, least
+    barycentric(points, simplices, best, point, weights)
     return best
 
 
-@kernel("i8(f8[:, ::1], i8[:, ::1], i8, f8, f8, f8[::1])")
+@kernel("i8(f8[:, ::1], i8[:, ::1], i8, f8[::1], f8[::1])")
 def locate(
-    points: FloatArray,
-    triangles: IntArray,
-    start: int,
-    x: float,
-    y: float,
-    weights: FloatArray,
+    points: FloatArray, simplices: IntArray, start: int, point: FloatArray, weights: FloatArray
 ) -> int:
-    """Return the triangle that holds (x, y) and write its clipped barycentric weights.
+    """Return the simplex that holds a point and write its clipped barycentric weights.
 
     Parameters
     ----------
     points
-        Shape (n, 2 or more); the first two columns are coordinates.
-    triangles
-        Shape (t, 6), see `Triangulation`.
+        Shape (n, d or more); the first d columns are coordinates.
+    simplices
+        Shape (t, 2 (d + 1)), see `Triangulation`.
     start
-        The triangle to walk from; any integer.
-    x, y
-        A point of the unit square.
+        The simplex to walk from; any integer.
+    point
+        Shape (d,), finite. Outside of them all it gets a point of their surface.
     weights
-        Shape (3,), written.
+        Shape (d + 1,), written: not negative, with sum one.
     """
-    count = triangles.shape[0]
-    triangle = start if 0 <= start < count else 0
+    count, corners = simplices.shape[0], len(weights)
+    simplex = start if 0 <= start < count else 0
     found = False
     for _ in range(count + 1):
-        if not barycentric(points, triangles, triangle, x, y, weights):
+        if not barycentric(points, simplices, simplex, point, weights):
             break
-        least = 0
-        if weights[1] < weights[least]:
-            least = 1
-        if weights[2] < weights[least]:
-            least = 2
+        least = _least(weights)
         if weights[least] >= -_TOLERANCE:
             found = True
             break
-        opposite = triangles[triangle, 3 + least]
+        opposite = simplices[simplex, corners + least]
         if opposite < 0:
             break
-        triangle = opposite
+        simplex = opposite
     if not found:
-        triangle = _scan(points, triangles, x, y, weights)
+        simplex = _scan(points, simplices, point, weights)
     total = 0.0
-    for corner in range(3):
+    for corner in range(corners):
         weights[corner] = max(weights[corner], 0.0)
         total += weights[corner]
-    for corner in range(3):
+    for corner in range(corners):
         weights[corner] /= total
-    return triangle
+    return simplex
 
 
 @kernel("void(f8[:, ::1], i8[:, ::1], f8[:, ::1], i8[:, ::1], f8[:, ::1])")
 def locate_many(
     points: FloatArray,
-    triangles: IntArray,
+    simplices: IntArray,
     queries: FloatArray,
     corners: IntArray,
     weights: FloatArray,
 ) -> None:
-    """Locate queries (k, 2) one after the other; write corners (k, 3) and weights (k, 3)."""
-    triangle = 0
+    """Locate queries (k, d) one after the other; write corners and weights, each (k, d + 1)."""
+    simplex = 0
     for index in range(queries.shape[0]):
-        triangle = locate(
-            points, triangles, triangle, queries[index, 0], queries[index, 1], weights[index]
-        )
-        for corner in range(3):
-            corners[index, corner] = triangles[triangle, corner]
-
-
-@kernel("b1(f8[:, ::1], i8[:, ::1], i8, f8[::1], f8[::1])")
-def _mean_of_three(
-    rows: FloatArray, links: IntArray, found: int, weights: FloatArray, values: FloatArray
-) -> bool:
-    """Write a triangle's mean; say whether its frequencies ascend."""
-    a, b, c = links[found, 0], links[found, 1], links[found, 2]
-    of_a, of_b, of_c = weights[0], weights[1], weights[2]
-    before, apart = 0.0, True
-    values[0] = of_a * rows[a, 2] + of_b * rows[b, 2] + of_c * rows[c, 2]
-    for k in range(1, len(values)):
-        value = of_a * rows[a, 2 + k] + of_b * rows[b, 2 + k] + of_c * rows[c, 2 + k]
-        apart = apart and before < value < np.pi
-        values[k] = before = value
-    return apart
-
-
-@kernel("b1(f8[:, ::1], i8[:, ::1], i8, f8[::1], f8[::1])")
-def _mean_of_four(
-    rows: FloatArray, links: IntArray, found: int, weights: FloatArray, values: FloatArray
-) -> bool:
-    """Write a tetrahedron's mean; say whether its frequencies ascend."""
-    a, b, c, d = links[found, 0], links[found, 1], links[found, 2], links[found, 3]
-    of_a, of_b, of_c, of_d = weights[0], weights[1], weights[2], weights[3]
-    before, apart = 0.0, True
-    for k in range(len(values)):
-        value = of_a * rows[a, 3 + k] + of_b * rows[b, 3 + k]
-        value += of_c * rows[c, 3 + k] + of_d * rows[d, 3 + k]
-        values[k] = value
-        if k > 0:
-            apart = apart and before < value < np.pi
-            before = value
-    return apart
+        simplex = locate(points, simplices, simplex, queries[index], weights[index])
+        for corner in range(corners.shape[1]):
+            corners[index, corner] = simplices[simplex, corner]
 
 
 @kernel("i8(f8[:, ::1], i8[:, ::1], i8, f8[::1], f8[::1], f8[::1])")
@@ -245,12 +214,18 @@ def linear_into(
     scratch: FloatArray,
 ) -> int:
     """Write the mean of a simplex' corners by their weights; return the simplex."""
-    if len(point) == 2:
-        found = locate(rows, links, hint, point[0], point[1], scratch)
-        apart = _mean_of_three(rows, links, found, scratch, values)
-    else:
-        found = locate_3d(rows, links, hint, point, scratch)
-        apart = _mean_of_four(rows, links, found, scratch, values)
+    dimensions = len(point)
+    weights = scratch[: dimensions + 1]
+    found = locate(rows, links, hint, point, weights)
+    values[:] = 0.0
+    for corner in range(dimensions + 1):
+        row, weight = links[found, corner], weights[corner]
+        for k in range(len(values)):
+            values[k] += weight * rows[row, dimensions + k]
+    before, apart = 0.0, True
+    for k in range(1, len(values)):
+        apart = apart and before < values[k] < np.pi
+        before = values[k]
     if not apart:  # rounding has let frequencies meet
         separate(values[1:])
     return found
