@@ -15,11 +15,12 @@ from mmt.session import write_session
 from mmt.testing.simulation.course import CourseChange, SurfaceCourse
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import get_surface
-from mmt.texture.completion.distance import STOP_DISTANCE, distance_sum
+from mmt.texture.completion.distance import distance_sum
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import trials
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.segmentation.bottom_up import CELL
+from mmt.texture.settings import DISTANCES
 
 DURATION_S = 12.0
 
@@ -200,4 +201,4 @@ def test_the_shipped_model_can_be_rendered() -> None:
     assert scene.rendering is not None
     assert scene.rendering.model is not None
     model = TextureModel.load(scene.rendering.model)
-    assert distance_sum(model.points) < STOP_DISTANCE
+    assert distance_sum(model.points) < DISTANCES["isotropic"].stop

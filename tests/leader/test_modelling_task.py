@@ -58,7 +58,7 @@ class SlowModeller:
             added=0,
             removed=0,
             distance=9.0,
-            progress=CompletionMonitor().progress,
+            progress=CompletionMonitor(ModellingSettings(method="published")).progress,
             order=None,
             started=False,
             stopped=self.stops,

@@ -21,6 +21,7 @@ from mmt.texture.completion.distance import CompletionMonitor, cell_distances, d
 from mmt.texture.interpolation.boundary import RIM
 from mmt.texture.model.inputs import ANISOTROPIC
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
+from mmt.texture.settings import ModellingSettings
 from mmt.web.binary_messages import pack
 from mmt.web.monitor.live import MOST_SAMPLES, LiveMessages
 from mmt.web.monitor.states import (
@@ -183,7 +184,7 @@ def test_what_is_rendered_is_called_what_it_is(
 
 
 def test_a_criterion_says_its_value_its_cells_and_where_a_stroke_is_wanted() -> None:
-    monitor = CompletionMonitor()
+    monitor = CompletionMonitor(ModellingSettings(method="published"))
     monitor.update(np.array([[0.2, 0.2], [0.3, 0.2]]), 1.0)
     growing = completion_header(monitor.progress, None, None)
     assert growing["value"] == sum(cell_distances(np.array([[0.2, 0.2], [0.3, 0.2]])))

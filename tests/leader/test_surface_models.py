@@ -16,6 +16,7 @@ from mmt.leader.vibration import VibrationSwitch
 from mmt.scene import Scene
 from mmt.texture.completion.distance import CompletionMonitor
 from mmt.texture.online.work import Made, ModelUpdate
+from mmt.texture.settings import ModellingSettings
 from mmt.texture.surfaces import SurfaceChange
 
 FADE = 50
@@ -170,7 +171,7 @@ def state(
         added=0,
         removed=0,
         distance=5.0,
-        progress=CompletionMonitor().progress,
+        progress=CompletionMonitor(ModellingSettings(method="published")).progress,
         order=10,
         started=started,
         stopped=stopped,

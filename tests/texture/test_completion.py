@@ -10,8 +10,6 @@ from scipy.spatial import cKDTree
 from mmt.texture.completion.distance import (
     CELL_CENTRES,
     FARTHEST,
-    PLANE_CELLS,
-    STOP_DISTANCE,
     VELOCITY_CELLS,
     CompletionMonitor,
     cell_distances,
@@ -19,12 +17,8 @@ from mmt.texture.completion.distance import (
 )
 from mmt.texture.settings import DISTANCES, ModellingSettings
 
+PUBLISHED = ModellingSettings(method="published")
 POINTS = hnp.arrays(np.float64, (6, 2), elements=st.floats(0.0, 1.0))
-
-
-def test_the_threshold_is_the_papers() -> None:
-    assert pytest.approx(4.2426, abs=1e-4) == STOP_DISTANCE
-    assert len(CELL_CENTRES) == 9
 
 
 def test_boundary_points_alone_would_switch_without_data() -> None:
@@ -60,14 +54,14 @@ def test_an_added_sample_never_raises_the_sum(
 
 
 def test_the_monitor_remembers_when_each_criterion_was_met() -> None:
-    monitor = CompletionMonitor()
+    monitor = CompletionMonitor(PUBLISHED)
     monitor.update(np.empty((0, 2)), 1.0)
     assert not monitor.started
-    assert math.isfinite(monitor.distance)
+    assert math.isfinite(monitor.progress.value)
     monitor.update(CELL_CENTRES[:5], 2.0)
-    first = monitor.distance
+    first = monitor.progress.value
     monitor.update(np.repeat(CELL_CENTRES, 3, axis=0), 3.0)
-    assert monitor.distance == 0.0 < first
+    assert monitor.progress.value == 0.0 < first
     assert monitor.stop_s == 3.0
     monitor.update(np.repeat(CELL_CENTRES, 3, axis=0), 4.0)
     assert monitor.stop_s == 3.0
@@ -85,13 +79,16 @@ def strokes(count: int, seed: int = 0) -> np.ndarray:
 
 
 def test_the_settings_hold_the_derived_thresholds() -> None:
-    for inputs, cells in (("isotropic", PLANE_CELLS), ("anisotropic", VELOCITY_CELLS)):
-        expected = pytest.approx((cells.start_distance, cells.stop_distance), abs=0.005)
-        assert DISTANCES[inputs] == expected
-        settings = ModellingSettings(inputs=inputs)
-        assert settings.distances == DISTANCES[inputs]
+    """Eq. (1), and the share of the samples with which it starts, in either space."""
+    plane_stop = 9 * 3 * math.hypot(1 / 3, 1 / 3) / 3
+    share = (plane_stop / 7.5) ** 2
+    space_stop = 27 * 4 * math.hypot(2 / 3, 2 / 3, 1 / 3) / 3
+    space_start = space_stop * share ** (-1 / 3)
+    assert DISTANCES["isotropic"] == pytest.approx((7.5, plane_stop), abs=0.005)
+    assert DISTANCES["anisotropic"] == pytest.approx((space_start, space_stop), abs=0.005)
+    for inputs, usual in DISTANCES.items():
+        assert ModellingSettings(inputs=inputs).distances == usual
     assert ModellingSettings(method="published", start_distance=9.0).distances == (9.0, 4.243)
-    assert pytest.approx(7.5) == PLANE_CELLS.start_distance
 
 
 def test_every_cell_of_velocity_and_force_can_be_reached() -> None:

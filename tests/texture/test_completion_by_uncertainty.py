@@ -212,7 +212,7 @@ def test_an_operator_who_keeps_to_one_line_completes_it():
     model = model_of(np.column_stack([speed, force]))
     judge.update(model, float(seconds))
     assert judge.stopped
-    published = CompletionMonitor()
+    published = CompletionMonitor(ModellingSettings(method="published"))
     published.update(model.points, float(seconds))
     assert not published.started
 

@@ -183,7 +183,7 @@ def test_a_model_that_is_complete_stays_as_it_is_until_the_end(
 
 
 def test_a_criterion_that_foreign_samples_have_met_is_taken_back() -> None:
-    monitor = CompletionMonitor(start_distance=20.0, stop_distance=10.0)
+    monitor = CompletionMonitor(replace(SETTINGS, start_distance=20.0, stop_distance=10.0))
     corners = np.array([[x, y] for x in (0.2, 0.5, 0.8) for y in (0.2, 0.5, 0.8)])
     monitor.update(corners, 5.0)
     assert (monitor.started, monitor.stopped) == (True, True)

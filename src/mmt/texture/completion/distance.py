@@ -7,8 +7,12 @@ centre the distances to the three nearest samples are added. Boundary points nev
 With the heading as well, every axis is cut in three again, velocity from -300 to 300 mm/s:
 27 boxes. Only the reachable part of each box counts, at most 300 mm/s in any direction, and its
 centre is that of this part. Four neighbours are summed, as many as enclose a point of space, as
-three do in the plane. Eq. (1) asks for a mean distance of a third of a cell's
-diagonal, and so does the sum here.
+three do in the plane.
+
+Eq. (1) asks for a mean distance of a third of a cell's diagonal, a sum of 4.243 in the plane and,
+likewise, 36 in space. Rendering starts at 7.5 (section V.C, about ten samples). Distances among n
+samples go with ``n^(-1/d)``: 7.5 is reached with 0.32 of the samples that 4.243 takes, which gives
+52.63 in space. These are `mmt.texture.settings.DISTANCES`.
 """
 
 import math
@@ -20,19 +24,11 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.texture.completion.criterion import Progress, Thresholds
-from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC
-from mmt.texture.settings import CriterionScale
+from mmt.texture.model.inputs import InputSpace
+from mmt.texture.settings import ModellingSettings
 
 DIVISIONS: Final = 3
 NEIGHBOURS: Final = 3
-
-STOP_DISTANCE: Final = (
-    DIVISIONS**2 * NEIGHBOURS * math.hypot(1 / DIVISIONS, 1 / DIVISIONS) / NEIGHBOURS
-)
-"""Eq. (1): 4.243; modelling of an isotropic texture ends here."""
-
-START_DISTANCE: Final = 7.5
-"""Section V.C: rendering from the model may start here (about ten samples)."""
 
 FARTHEST: Final = math.sqrt(2.0)
 """The plane's diagonal stands in for a neighbour that does not exist yet, so that the sum is
@@ -60,36 +56,18 @@ class Cells:
         Normalised centres, shape (c, d).
     neighbours
         Number of nearest samples whose distances are summed at each centre.
-    diagonal
-        Diagonal of a whole cell.
     farthest
         The largest distance within the space, which stands in for a missing neighbour.
     """
 
     centres: FloatArray
     neighbours: int
-    diagonal: float
     farthest: float
 
     @property
     def empty(self) -> float:
         """The sum without any sample."""
         return len(self.centres) * self.neighbours * self.farthest
-
-    @property
-    def stop_distance(self) -> float:
-        """Eq. (1): the sum where the mean distance is a third of a cell's diagonal."""
-        return len(self.centres) * self.neighbours * self.diagonal / 3.0
-
-    @property
-    def start_distance(self) -> float:
-        """The sum with the share of the samples that starts an isotropic texture.
-
-        Distances among n samples go with ``n^(-1/d)``: paper A's 7.5 is reached with 0.32
-        of the samples that 4.243 takes.
-        """
-        share = (STOP_DISTANCE / START_DISTANCE) ** 2
-        return float(self.stop_distance * share ** (-1.0 / self.centres.shape[1]))
 
 
 def _reachable_centres() -> FloatArray:
@@ -107,17 +85,10 @@ def _reachable_centres() -> FloatArray:
     return np.array(rows)
 
 
-PLANE_CELLS: Final = Cells(
-    CELL_CENTRES, NEIGHBOURS, math.hypot(1 / DIVISIONS, 1 / DIVISIONS), FARTHEST
-)
+PLANE_CELLS: Final = Cells(CELL_CENTRES, NEIGHBOURS, FARTHEST)
 """Cells of the plane of speed and force."""
 
-VELOCITY_CELLS: Final = Cells(
-    _reachable_centres(),
-    NEIGHBOURS + 1,
-    math.hypot(2 / DIVISIONS, 2 / DIVISIONS, 1 / DIVISIONS),
-    math.hypot(2.0, 1.0),
-)
+VELOCITY_CELLS: Final = Cells(_reachable_centres(), NEIGHBOURS + 1, math.hypot(2.0, 1.0))
 """Cells of the space of velocity vector and force."""
 
 
@@ -160,38 +131,23 @@ class CompletionMonitor(Thresholds):
 
     Parameters
     ----------
-    start_distance, stop_distance
-        Thresholds on `distance_sum`.
-    dimensions
-        Dimensions of the model's input space, 2 or 3.
+    settings
+        Modelling settings: inputs and thresholds.
     """
 
-    def __init__(
-        self,
-        start_distance: float = START_DISTANCE,
-        stop_distance: float = STOP_DISTANCE,
-        dimensions: int = 2,
-    ) -> None:
-        super().__init__(
-            CriterionScale("distance", "completion sum", start_distance, stop_distance, rises=False)
-        )
-        self._dimensions = dimensions
-        self._space = ISOTROPIC if dimensions == 2 else ANISOTROPIC
-        self.progress = self._at(np.empty((0, dimensions)))
+    def __init__(self, settings: ModellingSettings) -> None:
+        super().__init__(settings.scale)
+        self._space = InputSpace(settings.inputs)
+        self.progress = self._at(np.empty((0, self._space.dimensions)))
 
     def update(self, points: FloatArray, time_s: float) -> None:
         """Evaluate normalised samples (n, d) of a model at a session time in seconds."""
         self.progress = self._at(points)
         self.meet(self.progress.value, time_s)
 
-    @property
-    def distance(self) -> float:
-        """The newest sum."""
-        return self.progress.value
-
     def _at(self, points: FloatArray) -> Progress:
         distances = cell_distances(points)
-        centres = cells_of(self._dimensions).centres * self._space.scale
+        centres = cells_of(self._space.dimensions).centres * self._space.scale
         return Progress(
             scale=self.scale,
             value=float(distances.sum()),

@@ -87,8 +87,7 @@ class PublishedMethod:
 
     def __init__(self, settings: ModellingSettings) -> None:
         self._settings = settings
-        dimensions = InputSpace(settings.inputs).dimensions
-        self.criterion = CompletionMonitor(*settings.distances, dimensions)
+        self.criterion = CompletionMonitor(settings)
 
     def add(self, segments: Sequence[Segment], order: int, numbers: Iterator[int]) -> list[Fit]:
         """See `ModellingMethod`."""
