@@ -13,7 +13,7 @@ from mmt.texture.autoregression.effective_sample_size import (
     log_power_scatter,
 )
 from mmt.texture.autoregression.forms import reflection_to_lsf
-from mmt.texture.model.fits import fit_segments
+from mmt.texture.online.methods import FieldMethod
 from mmt.texture.settings import ModellingSettings
 
 
@@ -73,7 +73,7 @@ def test_segments_of_narrow_lines_are_worth_what_their_spectrum_says_whatever_th
         span = SimpleNamespace(start=start, stop=start + count, vibration_m_s2=sum(parts)[1000:])
         segments.append(span)
     for order in (4, 12):
-        fits = fit_segments(segments, order, itertools.count(), ModellingSettings())
+        fits = FieldMethod(ModellingSettings()).add(segments, order, itertools.count())
         assert {fit.count for fit in fits} == {count}
         alone = np.array([fit.effective for fit in fits])
         counts = np.full(60, float(count))

@@ -19,9 +19,9 @@ from mmt.texture.autoregression.simulation import simulate_ar
 from mmt.texture.autoregression.spectra import lsf_spectrum
 from mmt.texture.field.cells import FieldCells
 from mmt.texture.field.posterior import LevelField
-from mmt.texture.model.fits import fit_segments
 from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.online.methods import method_of
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import Method, ModellingSettings
 from mmt.texture.signals.biquad import butterworth_high_pass
@@ -90,7 +90,8 @@ def test_smoothed_fits_are_of_the_vibration_before_the_filter_and_measured_ones_
     off_db = {}
     methods: tuple[Method, ...] = ("published", "field")
     for method in methods:
-        fits = fit_segments(segments, 8, itertools.count(), ModellingSettings(method=method))
+        by = method_of(ModellingSettings(method=method))
+        fits = by.add(segments, 8, itertools.count())
         lsf, variance = np.array([fit.lsf for fit in fits]), np.array([x.variance for x in fits])
         mean = lsf_spectrum(lsf, variance, low_hz, 1000.0).mean()
         off_db[method] = 10 * np.log10(mean / truth)

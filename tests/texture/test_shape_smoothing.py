@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.texture.autoregression.effective_sample_size import effective_samples, lengths
+from mmt.texture.autoregression.effective_sample_size import effective_samples
 from mmt.texture.autoregression.forms import reflection_to_lsf
 from mmt.texture.field.shape_smoothing import LARGEST, smoothed, smoothed_shapes
 from mmt.texture.interpolation.boundary import boundary
@@ -155,15 +155,3 @@ def test_where_level_and_shape_are_processes_the_shape_is_the_process_between_sa
     np.testing.assert_allclose(found, expected, atol=1e-7)
     assert len(model.vertices) == 12 + len(around) + len(inside)
     assert len(TextureModel(samples, method="published").vertices) == 12 + len(around)
-
-
-def test_lengths_are_what_effective_lengths_came_from():
-    lsf = truth(scattered(10))
-    counts = np.arange(120.0, 1020.0, 90.0)
-    effective = effective_samples(lsf, counts)
-    np.testing.assert_allclose(lengths(lsf, effective), counts)
-    power = np.ones(10)
-    samples = TextureSamples(scattered(10), lsf, power, power, effective=effective)
-    np.testing.assert_allclose(samples.lengths, counts)
-    told = TextureSamples(scattered(10), lsf, power, power, effective=effective, counts=power)
-    np.testing.assert_array_equal(told.lengths, power)

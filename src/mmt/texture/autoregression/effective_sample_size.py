@@ -45,14 +45,6 @@ def effective_samples(lsf: FloatArray, counts: FloatArray) -> FloatArray:
     return np.asarray(np.maximum(longest * _independent(lsf), LEAST))
 
 
-def lengths(lsf: FloatArray, effective: FloatArray) -> FloatArray:
-    """Return the lengths (n,) in samples of stretches of given effective sample sizes.
-
-    The inverse of `effective_samples`, except where that was raised to `LEAST`.
-    """
-    return np.asarray(effective / _independent(lsf))
-
-
 def _independent(lsf: FloatArray) -> FloatArray:
     """Return effective over actual sample size, above 0 and at most 1, shape (n,)."""
     if not len(lsf):

@@ -1,4 +1,4 @@
-"""What the criteria of completion share: their protocol, progress and thresholds.
+"""What the criteria of completion share: progress and thresholds.
 
 A criterion says when a model is good enough to render from, and when modelling may stop. There are
 two: the published sum of distances (`mmt.texture.completion.distance`) and the share of strokes
@@ -7,7 +7,7 @@ whose level is expected to be right (`mmt.texture.completion.uncertainty`). Each
 """
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from mmt.texture.settings import CriterionScale
 
@@ -42,35 +42,18 @@ class Progress:
         return {"criterion": self.scale.criterion, "value": round(self.value, 4)}
 
 
-class Criterion(Protocol):
-    """A criterion of completion, as of the newest update of the model.
+class Criterion:
+    """Base of the criteria of completion, as of the newest update of the model.
 
     Attributes
     ----------
+    scale
+        What is measured, and the thresholds.
     progress
         Progress after the newest update.
     start_s, stop_s
         The session time at which each threshold was first met, None before.
     """
-
-    progress: Progress
-    start_s: float | None
-    stop_s: float | None
-
-    def revoke_since(self, since_s: float) -> None:
-        """Revoke thresholds met later than `since_s` that the present value does not meet."""
-
-    @property
-    def started(self) -> bool:
-        """Whether rendering from the model may start."""
-
-    @property
-    def stopped(self) -> bool:
-        """Whether modelling is to end."""
-
-
-class Thresholds:
-    """Base of criteria: session times at which the thresholds of a scale were first met."""
 
     progress: Progress
 

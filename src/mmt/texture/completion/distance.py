@@ -23,7 +23,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.texture.completion.criterion import Progress, Thresholds
+from mmt.texture.completion.criterion import Criterion, Progress
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.settings import ModellingSettings
 
@@ -126,8 +126,8 @@ def distance_sum(points: FloatArray) -> float:
     return float(cell_distances(points).sum())
 
 
-class CompletionMonitor(Thresholds):
-    """Completion criterion on the sum of distances; implements `criterion.Criterion`.
+class CompletionMonitor(Criterion):
+    """Completion criterion on the sum of distances.
 
     Parameters
     ----------

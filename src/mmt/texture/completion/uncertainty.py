@@ -33,7 +33,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
-from mmt.texture.completion.criterion import Progress, Thresholds
+from mmt.texture.completion.criterion import Criterion, Progress
 from mmt.texture.completion.distance import DIVISIONS, cells_of
 from mmt.texture.field.covariance import Coordinates, grid_nodes, warped
 from mmt.texture.field.posterior import DB, LevelField, right_probability
@@ -230,8 +230,8 @@ def outlook(field: LevelField, grid: CompletionGrid, weights: FloatArray) -> Out
     return Outlook(DB * found.deviation, found.within(nepers), np.asarray(gain))
 
 
-class UncertaintyCriterion(Thresholds):
-    """Completion criterion on the uncertainty of the level; implements `Criterion`.
+class UncertaintyCriterion(Criterion):
+    """Completion criterion on the uncertainty of the level.
 
     Parameters
     ----------

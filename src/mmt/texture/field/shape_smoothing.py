@@ -99,7 +99,7 @@ def smoothed_shapes(samples: TextureSamples, *, inside: bool = False) -> FloatAr
     Samples are weighted by their lengths; where these are not known all count alike. ``inside``
     says whether the boundary has its points inside the space as well.
     """
-    weights = np.ones(len(samples)) if samples.lengths is None else samples.lengths
+    weights = np.ones(len(samples)) if samples.counts is None else samples.counts
     around = boundary(samples.space.dimensions, inside=inside).points
     return smoothed(samples.points, samples.lsf, weights, around)
 

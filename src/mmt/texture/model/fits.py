@@ -8,8 +8,8 @@ the same recursion led on to the highest automatic order: the common order is no
 shape of a few hundred samples bears, and so shows narrow lines broader than they are, and powers
 worth more.
 
-For the method "field" filters and powers are those of the vibration before the high-pass of
-the modelling (`mmt.texture.signals.high_pass`).
+Filters and powers are those of the vibration behind the high-pass of the modelling, or before it
+(`mmt.texture.signals.high_pass`).
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -68,9 +68,17 @@ def automatic_order(segments: Sequence[Segment], settings: ModellingSettings) ->
 
 
 def fit_segments(
-    segments: Sequence[Segment], order: int, numbers: Iterator[int], settings: ModellingSettings
+    segments: Sequence[Segment],
+    order: int,
+    numbers: Iterator[int],
+    settings: ModellingSettings,
+    *,
+    behind_high_pass: bool,
 ) -> list[Fit]:
-    """Fit segments, each with a number of its own; what gives no filter is left out."""
+    """Fit segments, each with a number of its own; what gives no filter is left out.
+
+    ``behind_high_pass`` says whether filters and powers are as measured.
+    """
     usable = [segment for segment in segments if len(segment.vibration_m_s2) > order]
     if not usable:
         return []
@@ -80,7 +88,7 @@ def fit_segments(
     fits = burg_batch(vibration, max(order, resolving))
     effective = effective_samples(_lsf_of(fits, resolving), counts)
     lsf, variance, power = _lsf_of(fits, order), fits.variances[:, order], fits.power
-    if settings.method == "field":
+    if not behind_high_pass:
         reflection, gain = without_high_pass(fits.reflection, order, settings.rate_hz)
         lsf, power = reflection_to_lsf(reflection), power * gain
         variance = power * np.prod(1.0 - np.square(reflection), axis=1)

@@ -1,14 +1,12 @@
 """Fitted segments: what a texture model is built from."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
-from mmt.texture.autoregression.effective_sample_size import lengths
 from mmt.texture.autoregression.order_limit import LARGEST_ORDER
 from mmt.texture.model.inputs import ISOTROPIC, InputSpace
 
@@ -81,17 +79,6 @@ class TextureSamples:
     def points(self) -> FloatArray:
         """Normalised inputs, shape (n, d)."""
         return self.space.normalise(self.inputs)
-
-    @cached_property
-    def lengths(self) -> FloatArray | None:
-        """How many samples each segment has, (n,), None where nothing tells it.
-
-        Without `counts`, as in a model file of an earlier version, those from which `effective`
-        follows by the filters themselves.
-        """
-        if self.counts is not None:
-            return self.counts
-        return None if self.effective is None else lengths(self.lsf, self.effective)
 
     def frozen(self) -> Self:
         """Return a copy whose arrays cannot be written."""

@@ -91,7 +91,7 @@ class PublishedMethod:
 
     def add(self, segments: Sequence[Segment], order: int, numbers: Iterator[int]) -> list[Fit]:
         """See `ModellingMethod`."""
-        return fit_segments(segments, order, numbers, self._settings)
+        return fit_segments(segments, order, numbers, self._settings, behind_high_pass=True)
 
     def model(self, work: Work, chosen: Sequence[Fit], *, changed: bool) -> ModelMaker | None:
         """See `ModellingMethod`."""
@@ -125,7 +125,7 @@ class FieldMethod:
 
     def add(self, segments: Sequence[Segment], order: int, numbers: Iterator[int]) -> list[Fit]:
         """See `ModellingMethod`."""
-        return fit_segments(segments, order, numbers, self._settings)
+        return fit_segments(segments, order, numbers, self._settings, behind_high_pass=False)
 
     def model(self, work: Work, chosen: Sequence[Fit], *, changed: bool) -> ModelMaker | None:
         """See `ModellingMethod`."""
