@@ -237,3 +237,17 @@ def test_a_history_makes_a_model_when_it_is_asked_for_as_the_live_leader_had_it(
     assert models_alive() >= before + len({update.samples for update in at_once.updates}) - 1
     again = pickle.loads(pickle.dumps(history.updates[-1]))
     assert again.model.to_bytes() == history.updates[-1].model.to_bytes()
+
+
+@pytest.mark.parametrize("method", ["field", "published"])
+def test_a_history_that_is_judged_until_the_start_has_the_same_models(
+    frames: RecordArray, method: Method
+) -> None:
+    blocks, settings = list(update_blocks(frames, 1000)), ModellingSettings(method=method)
+    whole = build(blocks, settings)
+    brief = build(blocks, settings, until_start=True)
+    assert brief.start_s == whole.start_s
+    assert whole.start_s is not None
+    for one, other in zip(brief.updates, whole.updates, strict=True):
+        assert (one.samples, one.order) == (other.samples, other.order)
+    assert brief.model_at(1e9).to_bytes() == whole.model_at(1e9).to_bytes()  # type: ignore[union-attr]

@@ -122,7 +122,7 @@ def evaluate_session(
     if not leader.updates:
         raise InputError(f"session {session.path}: it holds no frames, nothing can be evaluated")
     held_out = choose_held_out(leader.finished, seed)
-    rebuilt = build(blocks(), settings, outside(held_out))
+    rebuilt = build(blocks(), settings, outside(held_out), until_start=True)
     truth, basis_reason = known_texture(session.annotations, settings)
     scorer = Scorer(
         leader=leader,

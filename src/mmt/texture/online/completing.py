@@ -19,9 +19,14 @@ class CompletionStage:
         Settings of the modelling.
     method
         How to model.
+    until_start
+        Whether the criterion is of no interest once it has started.
     """
 
-    def __init__(self, settings: ModellingSettings, method: ModellingMethod) -> None:
+    def __init__(
+        self, settings: ModellingSettings, method: ModellingMethod, *, until_start: bool = False
+    ) -> None:
+        self._until_start = until_start
         self._space = InputSpace(settings.inputs)
         self._rate_hz = settings.rate_hz
         self._method = method
@@ -44,7 +49,8 @@ class CompletionStage:
         if work.chosen:
             points = points_of(work.chosen, self._space)
         revoked = work.forget_from is not None and work.removed_count > 0
-        self._method.judge(work, points, anew=revoked or work.forget_from is None)
+        if not (self._until_start and criterion.started):
+            self._method.judge(work, points, anew=revoked or work.forget_from is None)
         if revoked and work.forget_from is not None:
             criterion.revoke_since((work.forget_from - first_sequence) / self._rate_hz)
         clock.lap("completion")

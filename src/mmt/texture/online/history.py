@@ -213,6 +213,7 @@ def build(
     accept: Callable[[Segment], bool] | None = None,
     *,
     deferred: bool = True,
+    until_start: bool = False,
 ) -> ModelHistory:
     """Build a model from blocks of frames, one update each, to the end of the session.
 
@@ -229,8 +230,11 @@ def build(
     deferred
         Whether models are made when they are asked for, where they can be; False makes each in
         its update, as the live leader does, so that an update takes as long.
+    until_start
+        Whether progress, and when modelling would stop, are of no interest once it has started:
+        what is only rendered is built in less time.
     """
-    modeller = OnlineModeller(settings, accept, deferred=deferred)
+    modeller = OnlineModeller(settings, accept, deferred=deferred, until_start=until_start)
     updates: list[ModelUpdate] = []
     finished: tuple[Segment, ...] = ()
     for block in blocks:

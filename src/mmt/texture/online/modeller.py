@@ -41,6 +41,8 @@ class OnlineModeller:
         segments out with it.
     deferred
         Whether a model is made only when it is asked for; see `BuildingStage`.
+    until_start
+        Whether the criterion is of no interest once it has started.
     """
 
     in_step = False
@@ -52,6 +54,7 @@ class OnlineModeller:
         accept: Callable[[Segment], bool] | None = None,
         *,
         deferred: bool = False,
+        until_start: bool = False,
     ) -> None:
         self.settings = settings or ModellingSettings()
         self.space = InputSpace(self.settings.inputs)
@@ -59,7 +62,7 @@ class OnlineModeller:
         self._method = method_of(self.settings, deferred=deferred)
         self._fitting = FittingStage(self.settings, self._method)
         self._building = BuildingStage(self.settings, self._method, deferred=deferred)
-        self._completing = CompletionStage(self.settings, self._method)
+        self._completing = CompletionStage(self.settings, self._method, until_start=until_start)
 
     @property
     def completion(self) -> Criterion:
