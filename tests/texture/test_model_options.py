@@ -30,11 +30,11 @@ def test_the_points_of_a_model_cannot_be_written() -> None:
 
 def test_a_model_holds_what_its_method_renders() -> None:
     samples = drawn(15)
-    field = TextureModel(samples, rate_hz=800.0)
-    lsf = smoothed_shapes(samples, inside=True)
+    field = TextureModel(samples, rate_hz=800.0, at_once=False)
+    lsf = smoothed_shapes(samples)
     expected = vertex_table(field.points, samples.power, lsf, inside=True).table
     np.testing.assert_array_equal(field.vertices, expected)
-    published = TextureModel(samples, method="published", rate_hz=800.0)
+    published = TextureModel(samples, method="published", rate_hz=800.0, at_once=False)
     expected = vertex_table(published.points, samples.variance, samples.lsf).table
     np.testing.assert_array_equal(published.vertices, expected)
     for model in (field, published):
@@ -43,6 +43,7 @@ def test_a_model_holds_what_its_method_renders() -> None:
         assert model.prepared() is model
         assert made <= model.__dict__.keys()
         again = TextureModel.from_bytes(model.to_bytes())
+        assert made <= again.__dict__.keys()
         assert (again.method, again.rate_hz) == (model.method, 800.0)
 
 

@@ -151,7 +151,7 @@ def test_where_level_and_shape_are_processes_the_shape_is_the_process_between_sa
     assert ((radius < 1.0) & (inside[:, -1] > 0.0) & (inside[:, -1] < 1.0)).all()
     model = TextureModel(samples)
     found = model.at(*(inside * space.scale).T)[0]
-    expected = smoothed_shapes(samples, inside=True)[12 + len(around) :]
+    expected = smoothed_shapes(samples)[12 + len(around) :]
     np.testing.assert_allclose(found, expected, atol=1e-7)
     assert len(model.vertices) == 12 + len(around) + len(inside)
     assert len(TextureModel(samples, method="published").vertices) == 12 + len(around)

@@ -6,7 +6,7 @@ frequency of the common order is estimated as a Gaussian process over the plane,
 and force: a linear part, and a departure with a Matern covariance of smoothness 5/2 (Rasmussen
 and Williams, Gaussian Processes for Machine Learning, 2006, section 2.2). A sample's noise is in
 inverse proportion to its length. What is returned are the posterior means at the samples
-themselves, so that any interpolator may go on with them, and at the points around them, where a
+themselves, for the interpolation to go on with, and at the points around them, where a
 line that follows the speed goes on instead of standing still as a copy of the nearest sample's.
 
 The lengths of the departures are shared, and the ratio of noise to departure is each frequency's
@@ -93,14 +93,14 @@ def smoothed(
     return _kept_apart(result, fitted)
 
 
-def smoothed_shapes(samples: TextureSamples, *, inside: bool = False) -> FloatArray:
+def smoothed_shapes(samples: TextureSamples) -> FloatArray:
     """Return the smoothed frequencies of a model's samples and of its boundary, (n + b, order).
 
-    Samples are weighted by their lengths; where these are not known all count alike. ``inside``
-    says whether the boundary has its points inside the space as well.
+    Samples are weighted by their lengths; where these are not known all count alike.
+    The boundary is that with points inside.
     """
     weights = np.ones(len(samples)) if samples.counts is None else samples.counts
-    around = boundary(samples.space.dimensions, inside=inside).points
+    around = boundary(samples.space.dimensions, inside=True).points
     return smoothed(samples.points, samples.lsf, weights, around)
 
 

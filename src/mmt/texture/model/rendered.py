@@ -72,7 +72,7 @@ class FieldRendered:
         from mmt.texture.field.shape_smoothing import smoothed_shapes
 
         samples = self._samples
-        lsf = smoothed_shapes(samples, inside=True)
+        lsf = smoothed_shapes(samples)
         return vertex_table(samples.points, samples.power, lsf, inside=True)
 
     @cached_property

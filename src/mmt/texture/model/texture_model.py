@@ -58,6 +58,8 @@ class TextureModel:
         Blocks by which the level of ``"field"`` is estimated; None for the samples alone.
     rate_hz
         Sampling rate of the filters.
+    at_once
+        Whether all that rendering needs is computed now, and not when it is first asked for.
 
     Raises
     ------
@@ -73,6 +75,7 @@ class TextureModel:
         method: Method = "field",
         field: "FieldCells | None" = None,
         rate_hz: float = 1000.0,
+        at_once: bool = True,
     ) -> None:
         if method not in RENDERED:
             raise InputError(f"method is {method!r}, allowed are {', '.join(RENDERED)}")
@@ -87,6 +90,8 @@ class TextureModel:
         self.dimensions = self.space.dimensions
         self.rendered = RENDERED[method](self.samples, self.field, self.rate_hz)
         """What it renders from."""
+        if at_once:
+            self.prepared()
 
     def __repr__(self) -> str:
         samples, space = self.samples, self.space

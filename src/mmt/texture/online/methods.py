@@ -166,4 +166,5 @@ def _made(
         method=settings.method,
         field=None if cells is None else cells(),
         rate_hz=settings.rate_hz,
+        at_once=False,
     )
