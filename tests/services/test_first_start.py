@@ -46,10 +46,10 @@ print(json.dumps([told, compiled]))
 """Have what a scene needs compiled, load its parts, and tell what was compiled in this process."""
 
 
-@pytest.fixture(scope="module")
-def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where the numerics are compiled to; the demo does not compile all that a saved model has."""
-    return tmp_path_factory.mktemp("cache")
+@pytest.fixture
+def cache(tmp_path: Path) -> Path:
+    """Where the numerics are compiled to: nothing is there yet."""
+    return tmp_path / "cache"
 
 
 def test_a_first_session_begins_before_modelling_is_compiled_and_is_modelled_whole(
