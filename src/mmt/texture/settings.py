@@ -1,8 +1,7 @@
 """Settings of texture modelling: plain values, with nothing compiled and no validation library.
 
-A key of a scene's ``[texture]`` is one field here, with its default, its bounds (as
-`annotated_types`, which the scene's validation reads) and its meaning, and one line in
-``docs/reference/scene.md``.
+A key of a scene's ``[texture]`` is one field here, with its default, its bounds (see
+`mmt.core.bounds`) and its meaning, and one line in ``docs/reference/scene.md``.
 """
 
 from collections.abc import Mapping
@@ -12,6 +11,8 @@ from typing import Annotated, Any, Final, Literal, NamedTuple
 
 from annotated_types import Ge, Gt, Le, Lt
 
+from mmt.core.bounds import RateHz, check_fields
+from mmt.core.errors import SettingError
 from mmt.texture.autoregression.order_limit import LARGEST_ORDER
 from mmt.texture.interpolation.registry import check_name
 
@@ -119,6 +120,9 @@ class OnlineSelectionSettings:
     largest: Annotated[int, Ge(10), Le(1000)] = 200
     """Number of samples above which redundant ones are left out of the model."""
 
+    def __post_init__(self) -> None:
+        check_fields(self)
+
 
 @dataclass(frozen=True)
 class SurfaceSettings:
@@ -130,6 +134,9 @@ class SurfaceSettings:
     most: Annotated[int, Ge(2), Le(100)] = 20
     """Largest number of surfaces; the one left longest ago is dropped for a new one."""
 
+    def __post_init__(self) -> None:
+        check_fields(self)
+
 
 @dataclass(frozen=True)
 class TextureSettings:
@@ -137,9 +144,8 @@ class TextureSettings:
 
     Raises
     ------
-    ValueError
-        A combination of values is not allowed. Bounds of single values are checked where a scene
-        is read.
+    SettingError
+        A value or a combination of values is not allowed.
     """
 
     method: Method = "custom"
@@ -151,7 +157,7 @@ class TextureSettings:
     normal: Axis = "z"
     """The surface's normal axis; speed is taken in the plane across it, force along it."""
 
-    order: int | Literal["auto"] = "auto"
+    order: Annotated[int, Ge(1), Le(LARGEST_ORDER)] | Literal["auto"] = "auto"
     """Order of all autoregressive filters, 1 to 64, or chosen from the data."""
 
     overlap_samples: Annotated[int, Ge(0), Le(2000)] = 200
@@ -212,39 +218,38 @@ class TextureSettings:
     """A model for each of several surfaces; None for a single model."""
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if self.method == "published":
             self._set_published()
-        if self.order != "auto" and not 1 <= self.order <= LARGEST_ORDER:
-            raise ValueError(f"order is {self.order}, allowed are 'auto' and 1 to {LARGEST_ORDER}")
         start, stop = self.distances
         if stop > start:
-            raise ValueError(
+            raise SettingError(
                 f"stop_distance is {stop:g} and start_distance "
                 f"{start:g}: stop_distance must not exceed start_distance"
             )
         if self.stop_share < self.start_share:
-            raise ValueError(
+            raise SettingError(
                 f"stop_share is {self.stop_share:g} and start_share {self.start_share:g}: "
                 "stop_share must not be below start_share"
             )
         if self.criterion == "uncertainty" and self.level != "gaussian_process":
-            raise ValueError(
+            raise SettingError(
                 f'criterion is "uncertainty" and level "{self.level}", whose error is not known: '
                 'leave level at "gaussian_process", or set criterion to "distance"'
             )
         if self.level != "interpolated" and self.interpolate != "power":
-            raise ValueError(
+            raise SettingError(
                 f'interpolate is "{self.interpolate}" and level "{self.level}": with this level '
                 'nothing is interpolated beside the spectrum\'s shape; leave interpolate at "power"'
             )
         if self.longest_samples < 2 * self.shortest_samples:
-            raise ValueError("longest_samples must be at least twice shortest_samples")
+            raise SettingError("longest_samples must be at least twice shortest_samples")
         check_name(self.interpolator)
 
     def _set_published(self) -> None:
         """Set the keys that the published method has, where nothing else was set."""
         if self.selection is not None:
-            raise ValueError(
+            raise SettingError(
                 'method is "published" and there is a table selection: what is published selects '
                 "from whole trials, by `mmt model select --method published`; leave the table out"
             )
@@ -252,7 +257,7 @@ class TextureSettings:
         for key, value in PUBLISHED[self.inputs].items():
             allowed = {usual[key], *(of[key] for of in PUBLISHED.values())}
             if getattr(self, key) not in allowed:
-                raise ValueError(
+                raise SettingError(
                     f'method is "published" and {key} "{getattr(self, key)}": as published it is '
                     f'"{value}"; leave {key} out, or set method to "custom"'
                 )
@@ -280,5 +285,5 @@ class TextureSettings:
 class ModellingSettings(TextureSettings):
     """Settings of the online modelling: the keys of ``[texture]``, and the stream's rate."""
 
-    rate_hz: float = 1000.0
+    rate_hz: RateHz = 1000.0
     """Sampling rate of the stream."""

@@ -12,7 +12,7 @@ from mmt.texture.field.trend import NO_TREND, Trend
 from mmt.texture.interpolation.interpolator import State
 from mmt.texture.model.file_arrays import Arrays, file_arrays, pack_arrays
 from mmt.texture.model.inputs import InputSpace
-from mmt.texture.model.samples import TextureSamples
+from mmt.texture.model.samples import LARGEST_POWER, TextureSamples
 from mmt.texture.settings import CHANNELS
 
 FORMAT_VERSION: Final = 6
@@ -144,6 +144,8 @@ def contents_of(arrays: Arrays) -> ModelContents:
             _fitted(content, directed=space.directed) if version > 2 else None,
             _field(content, directed=space.directed),
         )
+    except InputError:  # one of a setting is a ValueError too
+        raise
     except KeyError as error:
         raise InputError(f"the array {error} is missing") from error
     except (ValueError, TypeError, IndexError, OverflowError) as error:
@@ -219,6 +221,8 @@ def _field(content: Arrays, *, directed: bool) -> FieldCells | None:
         )
     field = FieldCells(directed, keys, sums, float(content["field_place_mm"]))
     field.check()
+    if not (field.sums[:, 1] <= LARGEST_POWER * np.minimum(field.sums[:, 0], 1e6)).all():
+        raise InputError(f"field_sums holds a mean power above {LARGEST_POWER:g} (m/s2)^2")
     return field
 
 

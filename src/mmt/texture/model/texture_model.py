@@ -17,6 +17,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from mmt.core.arrays import FloatArray, IntArray
+from mmt.core.bounds import RateHz, check
 from mmt.core.errors import InputError
 from mmt.models import find_model
 from mmt.texture.autoregression.forms import lsf_to_reflection
@@ -110,6 +111,7 @@ class TextureModel:
             raise InputError(f'level {level!r} needs interpolate "power", not {interpolate!r}')
         build = load(interpolator)
         samples.check()
+        check("rate_hz", rate_hz, RateHz)
         self.samples = samples.frozen()
         self.interpolate: Interpolated = interpolate
         self.interpolator = interpolator
