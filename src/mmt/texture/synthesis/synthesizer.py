@@ -104,7 +104,7 @@ class Synthesizer:
         """Whether the model is one of velocity, not of speed."""
         return self.model is not None and self.model.space.directed
 
-    def render(self, *inputs: FloatArray) -> FloatArray:
+    def render(self, *inputs: FloatArray, excitation: FloatArray | None = None) -> FloatArray:
         """Return the next n samples of vibration in m/s2.
 
         Parameters
@@ -114,20 +114,22 @@ class Synthesizer:
             force, or velocity x, y and normal force, where speed and normal force alone are a
             stroke along x; each of shape (n,), float64, a column of an array too. Values beyond
             the space are limited to its end; a negative speed or force, and NaN, count as zero.
+        excitation
+            White samples of variance one, (n,), in place of the synthesizer's own, which then do
+            not go on: two renderers of one model, with the same, can be compared sample by sample.
 
         Raises
         ------
         InputError
-            There are not as many inputs as the model's space has, or not all are float64 and
-            of the same length.
+            There are not as many inputs as the model's space has, not all are float64 and of the
+            same length, or the excitation is not as long or not finite.
         """
-        count = len(inputs[0])
         model, generator = self.model, self._generator
         if model is None:
             generator.use(None)
-            return generator.generate(count)
+            return generator.generate(len(inputs[0]))
         if len(inputs) == 2 and model.dimensions == 3:
-            inputs = (inputs[0], np.zeros(count), inputs[1])
+            inputs = (inputs[0], np.zeros(len(inputs[0])), inputs[1])
         if len(inputs) != model.dimensions:
             raise InputError(
                 f"{len(inputs)} inputs were given: the model takes "
@@ -135,6 +137,8 @@ class Synthesizer:
             )
         if generator.rate_hz != model.rate_hz:
             generator.set_rate(model.rate_hz)
+        count = len(inputs[0])
+        noise = generator.draw(count) if excitation is None else _excitation(excitation, count)
         fade, output = self._fade, np.empty(count)
         try:
             is_rendered = _render(
@@ -148,7 +152,7 @@ class Synthesizer:
                 self._renewal,
                 generator.limit_m_s2,
                 generator.release,
-                generator.draw(count),
+                noise,
                 generator.state,
                 self._scratch,
                 output,
@@ -169,6 +173,16 @@ class Synthesizer:
 def _for_kernel(model: TextureModel) -> tuple[int, FloatArray, IntArray, FloatArray, FloatArray]:
     by = model.interpolant
     return by.evaluator.address, by.rows, by.links, by.tail, model.kernel_parameters
+
+
+def _excitation(samples: FloatArray, count: int) -> FloatArray:
+    excitation = np.ascontiguousarray(samples, dtype=np.float64)
+    if excitation.shape != (count,) or not np.isfinite(excitation).all():
+        raise InputError(
+            f"excitation has shape {excitation.shape}: ({count},) finite samples of variance one, "
+            "one for each of the inputs, are needed"
+        )
+    return excitation
 
 
 def _unfit(inputs: tuple[FloatArray, ...]) -> str:
