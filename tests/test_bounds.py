@@ -11,6 +11,8 @@ from pydantic import TypeAdapter, ValidationError
 from mmt.core.bounds import check
 from mmt.core.errors import InputError
 from mmt.scene.texture_table import TEXTURE_TABLE
+from mmt.texture.model.file import arrays_of
+from mmt.texture.model.file_arrays import pack_arrays
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.samples import LARGEST_POWER, TextureSamples
 from mmt.texture.model.texture_model import TextureModel
@@ -110,3 +112,26 @@ def test_the_rate_of_a_model_is_checked(rate_hz: float) -> None:
 def test_the_noise_of_samples_is_checked(noise_power: float) -> None:
     with pytest.raises(InputError, match="noise_power is "):
         TextureModel(replace(samples(1.0), noise_power=noise_power))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("rate_hz", math.nan),
+        ("rate_hz", 0.0),
+        ("rate_hz", -5.0),
+        ("power", np.full(3, 1.7e308)),
+        ("variance", np.array([1.0, math.nan, 1.0])),
+        ("maximum_speed_mm_s", math.inf),
+        ("maximum_force_n", 0.0),
+        ("noise_power", 1.7e308),
+        ("inputs", "none"),
+    ],
+)
+def test_a_model_file_is_checked_by_the_same_rules(name: str, value: Any) -> None:
+    arrays = arrays_of(TextureModel(samples(1.0)).contents)
+    assert TextureModel.from_bytes(pack_arrays(arrays)).rate_hz == 1000.0
+    with pytest.raises(InputError) as caught:
+        TextureModel.from_bytes(pack_arrays({**arrays, name: np.array(value)}))
+    told = str(caught.value)
+    assert told.startswith(name if name != "inputs" else "name is 'none', allowed is")
