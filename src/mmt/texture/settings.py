@@ -13,7 +13,7 @@ from annotated_types import Ge, Gt, Le, Lt
 
 from mmt.core.bounds import RateHz, check_fields
 from mmt.core.errors import SettingError
-from mmt.texture.autoregression.order_limit import LARGEST_ORDER
+from mmt.texture.autoregression.order_limit import Order
 from mmt.texture.interpolation.registry import check_name
 
 Method = Literal["custom", "published"]
@@ -157,7 +157,7 @@ class TextureSettings:
     normal: Axis = "z"
     """The surface's normal axis; speed is taken in the plane across it, force along it."""
 
-    order: Annotated[int, Ge(1), Le(LARGEST_ORDER)] | Literal["auto"] = "auto"
+    order: Order | Literal["auto"] = "auto"
     """Order of all autoregressive filters, 1 to 64, or chosen from the data."""
 
     overlap_samples: Annotated[int, Ge(0), Le(2000)] = 200
