@@ -38,3 +38,20 @@ def test_without_excitation_only_what_the_filter_remembers_is_heard() -> None:
 def test_an_excitation_that_does_not_fit_is_refused(excitation) -> None:
     with pytest.raises(InputError, match="excitation has shape"):
         Synthesizer(model()).render(np.full(100, 100.0), np.ones(100), excitation=excitation)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("seed", -1),
+        ("renewal_samples", 0),
+        ("renewal_samples", 1.5),
+        ("limit_m_s2", np.nan),
+        ("limit_m_s2", -1.0),
+        ("fade_samples", -1),
+        ("fade_samples", np.nan),
+    ],
+)
+def test_numbers_of_a_synthesizer_are_checked(name, value) -> None:
+    with pytest.raises(InputError, match=f"{name} is {value}, allowed is a"):
+        Synthesizer(model(), **{name: value})

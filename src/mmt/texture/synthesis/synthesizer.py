@@ -14,10 +14,13 @@ O(order) for a sample; a renewal in mid-fade costs some three times as much, 0.6
 """
 
 import math
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Ge
 
 from mmt.core.arrays import FloatArray, IntArray
+from mmt.core.bounds import check
 from mmt.core.compiled import kernel
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.lattice import lattice_step, lsf_to_lattice_into
@@ -68,12 +71,17 @@ class Synthesizer:
     seed
         Seed of the excitation.
     renewal_samples
-        Number of samples between updates of the filter to speed and force.
+        Number of samples between updates of the filter to speed and force, 1 or more.
     limit_m_s2
-        Bound on the output.
+        Bound on the output, above 0; infinite for none.
     fade_samples
         Length of the longest fade from one model to the next; 0 changes at once. No fade is
         longer than the model before was rendered.
+
+    Raises
+    ------
+    InputError
+        A number is not in its range.
     """
 
     def __init__(
@@ -85,6 +93,8 @@ class Synthesizer:
         limit_m_s2: float = 60.0,
         fade_samples: int = 0,
     ) -> None:
+        check("renewal_samples", renewal_samples, Annotated[int, Ge(1)])
+        check("fade_samples", fade_samples, Annotated[int, Ge(0)])
         self._fade = UpdateFade(model, fade_samples)
         self._renewal = renewal_samples
         self._generator = Generator(seed=seed, limit_m_s2=limit_m_s2)
@@ -138,7 +148,7 @@ class Synthesizer:
         if generator.rate_hz != model.rate_hz:
             generator.set_rate(model.rate_hz)
         count = len(inputs[0])
-        noise = generator.draw(count) if excitation is None else _excitation(excitation, count)
+        noise = generator.excitation(count, excitation)
         fade, output = self._fade, np.empty(count)
         try:
             is_rendered = _render(
@@ -173,16 +183,6 @@ class Synthesizer:
 def _for_kernel(model: TextureModel) -> tuple[int, FloatArray, IntArray, FloatArray, FloatArray]:
     by = model.interpolant
     return by.evaluator.address, by.rows, by.links, by.tail, model.kernel_parameters
-
-
-def _excitation(samples: FloatArray, count: int) -> FloatArray:
-    excitation = np.ascontiguousarray(samples, dtype=np.float64)
-    if excitation.shape != (count,) or not np.isfinite(excitation).all():
-        raise InputError(
-            f"excitation has shape {excitation.shape}: ({count},) finite samples of variance one, "
-            "one for each of the inputs, are needed"
-        )
-    return excitation
 
 
 def _unfit(inputs: tuple[FloatArray, ...]) -> str:
