@@ -43,7 +43,10 @@ def test_a_part_runs_in_the_services_that_its_values_ask_for() -> None:
         ({"link": 3}, ["link", "3"]),
         ({"session": {"rate_hz": 500}}, ["session.rate_hz", "1000"]),
         ({"session": {"duration_s": float("nan")}}, ["session.duration_s", "finite"]),
-        ({**SIMULATED, "texture": {"order": 99}}, ["order is 99", "1 to 64"]),
+        (
+            {**SIMULATED, "texture": {"order": 99}},
+            ["order is 99", "equal to 64", "'auto'"],
+        ),
         ({**SIMULATED, "texture": {"order": "some"}}, ["texture.order", "'some'"]),
         ({**SIMULATED, "texture": {"axis": "w"}}, ["texture.axis", "dft321"]),
         (

@@ -210,7 +210,7 @@ def test_the_wrong_number_of_inputs_is_explained() -> None:
         Synthesizer(model).render(columns[0], columns[1, :2], columns[2])
     with pytest.raises(InputError, match="int64: each must be"):
         Synthesizer(model).render(*np.ones((3, 3), dtype=np.int64))
-    with pytest.raises(InputError, match="isotropic, anisotropic"):
+    with pytest.raises(InputError, match='"isotropic", "anisotropic"'):
         InputSpace("directed")
     with pytest.raises(InputError, match="maximum_force_n"):
         InputSpace("isotropic", 300.0, 0.0)

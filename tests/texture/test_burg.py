@@ -176,8 +176,9 @@ def test_a_batch_takes_rows_lists_strided_arrays_and_nothing():
     ("x", "order", "words"),
     [
         (np.ones(5), 5, "more than 5 samples"),
-        (np.ones(5), 0, "from 1 to 64"),
-        (np.ones(100), 65, "from 1 to 64"),
+        (np.ones(5), 0, "order is 0, allowed is a whole number at least 1 and at most 64"),
+        (np.ones(100), 2.5, "order is 2.5, allowed is a whole number"),
+        (np.ones(100), 65, "at most 64"),
         (np.ones((5, 5)), 2, "shape"),
         (np.array([0, np.nan, 1, 2, 3]), 2, "not finite"),
         (np.array([0, np.inf, 1, 2, 3]), 2, "not finite"),

@@ -134,7 +134,7 @@ def test_same_noise_same_samples():
     [
         (np.ones(43), np.ones(5), np.zeros(5), 12, "at least 44"),
         (np.ones(64), np.ones(5), np.zeros(4), 12, "one row each"),
-        (np.ones(64), np.ones(5), np.zeros(5), 0, "from 1 to 64"),
+        (np.ones(64), np.ones(5), np.zeros(5), 0, "order is 0, allowed is"),
         (np.r_[np.ones(60), np.nan, 1, 1, 1], np.ones(5), np.zeros(5), 12, "not finite"),
         (np.ones(64), np.full(5, np.inf), np.zeros(5), 12, "not finite"),
         (np.ones(64), np.ones(5), np.full(5, np.nan), 12, "not finite"),

@@ -6,11 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.signal import freqz, lfilter
+from scipy.special import digamma, polygamma
 
 from mmt.texture.autoregression.effective_sample_size import (
     LEAST,
     effective_samples,
-    log_power_scatter,
 )
 from mmt.texture.autoregression.forms import reflection_to_lsf
 from mmt.texture.online.methods import FieldMethod
@@ -40,15 +40,10 @@ def test_the_power_of_segments_scatters_as_their_effective_length_says():
             kept.append(x)
     logarithm = np.log(np.mean(np.square(kept), axis=0) * (1 - 0.64))
     effective = effective_samples(reflection_to_lsf(reflection[None]), np.array([300]))
-    mean, variance = log_power_scatter(effective)
-    assert np.mean(logarithm) == pytest.approx(mean[0], abs=4 * np.sqrt(variance[0] / 4000))
-    assert np.var(logarithm) == pytest.approx(variance[0], rel=0.1)
-
-
-def test_two_independent_samples_scatter_as_an_exponential_number():
-    mean, variance = log_power_scatter(np.array([2.0]))
-    assert mean[0] == pytest.approx(-np.euler_gamma)
-    assert variance[0] == pytest.approx(np.pi**2 / 6)
+    half = 0.5 * effective[0]  # of a chi-square number over its degrees of freedom
+    mean, variance = digamma(half) - np.log(half), polygamma(1, half)
+    assert np.mean(logarithm) == pytest.approx(mean, abs=4 * np.sqrt(variance / 4000))
+    assert np.var(logarithm) == pytest.approx(variance, rel=0.1)
 
 
 def test_segments_of_narrow_lines_are_worth_what_their_spectrum_says_whatever_the_order():

@@ -195,3 +195,18 @@ def test_a_batch_of_frequencies_is_its_rows(convert):
 def test_what_is_no_filter_is_said(convert, values, words):
     with pytest.raises(InputError, match=words):
         convert(np.array(values))
+
+
+@pytest.mark.parametrize(("order", "least"), [(4, 0.9), (8, 0.9), (16, 0.0), (16, 0.9), (24, 0.5)])
+def test_frequencies_tell_their_own_filter_and_that_before_by_their_least_gap(order, least):
+    random = np.random.default_rng(order)
+    for _ in range(4):
+        reflection = random.uniform(least, 1 - 1e-6, order) * random.choice([-1.0, 1.0], order)
+        lsf = reflection_to_lsf(reflection)
+        found = lsf_to_reflection(lsf)
+        exact = oracles.step_down(oracles.lsf_to_ar(lsf))
+        assert oracles.largest_error(found, exact) < 1e-11
+        gap = np.diff(lsf, prepend=0.0, append=np.pi).min()
+        changed = np.abs(found - reflection) / (1 - np.abs(reflection))
+        assert gap < 1e-14 or changed.max() < 4e-15 / gap
+        assert (np.abs(found) < 1.0).all()

@@ -26,6 +26,13 @@ class InputError(MmtError):
     exit_code = 2
 
 
+class SettingError(InputError, ValueError):
+    """A setting that is not allowed.
+
+    A `ValueError` too, which pydantic puts into the sentence of its own that names the table.
+    """
+
+
 class DeviceLost(MmtError):  # noqa: N818 - it is what has happened to the device
     """A device that worked before no longer answers; it may be connected again later."""
 

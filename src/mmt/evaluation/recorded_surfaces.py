@@ -13,6 +13,7 @@ from mmt.session.data import RecordedSession, missing_frames
 from mmt.testing.simulation.course import SurfaceCourse, course_from_annotations
 from mmt.texture.online.history import surface_changes, trials
 from mmt.texture.settings import ModellingSettings
+from mmt.texture.signals.numbering import StreamNumbering
 from mmt.texture.surfaces import SurfaceChange
 
 
@@ -69,7 +70,7 @@ def part_by_surface(session: RecordedSession, settings: ModellingSettings) -> Su
     settings
         Settings of the modelling; ``surfaces`` has those of surface recognition.
     """
-    frames = session.frames
+    frames = StreamNumbering().number(session.frames)
     edges = _stays(list(surface_changes(frames, settings)), frames)
     course = _course(session)
     truth = _truth(course, frames)

@@ -1,8 +1,7 @@
 """Settings of texture modelling: plain values, with nothing compiled and no validation library.
 
-A key of a scene's ``[texture]`` is one field here, with its default, its bounds (as
-`annotated_types`, which the scene's validation reads) and its meaning, and one line in
-``docs/reference/scene.md``.
+A key of a scene's ``[texture]`` is one field here, with its default, its bounds (see
+`mmt.core.bounds`) and its meaning, and one line in ``docs/reference/scene.md``.
 """
 
 from dataclasses import dataclass
@@ -10,7 +9,9 @@ from typing import Annotated, Final, Literal, NamedTuple
 
 from annotated_types import Ge, Gt, Le, Lt
 
-from mmt.texture.autoregression.order_limit import LARGEST_ORDER
+from mmt.core.bounds import RateHz, check_fields
+from mmt.core.errors import SettingError
+from mmt.texture.autoregression.order_limit import Order
 
 Method = Literal["field", "published"]
 Axis = Literal["x", "y", "z"]
@@ -99,6 +100,9 @@ class OnlineSelectionSettings:
     largest: Annotated[int, Ge(10), Le(1000)] = 200
     """Number of samples above which redundant ones are left out of the model."""
 
+    def __post_init__(self) -> None:
+        check_fields(self)
+
 
 @dataclass(frozen=True)
 class SurfaceSettings:
@@ -110,6 +114,9 @@ class SurfaceSettings:
     most: Annotated[int, Ge(2), Le(100)] = 20
     """Largest number of surfaces; the one left longest ago is dropped for a new one."""
 
+    def __post_init__(self) -> None:
+        check_fields(self)
+
 
 @dataclass(frozen=True)
 class TextureSettings:
@@ -117,9 +124,8 @@ class TextureSettings:
 
     Raises
     ------
-    ValueError
-        A combination of values is not allowed. Bounds of single values are checked where a scene
-        is read.
+    SettingError
+        A value or a combination of values is not allowed.
     """
 
     method: Method = "field"
@@ -132,7 +138,7 @@ class TextureSettings:
     normal: Axis = "z"
     """The surface's normal axis; speed is taken in the plane across it, force along it."""
 
-    order: int | Literal["auto"] = "auto"
+    order: Order | Literal["auto"] = "auto"
     """Order of all autoregressive filters, 1 to 64, or chosen from the data."""
 
     overlap_samples: Annotated[int, Ge(0), Le(2000)] = 200
@@ -178,38 +184,34 @@ class TextureSettings:
     """A model for each of several surfaces; None for a single model."""
 
     def __post_init__(self) -> None:
+        check_fields(self)
         self._check_method()
-        if self.order != "auto" and not 1 <= self.order <= LARGEST_ORDER:
-            raise ValueError(f"order is {self.order}, allowed are 'auto' and 1 to {LARGEST_ORDER}")
         start, stop = self.distances
         if stop > start:
-            raise ValueError(
+            raise SettingError(
                 f"stop_distance is {stop:g} and start_distance "
                 f"{start:g}: stop_distance must not exceed start_distance"
             )
         start, stop = self.shares
         if stop < start:
-            raise ValueError(
+            raise SettingError(
                 f"stop_share is {stop:g} and start_share {start:g}: "
                 "stop_share must not be below start_share"
             )
         if self.longest_samples < 2 * self.shortest_samples:
-            raise ValueError("longest_samples must be at least twice shortest_samples")
+            raise SettingError("longest_samples must be at least twice shortest_samples")
 
     def _check_method(self) -> None:
-        if self.method not in THRESHOLDS:
-            allowed = " and ".join(f'"{name}"' for name in THRESHOLDS)
-            raise ValueError(f'method is "{self.method}", allowed are {allowed}')
         for method, keys in THRESHOLDS.items():
             for key in keys if method != self.method else ():
                 if getattr(self, key) != "auto":
                     own = " and ".join(THRESHOLDS[self.method])
-                    raise ValueError(
+                    raise SettingError(
                         f'{key} is of method "{method}", and method is "{self.method}": leave it '
                         f"out, or write {own}"
                     )
         if self.method == "published" and self.selection is not None:
-            raise ValueError(
+            raise SettingError(
                 'method is "published" and there is a table selection: what is published selects '
                 "from whole trials, by `mmt model select --method published`; leave the table out"
             )
@@ -243,5 +245,5 @@ class TextureSettings:
 class ModellingSettings(TextureSettings):
     """Settings of the online modelling: the keys of ``[texture]``, and the stream's rate."""
 
-    rate_hz: float = 1000.0
+    rate_hz: RateHz = 1000.0
     """Sampling rate of the stream."""

@@ -77,7 +77,8 @@ def measure(plan: Plan) -> Findings:
             "over textures: goodness of fit at the resolution of Welch's estimate, power, and "
             "the share of points whose power is within one just noticeable difference (1.36 "
             "dB). Processing time: filtering, segmenting, fitting and triangulating up to "
-            f"then; the least of {plan.rounds} runs, its quartiles over textures."
+            f"then; the least of {plan.rounds} runs, its quartiles over textures, and of an update "
+            "the median over the session."
         ),
         panels=(
             *_panels("session", "by session time", SESSION, by_session),
@@ -101,7 +102,9 @@ class _Run:
         blocks = list(update_blocks(recorded.frames, _PERIOD_FRAMES))
         histories = [build(blocks, settings, deferred=False) for _ in range(plan.rounds)]
         self.history: ModelHistory = histories[0]
-        self._spent_s = np.min([np.cumsum(_durations(history)) for history in histories], axis=0)
+        update_s = np.min([_durations(history) for history in histories], axis=0)
+        self._spent_s = np.cumsum(update_s)
+        self.update_ms = float(np.median(update_s)) * _MILLISECONDS
         truth, reason = known_texture(recorded.annotations, settings)
         if truth is None:
             raise ValueError(reason)
@@ -143,6 +146,7 @@ def _row(method: str, run: _Run, plan: Plan) -> dict[str, str | float | None]:
         "within JND": jnd,
         "complete after (s)": run.history.stop_s,
         "processing (ms)": run.spent_ms(plan.duration_s),
+        "an update (ms)": run.update_ms,
     }
 
 

@@ -10,9 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from mmt.core.arrays import FloatArray
+from mmt.core.bounds import check
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.burg_recursion import burg_each_into, burg_into
-from mmt.texture.autoregression.order_limit import LARGEST_ORDER
+from mmt.texture.autoregression.order_limit import Order
 
 
 class ReflectionFit(NamedTuple):
@@ -97,7 +98,7 @@ def burg_batch(segments: Sequence[FloatArray] | FloatArray, order: int) -> Refle
     InputError
         As `burg`; the message names the segment.
     """
-    _check_order(order)
+    check("order", order, Order)
     arrays = [np.asarray(segment, dtype=np.float64) for segment in segments]
     for index, array in enumerate(arrays):
         _check(array, order, f"segment {index}")
@@ -111,13 +112,8 @@ def burg_batch(segments: Sequence[FloatArray] | FloatArray, order: int) -> Refle
     return ReflectionFits(reflection, variances)
 
 
-def _check_order(order: int) -> None:
-    if not 1 <= order <= LARGEST_ORDER:
-        raise InputError(f"order {order}: from 1 to {LARGEST_ORDER} is allowed")
-
-
 def _check(segment: FloatArray, order: int, name: str) -> None:
-    _check_order(order)
+    check("order", order, Order)
     if segment.ndim != 1 or len(segment) <= order:
         raise InputError(
             f"{name} has shape {segment.shape}: order {order} needs one row of more than"

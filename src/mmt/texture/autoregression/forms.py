@@ -9,10 +9,18 @@ through an all-pole filter, ``x[n] + sum_j a[j] x[n-1-j] = e[n]``. Every form be
 - line spectral frequencies in radians a sample, strictly ascending in (0, pi): what may be
   interpolated, since an average of ordered frequencies stays ordered, hence stable.
 
-Reflection coefficients and line spectral frequencies hold all digits of a model, and convert
-into each other to about 1e-14. Filter coefficients do not: whatever comes back from them has
-lost a factor of up to ``prod (1 + |k|)/(1 - |k|)``: everything, for a low-pass filter of high
-order.
+A line spectral frequency is right to a rounding of itself, and a filter that is told by
+frequencies comes back to about 1e-14, 1e-11 near the unit circle. But there neighbouring
+frequencies are so close that roundings decide which filter they tell: the way from reflection
+coefficients to frequencies and back changes ``1 - |k|`` by some 1e-16 over the least gap between
+two of the frequencies, 0 and pi included, up to 4e-15 over it, of itself. At order 16 with
+coefficients drawn evenly that is 4e-12 in the median; with every ``|k|`` above 0.9 it is 2e-3, and
+in one filter of five nothing is left of ``1 - |k|``. What comes back is stable all the same, with
+its lines where they were, and so is not refused: a pure tone must not end a model. Where ``1 -
+|k|`` matters, keep reflection coefficients.
+
+Filter coefficients hold less: whatever comes back from them has lost a factor of up to
+``prod (1 + |k|)/(1 - |k|)``: everything, for a low-pass filter of high order.
 """
 
 from collections.abc import Callable
@@ -100,7 +108,10 @@ def reflection_to_lsf(reflection: FloatArray) -> FloatArray:
 
 
 def lsf_to_reflection(lsf: FloatArray) -> FloatArray:
-    """Return the reflection coefficients of line spectral frequencies; error about 1e-14.
+    """Return the reflection coefficients of line spectral frequencies, as exactly as these tell.
+
+    The error is about 1e-14, near the unit circle 1e-11; of reflection coefficients that were
+    converted into frequencies before see above.
 
     Raises
     ------

@@ -14,6 +14,7 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.forms import ar_to_reflection, reflection_to_ar
 from mmt.texture.autoregression.order_limit import LARGEST_ORDER
+from mmt.texture.autoregression.reshaping import levinson
 
 _CLOSE_DB = 0.1
 _FLOOR_DB = 60.0
@@ -80,22 +81,20 @@ def all_pole(ar: FloatArray, ma: FloatArray, variance: FloatArray) -> AllPole:
         A filter is not stable.
     """
     filters = list(zip(ar, ma, strict=True))
-    predictors = [_levinson(autocorrelation(a, c, LARGEST_ORDER)) for a, c in filters]
+    lags = np.array([autocorrelation(a, c, LARGEST_ORDER) for a, c in filters])
+    predictors = levinson(lags)
+    errors = lags[:, :1] * np.cumprod((1.0 - predictors) * (1.0 + predictors), axis=1)
     wanted = [_level_db(np.append(1.0, a), c) for a, c in filters]
     for order in range(ar.shape[1], LARGEST_ORDER + 1):
         error = np.array(
             [
-                _difference_db(reflection[:order], errors[order], level)
-                for (reflection, errors), level in zip(predictors, wanted, strict=True)
+                _difference_db(reflection[:order], left[order - 1], level)
+                for reflection, left, level in zip(predictors, errors, wanted, strict=True)
             ]
         )
         if error.max() <= _CLOSE_DB or order == LARGEST_ORDER:
             break
-    return AllPole(
-        np.array([reflection[:order] for reflection, _ in predictors]),
-        np.array([errors[order] for _, errors in predictors]) * variance,
-        error,
-    )
+    return AllPole(predictors[:, :order], errors[:, order - 1] * variance, error)
 
 
 def _pole_autocorrelation(ar: FloatArray, lags: int) -> FloatArray:
@@ -111,26 +110,6 @@ def _pole_autocorrelation(ar: FloatArray, lags: int) -> FloatArray:
     for m in range(len(ar) + 1, lags + 1):
         lag[m] = -ar @ lag[m - len(ar) : m][::-1]
     return lag[: lags + 1]
-
-
-def _levinson(lag: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the reflection coefficients (m,) and residual variances of orders 0 ... m, (m+1,).
-
-    Where rounding leaves nothing to predict, the coefficients are zero from there on.
-    """
-    count = len(lag) - 1
-    reflection, errors = np.zeros(count), np.full(count + 1, lag[0])
-    coefficients = np.zeros(0)
-    for m in range(1, count + 1):
-        error = errors[m - 1]
-        k = -(lag[m] + coefficients @ lag[m - 1 : 0 : -1]) / error if error > 0.0 else 0.0
-        if not abs(k) < 1.0:
-            errors[m:] = error
-            break
-        reflection[m - 1] = k
-        errors[m] = error * (1.0 - k) * (1.0 + k)
-        coefficients = np.append(coefficients + k * coefficients[::-1], k)
-    return reflection, errors
 
 
 def _difference_db(reflection: FloatArray, variance: float, wanted_db: FloatArray) -> float:

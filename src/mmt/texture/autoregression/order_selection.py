@@ -1,12 +1,15 @@
 """Choice of one autoregressive order for all segments of a texture."""
 
 from collections.abc import Sequence
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Le
 
 from mmt.core.arrays import FloatArray
-from mmt.core.errors import InputError
+from mmt.core.bounds import check
 from mmt.texture.autoregression.burg import burg_batch
+from mmt.texture.autoregression.order_limit import Order
 
 _LEAST_SHARE = 2.0**-104  # below the rounding of the samples, where Burg's method has stopped
 
@@ -43,10 +46,8 @@ def choose_order(segments: Sequence[FloatArray], largest: int = 24, smallest: in
     Broersen, "Finite sample criteria for autoregressive order selection", IEEE Trans. Signal
     Process. 48 (2000), 3550-3558.
     """
-    if not 1 <= smallest <= largest:
-        raise InputError(
-            f"smallest order {smallest} to largest {largest}: 1 <= smallest <= largest"
-        )
+    check("largest", largest, Order)
+    check("smallest", smallest, Annotated[Order, Le(largest)])
     variances = burg_batch(segments, largest).variances
     total = np.zeros(largest)
     for segment, row in zip(segments, variances, strict=True):

@@ -10,7 +10,6 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.texture.autoregression.forms import reflection_to_ar
 
 PERIOD: Final = 1024
 """Samples after which autocorrelations repeat: spectra have `PERIOD` / 2 + 1 frequencies."""
@@ -19,15 +18,15 @@ LARGEST_REFLECTION: Final = 1.0 - 1e-9
 _TINY: Final = 1e-300
 
 
-def relative_density(reflection: FloatArray) -> FloatArray:
+def relative_density(ar: FloatArray) -> FloatArray:
     """Return the spectra of filters over their maxima, from 0 to half the rate, (k, f).
 
     Parameters
     ----------
-    reflection
-        Reflection coefficients, shape (k, order).
+    ar
+        Filter coefficients without the leading 1, shape (k, order).
     """
-    response = np.fft.rfft(np.insert(reflection_to_ar(reflection), 0, 1.0, axis=1), PERIOD, axis=1)
+    response = np.fft.rfft(np.insert(ar, 0, 1.0, axis=1), PERIOD, axis=1)
     inverse = np.maximum(np.square(response.real) + np.square(response.imag), _TINY)
     return np.asarray(inverse.min(axis=1, keepdims=True) / inverse)
 

@@ -10,7 +10,7 @@ from mmt.core.errors import InputError
 from mmt.texture.field.cells import FieldCells
 from mmt.texture.model.file_arrays import Arrays, file_arrays, pack_arrays
 from mmt.texture.model.inputs import InputSpace
-from mmt.texture.model.samples import TextureSamples
+from mmt.texture.model.samples import LARGEST_POWER, TextureSamples
 from mmt.texture.settings import Method
 
 FORMAT_VERSION: Final = 7
@@ -91,6 +91,8 @@ def contents_of(arrays: Arrays) -> ModelContents:
         )
         field = _field(content, directed=space.directed) if has_blocks else None
         return ModelContents(samples, method, float(content["rate_hz"]), field)
+    except InputError:  # one of a setting is a ValueError too
+        raise
     except KeyError as error:
         raise InputError(f"the array {error} is missing") from error
     except (ValueError, TypeError, IndexError, OverflowError) as error:
@@ -154,4 +156,6 @@ def _field(content: Arrays, *, directed: bool) -> FieldCells:
         )
     field = FieldCells(directed, keys, sums, float(content["field_place_mm"]))
     field.check()
+    if not (field.sums[:, 1] <= LARGEST_POWER * np.minimum(field.sums[:, 0], 1e6)).all():
+        raise InputError(f"field_sums holds a mean power above {LARGEST_POWER:g} (m/s2)^2")
     return field

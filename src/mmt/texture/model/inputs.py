@@ -10,15 +10,20 @@ keeps its heading.
 """
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 import numpy.typing as npt
+from annotated_types import Gt
 
 from mmt.core.arrays import FloatArray
+from mmt.core.bounds import check_fields
 from mmt.core.compiled import kernel
 from mmt.core.errors import InputError
 from mmt.texture.settings import CHANNELS, MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S, Inputs
+
+Maximum = Annotated[float, Gt(0)]
+"""End of a space."""
 
 _LARGEST: Final = 1e6
 """Normalised values count as no larger, so that the direction of an infinite one is defined."""
@@ -43,17 +48,13 @@ class InputSpace:
     """
 
     name: Inputs = "isotropic"
-    maximum_speed_mm_s: float = MAXIMUM_SPEED_MM_S
-    maximum_force_n: float = MAXIMUM_FORCE_N
+    maximum_speed_mm_s: Maximum = MAXIMUM_SPEED_MM_S
+    maximum_force_n: Maximum = MAXIMUM_FORCE_N
 
     def __post_init__(self) -> None:
-        if self.name not in CHANNELS:
-            raise InputError(f"inputs is {self.name!r}, allowed are {', '.join(CHANNELS)}")
+        check_fields(self)
         for name in ("maximum_speed_mm_s", "maximum_force_n"):
-            value = float(getattr(self, name))
-            if not (np.isfinite(value) and value > 0):
-                raise InputError(f"{name} is {value}: it must be positive and finite")
-            object.__setattr__(self, name, value)
+            object.__setattr__(self, name, float(getattr(self, name)))
 
     @property
     def directed(self) -> bool:

@@ -1,14 +1,22 @@
 """Fitted segments: what a texture model is built from."""
 
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Annotated, Any, Final, Self
 
 import numpy as np
+from annotated_types import Ge, Le
 
 from mmt.core.arrays import FloatArray
+from mmt.core.bounds import check
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.order_limit import LARGEST_ORDER
 from mmt.texture.model.inputs import ISOTROPIC, InputSpace
+
+LARGEST_POWER: Final = 1e300
+"""Largest power, in (m/s2)^2: that of the largest amplitude that is rendered, 1e150 m/s2. Sums over
+a million samples, and levels that go on by their slopes beyond them, are finite with it."""
+
+Power = Annotated[float, Ge(0), Le(LARGEST_POWER)]
 
 
 @dataclass(frozen=True)
@@ -98,8 +106,8 @@ class TextureSamples:
         Raises
         ------
         InputError
-            Shapes disagree, a number is not finite, what cannot be negative is, or an LSF
-            set is not ascending inside (0, pi).
+            Shapes disagree, a number is not finite or beyond `LARGEST_POWER`, what cannot be
+            negative is, or an LSF set is not ascending inside (0, pi).
         """
         lsf, inputs = np.asarray(self.lsf), np.asarray(self.inputs)
         if lsf.ndim != 2 or not 1 <= lsf.shape[1] <= LARGEST_ORDER or not len(lsf):
@@ -120,8 +128,7 @@ class TextureSamples:
                 _check_numbers(name, values, len(lsf))
                 if not (np.asarray(values) > 0.0).all():
                     raise InputError(f"{name} must be positive")
-        if not (np.isfinite(self.noise_power) and self.noise_power >= 0.0):
-            raise InputError(f"noise_power is {self.noise_power}: finite and not negative needed")
+        check("noise_power", self.noise_power, Power)
         inside = np.isfinite(lsf).all() and (lsf > 0).all() and (lsf < np.pi).all()
         if not inside or (np.diff(lsf, axis=1) <= 0).any():
             raise InputError("lsf must ascend strictly inside (0, pi)")
@@ -131,10 +138,9 @@ def _check_numbers(name: str, values: Any, count: int, *, signed: bool = False) 
     values = np.asarray(values)
     if values.shape != (count,):
         raise InputError(f"{name} has shape {values.shape}, ({count},) needed")
-    if not np.isfinite(values).all():
-        raise InputError(f"{name} must be finite and not negative")
-    if not signed and (values < 0).any():
-        raise InputError(f"{name} must be finite and not negative")
+    if not (np.abs(values) <= LARGEST_POWER).all() or (not signed and (values < 0).any()):
+        sign = "" if signed else " and not negative"
+        raise InputError(f"{name} must be finite, at most {LARGEST_POWER:g}{sign}")
 
 
 def _read_only(array: Any) -> FloatArray:

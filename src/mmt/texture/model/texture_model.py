@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mmt.core.arrays import FloatArray, IntArray
+from mmt.core.bounds import RateHz, check
 from mmt.core.errors import InputError
 from mmt.models import find_model
 from mmt.texture.autoregression.spectra import lsf_spectrum
@@ -80,6 +81,7 @@ class TextureModel:
         if method not in RENDERED:
             raise InputError(f"method is {method!r}, allowed are {', '.join(RENDERED)}")
         samples.check()
+        check("rate_hz", rate_hz, RateHz)
         self.samples = samples.frozen()
         self.method: Method = method
         self.rate_hz = float(rate_hz)

@@ -18,6 +18,7 @@ from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
 from mmt.texture.segmentation.bottom_up import CELL
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
+from mmt.texture.signals.numbering import StreamNumbering
 
 if TYPE_CHECKING:
     from mmt.texture.surfaces.changes import SurfaceChange
@@ -154,15 +155,17 @@ def surface_changes(frames: RecordArray, settings: ModellingSettings) -> Iterato
 
     tracker = SurfaceTracker(settings, settings.surfaces or SurfaceSettings())
     look = max(1, round(LOOK_S * settings.rate_hz))
+    numbering = StreamNumbering()
     for start in range(0, len(frames), look):
-        yield from tracker.update(frames[start : start + look])
+        yield from tracker.update(numbering.number(frames[start : start + look]))
 
 
 def update_blocks(frames: RecordArray, period_frames: int) -> Iterator[RecordArray]:
     """Cut a session into the blocks that a live leader models at a time.
 
     A block is full when its newest sequence number is a period ahead of its first one; the
-    rest at the end is a last, shorter block.
+    rest at the end is a last, shorter block. Frames are numbered on where their own numbers start
+    anew or wrap, see `mmt.texture.signals.numbering`.
     """
     return stream_blocks([frames], period_frames)
 
@@ -170,8 +173,8 @@ def update_blocks(frames: RecordArray, period_frames: int) -> Iterator[RecordArr
 def stream_blocks(parts: Iterable[RecordArray], period_frames: int) -> Iterator[RecordArray]:
     """Cut a session that comes in parts of shape (n,) into blocks; see `update_blocks`."""
     frames: RecordArray | None = None
-    highest = -1
-    for part in parts:
+    highest, numbering = -1, StreamNumbering()
+    for part in map(numbering.number, parts):
         frames = part if frames is None else np.concatenate([frames, part])
         newest = np.maximum.accumulate(frames["sequence"].astype(np.int64))
         start = 0

@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
+from mmt.texture.autoregression.forms import reflection_to_ar
 from mmt.texture.autoregression.reshaping import PERIOD, reflection_of, relative_density
 from mmt.texture.signals.filtering import VIBRATION_CUTOFF_HZ
 
@@ -37,7 +38,7 @@ def without_high_pass(
     reflection, gain
         Shapes (k, order) and (k,), the gain being 1 or more.
     """
-    density = relative_density(reflection)
+    density = relative_density(reflection_to_ar(reflection))
     restored, power = reflection_of(density * _given_back(rate_hz), order)
     return restored, power / (density @ _WEIGHTS)
 
@@ -52,7 +53,7 @@ def gain_without_high_pass(reflection: FloatArray, rate_hz: float) -> FloatArray
     rate_hz
         Sampling rate.
     """
-    density = relative_density(reflection)
+    density = relative_density(reflection_to_ar(reflection))
     return np.asarray((density @ _WEIGHTS) / (density @ (_WEIGHTS / _given_back(rate_hz))))
 
 

@@ -20,11 +20,12 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
+from mmt.core.bounds import check
 from mmt.core.compiled import kernel
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.burg_recursion import burg_into
 from mmt.texture.autoregression.lattice import lattice_step
-from mmt.texture.autoregression.order_limit import LARGEST_ORDER
+from mmt.texture.autoregression.order_limit import Order
 
 ORDER: Final = 16
 _LEVEL_SAMPLES: Final = 32
@@ -58,8 +59,7 @@ def continuation(
     samples, gains, excitation = (
         np.ascontiguousarray(values, dtype=np.float64) for values in (past, gain, noise)
     )
-    if not 1 <= order <= LARGEST_ORDER:
-        raise InputError(f"order {order}: from 1 to {LARGEST_ORDER} is allowed")
+    check("order", order, Order)
     if samples.ndim != 1 or len(samples) < order + _LEVEL_SAMPLES:
         raise InputError(
             f"past has shape {samples.shape}: order {order} needs one row of at least"

@@ -9,12 +9,15 @@ memory is never near zero: nothing becomes denormal. Cost: O(order) a sample.
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
+from annotated_types import Ge
 
 from mmt.core.arrays import FloatArray
+from mmt.core.bounds import check
 from mmt.core.compiled import kernel
+from mmt.core.errors import InputError
 from mmt.texture.autoregression.lattice import lattice_step, lsf_to_lattice_into
 from mmt.texture.autoregression.order_limit import LARGEST_ORDER
 from mmt.texture.model.texture_model import TextureModel
@@ -91,6 +94,9 @@ class Generator:
     """
 
     def __init__(self, *, seed: int = 0, rate_hz: float = 1000.0, limit_m_s2: float = 60.0) -> None:
+        check("seed", seed, Annotated[int, Ge(0)])
+        if not limit_m_s2 > 0.0:
+            raise InputError(f"limit_m_s2 is {limit_m_s2}, allowed is a number above 0")
         self.limit_m_s2 = limit_m_s2
         self.set_rate(rate_hz)
         self._random = np.random.default_rng(seed)
@@ -127,6 +133,18 @@ class Generator:
     def reset(self) -> None:
         """Silence the output at once; the excitation goes on."""
         self.state[_AMPLITUDE] = 0.0
+
+    def excitation(self, count: int, given: FloatArray | None) -> FloatArray:
+        """Return samples of variance one (count,): the next of its own, or those that are given."""
+        if given is None:
+            return self.draw(count)
+        samples = np.ascontiguousarray(given, dtype=np.float64)
+        if samples.shape != (count,) or not np.isfinite(samples).all():
+            raise InputError(
+                f"excitation has shape {samples.shape}: ({count},) finite samples of variance one, "
+                "one for each of the inputs, are needed"
+            )
+        return samples
 
     def draw(self, count: int) -> FloatArray:
         """Return the next `count` numbers of one endless sequence, whatever the block sizes."""

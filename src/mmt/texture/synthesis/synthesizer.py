@@ -14,10 +14,13 @@ O(order) for a sample; a renewal in mid-fade costs some three times as much, 0.6
 """
 
 import math
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Ge
 
 from mmt.core.arrays import FloatArray, IntArray
+from mmt.core.bounds import check
 from mmt.core.compiled import kernel
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.lattice import lattice_step, lsf_to_lattice_into
@@ -64,12 +67,17 @@ class Synthesizer:
     seed
         Seed of the excitation.
     renewal_samples
-        Number of samples between updates of the filter to speed and force.
+        Number of samples between updates of the filter to speed and force, 1 or more.
     limit_m_s2
-        Bound on the output.
+        Bound on the output, above 0; infinite for none.
     fade_samples
         Length of the longest fade from one model to the next; 0 changes at once. No fade is
         longer than the model before was rendered.
+
+    Raises
+    ------
+    InputError
+        A number is not in its range.
     """
 
     def __init__(
@@ -81,6 +89,8 @@ class Synthesizer:
         limit_m_s2: float = 60.0,
         fade_samples: int = 0,
     ) -> None:
+        check("renewal_samples", renewal_samples, Annotated[int, Ge(1)])
+        check("fade_samples", fade_samples, Annotated[int, Ge(0)])
         self._fade = UpdateFade(model, fade_samples)
         self._renewal = renewal_samples
         self._generator = Generator(seed=seed, limit_m_s2=limit_m_s2)
@@ -100,7 +110,7 @@ class Synthesizer:
         """Whether the model is one of velocity, not of speed."""
         return self.model is not None and self.model.space.directed
 
-    def render(self, *inputs: FloatArray) -> FloatArray:
+    def render(self, *inputs: FloatArray, excitation: FloatArray | None = None) -> FloatArray:
         """Return the next n samples of vibration in m/s2.
 
         Parameters
@@ -110,20 +120,22 @@ class Synthesizer:
             force, or velocity x, y and normal force, where speed and normal force alone are a
             stroke along x; each of shape (n,), float64, a column of an array too. Values beyond
             the space are limited to its end; a negative speed or force, and NaN, count as zero.
+        excitation
+            White samples of variance one, (n,), in place of the synthesizer's own, which then do
+            not go on: two renderers of one model, with the same, can be compared sample by sample.
 
         Raises
         ------
         InputError
-            There are not as many inputs as the model's space has, or not all are float64 and
-            of the same length.
+            There are not as many inputs as the model's space has, not all are float64 and of the
+            same length, or the excitation is not as long or not finite.
         """
-        count = len(inputs[0])
         model, generator = self.model, self._generator
         if model is None:
             generator.use(None)
-            return generator.generate(count)
+            return generator.generate(len(inputs[0]))
         if len(inputs) == 2 and model.dimensions == 3:
-            inputs = (inputs[0], np.zeros(count), inputs[1])
+            inputs = (inputs[0], np.zeros(len(inputs[0])), inputs[1])
         if len(inputs) != model.dimensions:
             raise InputError(
                 f"{len(inputs)} inputs were given: the model takes "
@@ -131,6 +143,8 @@ class Synthesizer:
             )
         if generator.rate_hz != model.rate_hz:
             generator.set_rate(model.rate_hz)
+        count = len(inputs[0])
+        noise = generator.excitation(count, excitation)
         fade, output = self._fade, np.empty(count)
         try:
             is_rendered = _render(
@@ -144,7 +158,7 @@ class Synthesizer:
                 self._renewal,
                 generator.limit_m_s2,
                 generator.release,
-                generator.draw(count),
+                noise,
                 generator.state,
                 self._scratch,
                 output,

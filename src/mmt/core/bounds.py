@@ -1,0 +1,98 @@
+"""Values checked by what they are annotated with.
+
+A field of a settings class says once what is allowed, as a type with bounds of `annotated_types`:
+where a scene is read, pydantic reads the annotation, and `check_fields` does wherever else a
+program makes the settings.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import fields
+from functools import cache
+from numbers import Integral, Real
+from operator import ge, gt, le, lt
+from types import NoneType, UnionType
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Union, get_args, get_origin
+from typing import get_type_hints as type_hints
+
+from annotated_types import Ge, Gt, Le, Lt
+
+from mmt.core.errors import SettingError
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+RateHz = Annotated[float, Ge(1), Le(1e6)]
+"""A sampling rate."""
+
+_BOUNDS: Final[dict[type, tuple[str, str, Callable[[Any, Any], bool]]]] = {
+    Gt: ("gt", "above", gt),
+    Ge: ("ge", "at least", ge),
+    Lt: ("lt", "below", lt),
+    Le: ("le", "at most", le),
+}
+_KINDS: Final = {float: "a finite number", int: "a whole number", str: "a text"}
+
+
+def check_fields(settings: "DataclassInstance") -> None:
+    """Check every field of a dataclass by its annotation.
+
+    Raises
+    ------
+    SettingError
+        A value is not allowed; the message names the field, the value and what is allowed.
+    """
+    allowed = _annotations(type(settings))
+    for field in fields(settings):
+        check(field.name, getattr(settings, field.name), allowed[field.name])
+
+
+def check(name: str, value: object, allowed: Any) -> None:
+    """Check a value by an annotation: a type, with or without bounds, a literal, or a union.
+
+    Raises
+    ------
+    SettingError
+        It is not allowed. A number that is not finite never is, nor 2.5 as a whole number.
+    """
+    if not _fits(value, allowed):
+        raise SettingError(f"{name} is {value!r}, allowed is {_described(allowed)}")
+
+
+@cache
+def _annotations(owner: type) -> dict[str, Any]:
+    return type_hints(owner, include_extras=True)
+
+
+def _fits(value: Any, allowed: Any) -> bool:
+    origin, parts = get_origin(allowed), get_args(allowed)
+    if origin is Annotated:
+        bounds = ((_BOUNDS[type(bound)], bound) for bound in parts[1:])
+        return _fits(value, parts[0]) and all(
+            holds(value, getattr(bound, key)) for (key, _, holds), bound in bounds
+        )
+    if origin in {Union, UnionType}:
+        return any(_fits(value, part) for part in parts)
+    if origin is Literal:
+        return isinstance(value, str) and value in parts
+    if allowed is float:
+        number = isinstance(value, Real) and not isinstance(value, bool)
+        return number and -math.inf < value < math.inf
+    if allowed is int:
+        return isinstance(value, Integral) and not isinstance(value, bool)
+    return isinstance(value, NoneType if allowed is None else allowed)
+
+
+def _described(allowed: Any) -> str:
+    origin, parts = get_origin(allowed), get_args(allowed)
+    if origin is Annotated:
+        bounds = ((_BOUNDS[type(bound)], bound) for bound in parts[1:])
+        limits = (f"{word} {getattr(bound, key):g}" for (key, word, _), bound in bounds)
+        return f"{_described(parts[0])} {' and '.join(limits)}"
+    if origin in {Union, UnionType}:
+        return " or ".join(_described(part) for part in parts)
+    if origin is Literal:
+        return ", ".join(f'"{part}"' for part in parts)
+    if allowed in {None, NoneType}:
+        return "None"
+    return _KINDS.get(allowed, getattr(allowed, "__name__", str(allowed)))

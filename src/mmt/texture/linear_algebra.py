@@ -1,0 +1,173 @@
+"""Cholesky factors, triangular systems and products of small matrices, in the calling thread.
+
+A linear algebra library that is threaded divides matrices from some 64 rows on among its threads,
+and waits for them. Where the other processors are busy, as those of a teleoperation machine are,
+a factor that takes 0.1 ms in one thread has been seen to take 500 ms in two. How many threads the
+library has is for the program to say, not for `mmt`: what modelling repeats in every update is
+computed here instead.
+
+The algorithms are those of LAPACK's ``potrf`` and ``trtrs`` (Golub and Van Loan, Matrix
+Computations, 2013, sections 3.1 and 4.2.6), in blocks of `_BLOCK` rows: the rows of a block stay
+in the processor's nearest cache while they are subtracted from all others.
+"""
+
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.core.compiled import kernel
+
+_BLOCK: Final = 8
+_1, _2, _3, _4 = (np.uint64(step) for step in range(1, 5))
+
+
+def cholesky(matrix: FloatArray) -> FloatArray:
+    """Return the Cholesky factor of a symmetric, positive definite matrix (n, n).
+
+    Only its upper triangle is read. The factor has the upper one, U with ``U.T @ U = matrix``,
+    and its mirror image below, so that it is symmetric: for `solve_forward` and `solve_backward`.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        The matrix is not positive definite, or holds a number that is not finite.
+    """
+    factor = np.array(matrix, np.float64, order="C")
+    if not _factorise(factor):
+        message = "the matrix is not positive definite"
+        raise np.linalg.LinAlgError(message)
+    return factor
+
+
+def solve_forward(factor: FloatArray, rows: FloatArray) -> FloatArray:
+    """Return ``x`` with ``x @ U = rows``, each row whitened: ``U.T @ x[i] = rows[i]``.
+
+    Parameters
+    ----------
+    factor
+        Of `cholesky`, shape (n, n).
+    rows
+        Right-hand sides, shape (n,) or (m, n).
+    """
+    solved = np.array(np.atleast_2d(rows), np.float64, order="C")
+    _forward(factor, solved)
+    return solved.reshape(np.shape(rows))
+
+
+def solve_backward(factor: FloatArray, rows: FloatArray) -> FloatArray:
+    """Return ``x`` with ``x @ U.T = rows``, each row ``U @ x[i] = rows[i]``; see `solve_forward`.
+
+    Both, one after the other, solve ``matrix @ x[i] = rows[i]``.
+    """
+    solved = np.array(np.atleast_2d(rows), np.float64, order="C")
+    _backward(factor, solved)
+    return solved.reshape(np.shape(rows))
+
+
+def product(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the matrix product of (n, k) and (k, m)."""
+    result = np.zeros((len(a), b.shape[1]))
+    _add_product(np.ascontiguousarray(a), np.ascontiguousarray(b), result)
+    return result
+
+
+@kernel("void(f8[:, ::1], u8, u8, u8, f8[::1], u8, f8[:, ::1], u8)")
+def _subtract(
+    out: FloatArray,
+    row: int,
+    column: int,
+    stop: int,
+    weights: FloatArray,
+    count: int,
+    rows: FloatArray,
+    first: int,
+) -> None:
+    """Subtract weighted rows, `count` from the row `first` on, from a row, between two columns.
+
+    Indices are unsigned: of signed ones each would be tested for counting from the end, and the
+    loop would not be vectorised.
+    """
+    if count == _BLOCK:
+        s, t, u, v = weights[0], weights[1], weights[2], weights[3]
+        w, x, y, z = weights[4], weights[5], weights[6], weights[7]
+        a, b, c, d = first, first + _1, first + _2, first + _3
+        e, f, g, h = a + _4, b + _4, c + _4, d + _4
+        for j in range(column, stop):  # in one loop, so that out is read and written once
+            out[row, j] -= (
+                (s * rows[a, j] + t * rows[b, j]) + (u * rows[c, j] + v * rows[d, j])
+            ) + ((w * rows[e, j] + x * rows[f, j]) + (y * rows[g, j] + z * rows[h, j]))
+        return
+    for each in range(count):
+        weight = weights[each]
+        for j in range(column, stop):
+            out[row, j] -= weight * rows[first + each, j]
+
+
+@kernel("b1(f8[:, ::1])")
+def _factorise(matrix: FloatArray) -> bool:
+    """Overwrite a matrix by its factor; returns whether it is positive definite."""
+    size = len(matrix)
+    weights = np.empty(_BLOCK)
+    for begin in range(0, size, _BLOCK):
+        stop = min(begin + _BLOCK, size)
+        for k in range(begin, size):
+            count = min(k, stop) - begin
+            for row in range(count):
+                weights[row] = matrix[begin + row, k]
+            _subtract(matrix, k, k, size, weights, count, matrix, begin)
+            if k < stop:
+                out = matrix[k, k:]
+                if not 0.0 < out[0] < np.inf:
+                    return False
+                root = np.sqrt(out[0])
+                for j in range(len(out)):
+                    out[j] /= root
+    for i in range(size):
+        for j in range(i):
+            matrix[i, j] = matrix[j, i]
+    return True
+
+
+@kernel("void(f8[:, ::1], f8[:, ::1])")
+def _forward(factor: FloatArray, rows: FloatArray) -> None:
+    size = len(factor)
+    weights = np.empty(_BLOCK)
+    for begin in range(0, size, _BLOCK):
+        stop = min(begin + _BLOCK, size)
+        for each in range(len(rows)):
+            row = rows[each]
+            for k in range(begin, stop):
+                value = row[k]
+                for j in range(begin, k):
+                    value -= factor[k, j] * row[j]
+                row[k] = weights[k - begin] = value / factor[k, k]
+            _subtract(rows, each, stop, size, weights, stop - begin, factor, begin)
+
+
+@kernel("void(f8[:, ::1], f8[:, ::1])")
+def _backward(factor: FloatArray, rows: FloatArray) -> None:
+    size = len(factor)
+    weights = np.empty(_BLOCK)
+    for stop in range(size, 0, -_BLOCK):
+        begin = max(stop - _BLOCK, 0)
+        for each in range(len(rows)):
+            row = rows[each]
+            for k in range(stop - 1, begin - 1, -1):
+                value = row[k]
+                for j in range(k + 1, stop):
+                    value -= factor[k, j] * row[j]
+                row[k] = weights[k - begin] = value / factor[k, k]
+            _subtract(rows, each, 0, begin, weights, stop - begin, factor, begin)
+
+
+@kernel("void(f8[:, ::1], f8[:, ::1], f8[:, ::1])")
+def _add_product(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
+    inner = a.shape[1]
+    weights = np.empty(_BLOCK)
+    for begin in range(0, inner, _BLOCK):
+        count = min(_BLOCK, inner - begin)
+        for i in range(len(a)):
+            for row in range(count):
+                weights[row] = -a[i, begin + row]
+            _subtract(out, i, 0, out.shape[1], weights, count, b, begin)

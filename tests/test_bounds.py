@@ -1,0 +1,137 @@
+"""Settings are checked by their annotations, alike wherever they come from."""
+
+import math
+from dataclasses import fields, replace
+from typing import Any, get_type_hints
+
+import numpy as np
+import pytest
+from pydantic import TypeAdapter, ValidationError
+
+from mmt.core.bounds import check
+from mmt.core.errors import InputError
+from mmt.scene.texture_table import TEXTURE_TABLE
+from mmt.texture.model.file import arrays_of
+from mmt.texture.model.file_arrays import pack_arrays
+from mmt.texture.model.inputs import InputSpace
+from mmt.texture.model.samples import LARGEST_POWER, TextureSamples
+from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.settings import (
+    ModellingSettings,
+    OnlineSelectionSettings,
+    SurfaceSettings,
+    TextureSettings,
+)
+
+NUMBERS = [math.nan, math.inf, -math.inf, -1.0, -1, 0, 0.0, 1, 0.5, 2.5, 7, 64, 65, 1e6, 1.7e308]
+OTHERS = ["auto", "delaunay", "no such thing", None, True, []]
+
+
+@pytest.mark.parametrize("owner", [TextureSettings, OnlineSelectionSettings, SurfaceSettings])
+def test_a_value_is_allowed_exactly_where_pydantic_allows_it(owner: type[Any]) -> None:
+    for name, hint in get_type_hints(owner, include_extras=True).items():
+        adapter: TypeAdapter[Any] = TypeAdapter(hint)
+        for value in [*NUMBERS, *OTHERS]:
+            try:
+                adapter.validate_python(value, strict=True)
+                allowed = not isinstance(value, float) or math.isfinite(value)
+            except ValidationError:
+                allowed = False
+            if allowed:
+                check(name, value, hint)
+                continue
+            with pytest.raises(InputError) as caught:
+                check(name, value, hint)
+            assert str(caught.value).startswith(f"{name} is {value!r}, allowed is ")
+
+
+@pytest.mark.parametrize(
+    ("keys", "told"),
+    [
+        ({"start_share": -1}, "start_share is -1, allowed is a finite number above 0 and below 1"),
+        ({"start_share": math.nan}, "start_share is nan"),
+        ({"method": "none"}, "method is 'none', allowed is \""),
+        ({"order": 2.5}, "order is 2.5, allowed is a whole number at least 1 and at most 64"),
+        ({"order": True}, "order is True"),
+        ({"rate_hz": math.nan}, "rate_hz is nan"),
+        ({"rate_hz": 0}, "rate_hz is 0"),
+        ({"rate_hz": -5}, "rate_hz is -5"),
+        ({"least_speed_mm_s": 10**400}, "least_speed_mm_s is 1000"),
+        ({"surfaces": 3}, "surfaces is 3, allowed is SurfaceSettings or None"),
+        ({"longest_samples": 130}, "at least twice"),
+    ],
+)
+def test_settings_of_the_library_are_checked(keys: dict[str, Any], told: str) -> None:
+    with pytest.raises(InputError) as caught:
+        ModellingSettings(**keys)
+    assert told in str(caught.value)
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    keys: dict[str, Any] = {"order": np.int64(5), "rate_hz": np.float32(500.0)}
+    settings = ModellingSettings(**keys)
+    assert (settings.order, settings.rate_hz) == (5, 500.0)
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf, "wide"])
+def test_the_end_of_a_space_is_checked(value: Any) -> None:
+    with pytest.raises(InputError, match=r"maximum_force_n is .*, allowed is a finite"):
+        InputSpace(maximum_force_n=value)
+
+
+def test_a_scene_names_every_value_that_is_not_allowed() -> None:
+    with pytest.raises(ValidationError) as caught:
+        TEXTURE_TABLE.validate_python({"order": 65, "least_force_n": 0.0})
+    assert {problem["loc"][0] for problem in caught.value.errors()} == {"order", "least_force_n"}
+    assert {field.name for field in fields(TextureSettings)} >= {"order", "least_force_n"}
+
+
+def samples(power: float) -> TextureSamples:
+    speed, force = np.array([50.0, 200.0, 120.0]), np.array([0.5, 0.7, 2.0])
+    lsf = np.tile([0.4, 0.9, 1.5, 2.5], (3, 1))
+    return TextureSamples.isotropic(speed, force, lsf, np.full(3, 0.1 * power), np.full(3, power))
+
+
+def test_a_model_of_the_largest_power_is_finite_and_of_more_is_refused() -> None:
+    model = TextureModel(samples(LARGEST_POWER))
+    assert np.isfinite(model.level_db([0.0, 100.0, 300.0], [0.0, 1.0, 3.0])).all()
+    assert np.isfinite(model.spectrum(100.0, 1.0, frequencies_hz=np.arange(0.0, 500.0))).all()
+    for name in ("power", "variance"):
+        broken = replace(samples(1.0), **{name: np.array([1.0, 1.7e308, 1.0])})
+        with pytest.raises(InputError, match=rf"{name} must be finite, at most 1e\+300 and not"):
+            TextureModel(broken)
+
+
+@pytest.mark.parametrize("rate_hz", [math.nan, 0.0, -5.0, math.inf])
+def test_the_rate_of_a_model_is_checked(rate_hz: float) -> None:
+    with pytest.raises(InputError, match=r"rate_hz is .*, allowed is a finite number at least 1"):
+        TextureModel(samples(1.0), rate_hz=rate_hz)
+
+
+@pytest.mark.parametrize("noise_power", [math.nan, -1.0, 1.7e308])
+def test_the_noise_of_samples_is_checked(noise_power: float) -> None:
+    with pytest.raises(InputError, match="noise_power is "):
+        TextureModel(replace(samples(1.0), noise_power=noise_power))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("rate_hz", math.nan),
+        ("rate_hz", 0.0),
+        ("rate_hz", -5.0),
+        ("power", np.full(3, 1.7e308)),
+        ("variance", np.array([1.0, math.nan, 1.0])),
+        ("maximum_speed_mm_s", math.inf),
+        ("maximum_force_n", 0.0),
+        ("noise_power", 1.7e308),
+        ("inputs", "none"),
+    ],
+)
+def test_a_model_file_is_checked_by_the_same_rules(name: str, value: Any) -> None:
+    arrays = arrays_of(TextureModel(samples(1.0)).contents)
+    assert TextureModel.from_bytes(pack_arrays(arrays)).rate_hz == 1000.0
+    with pytest.raises(InputError) as caught:
+        TextureModel.from_bytes(pack_arrays({**arrays, name: np.array(value)}))
+    told = str(caught.value)
+    assert told.startswith(name if name != "inputs" else "name is 'none', allowed is")

@@ -1,0 +1,57 @@
+"""Rendering with given white samples, so that renderers can be compared."""
+
+import numpy as np
+import pytest
+from library_samples import directed, model
+
+from mmt.core.errors import InputError
+from mmt.texture.autoregression.order_limit import LARGEST_ORDER
+from mmt.texture.synthesis.synthesizer import Synthesizer
+
+PARTS = ((0, 1), (1, 400), (400, 700))
+
+
+@pytest.mark.parametrize("made", [model(), directed()])
+def test_the_same_samples_as_the_synthesizers_own_give_the_same_vibration(made) -> None:
+    count = 700
+    random = np.random.default_rng(7)
+    random.standard_normal(LARGEST_ORDER)  # the memory that a filter begins with
+    own = random.standard_normal(count)
+    inputs = [np.linspace(20.0, 250.0, count)] * (made.dimensions - 1)
+    inputs.append(np.linspace(0.2, 2.5, count))
+    given = Synthesizer(made, seed=7)
+    parts = [given.render(*(v[a:b] for v in inputs), excitation=own[a:b]) for a, b in PARTS]
+    np.testing.assert_array_equal(
+        np.concatenate(parts), Synthesizer(made, seed=7).render(*inputs), strict=True
+    )
+
+
+def test_without_excitation_only_what_the_filter_remembers_is_heard() -> None:
+    speed, force = np.full(3000, 100.0), np.ones(3000)
+    rendered = Synthesizer(model(), seed=1).render(speed, force, excitation=np.zeros(3000))
+    assert np.abs(rendered[-100:]).max() < 1e-6 * np.abs(rendered[:100]).max()
+
+
+@pytest.mark.parametrize(
+    "excitation", [np.zeros(99), np.zeros((100, 1)), np.array([np.nan] * 100), np.float64(0.0)]
+)
+def test_an_excitation_that_does_not_fit_is_refused(excitation) -> None:
+    with pytest.raises(InputError, match="excitation has shape"):
+        Synthesizer(model()).render(np.full(100, 100.0), np.ones(100), excitation=excitation)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("seed", -1),
+        ("renewal_samples", 0),
+        ("renewal_samples", 1.5),
+        ("limit_m_s2", np.nan),
+        ("limit_m_s2", -1.0),
+        ("fade_samples", -1),
+        ("fade_samples", np.nan),
+    ],
+)
+def test_numbers_of_a_synthesizer_are_checked(name, value) -> None:
+    with pytest.raises(InputError, match=f"{name} is {value}, allowed is a"):
+        Synthesizer(model(), **{name: value})

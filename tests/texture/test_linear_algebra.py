@@ -1,0 +1,95 @@
+"""Factors and triangular systems, against LAPACK and by what they must reproduce."""
+
+import numpy as np
+import pytest
+import scipy.linalg
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mmt.core.arrays import FloatArray
+from mmt.texture.linear_algebra import cholesky, product, solve_backward, solve_forward
+
+EPSILON = np.finfo(float).eps
+SIZES = [0, 1, 2, 7, 8, 9, 15, 16, 17, 64, 101, 230]
+
+
+def covariance(size: int, seed: int = 0, noise: float = 0.1) -> FloatArray:
+    """Return the covariance (n, n) of a smooth process at random points."""
+    at = np.random.default_rng(seed).random((size, 2))
+    apart = np.square(at[:, None] - at[None]).sum(axis=2)
+    return np.asarray(np.exp(-apart) + noise * np.eye(size))
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_the_factor_is_that_of_lapack(size: int) -> None:
+    matrix = covariance(size)
+    factor = cholesky(matrix)
+    np.testing.assert_allclose(np.triu(factor).T, np.linalg.cholesky(matrix), atol=1e-13)
+    np.testing.assert_array_equal(factor, factor.T)
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("count", [0, 1, 5])
+def test_systems_are_solved_as_lapack_solves_them(size: int, count: int) -> None:
+    matrix = covariance(size)
+    right = np.random.default_rng(1).normal(size=(count, size))
+    upper = np.linalg.cholesky(matrix).T
+    whitened = solve_forward(cholesky(matrix), right)
+    expected = scipy.linalg.solve_triangular(upper, right.T, trans="T").T if size else right
+    np.testing.assert_allclose(whitened, expected, atol=1e-11)
+    solved = solve_backward(cholesky(matrix), whitened)
+    np.testing.assert_allclose(solved @ matrix, right, atol=1e-11)
+
+
+@given(size=st.integers(1, 40), seed=st.integers(0, 99), logarithm=st.floats(-300.0, 300.0))
+def test_the_factor_has_the_errors_that_rounding_allows(
+    size: int, seed: int, logarithm: float
+) -> None:
+    matrix = covariance(size, seed, noise=1e-13) * 10.0**logarithm  # nearly singular
+    upper = np.triu(cholesky(matrix))
+    error = np.abs(upper.T @ upper - matrix).max()
+    assert error <= (size + 1) * EPSILON * np.diagonal(matrix).max()  # Higham 2002, theorem 10.3
+
+
+@given(size=st.integers(1, 40), seed=st.integers(0, 99), count=st.integers(1, 6))
+def test_a_row_is_solved_alike_alone_and_among_others(size: int, seed: int, count: int) -> None:
+    factor = cholesky(covariance(size, seed))
+    rows = np.random.default_rng(seed).normal(size=(count, size))
+    for solve in (solve_forward, solve_backward):
+        together = solve(factor, rows)
+        for row, solved in zip(rows, together, strict=True):
+            np.testing.assert_array_equal(solve(factor, row), solved)
+
+
+def test_arguments_stay_as_they_were() -> None:
+    matrix, rows = covariance(9), np.ones((2, 9))
+    before = matrix.copy()
+    factor = cholesky(matrix)
+    solve_backward(factor, solve_forward(factor, rows))
+    np.testing.assert_array_equal(matrix, before)
+    np.testing.assert_array_equal(rows, 1.0)
+
+
+@pytest.mark.parametrize("size", [1, 8, 20])
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -1.0, 0.0])
+def test_what_is_not_positive_definite_has_no_factor(size: int, bad: float) -> None:
+    matrix = covariance(size)
+    matrix[-1, -1] = bad
+    with pytest.raises(np.linalg.LinAlgError, match="not positive definite"):
+        cholesky(matrix)
+
+
+@given(
+    shape=st.tuples(*[st.integers(0, 20)] * 3),
+    seed=st.integers(0, 99),
+    transposed=st.booleans(),
+)
+def test_a_product_is_that_of_numpy(
+    shape: tuple[int, int, int], seed: int, transposed: bool
+) -> None:
+    rows, inner, columns = shape
+    rng = np.random.default_rng(seed)
+    a, b = rng.normal(size=(rows, inner)), rng.normal(size=(inner, columns))
+    if transposed:
+        a = np.asfortranarray(a)
+    np.testing.assert_allclose(product(a, b), a @ b, atol=1e-13)
