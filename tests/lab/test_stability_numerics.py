@@ -4,10 +4,10 @@ from decimal import Decimal
 
 import numpy as np
 import pytest
+from mmt.texture.field.scatter import Scatter
 from spectrum import arburg
 
 from mmt.texture.autoregression.burg import ReflectionFit, burg
-from mmt.texture.field.scatter import Scatter
 from mmt.texture.model.texture_model import TextureModel
 from mmt_lab.stability.cases import Case, run_case
 from mmt_lab.stability.families import anisotropic, ar, field, lsf, model, networks

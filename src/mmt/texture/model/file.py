@@ -5,9 +5,9 @@ from typing import Final
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray
+from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.errors import InputError
-from mmt.texture.field.cells import FieldCells
+from mmt.texture.field.cells import FELT_POWER, FieldCells
 from mmt.texture.field.trend import NO_TREND, Trend
 from mmt.texture.interpolation.interpolator import State
 from mmt.texture.model.file_arrays import Arrays, file_arrays, pack_arrays
@@ -15,10 +15,10 @@ from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.samples import TextureSamples
 from mmt.texture.settings import CHANNELS
 
-FORMAT_VERSION: Final = 6
-"""Version of a file in which level or shape are estimates of their own. Versions 4 and 5, without
-the blocks of the level, are read too, version 2, without what was fitted, and version 1, whose
-models are isotropic and by Delaunay."""
+FORMAT_VERSION: Final = 7
+"""Version of a file in which level or shape are estimates of their own. Version 6, whose
+blocks are gathered by place, is read too, as are versions 4 and 5, without blocks, version 2,
+without what was fitted, and version 1, whose models are isotropic and by Delaunay."""
 
 INTERPOLATED_VERSION: Final = 3
 """Version of a file in which both are interpolated, as earlier programs render it."""
@@ -29,7 +29,7 @@ _OWN: Final = frozenset(
         *("interpolator", "level", "shape", "effective_samples", "segment_samples"),
         *("maximum_speed_mm_s", "maximum_force_n", "noise_power"),
         *("trend_exponents", "level_hyperparameters"),
-        *("field_cells", "field_sums", "field_place_mm"),
+        *("field_cells", "field_sums", "field_place_mm", "field_moment_blocks"),
         *(channel for channels in CHANNELS.values() for channel in channels),
     )
 )
@@ -202,9 +202,9 @@ def _field_arrays(field: FieldCells | None) -> Arrays:
     if field is None:
         return {}
     return {
-        "field_cells": field.keys.astype(np.int16),
+        "field_cells": field.keys.astype(np.int32),
         "field_sums": field.sums,
-        "field_place_mm": np.float64(field.place_mm),
+        "field_moment_blocks": np.int64(field.moment_blocks),
     }
 
 
@@ -212,14 +212,28 @@ def _field(content: Arrays, *, directed: bool) -> FieldCells | None:
     if "field_cells" not in content:
         return None
     keys, sums = content["field_cells"].astype(np.int64), content["field_sums"].astype(np.float64)
-    if keys.ndim != 2 or keys.shape[1] != 5 or sums.shape != (len(keys), 4) or not len(keys):
+    if "field_moment_blocks" not in content:
+        keys, sums = _by_moment(keys, sums)
+    if keys.ndim != 2 or keys.shape[1] != 4 or sums.shape != (len(keys), 4) or not len(keys):
         raise InputError(
             f"field_cells has shape {keys.shape} and field_sums {sums.shape}: "
-            "(r, 5) and (r, 4) needed"
+            "(r, 4) and (r, 4) needed"
         )
-    field = FieldCells(directed, keys, sums, float(content["field_place_mm"]))
+    field = FieldCells(directed, keys, sums, int(content.get("field_moment_blocks", 1)))
     field.check()
     return field
+
+
+def _by_moment(keys: IntArray, sums: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Return the rows of a file of version 6, by place, as if each place were a moment."""
+    if keys.ndim != 2 or keys.shape[1] != 5 or sums.shape != (len(keys), 4):
+        return keys, sums
+    count, power, first, second = sums.T
+    felt = np.log1p(FELT_POWER * count / power)  # what each logarithm rises by, about
+    squares = second + 2.0 * felt * first + count * np.square(felt)
+    rows = np.column_stack([keys[:, :3], np.arange(len(keys))])
+    summed = [count, power + FELT_POWER * count, first + count * felt, squares]
+    return rows, np.column_stack(summed)
 
 
 def _fitted(content: Arrays, *, directed: bool) -> FittedParameters:
