@@ -1,13 +1,15 @@
 """Fits, line spectral frequencies and models: what holds, and that a fault would be seen."""
 
 from decimal import Decimal
+from typing import Any
 
 import numpy as np
 import pytest
 from spectrum import arburg
 
 from mmt.texture.autoregression.burg import ReflectionFit, burg
-from mmt.texture.field.scatter import Scatter
+from mmt.texture.field import posterior
+from mmt.texture.field.observations import Observations
 from mmt.texture.model.texture_model import TextureModel
 from mmt_lab.stability.cases import Case, run_case
 from mmt_lab.stability.families import anisotropic, ar, field, lsf, model, networks
@@ -110,7 +112,13 @@ def test_fields_of_any_blocks_hold() -> None:
 
 
 def test_a_field_that_is_too_sure_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mmt.texture.field.posterior.scatter", lambda _: Scatter(1e-6, 1e-6))
+    observe = posterior.observe
+
+    def sure(*given: Any) -> Observations:
+        found = observe(*given)
+        return found._replace(variance=1e-6 * found.variance)
+
+    monkeypatch.setattr(posterior, "observe", sure)
     assert not case_of(field.cases(), "bursts").run().held
 
 

@@ -14,8 +14,8 @@ from mmt.texture.completion.uncertainty import (
     outlook,
 )
 from mmt.texture.field.cells import FieldCells
+from mmt.texture.field.observations import BLOCK_VARIANCE
 from mmt.texture.field.posterior import LevelField
-from mmt.texture.field.scatter import NUGGET
 from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC
 from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel
@@ -42,7 +42,7 @@ def field_of(points: np.ndarray, extra: float = 0.0, at: np.ndarray | None = Non
     counts[len(points) :] = extra
     speed = np.hypot(*everything[:, :-1].T) if points.shape[1] == 3 else everything[:, 0]
     power = speed * everything[:, -1] ** 0.7
-    return LevelField(FieldCells.of_segments(everything, power, counts, NUGGET))
+    return LevelField(FieldCells.of_segments(everything, power, counts, BLOCK_VARIANCE))
 
 
 def model_of(points: np.ndarray, power: float = 1.0) -> TextureModel:

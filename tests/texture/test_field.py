@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.forms import lsf_to_reflection, output_power, reflection_to_lsf
 from mmt.texture.field import cells as field_cells
-from mmt.texture.field import covariance
+from mmt.texture.field import covariance, observations
 from mmt.texture.field.cells import FieldCells
+from mmt.texture.field.observations import BLOCK_VARIANCE, MOMENT_VARIANCE, observe
 from mmt.texture.field.posterior import DB, LevelField, right_probability
-from mmt.texture.field.scatter import NUGGET, PATCH_MM, SILL, scatter
 from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC
 from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel
@@ -42,17 +42,25 @@ def law(points):
 
 def measured(points, seed=0, level=law):
     """Powers of blocks with the usual scatter."""
-    degrees = 2.0 / NUGGET
+    degrees = 2.0 / BLOCK_VARIANCE
     random = np.random.default_rng(seed)
     return np.exp(level(points)) * random.chisquare(degrees, len(points)) / degrees
 
 
-def nowhere(count):
-    return np.zeros((count, 2))
+def at_once(count):
+    """Numbers in time of blocks of one moment."""
+    return np.zeros(count, np.int64)
 
 
-def anywhere(count, seed=0):
-    return np.random.default_rng(seed).uniform(0.0, 100.0, (count, 2))
+def in_turn(count):
+    """Numbers in time of blocks, each of a moment of its own."""
+    return 10 * np.arange(count)
+
+
+def observed(cells):
+    between = covariance.Between(cells.centres, cells.centres, directed=cells.directed)
+    every = covariance.settings(16, directed=cells.directed)
+    return observe(cells, [between.covariance(setting) for setting in every])
 
 
 def samples_of(points, power, effective):
@@ -88,25 +96,16 @@ def covariance_written_out(a, b, h):
 
 @DIRECTED
 def test_mean_and_deviation_are_those_of_the_formulas_written_out(directed):
-    points, position = scattered(40, directed), anywhere(40)
-    power, asked = measured(points), scattered(5, directed, seed=9)
-    cells = FieldCells.of(points, power, position)
+    points = scattered(40, directed)
+    cells = FieldCells.of(points, measured(points), in_turn(40))
+    asked = scattered(5, directed, seed=9)
     field = LevelField(cells)
-    spread = scatter(cells)
+    found = observed(cells)
     known = list(zip(*cells.centres, strict=True))
     wanted = list(zip(*covariance.coordinates(asked), strict=True))
-    counts, means = cells.counts, cells.mean_power
-    places, place_of_row = cells.places_mm
-    errors = np.zeros((len(known), len(known)))
-    for row, (cell, place) in enumerate(zip(cells.cell_of_row, place_of_row, strict=True)):
-        for other, (cell2, place2) in enumerate(zip(cells.cell_of_row, place_of_row, strict=True)):
-            share = cells.sums[row, 0] / counts[cell] * cells.sums[other, 0] / counts[cell2]
-            apart = math.dist(places[place], places[place2])
-            errors[cell, cell2] += share * spread.place * math.exp(-apart / PATCH_MM)
-    errors += np.diag(spread.block / counts)
-    prior_mean = np.array([1.5 * u + 0.5 * v for u, v, _ in known])
-    y = np.log(means) + 0.5 * np.diag(errors) - prior_mean
-    middle = np.average(y, weights=counts)
+    errors = np.diag(found.variance)
+    y = found.level
+    middle = np.average(y, weights=1.0 / found.variance)
     evidence, each_mean, each_variance = [], [], []
     for h in covariance.settings(16, directed=directed):
 
@@ -143,9 +142,9 @@ def test_a_field_drawn_from_the_prior_is_recovered_and_its_error_is_as_large_as_
         root = np.linalg.cholesky(prior + 1e-9 * np.eye(len(prior)))
         drawn = root @ random.standard_normal(len(prior)) + at.law
         power = measured(points, seed, level=lambda _, drawn=drawn: drawn[:300])
-        field = LevelField(FieldCells.of(points, power, anywhere(300, seed)))
+        field = LevelField(FieldCells.of(points, power, in_turn(300)))
         found = field.predict(covariance.coordinates(asked))
-        error = found.mean - drawn[300:]
+        error = found.mean - np.logaddexp(drawn[300:], math.log(field_cells.FELT_POWER))
         squares.append(np.mean(np.square(error / found.deviation)))
         expected.append(found.within(JND_DB / DB).mean())
         right.append(np.mean(np.abs(error) <= JND_DB / DB))
@@ -154,50 +153,105 @@ def test_a_field_drawn_from_the_prior_is_recovered_and_its_error_is_as_large_as_
     assert np.mean(right) > (0.4 if directed else 0.65)
 
 
-def patchy(count, sill, seed, width_mm=20.0):
-    """Blocks of a surface whose patches differ, their level, and where they were made."""
+def unsteady(count, variance, seed):
+    """Blocks of strokes that are ten blocks long, the moments of which differ in their level."""
     random = np.random.default_rng(seed)
-    points, position = scattered(count, seed=seed), anywhere(count, seed)
-    patch = random.normal(0.0, math.sqrt(sill), (6, 6))
-    steps = (position // width_mm).astype(int)
-    power = measured(points, seed) * np.exp(patch[steps[:, 0], steps[:, 1]])
-    return points, power, position
+    points = np.repeat(scattered(count // 10, seed=seed), 10, axis=0)
+    off = np.repeat(random.normal(0.0, math.sqrt(variance), count // 10), 10)
+    return points, measured(points, seed) * np.exp(off), np.arange(count)
 
 
-def test_a_homogeneous_surface_has_no_patches_and_a_patchy_one_has_them():
-    spread = [
-        np.mean([scatter(FieldCells.of(*patchy(800, sill, seed))) for seed in range(8)], axis=0)
-        for sill in (0.0, 0.5)
-    ]
-    assert np.log1p(spread[0][1]) < 3 * SILL + 0.02
-    assert 0.25 < np.log1p(spread[1][1]) < 0.75
-    for block, _ in spread:
-        assert np.log1p(block) == pytest.approx(NUGGET, rel=0.5)
+def test_moments_that_scatter_are_found_to_and_those_that_do_not_are_not():
+    for variance, low, high in ((0.0, 0.009, 0.04), (0.5, 0.25, 0.75)):
+        found = [observed(FieldCells.of(*unsteady(3000, variance, seed))) for seed in range(8)]
+        assert low < np.mean([one.moment for one in found]) < high
+        assert np.mean([one.block for one in found]) == pytest.approx(BLOCK_VARIANCE, rel=0.2)
 
 
 def test_an_unknown_surface_is_taken_for_a_usual_one_until_it_tells():
-    one = FieldCells.of(scattered(1), np.ones(1), nowhere(1))
-    assert np.log1p(scatter(one)) == pytest.approx([NUGGET, SILL])
+    found = observed(FieldCells.of(scattered(1), np.ones(1), at_once(1)))
+    assert (found.block, found.moment) == pytest.approx((BLOCK_VARIANCE, MOMENT_VARIANCE))
 
 
-def test_patches_make_the_level_unsure_and_it_is_as_wrong_as_stated():
+def test_moments_that_scatter_make_the_level_unsure_and_it_is_as_wrong_as_stated():
     squares, deviations = [], []
     asked = scattered(80, seed=77)
     for seed in range(24):
-        field = LevelField(FieldCells.of(*patchy(600, 0.5, seed)))
+        field = LevelField(FieldCells.of(*unsteady(600, 0.5, seed)))
         mean, deviation = field.level_db(asked)
-        error = mean - DB * (law(asked) + 0.25)  # half the sill: the mean power of all patches
+        error = mean - DB * (law(asked) + 0.25)  # the mean power of all moments
         squares.append(np.mean(np.square(error / deviation)))
         deviations.append(deviation.mean())
     assert 0.6 < np.sqrt(np.mean(squares)) < 1.4
-    even = LevelField(FieldCells.of(*patchy(600, 0.0, 1))).level_db(asked)[1].mean()
+    even = LevelField(FieldCells.of(*unsteady(600, 0.0, 1))).level_db(asked)[1].mean()
     assert np.mean(deviations) > 1.5 * even
+
+
+@DIRECTED
+def test_a_row_is_predicted_as_if_it_had_not_been_there(directed):
+    points = np.repeat(scattered(12, directed), 2, axis=0)
+    cells = FieldCells.of(points, measured(points), in_turn(24))
+    cell, level = cells.cell_of_row, cells.sums[:, 1] - cells.centres.law[cells.cell_of_row]
+    scatter, trust = np.linspace(0.1, 0.3, len(level)), np.linspace(0.2, 1.0, len(level))
+    between = covariance.Between(cells.centres, cells.centres, directed=directed)
+    prior = between.covariance(covariance.medians(directed=directed))
+    _, off, usual = observations._left_out(prior, cell, level, scatter, trust)
+    own = trust / scatter
+    mean = np.bincount(cell, own * level) / np.bincount(cell, own)
+    middle = np.average(mean, weights=np.bincount(cell, own))
+    whole = prior[np.ix_(cell, cell)]
+    for row in range(len(level)):
+        others = np.delete(np.arange(len(level)), row)
+        total = whole[np.ix_(others, others)] + np.diag(1.0 / own[others])
+        gains = np.linalg.solve(
+            total, np.column_stack([level[others] - middle, whole[others, row]])
+        )
+        predicted = middle + whole[row, others] @ gains[:, 0]
+        variance = whole[row, row] - whole[row, others] @ gains[:, 1]
+        assert off[row] == pytest.approx(level[row] - predicted, abs=1e-6)
+        assert usual[row] == pytest.approx(variance + scatter[row], rel=1e-6)
+
+
+@settings(deadline=None, max_examples=25)
+@given(
+    directed=st.booleans(),
+    stroke=st.integers(0, 23),
+    off_db=st.floats(-200.0, 60.0),
+    seed=st.integers(0, 2**16),
+)
+def test_no_third_of_a_second_moves_what_twelve_seconds_have_said(directed, stroke, off_db, seed):
+    points = np.repeat(scattered(24, directed, seed), 10, axis=0)
+    power, number = measured(points, seed), np.arange(240)
+    spoilt = power.copy()
+    spoilt[10 * stroke : 10 * stroke + 6] *= 10.0 ** (off_db / 10.0)
+    asked = scattered(100, directed, seed + 1)
+    usual, _ = LevelField(FieldCells.of(points, power, number)).level_db(asked)
+    found, _ = LevelField(FieldCells.of(points, spoilt, number)).level_db(asked)
+    moved = np.sort(np.abs(found - usual))
+    assert moved[50] < 0.8  # elsewhere than at that stroke
+    assert moved[90] < (5.0 if directed else 3.0)
+
+
+@DIRECTED
+def test_a_region_that_was_stroked_and_is_silent_is_known_to_be(directed):
+    points = np.repeat(scattered(120, directed, seed=4), 10, axis=0)
+    slow = np.hypot(*points[:, :-1].T) < 0.3 if directed else points[:, 0] < 0.3
+    power = np.where(slow, 0.0, measured(points))
+    field = LevelField(FieldCells.of(points, power, np.arange(len(points))))
+    asked = scattered(400, directed, seed=5)
+    speed = np.hypot(*asked[:, :-1].T) if directed else asked[:, 0]
+    found = field.predict(covariance.coordinates(asked))
+    silent = speed < 0.25
+    mean, _ = field.level_db(asked)
+    assert np.median(mean[silent]) < 10.0 * np.log10(field_cells.FELT_POWER)
+    assert found.within(JND_DB / DB)[silent].mean() > (0.4 if directed else 0.6)
+    assert np.abs(mean - DB * law(asked))[speed > 0.35].mean() < 2.0
 
 
 @DIRECTED
 def test_a_power_law_is_found_within_the_plane(directed):
     points = scattered(600, directed)
-    field = LevelField(FieldCells.of(points, measured(points), anywhere(600)))
+    field = LevelField(FieldCells.of(points, measured(points), in_turn(600)))
     asked = scattered(200, directed, seed=5)
     mean, deviation = field.level_db(asked)
     error = mean - DB * law(asked)
@@ -209,7 +263,7 @@ def test_more_blocks_make_it_surer_and_one_is_enough():
     points = scattered(400)
     deviations = [
         LevelField(
-            FieldCells.of(points[:count], measured(points[:count]), nowhere(count))
+            FieldCells.of(points[:count], measured(points[:count]), in_turn(count))
         ).level_db(np.array([[0.4, 0.4]]))[1][0]
         for count in (1, 20, 400)
     ]
@@ -217,35 +271,34 @@ def test_more_blocks_make_it_surer_and_one_is_enough():
 
 
 def test_how_blocks_come_changes_no_sum():
-    points, power, position = patchy(500, 0.5, 3)
-    whole = FieldCells.of(points, power, position)
+    points, power, number = unsteady(500, 0.5, 3)
+    whole = FieldCells.of(points, power, number)
     parts = FieldCells.empty(directed=False)
     for start in range(0, 500, 70):
         part = slice(start, start + 70)
-        parts = parts.joined(FieldCells.of(points[part], power[part], position[part]))
+        parts = parts.joined(FieldCells.of(points[part], power[part], number[part]))
     np.testing.assert_array_equal(parts.keys, whole.keys)
-    np.testing.assert_allclose(parts.sums, whole.sums, rtol=1e-12)
+    np.testing.assert_allclose(parts.sums, whole.sums, rtol=1e-9, atol=1e-12)
 
 
-def test_where_there_are_too_many_places_they_are_made_larger(monkeypatch):
+def test_if_there_are_too_many_moments_they_are_made_longer(monkeypatch):
     monkeypatch.setattr(field_cells, "LARGEST", 1000)
-    points, power, position = patchy(2000, 0.0, 3)
-    cells = FieldCells.of(points, power, position - 50.0)
-    assert cells.place_mm > field_cells.PLACE_MM
+    points = scattered(2000)
+    cells = FieldCells.of(points, measured(points), in_turn(2000))
+    assert cells.moment_blocks > field_cells.MOMENT_BLOCKS
     assert cells.sums[:, 0].sum() == 2000
-    assert (cells.places_mm[0] < 100.0).all()
-    fine = FieldCells.of(points[:10], power[:10], position[:10])
+    fine = FieldCells.of(points[:10], measured(points[:10]), in_turn(10))
     assert fine.joined(cells).sums[:, 0].sum() == 2010
-    assert fine.joined(cells).place_mm == cells.place_mm
+    assert fine.joined(cells).moment_blocks == cells.moment_blocks
 
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("sums", np.nan), ("sums", 0.0), ("keys", -5), ("place_mm", 0.0), ("place_mm", np.inf)],
+    [("sums", np.nan), ("sums", 0.0), ("keys", -5), ("moment_blocks", 0)],
 )
 def test_sums_that_no_blocks_have_are_refused(name, value):
-    cells = FieldCells.of(scattered(3), np.ones(3), nowhere(3))
-    spoilt = value if name == "place_mm" else np.full_like(getattr(cells, name), value)
+    cells = FieldCells.of(scattered(3), np.ones(3), in_turn(3))
+    spoilt = value if name == "moment_blocks" else np.full_like(getattr(cells, name), value)
     with pytest.raises(InputError, match="field's blocks"):
         replace(cells, **{name: spoilt}).check()
 
@@ -285,7 +338,7 @@ def test_without_a_rough_departure_its_size_is_zero_and_the_others_are_spread_al
 def rough(points):
     """A level that goes up and down by 1.4 dB (rms) between neighbouring strokes."""
     at = covariance.coordinates(points)
-    return law(points) + 0.65 * np.sin(17.0 * at.u) * np.sin(14.0 * at.v + 1.0)
+    return law(points) + 0.65 * np.sin(8.0 * at.u) * np.sin(7.0 * at.v + 1.0)
 
 
 def test_a_rough_level_is_as_wrong_as_stated_and_a_power_law_is_known_better():
@@ -293,14 +346,14 @@ def test_a_rough_level_is_as_wrong_as_stated_and_a_power_law_is_known_better():
     right, expected, squares, smooth = [], [], [], []
     for seed in range(16):
         points = np.repeat(scattered(60, seed=seed), 10, axis=0)  # half a second of each stroke
-        position = anywhere(600, seed)
-        field = LevelField(FieldCells.of(points, measured(points, seed, rough), position))
+        number = np.arange(600)
+        field = LevelField(FieldCells.of(points, measured(points, seed, rough), number))
         found = field.predict(covariance.coordinates(asked))
         error = found.mean - rough(asked)
         squares.append(np.mean(np.square(error / found.deviation)))
         expected.append(found.within(JND_DB / DB).mean())
         right.append(np.mean(np.abs(error) <= JND_DB / DB))
-        field = LevelField(FieldCells.of(points, measured(points, seed), position))
+        field = LevelField(FieldCells.of(points, measured(points, seed), number))
         smooth.append(field.predict(covariance.coordinates(asked)).within(JND_DB / DB).mean())
     assert 0.8 < np.sqrt(np.mean(squares)) < 1.25
     assert np.mean(expected) == pytest.approx(np.mean(right), abs=0.12)
@@ -372,7 +425,7 @@ def test_whatever_is_felt_the_level_is_finite_and_not_negative(
     random = np.random.default_rng(seed)
     power = 10.0 ** (exponent + spread * random.uniform(-1.0, 1.0, count))
     power[random.random(count) < 0.2] = 0.0
-    felt = FieldCells.of(points, power, random.normal(0.0, 1e6, (count, 2))) if blocks else None
+    felt = FieldCells.of(points, power, random.integers(0, 10**6, count)) if blocks else None
     samples = samples_of(points, power, np.full(count, effective))
     model = TextureModel(samples, field=felt)
     asked = np.vstack([scattered(50, directed, seed + 1), np.zeros((1, points.shape[1]))])
@@ -393,7 +446,7 @@ def test_whatever_is_felt_the_level_is_finite_and_not_negative(
 def test_a_saved_model_has_the_same_level_when_it_is_loaded(directed, tmp_path: Path):
     points = scattered(60, directed)
     samples = samples_of(points[:20], measured(points)[:20], np.full(20, 80.0))
-    for felt in (None, FieldCells.of(points, measured(points), anywhere(60))):
+    for felt in (None, FieldCells.of(points, measured(points), in_turn(60))):
         model = TextureModel(samples, field=felt)
         model.save(tmp_path / "model.npz")
         loaded = TextureModel.load(tmp_path / "model.npz")
@@ -404,7 +457,7 @@ def test_a_saved_model_has_the_same_level_when_it_is_loaded(directed, tmp_path: 
 def test_a_file_whose_blocks_are_spoilt_is_refused_in_words(tmp_path: Path):
     points = scattered(10)
     model = model_of(points, measured(points))
-    felt = FieldCells.of(points, measured(points), nowhere(10))
+    felt = FieldCells.of(points, measured(points), in_turn(10))
     TextureModel(model.samples, field=felt).save(tmp_path / "a.npz")
     with np.load(tmp_path / "a.npz") as file:
         content = dict(file)

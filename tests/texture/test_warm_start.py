@@ -156,7 +156,7 @@ def test_blocks_move_the_level_of_a_known_texture_and_leave_its_course() -> None
     inputs = np.array([[105.0, 1.2], [60.0, 0.6], [210.0, 2.1]])  # points of the grid
     off = field(moved, ISOTROPIC, inputs).logarithm - field(known, ISOTROPIC, inputs).logarithm
     np.testing.assert_allclose(off, np.log(5.0), atol=0.25)
-    alone = LevelField(FieldCells.of(blocks.points, blocks.power, blocks.position_mm))
+    alone = LevelField(FieldCells.of(blocks.points, blocks.power, blocks.number))
     usual = alone.predict(coordinates(ISOTROPIC.normalise(inputs[2:]))).mean
     wanted = field(known, ISOTROPIC, inputs[2:]).logarithm + np.log(5.0)
     assert abs(off[2] - np.log(5.0)) < abs(usual[0] - wanted[0])  # far from the strokes

@@ -20,28 +20,27 @@ _LARGEST_CHANGE: Final = 2.0
 
 
 class Blocks(NamedTuple):
-    """n blocks: first sample (n,), points (n, d), powers (n,), positions in the plane (n, 2).
+    """n blocks: first sample and number in time (n,), points (n, d), powers (n,), positions (n, 2).
 
-    With a measure of c features the powers are these, (n, c).
+    With a measure of c features the powers are these, (n, c). Positions are in the plane.
     """
 
     start: IntArray
+    number: IntArray
     points: FloatArray
     power: FloatArray
     position_mm: FloatArray
 
     def kept(self, chosen: BoolArray) -> "Blocks":
         """Return some of the blocks."""
-        start, points, power, position_mm = self
-        return Blocks(start[chosen], points[chosen], power[chosen], position_mm[chosen])
+        return self._replace(**{name: column[chosen] for name, column in self._asdict().items()})
 
     def joined(self, other: "Blocks") -> "Blocks":
         """Return these blocks, and others after them."""
-        return Blocks(
-            np.concatenate([self.start, other.start]),
-            np.concatenate([self.points, other.points]),
-            np.concatenate([self.power, other.power]),
-            np.concatenate([self.position_mm, other.position_mm]),
+        others = other._asdict()
+        columns = self._asdict().items()
+        return self._replace(
+            **{name: np.concatenate([column, others[name]]) for name, column in columns}
         )
 
 
@@ -122,4 +121,4 @@ class BlockCutter:
         )
         points = self._space.normalise(self._space.stack(*mean))
         plane = part.position_mm[rows].mean(axis=1)[:, self._plane]
-        return Blocks(first, points, power, plane).kept(used)
+        return Blocks(first, first // length, points, power, plane).kept(used)

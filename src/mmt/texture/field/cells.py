@@ -1,13 +1,14 @@
-"""What was felt of a texture: powers of short blocks, summed by stroke and place.
+"""What was felt of a texture: log powers of short blocks, gathered by stroke and moment.
 
 A *block* is a twentieth of a second in contact (`mmt.texture.field.blocks`). Its stroke (speed,
 force, and heading where it counts) falls into a cell of the coordinates of
-`mmt.texture.field.covariance`, and the place where it was made into a square of the surface. One
-row sums the blocks of one cell at one place. Rows are all that is kept: an update is linear in the
-new blocks, and a session of hours has as many rows as there are strokes and places to make them.
+`mmt.texture.field.covariance`, and its time into a *moment* of half a second. One row gathers the
+blocks of one cell in one moment. Rows are all that is kept: an update is linear in the new blocks,
+and a session of hours has no more than `LARGEST` rows.
 
-The place is kept because few surfaces are the same everywhere: blocks of one stroke at one place
-scatter less than blocks of that stroke at several (`mmt.texture.field.scatter`).
+The moment is kept because what disturbs a measurement (a knock, a slip, a patch of the surface)
+disturbs the blocks of a moment together: a row is worth less than its blocks would be one by one,
+and one that disagrees with all others can be told (`mmt.texture.field.posterior`).
 """
 
 from dataclasses import dataclass
@@ -27,55 +28,56 @@ from mmt.texture.field.covariance import (
 )
 
 LARGEST: Final = 4096
-"""Rows; where there are more, the squares of the surface are made larger."""
+"""Rows; where there are more, moments are joined in pairs."""
 
-PLACE_MM: Final = 10.0
-"""Side of the squares, at first."""
+MOMENT_BLOCKS: Final = 10
+"""Blocks of a moment, half a second, at first."""
+
+FELT_POWER: Final = 1e-3
+"""Power in (m/s2)^2 that is added to every block's: 0.03 m/s2 rms, which nobody feels (at the
+fingertip thresholds are 0.1 m/s2 and more, ISO 13091-1). Quieter is silence, however quiet."""
 
 _SECTORS: Final = 16
-_LEAST_POWER: Final = 1e-300
-_FARTHEST: Final = 2**15 - 1
 _FIRST: Final = float(warped(np.zeros(1))[0])
 
 
 @dataclass(frozen=True, eq=False)
 class FieldCells:
-    """Sums over blocks, a row for each cell of strokes and square of the surface.
+    """Rows of blocks, one for each cell of strokes and moment.
 
     Attributes
     ----------
     directed
         Whether the heading counts.
     keys
-        Cell and square of each row, shape (r, 5): steps in u and v, sector of the heading, and
-        the square's steps along x and y.
+        Cell and moment of each row, shape (r, 4): steps in u and v, sector of the heading, and the
+        moment's number.
     sums
-        Shape (r, 4): number of blocks, sum of their powers in (m/s2)^2, of their powers'
-        logarithms, and of these logarithms' squares. Powers are those at the cell's centre: the
-        prior's slopes within the cell are taken out.
-    place_mm
-        Side of the squares.
+        Shape (r, 4): number of blocks, sum of their powers plus `FELT_POWER` in (m/s2)^2, of these
+        powers' logarithms, and of the logarithms' squares. Powers are those at the cell's centre:
+        the prior's slopes within the cell are taken out.
+    moment_blocks
+        Length of a moment.
     """
 
     directed: bool
     keys: IntArray
     sums: FloatArray
-    place_mm: float = PLACE_MM
+    moment_blocks: int = MOMENT_BLOCKS
 
     @classmethod
-    def of(cls, points: FloatArray, power: FloatArray, position_mm: FloatArray) -> Self:
-        """Sum blocks: normalised inputs (n, 2) or (n, 3), powers (n,), positions (n, 2)."""
-        stroke, power = _at_centres(points, power)
-        place = np.clip(np.floor(position_mm / PLACE_MM), -_FARTHEST, _FARTHEST).astype(np.int64)
-        log_power = np.log(power)
-        sums = np.column_stack([np.ones(len(power)), power, log_power, np.square(log_power)])
-        return cls._gathered(points.shape[1] == 3, np.hstack([stroke, place]), sums, PLACE_MM)
+    def of(cls, points: FloatArray, power: FloatArray, block: IntArray) -> Self:
+        """Gather blocks: normalised inputs (n, 2) or (n, 3), powers (n,), numbers in time (n,)."""
+        stroke, level = _at_centres(points, power)
+        keys = np.column_stack([stroke, block // MOMENT_BLOCKS])
+        sums = np.column_stack([np.ones(len(level)), np.exp(level), level, np.square(level)])
+        return cls._gathered(points.shape[1] == 3, keys, sums, MOMENT_BLOCKS)
 
     @classmethod
     def of_segments(
         cls, points: FloatArray, power: FloatArray, blocks: FloatArray, scatter: float
     ) -> Self:
-        """Sum segments, of which only the mean power is known.
+        """Gather segments, of which only the mean power is known.
 
         Parameters
         ----------
@@ -86,29 +88,31 @@ class FieldCells:
         scatter
             Variance of a block's log power that is assumed.
         """
-        stroke, power = _at_centres(points, power)
-        mean = np.log(power)
+        stroke, level = _at_centres(points, power)
+        keys = np.column_stack([stroke, np.arange(len(points))])
+        mean = level - 0.5 * scatter
         squares = blocks * np.square(mean) + np.maximum(blocks - 1.0, 0.0) * scatter
-        sums = np.column_stack([blocks, blocks * power, blocks * mean, squares])
-        keys = np.hstack([stroke, np.zeros((len(points), 2), np.int64)])
-        return cls._gathered(points.shape[1] == 3, keys, sums, PLACE_MM)
+        sums = np.column_stack([blocks, blocks * np.exp(level), blocks * mean, squares])
+        return cls._gathered(points.shape[1] == 3, keys, sums, MOMENT_BLOCKS)
 
     @classmethod
     def empty(cls, *, directed: bool) -> Self:
         """Return cells without any block."""
-        return cls(directed, np.zeros((0, 5), np.int64), np.zeros((0, 4)))
+        return cls(directed, np.zeros((0, 4), np.int64), np.zeros((0, 4)))
 
     @classmethod
-    def _gathered(cls, directed: bool, keys: IntArray, sums: FloatArray, place_mm: float) -> Self:
+    def _gathered(
+        cls, directed: bool, keys: IntArray, sums: FloatArray, moment_blocks: int
+    ) -> Self:
         if not len(keys):
-            return cls(directed, keys, sums, place_mm)
+            return cls(directed, keys, sums, moment_blocks)
         own, rows = _unique(keys)
         total = np.zeros((len(own), sums.shape[1]))
         np.add.at(total, rows, sums)
-        if len(own) <= LARGEST or (np.ptp(own[:, 3:], axis=0) <= 1).all():
-            return cls(directed, own, total, place_mm)
-        own[:, 3:] >>= 1
-        return cls._gathered(directed, own, total, 2.0 * place_mm)
+        if len(own) <= LARGEST or np.ptp(own[:, 3]) <= 1:
+            return cls(directed, own, total, moment_blocks)
+        own[:, 3] >>= 1
+        return cls._gathered(directed, own, total, 2 * moment_blocks)
 
     def __len__(self) -> int:
         return len(self.keys)
@@ -123,23 +127,23 @@ class FieldCells:
             raise InputError(
                 "the sums of a field's blocks must be finite, counts and powers positive"
             )
-        if not (inside and np.isfinite(self.place_mm) and self.place_mm > 0.0):
+        if not (inside and self.moment_blocks > 0):
             raise InputError("the cells of a field's blocks lie outside its space")
 
     def joined(self, other: "FieldCells") -> "FieldCells":
         """Return the cells of the blocks of both."""
         one, two = self, other
-        while one.place_mm < two.place_mm:
+        while one.moment_blocks < two.moment_blocks:
             one = one._coarser()
-        while two.place_mm < one.place_mm:
+        while two.moment_blocks < one.moment_blocks:
             two = two._coarser()
         keys, sums = np.vstack([one.keys, two.keys]), np.vstack([one.sums, two.sums])
-        return self._gathered(self.directed, keys, sums, one.place_mm)
+        return self._gathered(self.directed, keys, sums, one.moment_blocks)
 
     def _coarser(self) -> "FieldCells":
         keys = self.keys.copy()
-        keys[:, 3:] >>= 1
-        return self._gathered(self.directed, keys, self.sums, 2.0 * self.place_mm)
+        keys[:, 3] >>= 1
+        return self._gathered(self.directed, keys, self.sums, 2 * self.moment_blocks)
 
     @cached_property
     def _strokes(self) -> tuple[IntArray, IntArray]:
@@ -165,17 +169,6 @@ class FieldCells:
         """Blocks in each cell of strokes, (c,)."""
         return np.asarray(np.bincount(self.cell_of_row, self.sums[:, 0]))
 
-    @cached_property
-    def mean_power(self) -> FloatArray:
-        """Mean power of the blocks in each cell of strokes, (c,)."""
-        return np.asarray(np.bincount(self.cell_of_row, self.sums[:, 1]) / self.counts)
-
-    @cached_property
-    def places_mm(self) -> tuple[FloatArray, IntArray]:
-        """Centres of the squares that hold blocks (p, 2), and each row's index among them (r,)."""
-        own, rows = _unique(self.keys[:, 3:])
-        return np.asarray((own + 0.5) * self.place_mm, np.float64), rows
-
 
 def centres(cells: IntArray, *, directed: bool) -> Coordinates:
     """Return the coordinates of the centres of cells (k, 3) of strokes."""
@@ -186,12 +179,12 @@ def centres(cells: IntArray, *, directed: bool) -> Coordinates:
 
 
 def _at_centres(points: FloatArray, power: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Return the cells (n, 3) of strokes, and the powers (n,) at their centres by the slopes."""
+    """Return the cells (n, 3) of strokes, and the log powers (n,) at the cells' centres."""
     directed = points.shape[1] == 3
     at = coordinates(points)
     stroke = _cell_of(at, directed=directed)
     apart = at.law - centres(stroke, directed=directed).law
-    return stroke, np.maximum(power, _LEAST_POWER) * np.exp(-apart)
+    return stroke, np.log(power + FELT_POWER) - apart
 
 
 def _cell_of(at: Coordinates, *, directed: bool) -> IntArray:

@@ -1,12 +1,9 @@
 """What is known of a texture's level over speed, force and heading, and how well.
 
-A Gaussian process on the log power of blocks (`mmt.texture.field.cells`; Rasmussen and Williams,
-Gaussian Processes for Machine Learning, 2006, sections 2.2 and 5.2), whose prior is in
-`mmt.texture.field.covariance`. All blocks of a cell of strokes count as one observation: the
-logarithm of their mean power. Its error has a part that falls with the number of blocks, and one
-that falls only with the number of places where they were made
-(`mmt.texture.field.scatter`): what places have in common is a second process over the surface,
-which is told apart from the dependence on the stroke, and integrated out.
+A Gaussian process on the log power of blocks (Rasmussen and Williams, Gaussian Processes for
+Machine Learning, 2006, sections 2.2 and 5.2), whose prior is in `mmt.texture.field.covariance`.
+Each cell of strokes counts as one observation, with the error that is left of its blocks
+(`mmt.texture.field.observations`).
 
 The posterior is a mixture over `SETTINGS` hyperparameters, each weighted by its evidence, so that
 what is not known of a texture's smoothness counts in the standard deviation.
@@ -15,30 +12,30 @@ Cost: O(s c^3 / 3) for s settings and c cells that were touched, of which there 
 780 with headings, however long the session is.
 """
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
-from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.special import erf
 
 from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.effective_sample_size import UNKNOWN
 from mmt.texture.field.blocks import BLOCK_S
-from mmt.texture.field.cells import FieldCells
+from mmt.texture.field.cells import FELT_POWER, FieldCells
 from mmt.texture.field.covariance import (
     Between,
     Coordinates,
     coordinates,
     grid_nodes,
     mean_on_grid,
-    medians,
     settings,
     variance,
     warped,
 )
 from mmt.texture.field.level_table import table_grid
-from mmt.texture.field.scatter import NUGGET, PATCH_MM, Scatter, scatter
+from mmt.texture.field.observations import BLOCK_VARIANCE, observe
+from mmt.texture.linear_algebra import cholesky, product, solve_backward, solve_forward
 from mmt.texture.model.samples import TextureSamples
 
 DB: Final = 10.0 / np.log(10.0)
@@ -51,7 +48,7 @@ _NEGLIGIBLE: Final = 1e-3  # weight of a setting that is left out
 _LEAST_EXPONENT: Final = 0.2
 _RISE: Final = 6.0  # nepers above the loudest cell, at most
 _LEAST: Final = -690.0  # nepers, above what underflows
-_LEAST_SHARE: Final = 0.1  # of a power that is the texture's, however much is noise
+_LEAST_SHARE: Final = 1e-3  # of a level that is rendered where nobody feels anything
 _LEAST_VARIANCE: Final = 1e-12
 
 
@@ -123,15 +120,16 @@ class LevelField:
         self.cells = cells
         self.directed = cells.directed
         self._at = at = cells.centres
-        self.scatter: Scatter = scatter(cells)
-        errors = self._errors()
-        total = np.log(gain * cells.mean_power) + 0.5 * np.diagonal(errors) - at.law
-        share = self._shares(total, errors, noise_power)
-        observed = total + np.log(share)
-        self._loudest = float((observed + at.law).max())
-        self._middle = float(np.average(observed, weights=cells.counts))
-        errors /= np.multiply.outer(share, share)
-        self._members = self._mixture(observed - self._middle, errors)
+        every = settings(SETTINGS, directed=self.directed)
+        between = Between(at, at, directed=self.directed)
+        priors = [between.covariance(setting) for setting in every]
+        self.observed = found = observe(cells, priors)
+        share = self._share(found.smoothed + at.law, noise_power)
+        level = found.level + np.log(gain * share)
+        self._loudest = float((found.smoothed + at.law).max())
+        self._middle = float(np.average(level, weights=1.0 / found.variance))
+        errors = found.variance / np.square(share)
+        self._members = _mixture(every, priors, level - self._middle, errors)
 
     def predict(self, at: Coordinates) -> Prediction:
         """Return the posterior at k strokes: of the level itself, not of what would be measured."""
@@ -139,11 +137,10 @@ class LevelField:
         means, variances = [], []
         for member in self._members:
             prior = between.covariance(member.setting)
-            explained = _solve(member.factor, prior.T)
-            means.append(prior @ member.cell_weights + self._middle + at.law)
-            variances.append(
-                variance(at, member.setting) - np.einsum("ij,ij->j", explained, explained)
-            )
+            explained = np.square(solve_forward(member.factor, prior)).sum(axis=1)
+            mean = np.einsum("ij,j->i", prior, member.cell_weights)
+            means.append(mean + self._middle + at.law)
+            variances.append(variance(at, member.setting) - explained)
         weights = np.array([member.weight for member in self._members])
         return Prediction(weights, np.array(means), np.maximum(variances, _LEAST_VARIANCE))
 
@@ -156,7 +153,7 @@ class LevelField:
             Normalised, shape (k, 2) or (k, 3).
         """
         found = self.predict(coordinates(points))
-        return DB * found.mean, DB * found.deviation
+        return DB * _rendered(found.mean), DB * found.deviation
 
     def covariance_on_grid(self, axes: Coordinates) -> FloatArray:
         """Return the posterior covariance among a grid's nodes, (g, g), nepers^2.
@@ -166,15 +163,15 @@ class LevelField:
         """
         likeliest = max(self._members, key=lambda member: member.weight)
         nodes = grid_nodes(axes)
-        prior = Between(self._at, nodes, directed=self.directed).covariance(likeliest.setting)
-        explained = _solve(likeliest.factor, prior)
+        prior = Between(nodes, self._at, directed=self.directed).covariance(likeliest.setting)
+        explained = solve_forward(likeliest.factor, prior)
         within = Between(nodes, nodes, directed=self.directed).covariance(likeliest.setting)
-        return np.asarray(within - explained.T @ explained)
+        return np.asarray(within - product(explained, explained.T))
 
     @property
     def second_variance(self) -> float:
         """Variance, nepers^2, of the mean level of a further second of stroking in one place."""
-        return self.scatter.block * BLOCK_S + self.scatter.place
+        return self.observed.block * BLOCK_S + self.observed.moment
 
     @cached_property
     def table(self) -> FloatArray:
@@ -189,58 +186,44 @@ class LevelField:
         every = np.array([member.setting for member in self._members])
         total = mean_on_grid(axes, self._at, weights, every)
         law = Coordinates(axes.u[:, None], axes.v[None, :], axes.heading).law
-        levels = np.asarray(total + self._middle + law)
+        levels = _rendered(np.asarray(total + self._middle + law))
         _fall(np.moveaxis(levels, 1, 0), axes.u, grid.speed, float(self._at.u.min()))
         _fall(np.moveaxis(levels, 2, 0), axes.v, grid.force, float(self._at.v.min()))
         return np.clip(levels, _LEAST, self._loudest + _RISE)
 
-    def _errors(self) -> FloatArray:
-        """Return the covariance of the cells' relative errors about their levels, (c, c)."""
-        cells = self.cells
-        places, place_of_row = cells.places_mm
-        shares = np.zeros((len(cells.counts), len(places)))
-        np.add.at(shares, (cells.cell_of_row, place_of_row), cells.sums[:, 0])
-        shares /= cells.counts[:, None]
-        apart = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))
-        errors = shares @ (self.scatter.place * np.exp(-apart / PATCH_MM)) @ shares.T
-        errors[np.diag_indices_from(errors)] += self.scatter.block / cells.counts
-        return np.asarray(errors)
-
-    def _shares(self, total: FloatArray, errors: FloatArray, noise_power: float) -> FloatArray:
-        """Return the share of each cell's power that is the texture's, (c,).
+    @staticmethod
+    def _share(level: FloatArray, noise_power: float) -> FloatArray:
+        """Return the share of each cell's power that is not the sensor's noise, (c,).
 
         Of the power as it is smoothed over all cells: by each cell's own, those that are loud by
-        chance would count for more.
+        chance would count for more. What is left is never less than `FELT_POWER`.
         """
-        if noise_power <= 0.0:
-            return np.ones(len(total))
-        middle = np.average(total, weights=self.cells.counts)
-        between = Between(self._at, self._at, directed=self.directed)
-        prior = between.covariance(medians(directed=self.directed))
-        factor = _factor(prior + errors)
-        explained = cho_solve((factor, True), total - middle, check_finite=False)
-        smoothed = prior @ explained + middle + self._at.law
-        return np.asarray(np.maximum(1.0 - noise_power * np.exp(-smoothed), _LEAST_SHARE))
+        least = FELT_POWER / (FELT_POWER + noise_power)
+        return np.asarray(np.maximum(1.0 - noise_power * np.exp(-level), least))
 
-    def _mixture(self, rest: FloatArray, errors: FloatArray) -> list[_Member]:
-        between = Between(self._at, self._at, directed=self.directed)
-        every = settings(SETTINGS, directed=self.directed)
-        factors, evidence = [], []
-        for setting in every:
-            total = between.covariance(setting)
-            total += errors
-            factor = _factor(total)
-            whitened = _solve(factor, rest)
-            factors.append(factor)
-            evidence.append(-0.5 * whitened @ whitened - np.log(np.diagonal(factor)).sum())
-        weights = np.exp(np.array(evidence) - max(evidence))
-        weights[weights < _NEGLIGIBLE * weights.max()] = 0.0
-        weights /= weights.sum()
-        return [
-            _Member(weight, setting, factor, cho_solve((factor, True), rest, check_finite=False))
-            for weight, setting, factor in zip(weights.tolist(), every, factors, strict=True)
-            if weight > 0.0
-        ]
+
+def _mixture(
+    every: FloatArray, priors: Sequence[FloatArray], rest: FloatArray, errors: FloatArray
+) -> list[_Member]:
+    """Return the settings with the weight of their evidence; `rest` (c,) is what is observed."""
+    factors, evidence = [], []
+    for prior in priors:
+        total = prior.copy()
+        total[np.diag_indices_from(total)] += errors
+        factor = cholesky(total)
+        whitened = solve_forward(factor, rest)
+        factors.append((factor, whitened))
+        evidence.append(-0.5 * np.square(whitened).sum() - np.log(np.diagonal(factor)).sum())
+    weights = np.exp(np.array(evidence) - max(evidence))
+    weights[weights < _NEGLIGIBLE * weights.max()] = 0.0
+    weights /= weights.sum()
+    return [
+        _Member(weight, setting, factor, solve_backward(factor, whitened))
+        for weight, setting, (factor, whitened) in zip(
+            weights.tolist(), every, factors, strict=True
+        )
+        if weight > 0.0
+    ]
 
 
 def field_of_samples(samples: TextureSamples) -> LevelField | None:
@@ -255,11 +238,17 @@ def field_of_samples(samples: TextureSamples) -> LevelField | None:
     effective = samples.effective
     if effective is None:
         effective = np.full(len(samples), UNKNOWN)
-    blocks = np.maximum(0.5 * NUGGET * effective, 0.1)  # a power scatters by 2 / effective
+    blocks = np.maximum(0.5 * BLOCK_VARIANCE * effective, 0.1)  # a power scatters by 2 / effective
     cells = FieldCells.of_segments(
-        samples.points[known], samples.power[known], blocks[known], NUGGET
+        samples.points[known], samples.power[known], blocks[known], BLOCK_VARIANCE
     )
     return LevelField(cells, noise_power=samples.noise_power)
+
+
+def _rendered(level: FloatArray) -> FloatArray:
+    """Return the log power to render: without `FELT_POWER`, which all blocks have been given."""
+    share = 1.0 - FELT_POWER * np.exp(-np.maximum(level, np.log(FELT_POWER)))
+    return level + np.log(np.maximum(share, _LEAST_SHARE))
 
 
 def _fall(levels: FloatArray, axis: FloatArray, logarithms: FloatArray, lowest: float) -> None:
@@ -268,12 +257,3 @@ def _fall(levels: FloatArray, axis: FloatArray, logarithms: FloatArray, lowest: 
     step = _LEAST_EXPONENT * (logarithms[1] - logarithms[0])
     for node in range(min(first, len(axis) - 1) - 1, -1, -1):
         np.minimum(levels[node], levels[node + 1] - step, out=levels[node])
-
-
-def _factor(total: FloatArray) -> FloatArray:
-    """Return the Cholesky factor of a covariance (c, c), which is overwritten, column by column."""
-    return np.asarray(cholesky(total.T, lower=True, overwrite_a=True, check_finite=False))
-
-
-def _solve(factor: FloatArray, right: FloatArray) -> FloatArray:
-    return np.asarray(solve_triangular(factor, right, lower=True, check_finite=False))

@@ -146,7 +146,7 @@ def _own(look: Sequence[Stretch], blocks: Blocks, settings: ModellingSettings) -
             np.arange(len(stretch.inputs)), max(1, len(stretch.inputs) // shortest)
         )
     ]
-    cells = FieldCells.of(blocks.points, blocks.power, blocks.position_mm)
+    cells = FieldCells.of(blocks.points, blocks.power, blocks.number)
     return TextureModel(
         fitted(parts, InputSpace(settings.inputs), settings.rate_hz),
         field=cells,
@@ -166,7 +166,7 @@ def at_level(known: TextureModel, gain: float, blocks: Blocks, space: InputSpace
     if len(blocks.power):
         there = field(known, space, space.scale * blocks.points).logarithm
         power = blocks.power * np.exp(coordinates(blocks.points).law - there)
-        off = LevelField(FieldCells.of(blocks.points, power, blocks.position_mm))
+        off = LevelField(FieldCells.of(blocks.points, power, blocks.number))
         at = coordinates(space.normalise(inputs))
         level = start.logarithm + off.predict(at).mean - at.law
     return model_of(Field(level, start.reflection), space, inputs, known.rate_hz)

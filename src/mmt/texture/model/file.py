@@ -5,9 +5,9 @@ from typing import Final, cast
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray
+from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.errors import InputError
-from mmt.texture.field.cells import FieldCells
+from mmt.texture.field.cells import FELT_POWER, FieldCells
 from mmt.texture.model.file_arrays import Arrays, file_arrays, pack_arrays
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.samples import LARGEST_POWER, TextureSamples
@@ -15,7 +15,7 @@ from mmt.texture.settings import Method
 
 FORMAT_VERSION: Final = 7
 """Version of a file. Versions 1 to 6, which name the parts of a method, are read as the method that
-comes nearest."""
+comes nearest; their blocks, gathered by place, as if each place were a moment."""
 
 
 @dataclass(frozen=True)
@@ -141,21 +141,35 @@ def _field_arrays(field: FieldCells | None) -> Arrays:
     if field is None:
         return {}
     return {
-        "field_cells": field.keys.astype(np.int16),
+        "field_cells": field.keys.astype(np.int32),
         "field_sums": field.sums,
-        "field_place_mm": np.float64(field.place_mm),
+        "field_moment_blocks": np.int64(field.moment_blocks),
     }
 
 
 def _field(content: Arrays, *, directed: bool) -> FieldCells:
     keys, sums = content["field_cells"].astype(np.int64), content["field_sums"].astype(np.float64)
-    if keys.ndim != 2 or keys.shape[1] != 5 or sums.shape != (len(keys), 4) or not len(keys):
+    if "field_moment_blocks" not in content:
+        keys, sums = _by_moment(keys, sums)
+    if keys.ndim != 2 or keys.shape[1] != 4 or sums.shape != (len(keys), 4) or not len(keys):
         raise InputError(
             f"field_cells has shape {keys.shape} and field_sums {sums.shape}: "
-            "(r, 5) and (r, 4) needed"
+            "(r, 4) and (r, 4) needed"
         )
-    field = FieldCells(directed, keys, sums, float(content["field_place_mm"]))
+    field = FieldCells(directed, keys, sums, int(content.get("field_moment_blocks", 1)))
     field.check()
     if not (field.sums[:, 1] <= LARGEST_POWER * np.minimum(field.sums[:, 0], 1e6)).all():
         raise InputError(f"field_sums holds a mean power above {LARGEST_POWER:g} (m/s2)^2")
     return field
+
+
+def _by_moment(keys: IntArray, sums: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Return the rows of a file of version 6, by place, as if each place were a moment."""
+    if keys.ndim != 2 or keys.shape[1] != 5 or sums.shape != (len(keys), 4):
+        return keys, sums
+    count, power, first, second = sums.T
+    felt = np.log1p(FELT_POWER * count / power)  # what each logarithm rises by, about
+    squares = second + 2.0 * felt * first + count * np.square(felt)
+    rows = np.column_stack([keys[:, :3], np.arange(len(keys))])
+    summed = [count, power + FELT_POWER * count, first + count * felt, squares]
+    return rows, np.column_stack(summed)

@@ -112,13 +112,12 @@ class _Sums:
         start = self._recent.start
         if len(start) and start[-1] - start[0] > 2 * self._kept_samples:
             old = start < start[-1] - self._kept_samples
-            self._settled = self._settled.joined(_sums(self._recent.kept(old)))
+            self._settled = self._settled.joined(self._cells(self._recent.kept(old)))
             self._recent = self._recent.kept(~old)
 
     def cells(self) -> FieldCells:
         """Return the sums of all blocks."""
-        return self._settled.joined(_sums(self._recent))
+        return self._settled.joined(self._cells(self._recent))
 
-
-def _sums(blocks: Blocks) -> FieldCells:
-    return FieldCells.of(blocks.points, blocks.power, blocks.position_mm)
+    def _cells(self, blocks: Blocks) -> FieldCells:
+        return FieldCells.of(blocks.points, blocks.power, blocks.number)

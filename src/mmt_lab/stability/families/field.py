@@ -7,8 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray
-from mmt.texture.field.cells import LARGEST, FieldCells
+from mmt.core.arrays import FloatArray, IntArray
+from mmt.texture.field.cells import LARGEST, MOMENT_BLOCKS, FieldCells
 from mmt.texture.field.covariance import coordinates
 from mmt.texture.field.posterior import LevelField
 from mmt_lab.stability.cases import Case, Family, Outcome
@@ -39,8 +39,10 @@ def cases(*, many: int = MANY) -> list[Case]:
             "finite level and deviation",
             partial(_any_power, -300.0, 300.0),
         ),
-        Case("places up to 1e12 mm apart", "finite, as sure as at near ones", _far_places),
-        Case("patches of 3 dB", "stated deviation 0.7 to 1.7 times the error", _patches),
+        Case("moments up to 2^53 blocks apart", "finite, as sure as at near ones", _far_moments),
+        Case(
+            "moments that differ by 3 dB", "stated deviation 0.7 to 1.7 times the error", _unsteady
+        ),
         Case("bursts of kurtosis 8", "stated deviation 0.7 to 1.7 times the error", _bursts),
     ]
 
@@ -63,8 +65,8 @@ def _felt(count: int, directed: bool = False, seed: int = 1) -> FieldCells:
     random = np.random.default_rng(seed)
     points = _points(count, directed, seed)
     scatter = _SCATTER * random.standard_normal(count) - 0.5 * _SCATTER**2
-    place = random.uniform(0.0, 120.0, (count, 2))
-    return FieldCells.of(points, np.exp(_law(points) + scatter), place)
+    number = random.integers(0, 20 * count, count)
+    return FieldCells.of(points, np.exp(_law(points) + scatter), number)
 
 
 def _many(many: int, directed: bool) -> Outcome:
@@ -105,8 +107,7 @@ def _one() -> Outcome:
 
 def _repeated() -> Outcome:
     points = np.tile([[0.4, 0.5]], (10_000, 1))
-    place = np.random.default_rng(5).uniform(0.0, 100.0, (len(points), 2))
-    field = LevelField(FieldCells.of(points, np.full(len(points), 2.0), place))
+    field = LevelField(FieldCells.of(points, np.full(len(points), 2.0), np.arange(len(points))))
     mean, deviation = field.level_db(np.array([[0.4, 0.5], [0.05, 0.05], [1.0, 1.0]]))
     off = abs(float(mean[0]) - float(_decibel(np.log(np.array([2.0])))[0]))
     return Outcome(
@@ -120,7 +121,7 @@ def _repeated() -> Outcome:
 def _line() -> Outcome:
     share = np.random.default_rng(9).uniform(0.1, 0.9, (2000, 1))
     points = share * np.ones(2)
-    field = LevelField(FieldCells.of(points, np.exp(_law(points)), np.zeros((len(points), 2))))
+    field = LevelField(FieldCells.of(points, np.exp(_law(points)), np.arange(len(points))))
     on, beside = (
         field.level_db(np.array(asked))[1].mean()
         for asked in ([[0.3, 0.3], [0.6, 0.6]], [[0.8, 0.1], [0.1, 0.8]])
@@ -135,35 +136,34 @@ def _any_power(lowest: float, highest: float) -> Outcome:
     power = 10.0**exponents if highest > lowest else np.zeros(500)
     power[::7] = 0.0
     points = _points(len(power), False, 6)
-    field = LevelField(FieldCells.of(points, power, np.zeros((len(power), 2))))
+    field = LevelField(FieldCells.of(points, power, np.arange(len(power))))
     found = np.concatenate([*field.level_db(points), field.table.ravel()])
     finite = bool(np.isfinite(found).all())
     return Outcome("all finite" if finite else "not finite", held=finite)
 
 
-def _far_places() -> Outcome:
+def _far_moments() -> Outcome:
     points = _points(2000, False, 7)
     power = np.exp(_law(points))
     random = np.random.default_rng(7)
     deviations = [
-        LevelField(
-            FieldCells.of(points, power, random.uniform(-reach, reach, (len(points), 2)))
-        ).level_db(points)[1]
-        for reach in (100.0, 1e12)
+        LevelField(FieldCells.of(points, power, random.integers(0, last, len(points)))).level_db(
+            points
+        )[1]
+        for last in (10_000, 2**53)
     ]
     ratio = float(deviations[1].mean() / deviations[0].mean())
     return Outcome(
-        f"deviations {ratio:.2f} times those of near places",
+        f"deviations {ratio:.2f} times those of near moments",
         held=bool(np.isfinite(deviations[1]).all() and 0.3 < ratio < 3.0),
         figures={"ratio": ratio},
     )
 
 
-def _patches() -> Outcome:
-    def gains(random: np.random.Generator, place: FloatArray) -> FloatArray:
-        patch = (place // 20.0).astype(int)
-        level = 0.69 * random.standard_normal((6, 6)) - 0.5 * 0.69**2
-        return np.asarray(np.exp(level[patch[:, 0], patch[:, 1]]))
+def _unsteady() -> Outcome:
+    def gains(random: np.random.Generator, moment: IntArray) -> FloatArray:
+        level = 0.69 * random.standard_normal(int(moment.max()) + 1) - 0.5 * 0.69**2
+        return np.asarray(np.exp(level[moment]))
 
     return _calibrated(gains)
 
@@ -171,21 +171,23 @@ def _patches() -> Outcome:
 def _bursts() -> Outcome:
     spread = float(np.sqrt(np.log(8.0 / 3.0)))
 
-    def gains(random: np.random.Generator, place: FloatArray) -> FloatArray:
-        level = spread * random.standard_normal((len(place), 2)) - 0.5 * spread**2
+    def gains(random: np.random.Generator, moment: IntArray) -> FloatArray:
+        level = spread * random.standard_normal((len(moment), 2)) - 0.5 * spread**2
         return np.asarray(np.exp(level).mean(axis=1))
 
     return _calibrated(gains)
 
 
-def _calibrated(gains: Callable[[np.random.Generator, FloatArray], FloatArray]) -> Outcome:
+def _calibrated(gains: Callable[[np.random.Generator, IntArray], FloatArray]) -> Outcome:
     squares = []
     asked = _points(_ASKED, False, 8)
     for seed in range(20):
         random = np.random.default_rng(seed)
-        points, place = _points(400, False, seed), random.uniform(0.0, 120.0, (400, 2))
+        points = np.repeat(_points(80, False, seed), 5, axis=0)
+        number = np.repeat(np.arange(80) * MOMENT_BLOCKS, 5)
         power = np.exp(_law(points)) * random.chisquare(13.0, 400) / 13.0
-        field = LevelField(FieldCells.of(points, power * gains(random, place), place))
+        power *= gains(random, number // MOMENT_BLOCKS)
+        field = LevelField(FieldCells.of(points, power, number))
         mean, deviation = field.level_db(asked)
         squares.append(np.mean(np.square((mean - _decibel(_law(asked))) / deviation)))
     standardised = float(np.sqrt(np.mean(squares)))

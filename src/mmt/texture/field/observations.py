@@ -1,0 +1,161 @@
+"""What the blocks of each cell of strokes say of its level, and which moments are not believed.
+
+A row (`mmt.texture.field.cells`) is off its cell's level by the scatter of its blocks and by that
+of its moment: the patch of the surface that was under the tool, the grip of the hand. Both
+variances are learned from the blocks themselves, drawn to those of a homogeneous surface by a few
+degrees of freedom.
+
+A row may also be wrong altogether: a knock, a slip, hum, a smooth patch. So its error has a heavy
+tail, that of a contaminated normal distribution (Tukey, "A survey of sampling from contaminated
+distributions", 1960): with the probability `STRAY_SHARE` it has the standard deviation
+`STRAY_DEVIATION` besides. How probable that is follows from what all other rows, through the prior
+of `mmt.texture.field.covariance`, predict of the row: the posterior of its cell without the row
+itself, in closed form (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006,
+section 5.4.2), under the setting of the prior that predicts all rows best. The rest of the
+probability is the trust in the row, a factor on its precision. Trust depends on predictions and
+predictions on trust: both are found by turns, `ROUNDS` times. A region that is silent time and
+again predicts its own silence, and is believed.
+
+Cost: O((s + ROUNDS) c^3) for s settings and c cells.
+"""
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray, IntArray
+from mmt.texture.field.cells import FieldCells
+from mmt.texture.linear_algebra import cholesky, solve_forward
+
+BLOCK_VARIANCE: Final = 0.15
+"""Variance of a block's log power, nepers^2, on a homogeneous surface: some 13 independent samples
+of 50, as on the development half of HaTT's models."""
+
+MOMENT_VARIANCE: Final = 0.01
+"""Least variance between moments, nepers^2: no surface and no hand is the same everywhere."""
+
+STRAY_SHARE: Final = 0.02
+"""Probability that a row is wrong altogether, before anything is known of it."""
+
+STRAY_DEVIATION: Final = 3.0
+"""Standard deviation of its error then, nepers: 13 dB."""
+
+ROUNDS: Final = 3
+_PRIOR_DEGREES: Final = 6.0
+_MEDIAN: Final = 0.9
+"""Median of a variance estimated from the four to nine blocks of a row, over the variance."""
+
+_LARGEST_VARIANCE: Final = 1.0  # nepers^2; what varies by more is no steady texture
+_LEAST_PRECISION: Final = 1e-3
+
+
+class Observations(NamedTuple):
+    """What is observed of the log level, less the prior mean, in c cells of strokes.
+
+    ``level``, ``variance`` (c,): the mean of the rows' logarithms of powers plus
+    `cells.FELT_POWER`, by their precision, and the variance of its error; ``smoothed`` (c,): the
+    same as predicted from all cells together. ``trust`` (r,): probability that each row is not
+    wrong altogether. ``block``, ``moment``: variances between the blocks of a moment, and between
+    moments.
+    """
+
+    level: FloatArray
+    variance: FloatArray
+    smoothed: FloatArray
+    trust: FloatArray
+    block: float
+    moment: float
+
+
+def observe(cells: FieldCells, priors: Sequence[FloatArray]) -> Observations:
+    """Return what the rows, at least one, say of each cell.
+
+    Parameters
+    ----------
+    cells
+        The rows.
+    priors
+        Prior covariance of the cells (c, c) under each setting of the prior.
+    """
+    cell, (count, power, _, _) = cells.cell_of_row, cells.sums.T
+    block = _block_variance(cells)
+    scatter = block / count
+    # the logarithm of a mean lies below that of what is expected, by half its variance
+    level = np.log(power / count) + 0.5 * scatter - cells.centres.law[cell]
+    trust = np.ones(len(level))
+    moment = _moment_variance(cell, level, scatter, trust)
+    left_out = [_left_out(prior, cell, level, moment + scatter, trust) for prior in priors]
+    likeliest = int(np.argmax([_log_density(off, usual).sum() for _, off, usual in left_out]))
+    smoothed, off, usual = left_out[likeliest]
+    for _ in range(ROUNDS):
+        trust = np.maximum(_believed(off, usual), (moment + scatter) / STRAY_DEVIATION**2)
+        moment = _moment_variance(cell, level, scatter, trust)
+        smoothed, off, usual = _left_out(priors[likeliest], cell, level, moment + scatter, trust)
+    precision, mean = _combined(cell, trust / (moment + scatter), level)
+    bias = 0.5 * moment  # and a mean of logarithms, of moments, below that of the mean
+    return Observations(mean + bias, 1.0 / precision, smoothed + bias, trust, block, moment)
+
+
+def _combined(
+    cell: IntArray, precision: FloatArray, level: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the precision and the mean of the rows of each cell, (c,)."""
+    total = np.asarray(np.bincount(cell, precision), np.float64)
+    return total, np.asarray(np.bincount(cell, precision * level) / total)
+
+
+def _block_variance(cells: FieldCells) -> float:
+    """Return the variance between the blocks of a moment: the median of the rows'."""
+    count, _, first, second = cells.sums[cells.sums[:, 0] >= 2.0].T
+    each = np.maximum(second - np.square(first) / count, 0.0) / (count - 1.0)
+    prior = np.full(int(_PRIOR_DEGREES), _MEDIAN * BLOCK_VARIANCE)
+    return min(float(np.median(np.concatenate([each, prior])) / _MEDIAN), _LARGEST_VARIANCE)
+
+
+def _moment_variance(
+    cell: IntArray, level: FloatArray, scatter: FloatArray, trust: FloatArray
+) -> float:
+    """Return the variance between moments beyond that of their blocks, of trusted rows."""
+    weight, mean = _combined(cell, trust, level)
+    degrees = trust * (1.0 - trust / weight[cell])
+    excess = trust @ np.square(level - mean[cell]) - degrees @ scatter
+    total = degrees.sum() + _PRIOR_DEGREES
+    found = float((excess + _PRIOR_DEGREES * MOMENT_VARIANCE) / total)
+    return min(max(found, MOMENT_VARIANCE), _LARGEST_VARIANCE)
+
+
+def _left_out(
+    prior: FloatArray, cell: IntArray, level: FloatArray, scatter: FloatArray, trust: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the smoothed level (c,), and how far each row is off what the others predict.
+
+    The latter with its variance if nothing is wrong with the row, both (r,).
+    """
+    own = trust / scatter
+    precision, mean = _combined(cell, own, level)
+    middle = float(np.average(mean, weights=precision))
+    total = prior.copy()
+    total[np.diag_indices_from(total)] += 1.0 / precision
+    root = solve_forward(cholesky(total), np.eye(len(total)))  # times its transpose the inverse
+    gains = np.einsum("ij,j->i", root, np.einsum("ij,i->j", root, mean - middle))
+    smoothed = mean - gains / precision
+    known = 1.0 / precision - np.square(root).sum(axis=1) / np.square(precision)
+    variance = 1.0 / np.maximum(1.0 / known[cell] - own, _LEAST_PRECISION)
+    predicted = variance * (smoothed[cell] / known[cell] - own * level)
+    return smoothed, level - predicted, variance + scatter
+
+
+def _believed(off: FloatArray, usual: FloatArray) -> FloatArray:
+    """Return the probability (r,) that rows are not wrong altogether."""
+    return np.asarray(np.exp(_log_normal(off, usual) - _log_density(off, usual)))
+
+
+def _log_density(off: FloatArray, usual: FloatArray) -> FloatArray:
+    """Return the logarithm of the probability density of rows, but for a constant, (r,)."""
+    stray = np.log(STRAY_SHARE) + _log_normal(off, usual + STRAY_DEVIATION**2)
+    return np.asarray(np.logaddexp(_log_normal(off, usual), stray))
+
+
+def _log_normal(off: FloatArray, variance: FloatArray) -> FloatArray:
+    return np.asarray(-0.5 * (np.square(off) / variance + np.log(variance)))
