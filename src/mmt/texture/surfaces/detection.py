@@ -52,7 +52,7 @@ class Detection:
 class SurfaceDetector:
     """Detector of changes of surface, updated block by block.
 
-    Cost: 20 ms for a second of stroking.
+    Cost: about 40 ms for a second of stroking.
 
     Parameters
     ----------
