@@ -261,8 +261,8 @@ def test_a_word_long_after_a_change_is_a_change_of_its_own(frames: RecordArray) 
 def test_a_word_is_about_the_surface_since_the_detected_change(over_two: RecordArray) -> None:
     first, second = tracked(over_two)
     (found, *_) = surface_changes(over_two, SETTINGS)
-    in_time = SaidSurface(found.at_sample + 1, 1)
-    merged = tracked(over_two[: found.at_sample + 100], in_time)
+    in_time = SaidSurface(found.at_sample + 200, 1)  # the filters delay what is found
+    merged = tracked(over_two[: found.at_sample + 300], in_time)
     assert merged == [first, ("identified", 2, 1, first[3])]
     named = round(NAMED_S * SETTINGS.rate_hz)
     longer = np.concatenate([over_two[:12_000], over_two[6500:12_000]])

@@ -21,7 +21,7 @@ from mmt.texture.surfaces.tracking import NAMED_S, SurfaceTracker
 
 LOOK_S: Final = 0.05
 """Time between two checks of the stream."""
-REMEMBERED_S: Final = NAMED_S + 20.0
+REMEMBERED_S: Final = NAMED_S + 26.0
 """Seconds of frames kept, for those of a new surface that a person says to be a known one: some
 seconds of stroking may have passed until it was detected."""
 

@@ -12,7 +12,7 @@ from mmt.texture.surfaces.blocks import BlockCutter
 from mmt.texture.surfaces.changes import SaidSurface, SurfaceChange
 from mmt.texture.surfaces.detection import SurfaceDetector
 
-NAMED_S: Final = 10.0
+NAMED_S: Final = 4.0
 """Time after a detected change in which a person's word is about the surface since that change."""
 
 
