@@ -199,7 +199,7 @@ def over_two() -> RecordedSession:
         [CourseChange(6000, 1, in_contact=True), CourseChange(12_000, 0, in_contact=False)],
     )
     frames, annotations = simulate_session(Scene(), course, 17.0, 4)
-    again = SurfaceChange("recalled", 2, 1, 12_300, 12_300)  # said by a person
+    again = SurfaceChange("recalled", 2, 1, 14_000, 14_000)  # said by a person
     return RecordedSession(frames, annotations=annotations, events=(asdict(again),))
 
 

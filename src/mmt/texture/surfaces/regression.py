@@ -109,7 +109,7 @@ class SurfaceRegression:
         self._covariance = np.eye(precision.shape[1]) / precision[:, :, None]
         self._weighted = np.zeros_like(precision)
         self._shape = 0.5 * _PRIOR_BLOCKS
-        self._rate = self._shape * _SCATTER
+        self._rate: FloatArray = np.asarray(self._shape * _SCATTER)
 
     def log_densities(self, rows: FloatArray, values: FloatArray) -> FloatArray:
         """Return the log density (n,) of each of n blocks, given what was learned and those before.
@@ -130,17 +130,17 @@ class SurfaceRegression:
         """Learn n blocks, n > 0, in their order; parameters as of `log_densities`."""
         found = self._innovations(rows, values)
         self._precision = self._precision + rows.T @ rows
-        self._covariance = np.linalg.inv(self._precision)
+        self._covariance = np.asarray(np.linalg.inv(self._precision), dtype=np.float64)
         self._weighted = self._weighted + found.values @ rows
         self._shape += 0.5 * len(rows)
-        self._rate = self._rate + 0.5 * np.square(found.innovation).sum(axis=1)
+        self._rate = np.asarray(self._rate + 0.5 * np.square(found.innovation).sum(axis=1))
 
     def _innovations(self, rows: FloatArray, values: FloatArray) -> _Innovations:
         """Return what is new in each of n blocks, given what was learned and those before it."""
         mean = np.einsum("cde,ce,nd->cn", self._covariance, self._weighted, rows)
         factor = np.linalg.cholesky(rows @ self._covariance @ rows.T + np.eye(len(rows)))
         deviation = np.diagonal(factor, axis1=1, axis2=2)
-        shape = self._shape + 0.5 * np.arange(len(rows))
+        shape: FloatArray = np.asarray(self._shape + 0.5 * np.arange(len(rows)))
         innovation, rate = np.zeros_like(mean), np.zeros_like(mean)
         now = self._rate
         for n, rest in enumerate((values.T - mean).T):  # forward substitution, bounded at each step
