@@ -183,7 +183,7 @@ def state(
 
 
 def change(kind: Any, before: int, surface: int, from_sample: int) -> SurfaceChange:
-    return SurfaceChange(kind, before, surface, from_sample, from_sample, from_sample + 300, 15.0)
+    return SurfaceChange(kind, before, surface, from_sample, from_sample + 300, 15.0)
 
 
 @pytest.fixture
@@ -247,7 +247,7 @@ def test_a_new_surface_that_is_a_known_one_is_rendered_from_its_model(leader: Le
     assert surfaces is not None
     assert surfaces.known == 1
     assert surfaces.entries[1].stays == [(0.0, 9.0), (9.0, None)]
-    assert leader.said[-1] == "surface 2 is surface 1"
+    assert leader.said[-1] == "surface 2 is surface 1, from 9.00 s on"
 
 
 def test_the_summary_has_every_stay_and_the_state_of_every_model(leader: Leader) -> None:

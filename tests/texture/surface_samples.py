@@ -7,7 +7,7 @@ from mmt.core.arrays import FloatArray
 from mmt.texture.field.covariance import coordinates
 from mmt.texture.surfaces import SurfaceBlock
 from mmt.texture.surfaces.bands import spectrum_components
-from mmt.texture.surfaces.prior import MEANS
+from mmt.texture.surfaces.regression import MEANS
 
 BLOCK = 50
 """Samples of a block."""
@@ -49,7 +49,6 @@ def make_blocks(
                 stop=(number + 1) * BLOCK,
                 stroke=np.array([at.u[0], at.v[0], heading]),
                 values=values,
-                position_mm=random.uniform(0.0, 100.0, 2),
                 touchdown=number == 0,
                 contact_start=0,
             )

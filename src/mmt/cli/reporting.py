@@ -59,7 +59,7 @@ def remark(evaluation: Evaluation, beside: Sequence[Evaluation]) -> str:
 
 
 def surface_section(parts: SurfaceParts | None) -> list[Block]:
-    """Return a report's section on the surfaces, empty without surface recognition."""
+    """Return a report's section on the surfaces, empty if surfaces are not told apart."""
     if parts is None:
         return []
     from mmt.evaluation.surface_report import surface_blocks

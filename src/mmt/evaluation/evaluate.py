@@ -202,7 +202,7 @@ def evaluate_surfaces(
     evaluations
         One, or one for each surface in the order of their numbers.
     parts
-        When the tool was on which surface; None without surface recognition.
+        When the tool was on which surface; None if surfaces are not told apart.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A recorded session split by surface, as the live leader does it."""
+"""A recorded session split by surface, as the live leader does it, persons' words included."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,7 +14,7 @@ from mmt.testing.simulation.course import SurfaceCourse, course_from_annotations
 from mmt.texture.online.history import surface_changes, trials
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.numbering import StreamNumbering
-from mmt.texture.surfaces import SurfaceChange
+from mmt.texture.surfaces import SurfaceChange, said_surfaces
 
 
 @dataclass(frozen=True)
@@ -68,10 +68,11 @@ def part_by_surface(session: RecordedSession, settings: ModellingSettings) -> Su
     session
         With position, force and acceleration, and at least one frame.
     settings
-        Settings of the modelling; ``surfaces`` has those of surface recognition.
+        Settings of the modelling; ``surfaces`` says how surfaces are told apart.
     """
     frames = StreamNumbering().number(session.frames)
-    edges = _stays(list(surface_changes(frames, settings)), frames)
+    said = said_surfaces(session.events)
+    edges = _stays(list(surface_changes(frames, settings, said)), frames)
     course = _course(session)
     truth = _truth(course, frames)
     sequence = frames["sequence"].astype(np.int64)

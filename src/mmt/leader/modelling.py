@@ -14,6 +14,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.arrays import RecordArray
+from mmt.core.errors import InputError
 from mmt.core.kernel_cache import Compilation
 from mmt.leader.completing import CompletingTask
 from mmt.leader.fitting import FittingTask
@@ -79,6 +80,7 @@ class Modelling(Part):
         capacity = max(2, round(LONGEST_QUEUE_S * settings.rate_hz / frames))
         self._make_tasks(settings.rate_hz, keep_frames, capacity)
         self._modeller = self._factory.make()
+        self._newest_sample = -1
         self.segmenting.start_model(self._modeller)
         self.finished = False
         self.frozen = False
@@ -98,6 +100,11 @@ class Modelling(Part):
             compilation=session.compilation,
         )
         made._session = session
+        if scene.texture.surfaces is not None and scene.replay is not None:
+            from mmt.leader.surface_log import replayed_words
+
+            made._modeller = made._factory.make(replayed_words(scene.replay))
+            made.segmenting.start_model(made._modeller)
         return made
 
     def _make_tasks(self, rate_hz: float, keep_frames: int, capacity: int) -> None:
@@ -151,6 +158,7 @@ class Modelling(Part):
     def on_frames(self, frames: RecordArray, arrival_ns: int = 0) -> None:
         """Queue frames (n,); never blocks."""
         _ = arrival_ns
+        self._newest_sample = int(frames["sequence"][-1])
         if not (self.finished or self.frozen):
             self.segmenting.put(frames)
 
@@ -169,6 +177,20 @@ class Modelling(Part):
         self.frozen = frozen
         if frozen:
             self.segmenting.clear()
+
+    def say_surface(self, surface: int) -> None:
+        """Take a person's word that the tool is on this surface from the next frame on.
+
+        Raises
+        ------
+        InputError
+            Surfaces are not told apart.
+        """
+        if isinstance(self._modeller, OnlineModeller):
+            raise InputError("this scene has one surface: it has no [texture.surfaces]")
+        from mmt.texture.surfaces import SaidSurface
+
+        self._modeller.say(SaidSurface(self._newest_sample + 1, surface))
 
     def reset(self) -> None:
         """Start a new model; updates that are under way are thrown away."""

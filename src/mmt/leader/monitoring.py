@@ -119,10 +119,10 @@ class SessionView:
         return None if self._log.warm is None else self._log.warm.name
 
     @property
-    def surfaces(self) -> tuple[int, int] | None:
-        """The surface under the tool and how many are known."""
+    def surfaces(self) -> tuple[int, list[int]] | None:
+        """The number of the surface under the tool, and those of all that are known."""
         found = self._log.surfaces
-        return None if found is None else (found.current, found.known)
+        return None if found is None else (found.current, sorted(found.entries))
 
     @property
     def listeners(self) -> dict[str, Any] | None:
@@ -147,6 +147,11 @@ class SessionView:
         """Leave the model as it is, or let it grow again."""
         if self._modelling is not None:
             self._modelling.freeze(frozen)
+
+    def say_surface(self, surface: int) -> None:
+        """Take a person's word that the tool is on this surface from now on."""
+        if self._modelling is not None:
+            self._modelling.say_surface(surface)
 
     def force(self, mode: Literal["streamed", "synthesized"] | None) -> None:
         """Hold on to one vibration, or let the criterion decide (None)."""

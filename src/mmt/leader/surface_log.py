@@ -7,8 +7,9 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from mmt.scene.recording_tables import Replay
 from mmt.texture.online.modeller import ModelUpdate
-from mmt.texture.surfaces import SurfaceChange
+from mmt.texture.surfaces import SaidSurface, SurfaceChange, said_surfaces
 
 if TYPE_CHECKING:
     from mmt.texture.model.texture_model import TextureModel
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 _SENTENCES: Final = {
     "new": "surface {0.surface}, not known before, from {1:.2f} s on",
     "recalled": "surface {0.surface} again, from {1:.2f} s on",
-    "identified": "surface {0.before} is surface {0.surface}",
+    "identified": "surface {0.before} is surface {0.surface}, from {1:.2f} s on",
 }
 _LONGEST: Final = 10_000
 """Largest number of stays and of changes in memory; older ones are in the recording."""
@@ -135,6 +136,26 @@ class SurfaceLog:
             "changes": self.changes,
             **{str(number): entry.as_dict(end_s) for number, entry in sorted(self.entries.items())},
         }
+
+
+def replayed_words(replay: Replay) -> list[SaidSurface]:
+    """Return what persons said of the surfaces in the session that is replayed.
+
+    By the sequence numbers of the replay, which begin at 0. None if the file is not on this
+    machine, or if gaps are closed up, which moves the numbers.
+    """
+    from mmt.session.mcap_windows import open_windows
+
+    if replay.file is None or replay.gaps != "keep" or not replay.file.is_file():
+        return []
+    session = open_windows(replay.file)
+    try:
+        words = said_surfaces(session.events)
+        beginning = session.window(0.0, min(1.0, session.duration_s)).frames["sequence"]
+    finally:
+        session.close()
+    first = int(beginning[0]) if len(beginning) else 0
+    return [SaidSurface(max(0, word.sample - first), word.surface) for word in words]
 
 
 def model_file(recording: Path, surface: int) -> Path:

@@ -204,5 +204,5 @@ def follow(
     return SurfaceResult(
         name=name,
         surfaces=tuple(surfaces),
-        score=score(truth, stroking, force_n > _TOUCH_N, found, tracker.detector.surfaces),
+        score=score(truth, stroking, force_n > _TOUCH_N, found),
     )

@@ -84,6 +84,7 @@ class Leading:
         more: dict[str, Any] | None = None,
     ) -> None:
         self.service = Leader(scene(port, inputs, surfaces, texture, more))
+        self._sent = 0
 
     async def __aenter__(self) -> "Leading":
         ready = asyncio.Event()
@@ -106,6 +107,9 @@ class Leading:
     async def model(self, seconds: float) -> None:
         """Let the model take a simulated session of this length."""
         frames, _ = simulate_session(self.service.scene, "plastic", seconds)
+        frames["sequence"] += self._sent
+        frames["time_ns"] += 1_000_000 * self._sent
+        self._sent += len(frames)
         modelling = self.service.parts.find("modelling")
         assert modelling is not None
         for second in np.array_split(frames, round(seconds)):
@@ -191,6 +195,13 @@ async def test_the_surface_under_the_tool_is_named_where_there_are_several(brows
         await page.goto(leading.url)
         await leading.model(2.0)
         await shows(page, "#surface", "surface 1 (1 known)")
+        await page.select_option("#surface-said", label="another surface")
+        await shows(page, "#answer", "a new surface, 2")
+        await leading.model(1.0)
+        await shows(page, "#surface", "surface 2 (2 known)")
+        await page.select_option("#surface-said", label="surface 1 again")
+        await leading.model(1.0)
+        await shows(page, "#surface", "surface 1 (2 known)")
         assert problems == []
 
 

@@ -1,6 +1,7 @@
 """The model that a recording's page shows is the one that the leader had."""
 
 import time
+from dataclasses import asdict
 from functools import cache
 from itertools import pairwise
 
@@ -16,6 +17,7 @@ from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.online.history import build, update_blocks
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
+from mmt.texture.surfaces import SurfaceChange
 from mmt.web.viewing.rebuilding import ModelRebuild, frozen_spans
 
 NEVER = ModellingSettings(method="published", start_distance=12.0, stop_distance=1e-6)
@@ -122,7 +124,10 @@ def test_each_surface_has_its_own_model_and_criteria() -> None:
         stop_distance=9.0,
         surfaces=SurfaceSettings(),
     )
-    rebuilding = ModelRebuild(MemoryWindows(RecordedSession(frames)), settings, 1.0)
+    said = SurfaceChange("recalled", 2, 1, 13_300, 13_300)
+    event = {"at_s": 13.3, "time_s": 13.3, "event": "surface 1 again"} | asdict(said)
+    session = RecordedSession(frames, events=(event,))
+    rebuilding = ModelRebuild(MemoryWindows(session), settings, 1.0)
     rebuilding._run()
     states = rebuilding.states
     surfaces = [state.surface for state in states]

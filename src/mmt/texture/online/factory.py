@@ -1,11 +1,13 @@
 """Makes the modeller that settings ask for: of one model, or of one for each surface."""
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
 from mmt.texture.settings import ModellingSettings
 
 if TYPE_CHECKING:
+    from mmt.texture.surfaces.changes import SaidSurface
     from mmt.texture.surfaces.modeller import SurfaceModeller
 
 
@@ -30,13 +32,22 @@ class ModellerFactory:
 
             self.frames_at_once = min(self._update_frames, round(LOOK_S * settings.rate_hz))
 
-    def make(self) -> "OnlineModeller | SurfaceModeller":
-        """Return one that has seen nothing yet."""
+    def make(self, said: "Iterable[SaidSurface]" = ()) -> "OnlineModeller | SurfaceModeller":
+        """Return one that has seen nothing yet.
+
+        Parameters
+        ----------
+        said
+            What persons say of the surface, if several are told apart.
+        """
         if self._settings.surfaces is None:
             return OnlineModeller(self._settings)
         from mmt.texture.surfaces.modeller import SurfaceModeller
 
-        return SurfaceModeller(self._settings, self._update_frames)
+        modeller = SurfaceModeller(self._settings, self._update_frames)
+        for word in said:
+            modeller.say(word)
+        return modeller
 
     def done(self, update: ModelUpdate) -> bool:
         """Say whether no update will follow: another surface may always come."""

@@ -21,7 +21,7 @@ from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt.texture.signals.numbering import StreamNumbering
 
 if TYPE_CHECKING:
-    from mmt.texture.surfaces.changes import SurfaceChange
+    from mmt.texture.surfaces.changes import SaidSurface, SurfaceChange
 
 
 @dataclass(frozen=True, repr=False)
@@ -73,8 +73,8 @@ class FoundSurface(NamedTuple):
     surface: int
     """The number of the surface that the tool is on; a session begins on surface 1."""
     kind: Literal["new", "recalled", "identified"]
-    """``"new"``: a surface not met before; ``"recalled"``: one met before; ``"identified"``: the
-    new surface, until now on trial, is one met before."""
+    """``"new"``: a surface not met before; by a person's word ``"recalled"``: one met before, or
+    ``"identified"``: the surface that was new is one met before."""
     from_s: float
     """Session time of the change itself, before it was found."""
 
@@ -118,9 +118,13 @@ def build_model(
 
 
 def follow_surfaces(
-    frames: RecordArray, settings: ModellingSettings | None = None
+    frames: RecordArray,
+    settings: ModellingSettings | None = None,
+    said: "Iterable[SaidSurface]" = (),
 ) -> Iterator[FoundSurface]:
     """Yield each change of surface in a session, as the live leader finds it.
+
+    A change opens a new surface; only a person's word tells that it is one met before.
 
     Parameters
     ----------
@@ -129,6 +133,9 @@ def follow_surfaces(
     settings
         How to model; its ``surfaces`` says how surfaces are told apart, None takes the
         defaults.
+    said
+        What persons have said meanwhile; `mmt.texture.surfaces.said_surfaces` gives it from the
+        events of a recording.
 
     Examples
     --------
@@ -139,7 +146,7 @@ def follow_surfaces(
     """
     settings = settings or ModellingSettings()
     first = int(frames["sequence"][0]) if len(frames) else 0
-    for change in surface_changes(frames, settings):
+    for change in surface_changes(frames, settings, said):
         yield FoundSurface(
             time_s=(change.at_sample - first) / settings.rate_hz,
             surface=change.surface,
@@ -148,12 +155,16 @@ def follow_surfaces(
         )
 
 
-def surface_changes(frames: RecordArray, settings: ModellingSettings) -> Iterator["SurfaceChange"]:
+def surface_changes(
+    frames: RecordArray, settings: ModellingSettings, said: "Iterable[SaidSurface]" = ()
+) -> Iterator["SurfaceChange"]:
     """Yield each change of surface in frames (n,) by sample numbers, see `follow_surfaces`."""
     from mmt.texture.surfaces.modeller import LOOK_S
     from mmt.texture.surfaces.tracking import SurfaceTracker
 
     tracker = SurfaceTracker(settings, settings.surfaces or SurfaceSettings())
+    for word in said:
+        tracker.say(word)
     look = max(1, round(LOOK_S * settings.rate_hz))
     numbering = StreamNumbering()
     for start in range(0, len(frames), look):

@@ -1,8 +1,14 @@
-"""Detection of changes of surface, and recognition of surfaces met before."""
+"""Detection of changes of surface, and what a person says of the surface."""
 
 from mmt.texture.surfaces.blocks import BlockCutter, SurfaceBlock
-from mmt.texture.surfaces.changes import SurfaceChange
+from mmt.texture.surfaces.changes import SaidSurface, SurfaceChange, said_surfaces
 from mmt.texture.surfaces.detection import SurfaceDetector
-from mmt.texture.surfaces.surface import KnownSurface
 
-__all__ = ["BlockCutter", "KnownSurface", "SurfaceBlock", "SurfaceChange", "SurfaceDetector"]
+__all__ = [
+    "BlockCutter",
+    "SaidSurface",
+    "SurfaceBlock",
+    "SurfaceChange",
+    "SurfaceDetector",
+    "said_surfaces",
+]

@@ -1,4 +1,4 @@
-"""Blocks of a twentieth of a second in contact, as surfaces are recognised by them.
+"""Blocks of a twentieth of a second in contact, by which surfaces are told apart.
 
 The stream is cut by `mmt.texture.field.blocks`. With the strokes go the place, the components of
 the spectrum (`mmt.texture.surfaces.bands`) less what the prior expects of any surface, and when the
@@ -14,13 +14,13 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.texture.field import blocks as field_blocks
 from mmt.texture.field.blocks import mean_square
-from mmt.texture.field.covariance import Coordinates, coordinates
+from mmt.texture.field.covariance import coordinates
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.noise_floor import NoiseFloor
 from mmt.texture.surfaces.bands import spectrum_components
-from mmt.texture.surfaces.prior import MEANS
+from mmt.texture.surfaces.regression import MEANS
 
 AUDIBLE: Final = 4.0
 """Times the sensor's noise that a block's power is at least: in noise all surfaces are alike, and
@@ -33,7 +33,7 @@ class SurfaceBlock:
 
     ``start`` and ``stop`` are absolute sample numbers, half-open. ``stroke`` (3,): u, v and heading
     as in `mmt.texture.field.covariance`. ``values`` (`bands.COMPONENTS`,): components of the
-    spectrum less their prior means, in nepers of power. ``position_mm`` (2,): in the plane.
+    spectrum less their prior means, in nepers of power.
     ``touchdown``: the first one after the tool met a surface. ``contact_start``: the sample number
     at which this contact began.
     """
@@ -42,14 +42,8 @@ class SurfaceBlock:
     stop: int
     stroke: FloatArray
     values: FloatArray
-    position_mm: FloatArray
     touchdown: bool
     contact_start: int
-
-
-def coordinates_of(strokes: FloatArray) -> Coordinates:
-    """Return the coordinates of strokes (n, 3)."""
-    return Coordinates(strokes[:, 0], strokes[:, 1], strokes[:, 2])
 
 
 class BlockCutter:
@@ -112,7 +106,6 @@ class BlockCutter:
                 stop=start + self._cutter.length,
                 stroke=np.column_stack(at)[0],
                 values=values,
-                position_mm=blocks.position_mm[0],
                 touchdown=touchdown,
                 contact_start=self._contact_start,
             )

@@ -1,39 +1,45 @@
-"""Detected changes of surface, and the estimate of their change-points."""
+"""Changes of surface: those that are detected, and those that a person says."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Literal
-
-from mmt.texture.surfaces.blocks import SurfaceBlock
+from typing import Any, Literal, NamedTuple
 
 
 @dataclass(frozen=True)
 class SurfaceChange:
-    """A detected change of the surface under the tool.
+    """A change of the surface under the tool.
 
-    ``kind``: ``"new"`` one, a known one ``"recalled"``, or the new one on trial ``"identified"``
-    as a known one. ``before`` and ``surface`` are the numbers of the two surfaces.
-    ``from_sample``: the first sample that is no longer the former one's; ``since_sample``: the
-    first of the blocks that are taken to be the other one's alone; ``at_sample``: the sample
-    at which it was detected. ``evidence``: natural logarithm of the Bayes factor.
+    ``kind``: a ``"new"`` surface; one met before, ``"recalled"`` by a person; or the new one,
+    ``"identified"`` by a person as one met before. ``before`` and ``surface`` are the numbers of
+    the two surfaces. ``from_sample``: the first sample that is no longer the former one's;
+    ``at_sample``: the sample at which it was detected or said. ``evidence``: natural logarithm
+    of the Bayes factor, None if a person said it.
     """
 
     kind: Literal["new", "recalled", "identified"]
     before: int
     surface: int
     from_sample: int
-    since_sample: int
     at_sample: int
-    evidence: float
+    evidence: float | None = None
 
 
-def change_point(blocks: Sequence[SurfaceBlock], first: int) -> int:
-    """Return the change-point, as a sample number, if block `first` is the first after it.
+class SaidSurface(NamedTuple):
+    """What a person says: from a sample (its sequence number) on the tool is on this surface."""
 
-    After a lift-off this is where contact began; within contact it is the start of the block
-    before, which may belong to both surfaces.
-    """
-    block = blocks[first]
-    if block.touchdown or first == 0:
-        return min(block.start, max(block.contact_start, 0))
-    return blocks[first - 1].start
+    sample: int
+    surface: int
+
+
+def said_surfaces(events: Iterable[Mapping[str, Any]]) -> list[SaidSurface]:
+    """Return what persons have said, from the events that a recording has of changes."""
+    said = [
+        (event.get("at_sample"), event.get("surface"))
+        for event in events
+        if "evidence" in event and event["evidence"] is None
+    ]
+    return [
+        SaidSurface(sample, surface)
+        for sample, surface in said
+        if isinstance(sample, int) and isinstance(surface, int) and sample >= 0 < surface
+    ]

@@ -16,14 +16,14 @@ from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.modeller import OnlineModeller, carry_out
 from mmt.texture.online.work import ModelUpdate, Work
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
-from mmt.texture.surfaces.changes import SurfaceChange
-from mmt.texture.surfaces.tracking import SurfaceTracker
+from mmt.texture.surfaces.changes import SaidSurface, SurfaceChange
+from mmt.texture.surfaces.tracking import NAMED_S, SurfaceTracker
 
 LOOK_S: Final = 0.05
 """Time between two checks of the stream."""
-
-REMEMBERED_S: Final = 30.0
-"""Seconds of frames kept, for those of a new surface that proves to be a known one."""
+REMEMBERED_S: Final = NAMED_S + 26.0
+"""Seconds of frames kept, for those of a new surface that a person says to be a known one: some
+seconds of stroking may have passed until it was detected."""
 
 
 class SurfaceModeller:
@@ -58,6 +58,10 @@ class SurfaceModeller:
     def surface(self) -> int:
         """The number of the surface that the tool is taken to be on."""
         return self._tracker.surface
+
+    def say(self, said: SaidSurface) -> None:
+        """Take a person's word on the surface; from any thread. See `SurfaceTracker`."""
+        self._tracker.say(said)
 
     def models(self) -> dict[int, TextureModel]:
         """Return the model of each surface that has one, by number; from any thread."""
@@ -137,7 +141,7 @@ class SurfaceModeller:
             yield work
             if work.update is not None:
                 left.append(work.update)
-        kept = {*self._tracker.detector.surfaces, change.surface}
+        kept = {*self._tracker.surfaces, change.surface}
         # Others may look at the models meanwhile: they get either all the old or all the new.
         modellers = {n: m for n, m in self._modellers.items() if n in kept}
         modellers.setdefault(change.surface, OnlineModeller(self._settings))

@@ -1,4 +1,7 @@
-"""Surface tracking from frames: filter, cut into blocks, detect changes."""
+"""Surface tracking from frames: detected changes of surface, and what a person says of it."""
+
+from bisect import insort
+from typing import Final, Literal
 
 from mmt.core.arrays import RecordArray
 from mmt.texture.field.blocks import BLOCK_S
@@ -6,15 +9,21 @@ from mmt.texture.model.inputs import InputSpace
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.surfaces.blocks import BlockCutter
-from mmt.texture.surfaces.changes import SurfaceChange
+from mmt.texture.surfaces.changes import SaidSurface, SurfaceChange
 from mmt.texture.surfaces.detection import SurfaceDetector
+
+NAMED_S: Final = 4.0
+"""Time after a detected change in which a person's word is about the surface since that change."""
 
 
 class SurfaceTracker:
     """Tracker of the surface under the tool in a stream of frames.
 
-    Cost: a second of stroking takes 50 to 80 ms with one known surface and 100 ms with twenty,
-    which are compared only where an unknown one would explain the newest blocks better.
+    A detected change opens a new surface. That the tool is on one met before is not detected: a
+    person says it (`say`). Within `NAMED_S` of a detected change that is said of the new surface,
+    which then was that one all along; else the tool is on it from the sample that is named.
+
+    Cost: that of `SurfaceDetector`.
 
     Parameters
     ----------
@@ -29,25 +38,75 @@ class SurfaceTracker:
             normal=modelling.normal, axis=modelling.axis, rate_hz=modelling.rate_hz
         )
         self._cutter = BlockCutter(modelling)
-        self.detector = SurfaceDetector(
-            settings.false_alarms_per_hour,
-            settings.most,
-            by_heading=InputSpace(modelling.inputs).directed,
+        self._detector = SurfaceDetector(
+            settings.false_alarms_per_hour, by_heading=InputSpace(modelling.inputs).directed
         )
+        self._most = settings.most
+        self._named_samples = round(NAMED_S * modelling.rate_hz)
+        self._said: list[SaidSurface] = []
+        self._found: SurfaceChange | None = None  # the detected change by which this stay began
+        self.surface = 1
+        """Number of the surface that the tool is taken to be on."""
+        self.surfaces = [1]
+        """Numbers of the surfaces that are kept; the one left longest ago is first."""
+        self._largest = 1
         self.stroked_s = 0.0
         """Seconds of stroking analysed."""
 
-    @property
-    def surface(self) -> int:
-        """The number of the surface that the tool is taken to be on."""
-        return self.detector.current
+    def say(self, said: SaidSurface) -> None:
+        """Take a person's word; it holds from its sample on, whenever that comes.
+
+        A number that is not known is that of a new surface.
+        """
+        insort(self._said, said)  # at once: another thread may take from the list meanwhile
 
     def update(self, frames: RecordArray) -> list[SurfaceChange]:
         """Add the newest frames (n,); return the changes that they reveal."""
         changes = []
-        for block in self._cutter.cut(self._filter.process(frames)):
+        while self._said and len(frames) and self._said[0].sample <= int(frames["sequence"][-1]):
+            said = self._said.pop(0)
+            before = frames["sequence"] < said.sample
+            changes += self._detect(frames[before])
+            changes += self._follow(said)
+            frames = frames[~before]
+        return changes + self._detect(frames)
+
+    def _detect(self, frames: RecordArray) -> list[SurfaceChange]:
+        changes = []
+        for block in self._cutter.cut(self._filter.process(frames)) if len(frames) else ():
             self.stroked_s += BLOCK_S
-            change = self.detector.update(block)
-            if change is not None:
-                changes.append(change)
+            found = self._detector.update(block)
+            if found is not None:
+                number, evidence = self._largest + 1, found.evidence
+                where = found.from_sample, found.at_sample
+                self._found = self._go("new", number, *where, evidence)
+                changes.append(self._found)
         return changes
+
+    def _follow(self, said: SaidSurface) -> list[SurfaceChange]:
+        """Return the change that a person's word makes, if any."""
+        sample, number = said
+        if number == self.surface:
+            return []
+        found, self._found = self._found, None
+        known = number in self.surfaces
+        if known and found is not None and sample - found.at_sample <= self._named_samples:
+            self.surfaces.remove(self.surface)
+            return [self._go("identified", number, found.from_sample, sample)]
+        self._detector.begin(sample)
+        return [self._go("recalled" if known else "new", number, sample, sample)]
+
+    def _go(
+        self,
+        kind: Literal["new", "recalled", "identified"],
+        number: int,
+        from_sample: int,
+        at_sample: int,
+        evidence: float | None = None,
+    ) -> SurfaceChange:
+        """Take the tool to be on another surface."""
+        change = SurfaceChange(kind, self.surface, number, from_sample, at_sample, evidence)
+        self.surface, self._largest = number, max(self._largest, number)
+        self.surfaces = [n for n in self.surfaces if n != number] + [number]
+        del self.surfaces[: -self._most]
+        return change

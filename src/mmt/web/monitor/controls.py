@@ -34,6 +34,7 @@ class Controls:
             "mark": self._mark,
             "reset": self._reset,
             "freeze": self._freeze,
+            "surface": self._surface,
             "mode": self._mode,
             "record": self._record,
             "save": self._save,
@@ -51,6 +52,7 @@ class Controls:
             "frozen": bool(leader.frozen),
             "renders": leader.renders,
             "forced": leader.forced or "auto",
+            "surfaces": leader.surfaces,
             "network": leader.scene.network is not None,
             "control": leader.control,
         }
@@ -102,6 +104,21 @@ class Controls:
             self._leader.freeze(wanted)
             self._leader.tell("model frozen" if wanted else "model grows again", frozen=wanted)
         return "the model stays as it is" if wanted else "the model grows"
+
+    async def _surface(self, order: dict[str, Any]) -> str:
+        if self._leader.surfaces is None:
+            raise InputError("this scene tells no surfaces apart, or there is no model yet")
+        now, known = self._leader.surfaces
+        surface = order.get("surface")
+        if surface is None:
+            surface = max(known) + 1
+        elif surface not in known or not isinstance(surface, int):
+            numbers = ", ".join(map(str, known))
+            raise InputError(f"surface is {surface!r}: known are {numbers}, null is another one")
+        if surface == now:
+            return f"surface {now} it is"
+        self._leader.say_surface(surface)
+        return f"surface {surface} again" if surface in known else f"a new surface, {surface}"
 
     async def _mode(self, order: dict[str, Any]) -> str:
         mode = order.get("mode")
@@ -184,7 +201,7 @@ def _parse(text: str) -> dict[str, Any]:
     number, what = order.get("id"), order.get("do")
     if not isinstance(number, int) or not 0 <= number < 2**31:
         raise InputError("id of an order is a number from 0")
-    known = ("mark", "reset", "freeze", "mode", "record", "save", "control")
+    known = ("mark", "reset", "freeze", "surface", "mode", "record", "save", "control")
     if what not in known:
         raise InputError(f"do is {what!r}: allowed are {', '.join(known)}")
     return order

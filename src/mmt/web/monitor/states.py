@@ -72,7 +72,7 @@ def surfaces(leader: LeaderView) -> dict[str, dict[str, int]]:
     if leader.surfaces is None:
         return {}
     now, known = leader.surfaces
-    return {"surfaces": {"now": now, "known": known}}
+    return {"surfaces": {"now": now, "known": len(known)}}
 
 
 def _why_not_synthesized(leader: LeaderView) -> str:

@@ -83,8 +83,11 @@ class LeaderView(Protocol):
         """Name of the known texture that is rendered until the model is ready."""
 
     @property
-    def surfaces(self) -> tuple[int, int] | None:
-        """The surface under the tool and how many are known; None where not told apart."""
+    def surfaces(self) -> tuple[int, list[int]] | None:
+        """The number of the surface under the tool, and those of all that are known.
+
+        None if surfaces are not told apart, or before the first update.
+        """
 
     @property
     def listeners(self) -> dict[str, Any] | None:
@@ -111,6 +114,9 @@ class LeaderView(Protocol):
 
     def freeze(self, frozen: bool) -> None:
         """Leave the model as it is, or let it grow again."""
+
+    def say_surface(self, surface: int) -> None:
+        """Take a person's word that the tool is on this surface from now on."""
 
     def force(self, mode: Literal["streamed", "synthesized"] | None) -> None:
         """Hold on to one vibration, or let the criterion decide (None)."""

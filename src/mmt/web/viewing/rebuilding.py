@@ -1,7 +1,8 @@
 """Build a recorded session's model again, in a thread, from its beginning to its end.
 
 As the live leader does: an update a period, none while the model was frozen, a new model after a
-reset, none once the stop criterion is met; where surfaces are distinguished, a model for each.
+reset, none once the stop criterion is met; where surfaces are told apart, a model for each, by what
+persons have said.
 The states' models are kept on disk, so that an hour of them needs little memory.
 """
 
@@ -26,6 +27,7 @@ from mmt.texture.online.history import update_blocks
 from mmt.texture.online.methods import method_of
 from mmt.texture.online.modeller import ModelUpdate
 from mmt.texture.settings import ModellingSettings
+from mmt.texture.surfaces.changes import said_surfaces
 
 _MODELS_KEPT: Final = 8
 """Models kept in memory, the most recently used ones."""
@@ -172,7 +174,8 @@ class ModelRebuild:
     def _build(self, span: Span) -> None:
         """Build one model, from its first frame until it is complete, reset, or the end."""
         growing = _Growing(self._snapshots)
-        modeller = self._modellers.make()
+        events = [e for e in self._windows.events if span[0] <= e["at_s"] < span[1]]
+        modeller = self._modellers.make(said_surfaces(events))
         for time_s, frames in self._blocks(span):
             update = modeller.update(frames)
             self.reached_s = time_s

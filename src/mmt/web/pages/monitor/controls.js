@@ -27,6 +27,11 @@ export class Controls {
     $("reset").onclick = () => {
       if (confirm("Forget the model and begin anew?")) this.order({ do: "reset" });
     };
+    $("surface-said").onchange = async () => {
+      const { value } = $("surface-said");
+      await this.order({ do: "surface", surface: value === "" ? null : Number(value) });
+      this.#showSurfaces(); // as the leader has it, until it has followed
+    };
     $("take-back").onclick = () => this.order({ do: "control", decision: "take back" });
     $("force").onchange = async () => {
       await this.order({ do: "mode", mode: $("force").value });
@@ -54,10 +59,22 @@ export class Controls {
     $("force").value = state.forced;
     $("network").disabled = !state.network;
     $("network").title = state.network ? "" : "the scene has no [network]";
+    this.#showSurfaces();
     $("control").hidden = !state.control;
     if (state.control) this.#showControl(state.control);
     $("controls").hidden = false;
     if (first && state.network) this.#readNetwork();
+  }
+
+  /** Show the surface that the tool is taken to be on, and those that a person may name. */
+  #showSurfaces() {
+    const { surfaces } = this.state;
+    $("surfaces").hidden = !surfaces;
+    if (!surfaces) return;
+    const [now, known] = surfaces;
+    const named = known.map((n) => new Option(n === now ? `surface ${n}` : `surface ${n} again`, n));
+    $("surface-said").replaceChildren(...named, new Option("another surface", ""));
+    $("surface-said").value = now;
   }
 
   /** Show who moves the robot, and each who asks to with what may be answered. */

@@ -1,0 +1,79 @@
+"""Orders of the monitor's page about the surface under the tool."""
+
+import json
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from monitor_messages import unpack
+
+from mmt.core.errors import InputError
+from mmt.leader.modelling import Modelling
+from mmt.texture.settings import ModellingSettings, SurfaceSettings
+from mmt.texture.surfaces import SurfaceChange, said_surfaces
+from mmt.web.monitor.controls import Controls
+
+
+async def ordered(surface: Any, surfaces: Any) -> tuple[bool, str, list[int]]:
+    said: list[int] = []
+    leader: Any = SimpleNamespace(surfaces=surfaces, say_surface=said.append)
+    order = json.dumps({"id": 1, "do": "surface", "surface": surface})
+    _, answer = await Controls(leader).answer(order)
+    message = unpack(answer)
+    return message["ok"], message["text"], said
+
+
+@pytest.mark.parametrize(
+    ("surface", "sentence", "told"),
+    [
+        (1, "surface 1 again", [1]),
+        (4, "surface 4 it is", []),
+        (None, "a new surface, 6", [6]),
+    ],
+)
+async def test_a_person_names_the_surface(
+    surface: int | None, sentence: str, told: list[int]
+) -> None:
+    assert await ordered(surface, (4, [1, 4, 5])) == (True, sentence, told)
+
+
+@pytest.mark.parametrize("surface", [0, 2, "1", 1.5, [1], True, -1])
+async def test_what_is_no_known_surface_is_refused(surface: Any) -> None:
+    known = (4, [4, 5])
+    good, sentence, told = await ordered(surface, known)
+    assert (good, told) == (False, [])
+    assert "known are 4, 5" in sentence
+
+
+async def test_without_surfaces_there_is_none_to_name() -> None:
+    good, sentence, told = await ordered(1, None)
+    assert (good, told) == (False, [])
+    assert "tells no surfaces apart" in sentence
+
+
+async def test_a_scene_with_one_surface_takes_no_word() -> None:
+    modelling = Modelling(ModellingSettings(), 1.0, lambda *_: None)
+    with pytest.raises(InputError, match=r"no \[texture\.surfaces\]"):
+        modelling.say_surface(1)
+    modelling.close()
+    several = Modelling(ModellingSettings(surfaces=SurfaceSettings()), 1.0, lambda *_: None)
+    several.say_surface(1)
+    several.close()
+
+
+@pytest.mark.parametrize(
+    "event",
+    [
+        {"event": "mark"},
+        {"kind": "recalled", "surface": 1, "at_sample": 5, "evidence": 12.0},
+        {"kind": "recalled", "surface": 0, "at_sample": 5, "evidence": None},
+        {"kind": "recalled", "surface": 1, "at_sample": -5, "evidence": None},
+        {"kind": "recalled", "surface": "1", "at_sample": 5, "evidence": None},
+        {"kind": "recalled", "surface": 1, "evidence": None},
+    ],
+)
+def test_events_that_are_no_persons_word_are_none(event: dict[str, Any]) -> None:
+    change = SurfaceChange("recalled", 2, 1, 7, 9)
+    word = {"surface": change.surface, "at_sample": change.at_sample, "evidence": change.evidence}
+    assert said_surfaces([event, word]) == said_surfaces([word])
+    assert len(said_surfaces([word])) == 1
