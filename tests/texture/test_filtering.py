@@ -14,7 +14,8 @@ from mmt.core.frames import empty_frames
 from mmt.texture.settings import LONGEST_BRIDGED
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.biquad import BiquadFilter, bessel_low_pass, butterworth_high_pass
-from mmt.texture.signals.filtering import LARGEST_MEASUREMENT, StreamFilter
+from mmt.texture.signals.filtering import StreamFilter
+from mmt.texture.signals.frame_gaps import LARGEST_MEASUREMENT
 
 RATE_HZ = 1000.0
 GRAVITY_M_S2 = 9.81

@@ -167,7 +167,7 @@ def _process(
 
 
 class VibrationFilter:
-    """Judge, bridge and high-pass a stream of acceleration; cost: some 0.1 us an element and axis.
+    """Judge, bridge and high-pass a stream of acceleration; cost: some 0.2 us an element and axis.
 
     Parameters
     ----------

@@ -5,11 +5,10 @@ Causal and online, sample by sample, with what the channel itself has shown befo
 - *Held*: the channel repeats one value for longer than chance allows. How often a value is
   repeated is learnt for each octave of the last steps before it: a coarse converter near silence
   repeats often, and a slow sensor always; a vibration of a fine one hardly ever. A run of n
-  repeats whose chance is below `CHANCE` is held, unless such a run had the same value before: a
-  live signal does not stop twice at one value, so that this is silence, and measured. The first
-  silence is told by the channel's own mean.
-  A vibration that decays comes to its end by ever smaller steps, after which repeats are no
-  surprise either.
+  repeats whose chance is below `CHANCE` is held, unless it is silence: the last values before it
+  were closer to it than the vibration usually is, and it is the channel's mean, or a value at
+  which the channel stopped before, as a live signal does not. A vibration that rings out comes to
+  its end by ever smaller steps, after which repeats are no surprise either.
 - *Saturated*: a sample at the rail. A rail is an extreme, of the last samples or of all, that
   comes again and again to the last bit, more often than the values right beside it and the
   channel's resolution explain. It holds until a sample lies beyond it.
@@ -44,20 +43,28 @@ RECENT: Final = 100
 
 _EVIDENCE: Final = -math.log(CHANCE)
 _COUNTED: Final = 20  # repeats of a run that are learnt from: one long run is one event
-_LEAST_LEARNT: Final = 100.0  # values; else those behind smaller steps, repeated more often, too
+_LEAST_LEARNT: Final = (
+    100.0  # values; where an octave has less, those behind smaller steps count too
+)
 _OCTAVES: Final = 80
 _LOWEST_OCTAVE: Final = -50
 _MEAN_SAMPLES: Final = 12000.0
 _NEAR_MEAN: Final = 4.5  # deviations over the root of the samples: some 98 % of means of textures
+_ACTIVITY_SAMPLES: Final = 128.0
+_DECLINED: Final = 0.5  # of the activity: 3 of 100 silences begin from further away
 _LEAST_STEPS: Final = 8.0  # of the resolution, by which a value that is looked at differs
+_LEAST_ACTIVE: Final = 0.01  # of the activity, likewise
+_LEAST_ALIKE: Final = 4.0  # extremes: two waves that ring out can have the same peak
 _MARGIN: Final = 1.25  # of the chance of an extreme over that of a value right beside it
 
 _MEASURED, _MISSING, _HELD, _SATURATED, _CONSTANT = (int(cause) for cause in Cause)
 
 # columns of the state of an axis, and of the trackers of its extremes
 _LAST, _REPEATS, _STEP, _OCTAVE, _DECIDED, _MEAN, _POWER, _COUNT = range(8)
-_RESOLUTION, _CHANGES, _RESTED, _UPPER, _LOWER = range(8, 13)
-_STOPS: Final = 13  # and those behind it: values at which runs stopped
+_RESOLUTION, _CHANGES, _RESTED, _ACTIVITY, _UPPER, _LOWER = range(8, 14)
+_BEFORE: Final = 14  # and those behind it: the last values before the run
+_BEFORE_KEPT: Final = 3
+_STOPS: Final = _BEFORE + _BEFORE_KEPT  # and those behind it: values at which runs stopped
 _STOPS_KEPT: Final = 4
 _WIDTH: Final = _STOPS + _STOPS_KEPT
 _EXTREME, _ALIKE, _NEAR, _SINCE = range(4)
@@ -101,7 +108,7 @@ def _is_rail(
     tracker[_ALIKE] += 1.0
     total = tracker[_ALIKE] + tracker[_NEAR]
     share, chance = tracker[_ALIKE] / total, _MARGIN * resolution / (reach + resolution)
-    if share <= chance:
+    if share <= chance or tracker[_ALIKE] < _LEAST_ALIKE:
         return False
     evidence = share * math.log(share / chance)
     if share < 1.0:
@@ -113,6 +120,9 @@ def _is_rail(
 def _step(state: FloatArray, value: float, repeats: FloatArray, extremes: FloatArray) -> bool:
     """Take in a value that differs from the one before; return whether it proves a rail."""
     size = abs(value - state[_LAST])
+    before = state[_BEFORE:_STOPS]
+    before[1:] = before[:-1].copy()
+    before[0] = state[_LAST]
     if state[_DECIDED] == _UNDECIDED and state[_REPEATS] < _COUNTED and state[_CHANGES]:
         repeats[int(state[_OCTAVE]), 0] += 1.0
     stopped = state[_DECIDED] != _UNDECIDED or state[_REPEATS] >= _COUNTED
@@ -121,17 +131,19 @@ def _step(state: FloatArray, value: float, repeats: FloatArray, extremes: FloatA
         state[_STOPS] = state[_LAST]
     state[_CHANGES] += 1.0
     state[_RESOLUTION] = min(state[_RESOLUTION], size)
-    before = 0.0 if state[_REPEATS] > 0.0 else state[_STEP]
-    octave = math.frexp(max(size, before))[1] - _LOWEST_OCTAVE
+    other = 0.0 if state[_REPEATS] > 0.0 else state[_STEP]
+    octave = math.frexp(max(size, other))[1] - _LOWEST_OCTAVE
     state[_OCTAVE] = min(max(octave, 0), _OCTAVES - 1)
     state[_STEP], state[_LAST] = size, value
     state[_REPEATS], state[_DECIDED] = 0.0, _UNDECIDED
     count, mean = min(state[_CHANGES], _MEAN_SAMPLES), state[_MEAN]
     state[_MEAN] = mean + (value - mean) / count
     state[_POWER] += ((value - mean) ** 2 - state[_POWER]) / count
+    state[_ACTIVITY] += (abs(value - mean) - state[_ACTIVITY]) / min(count, _ACTIVITY_SAMPLES)
     found = False
     # Of noise of a few steps of the converter the extreme is a frequent value itself.
-    for tracker in range(4 if size >= _LEAST_STEPS * state[_RESOLUTION] else 0):
+    least = max(_LEAST_STEPS * state[_RESOLUTION], _LEAST_ACTIVE * state[_ACTIVITY])
+    for tracker in range(4 if size >= least else 0):
         sign = 1.0 if tracker < 2 else -1.0
         recent = tracker % 2 == 0
         if _is_rail(
@@ -140,6 +152,19 @@ def _step(state: FloatArray, value: float, repeats: FloatArray, extremes: FloatA
             state[_UPPER + tracker // 2] = value
             found = True
     return found
+
+
+@kernel("b1(f8[::1])")
+def _is_silence(state: FloatArray) -> bool:
+    """Return whether a value that is repeated is one at which a vibration has ended."""
+    away = np.abs(state[_BEFORE:_STOPS] - state[_LAST]).mean()
+    if away > _DECLINED * state[_ACTIVITY] + state[_RESOLUTION]:
+        return False
+    near = _NEAR_MEAN * math.sqrt(state[_POWER] / min(state[_CHANGES], _MEAN_SAMPLES))
+    near += 0.5 * state[_RESOLUTION]
+    first = state[_RESTED] == 0.0 and abs(state[_LAST] - state[_MEAN]) <= near
+    again = np.abs(state[_STOPS:] - state[_LAST]) <= state[_RESOLUTION]
+    return bool(first or again.any())
 
 
 @kernel("b1(f8[::1], f8[:, ::1])")
@@ -153,12 +178,9 @@ def _is_held(state: FloatArray, repeats: FloatArray) -> bool:
         while octave >= 0 and could < _LEAST_LEARNT:
             could, did = could + repeats[octave, 0], did + repeats[octave, 1]
             octave -= 1
-        chance = min(1.0, did / could)
+        chance = did / could if could >= _LEAST_LEARNT else 1.0
         if -state[_REPEATS] * math.log(chance) > _EVIDENCE:
-            near = _NEAR_MEAN * math.sqrt(state[_POWER] / min(state[_CHANGES], _MEAN_SAMPLES))
-            near += 0.5 * state[_RESOLUTION]
-            silent = (state[_STOPS:] == state[_LAST]).any()
-            silent |= not state[_RESTED] and abs(state[_LAST] - state[_MEAN]) <= near
+            silent = _is_silence(state)
             state[_DECIDED] = _SILENT if silent else _FOUND
             state[_RESTED] += silent
     return bool(state[_DECIDED] == _FOUND)
