@@ -102,7 +102,7 @@ def virtual_texture(texture: str, seed: int) -> Virtual:
 def real_sample(texture: str, seed: int) -> Sample:
     """Stroke a texture anew."""
     settings = network_settings("anisotropic")
-    stream = StreamFilter(normal=settings.normal, axis=settings.axis, rate_hz=settings.rate_hz)
+    stream = StreamFilter.of(settings)
     block = stream.process(_stroke(texture, STROKED_S, seed))
     first = int(block.index[0])
     return Sample(

@@ -70,6 +70,7 @@ def motion(
         normal_force_n=np.full(count, force_n),
         vibration_m_s2=np.zeros((count, 1)),
         valid=np.full(count, valid),
+        measured=np.ones(count, np.bool_),
     )
 
 

@@ -23,6 +23,7 @@ def stroke(count, first=0, speed=100.0, force=1.0, seed=0):
         normal_force_n=np.full(count, force),
         vibration_m_s2=2.0 * random.standard_normal((count, 1)),
         valid=np.ones(count, np.bool_),
+        measured=np.ones(count, np.bool_),
     )
 
 

@@ -11,9 +11,11 @@ from hypothesis import strategies as st
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.core.frames import empty_frames
+from mmt.texture.settings import LONGEST_BRIDGED
 from mmt.texture.signals.aligned import AlignedBlock
-from mmt.texture.signals.biquad import BiquadFilter, butterworth_high_pass
-from mmt.texture.signals.filtering import LARGEST_MEASUREMENT, StreamFilter
+from mmt.texture.signals.biquad import BiquadFilter, bessel_low_pass, butterworth_high_pass
+from mmt.texture.signals.filtering import StreamFilter
+from mmt.texture.signals.frame_gaps import LARGEST_MEASUREMENT
 
 RATE_HZ = 1000.0
 GRAVITY_M_S2 = 9.81
@@ -91,7 +93,14 @@ def test_gives_out_received_frames_only_and_finite_numbers(
     aligned = stream.process(frames)
     received = dict(zip(frames["sequence"].tolist(), frames["time_ns"].tolist(), strict=True))
     assert np.all(np.diff(aligned.index) > 0)
-    assert set(aligned.index.tolist()) <= set(received)
+    assert set(aligned.index[aligned.measured].tolist()) <= set(received)
+    gaps = np.diff(sorted(received), prepend=min(received, default=0))
+    filled = {
+        last - back
+        for last, gap in zip(sorted(received), gaps.tolist(), strict=True)
+        for back in range(1, gap if gap <= LONGEST_BRIDGED + 1 else 1)
+    }
+    assert set(aligned.index.tolist()) <= set(received) | filled
     for field in fields(AlignedBlock):
         assert np.isfinite(getattr(aligned, field.name)).all()
     assert (aligned.normal_force_n >= 0.0).all()
@@ -99,14 +108,22 @@ def test_gives_out_received_frames_only_and_finite_numbers(
 
 def test_each_run_of_frames_loses_its_newest_ones_and_its_warm_up() -> None:
     stream = StreamFilter()
-    first, second = make_frames(300, first=7), make_frames(200, first=400)
+    first, second = random_frames(300), random_frames(200)
+    first["sequence"] += 7
+    second["sequence"] += 400
+    for part in (first, second):
+        part["time_ns"] = 5_000 + part["sequence"].astype(np.int64) * 1_000_000
     aligned = stream.process(np.concatenate([first, second]))
     delay, warm_up = stream.delay_samples, stream.warm_up_samples
     expected = np.r_[7 : 307 - delay, 400 : 600 - delay]
     np.testing.assert_array_equal(aligned.index, expected)
     np.testing.assert_array_equal(aligned.time_ns, 5_000 + expected * 1_000_000)
-    age = np.where(expected < 400, expected - 7, expected - 400)
-    np.testing.assert_array_equal(aligned.valid, age >= warm_up)
+    # Behind the gap the offset of the acceleration is known; position and force begin anew.
+    motion = bessel_low_pass(20.0, RATE_HZ).settling_samples(0.05) - delay
+    valid = np.where(expected < 400, expected - 7 >= warm_up, expected - 400 >= motion)
+    np.testing.assert_array_equal(aligned.valid, valid)
+    assert motion + delay <= 50
+    assert aligned.measured.all()
 
 
 def test_channels_equal_scipys_filters() -> None:
@@ -235,15 +252,45 @@ def test_speed_lies_in_the_tangential_plane_and_force_on_the_normal() -> None:
         np.testing.assert_allclose(aligned.normal_force_n, force_n, rtol=1e-6)
 
 
-def test_restarts_behind_a_gap_as_if_new() -> None:
+def test_motion_and_force_restart_behind_a_long_gap_as_if_new() -> None:
     before, after = random_frames(300, seed=1), random_frames(300, seed=2)
-    after["sequence"] += 301  # one frame is missing
+    after["sequence"] += 300 + LONGEST_BRIDGED + 1
     after["position_mm"] += 500.0
     stream = StreamFilter(axis="dft321")
     joined = stream.process(np.concatenate([before, after]))
     fresh = StreamFilter(axis="dft321").process(after)
-    assert_identical(joined[-len(fresh) :], fresh)
+    for name in ("index", "time_ns", "position_mm", "velocity_mm_s", "normal_force_n"):
+        behind = getattr(joined, name)[-len(fresh) :]
+        np.testing.assert_array_equal(behind, getattr(fresh, name), err_msg=name)
     assert joined[: len(joined) - len(fresh)].speed_mm_s.max() < 1e4
+
+
+@pytest.mark.parametrize("gap", [6, 50, 3000])
+@pytest.mark.parametrize("broken", [False, True])
+def test_vibration_goes_on_behind_a_long_gap_where_it_would_have_been(
+    gap: int, *, broken: bool
+) -> None:
+    frames = random_frames(6000, seed=gap)
+    whole = StreamFilter().process(frames)
+    damaged = np.delete(frames, np.s_[1000 : 1000 + gap])
+    if broken:
+        damaged = frames.copy()
+        damaged["acceleration_m_s2"][1000 : 1000 + gap] = np.nan
+    aligned = StreamFilter().process(damaged)
+    behind = aligned[int(np.searchsorted(aligned.index, 1000 + gap)) :]
+    assert behind.valid[30:].all()
+    error = (behind.vibration_m_s2 - whole[-len(behind) :].vibration_m_s2)[30:100]
+    assert np.sqrt(np.mean(error**2)) < 0.12  # of 1 m/s2 rms
+
+
+def test_an_offset_that_a_gap_has_changed_settles_first() -> None:
+    frames = random_frames(2000)
+    frames["acceleration_m_s2"][1000:] += 30.0
+    stream = StreamFilter()
+    aligned = stream.process(np.delete(frames, np.s_[900:1000]))
+    behind = aligned[int(np.searchsorted(aligned.index, 1000)) :]
+    assert int(np.argmax(behind.valid)) == stream.warm_up_samples
+    assert np.abs(behind.vibration_m_s2[behind.valid]).max() < 6.0
 
 
 def test_reset_forgets_the_session() -> None:

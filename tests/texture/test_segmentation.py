@@ -43,6 +43,7 @@ def make_block(
         normal_force_n=np.broadcast_to(np.asarray(force_n, dtype=float), count).copy(),
         vibration_m_s2=np.random.default_rng(first).normal(size=(count, axes)),
         valid=np.ones(count, dtype=bool),
+        measured=np.ones(count, np.bool_),
     )
 
 

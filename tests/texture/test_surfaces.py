@@ -33,6 +33,7 @@ def stream(
         normal_force_n=np.full(count, force),
         vibration_m_s2=vibration,
         valid=np.ones(count, dtype=np.bool_),
+        measured=np.ones(count, np.bool_),
     )
 
 

@@ -208,9 +208,7 @@ def _recorded(path: Path) -> "tuple[FloatArray, FloatArray, float]":
     session = read_session(path)
     scene = scene_of(session, None)
     settings = (scene.texture or Texture()).settings(float(scene.session.rate_hz))
-    aligned = StreamFilter(
-        normal=settings.normal, axis=settings.axis, rate_hz=settings.rate_hz
-    ).process(session.frames)
+    aligned = StreamFilter.of(settings).process(session.frames)
     if not len(aligned):
         raise InputError(f"session {path}: it holds too few frames to tell a motion")
     return aligned.velocity_mm_s, aligned.normal_force_n, settings.rate_hz

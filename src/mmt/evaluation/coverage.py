@@ -28,9 +28,7 @@ class Strokes:
 
     def __init__(self, settings: ModellingSettings) -> None:
         self._settings = settings
-        self._filter = StreamFilter(
-            normal=settings.normal, axis=settings.axis, rate_hz=settings.rate_hz
-        )
+        self._filter = StreamFilter.of(settings)
         self._speeds_mm_s: list[FloatArray] = []
         self._forces_n: list[FloatArray] = []
 

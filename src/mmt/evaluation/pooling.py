@@ -70,7 +70,7 @@ def pool_sessions(sessions: Sequence[RecordedSession], settings: ModellingSettin
     origin: list[str] = []
     cut = segmentation_settings(settings)
     for session in sessions:
-        stream = StreamFilter(normal=settings.normal, axis=settings.axis, rate_hz=settings.rate_hz)
+        stream = StreamFilter.of(settings)
         found = segment(stream.process(session.frames), cut)
         found = [part for part in found if part.vibration_m_s2.any()]
         segments += found

@@ -19,6 +19,9 @@ VibrationAxis = Literal["x", "y", "z", "dft321"]
 Inputs = Literal["isotropic", "anisotropic"]
 Criterion = Literal["distance", "uncertainty"]
 
+LONGEST_BRIDGED: Final = 5
+"""Missing frames in a row that are filled."""
+
 CHANNELS: Final[dict[Inputs, tuple[str, ...]]] = {
     "isotropic": ("speed_mm_s", "force_n"),
     "anisotropic": ("velocity_x_mm_s", "velocity_y_mm_s", "force_n"),
@@ -155,6 +158,9 @@ class TextureSettings:
 
     longest_samples: Annotated[int, Ge(100), Le(5000)] = 1000
     """Longest segment; at least twice the shortest."""
+
+    longest_bridged_samples: Annotated[int, Ge(0), Le(10)] = LONGEST_BRIDGED
+    """Missing frames in a row that are filled and not counted; more end a segment."""
 
     least_speed_mm_s: Annotated[float, Gt(0), Le(300)] = 10.0
     """Slower motion is not modelled."""

@@ -56,7 +56,7 @@ def block_times_us(
 
 def last_motion(blocks: Sequence[RecordArray], settings: ModellingSettings) -> FloatArray:
     """Return a session's last speeds, velocities x and y, and forces, shape (4, n)."""
-    stream = StreamFilter(normal=settings.normal, axis=settings.axis, rate_hz=settings.rate_hz)
+    stream = StreamFilter.of(settings)
     aligned = stream.process(np.concatenate(list(blocks)))
     count = min(len(aligned), round(TIMED_S * RATE_HZ)) // BLOCK_SAMPLES * BLOCK_SAMPLES
     rows = (aligned.speed_mm_s, *aligned.velocity_mm_s.T, aligned.normal_force_n)

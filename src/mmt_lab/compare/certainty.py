@@ -212,7 +212,7 @@ def _motion(
     blocks: Sequence[RecordArray], grid: CompletionGrid, settings: ModellingSettings
 ) -> tuple[list[FloatArray], list[FloatArray]]:
     """Return weights and seconds of the grid's nodes after each block."""
-    stream = StreamFilter(normal=settings.normal, axis=settings.axis, rate_hz=settings.rate_hz)
+    stream = StreamFilter.of(settings)
     density = StrokingDensity(
         grid, settings.least_speed_mm_s, settings.least_force_n, settings.rate_hz
     )

@@ -88,7 +88,7 @@ def stroke(row: Row, duration_s: float, seed: int) -> RecordArray:
 
 def segments_of(frames: RecordArray, settings: ModellingSettings) -> list[Segment]:
     """Filter frames (n,) and cut them into segments."""
-    stream = StreamFilter(normal=settings.normal, axis=settings.axis, rate_hz=settings.rate_hz)
+    stream = StreamFilter.of(settings)
     return segment(stream.process(frames), segmentation_settings(settings))
 
 

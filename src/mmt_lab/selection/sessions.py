@@ -54,7 +54,7 @@ def session_trials(
     segments = []
     for number in range(SESSIONS):
         frames, _ = simulate_session(scene, surface, DURATION_S, SESSIONS * seed + number)
-        stream = StreamFilter(settings.normal, settings.axis, settings.rate_hz)
+        stream = StreamFilter.of(settings)
         segments += segment(stream.process(frames), segmentation_settings(settings))
     if len(segments) < _FEWEST:
         raise InputError(

@@ -44,9 +44,14 @@ class Blocks(NamedTuple):
         )
 
 
-def mean_square(vibration_m_s2: FloatArray) -> FloatArray:
-    """Return the power of n blocks of m samples, (n, m, axes), in (m/s2)^2, (n,)."""
-    return np.asarray(np.square(vibration_m_s2).sum(axis=2).mean(axis=1))
+def mean_square(vibration_m_s2: FloatArray, measured: BoolArray) -> FloatArray:
+    """Return the power of n blocks of m samples, (n, m, axes), in (m/s2)^2, (n,).
+
+    Samples that are not measured (n, m) do not count; of a block without any the power is NaN.
+    """
+    square = np.square(vibration_m_s2).sum(axis=2)
+    with np.errstate(invalid="ignore"):
+        return np.asarray((square * measured).sum(axis=1) / measured.sum(axis=1))
 
 
 class BlockCutter:
@@ -63,8 +68,9 @@ class BlockCutter:
     normal
         The surface's normal axis.
     measure
-        What is measured of the vibration of n blocks of m samples, (n, m, axes): their powers,
-        or features (n, c). Blocks in which any is not finite are left out.
+        What is measured of the vibration of n blocks of m samples, (n, m, axes), of which some
+        (n, m) are measured: their powers, or features (n, c). Blocks in which any is not finite
+        are left out, and those of which less than half is measured.
     """
 
     def __init__(
@@ -74,7 +80,7 @@ class BlockCutter:
         least_force_n: float,
         rate_hz: float,
         normal: Axis = "z",
-        measure: Callable[[FloatArray], FloatArray] = mean_square,
+        measure: Callable[[FloatArray, BoolArray], FloatArray] = mean_square,
     ) -> None:
         self._space = space
         self._measure = measure
@@ -111,7 +117,9 @@ class BlockCutter:
         for values, least in ((speed, self._least_speed_mm_s), (force, self._least_force_n)):
             low, high = values.min(axis=1), values.max(axis=1)
             used &= (low >= least) & (high <= _LARGEST_CHANGE * low)
-        power = self._measure(part.vibration_m_s2[rows])
+        measured = part.measured[rows]
+        used &= 2 * measured.sum(axis=1) >= length
+        power = self._measure(part.vibration_m_s2[rows], measured)
         used &= np.isfinite(power).all(axis=tuple(range(1, power.ndim)))
         velocity = part.velocity_mm_s[rows].mean(axis=1)
         mean = (

@@ -67,9 +67,7 @@ class WarmStart:
         self._settings = settings
         self._space = InputSpace(settings.inputs)
         self._known = {name: into_space(model, self._space) for name, model in library.items()}
-        self._filter = StreamFilter(
-            normal=settings.normal, axis=settings.axis, rate_hz=settings.rate_hz
-        )
+        self._filter = StreamFilter.of(settings)
         self._cutter = BlockCutter(
             self._space,
             settings.least_speed_mm_s,

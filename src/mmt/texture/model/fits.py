@@ -48,7 +48,7 @@ class Fit:
     effective: float
     """Independent samples that the power is worth."""
     count: int
-    """Samples of the segment."""
+    """Measured samples of the segment."""
     number: int = 0
     """Its own among the fits of a modeller."""
 
@@ -79,15 +79,18 @@ def fit_segments(
 
     ``behind_high_pass`` says whether filters and powers are as measured.
     """
-    usable = [segment for segment in segments if len(segment.vibration_m_s2) > order]
+    usable = [
+        each for each in segments if 2 * each.measured_count > len(each.vibration_m_s2) > order
+    ]
     if not usable:
         return []
     vibration = [segment.vibration_m_s2 for segment in usable]
-    counts = np.array([len(part) for part in vibration])
+    counts = np.array([segment.measured_count for segment in usable])
     resolving = _resolving_order(settings)
     fits = burg_batch(vibration, max(order, resolving))
     effective = effective_samples(_lsf_of(fits, resolving), counts)
-    lsf, variance, power = _lsf_of(fits, order), fits.variances[:, order], fits.power
+    lsf, measured = _lsf_of(fits, order), np.array([segment.measured_gain for segment in usable])
+    variance, power = fits.variances[:, order] * measured, fits.power * measured
     if not behind_high_pass:
         reflection, gain = without_high_pass(fits.reflection, order, settings.rate_hz)
         lsf, power = reflection_to_lsf(reflection), power * gain

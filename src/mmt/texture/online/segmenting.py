@@ -33,9 +33,7 @@ class SegmentingStage:
     ) -> None:
         self._rate_hz = settings.rate_hz
         self._accept = accept
-        self._filter = StreamFilter(
-            normal=settings.normal, axis=settings.axis, rate_hz=settings.rate_hz
-        )
+        self._filter = StreamFilter.of(settings)
         self._segmenter = OnlineSegmenter(
             segmentation_settings(settings), overlap_samples=settings.overlap_samples
         )

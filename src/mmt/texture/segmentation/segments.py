@@ -3,7 +3,9 @@
 from dataclasses import dataclass
 from typing import NamedTuple, Self
 
-from mmt.core.arrays import FloatArray
+import numpy as np
+
+from mmt.core.arrays import BoolArray, FloatArray
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.dft321 import dft321
@@ -24,7 +26,8 @@ class Segment:
     ``velocity_mm_s`` (x, y in the plane of the surface) and ``force_n`` are means.
     ``vibration_m_s2`` (stop - start,) is a copy, one axis or DFT321.
     ``time_ns`` is the time of the last sample. ``final`` is False where a later update may
-    still replace the segment.
+    still replace the segment. ``measured`` (stop - start,) says which samples of the vibration are
+    measured and not filled, None if all are.
     """
 
     start: int
@@ -35,6 +38,7 @@ class Segment:
     vibration_m_s2: FloatArray
     time_ns: int
     final: bool
+    measured: BoolArray | None = None
 
     @classmethod
     def from_block(cls, part: AlignedBlock, span: SampleRange, *, final: bool) -> Self:
@@ -52,7 +56,23 @@ class Segment:
             vibration_m_s2=dft321(vibration) if vibration.shape[1] == 3 else vibration[:, 0].copy(),
             time_ns=int(part.time_ns[-1]),
             final=final,
+            measured=None if part.measured.all() else part.measured.copy(),
         )
+
+    @property
+    def measured_count(self) -> int:
+        """How many samples of the vibration are measured."""
+        every = len(self.vibration_m_s2)
+        return every if self.measured is None else int(np.count_nonzero(self.measured))
+
+    @property
+    def measured_gain(self) -> float:
+        """Power of the measured samples over that of all: filled ones have less."""
+        if self.measured is None:
+            return 1.0
+        square = np.square(self.vibration_m_s2)
+        mean = float(square.mean())
+        return float(square[self.measured].mean()) / mean if mean > 0.0 else 1.0
 
     def inputs(self, space: InputSpace) -> tuple[float, ...]:
         """Return the segment's inputs in the input space of a model, shape (d,)."""

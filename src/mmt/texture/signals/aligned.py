@@ -19,7 +19,9 @@ class AlignedBlock:
     along its two axes in their order, ``speed_mm_s`` (n,) its magnitude.
     ``normal_force_n`` (n,) is positive when pressing, else 0. ``vibration_m_s2`` is high-
     passed, (n, 1) for an axis and (n, 3) for DFT321, which is applied to whole segments.
-    ``valid`` (n,) is False while the filters settle after a gap.
+    ``valid`` (n,) is False while the filters settle after a gap, and where the acceleration is no
+    measurement. ``measured`` (n,) is False there, and where a short gap is filled: such samples are
+    valid, stand between others, and count for nothing.
     """
 
     index: IntArray
@@ -30,6 +32,7 @@ class AlignedBlock:
     normal_force_n: FloatArray
     vibration_m_s2: FloatArray
     valid: BoolArray
+    measured: BoolArray
 
     def __len__(self) -> int:
         return len(self.index)
@@ -51,6 +54,7 @@ class AlignedBlock:
             normal_force_n=number,
             vibration_m_s2=np.zeros((0, 1)),
             valid=np.zeros(0, np.bool_),
+            measured=np.zeros(0, np.bool_),
         )
 
     @classmethod

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray
+from mmt.core.arrays import BoolArray, FloatArray
 from mmt.texture.field import blocks as field_blocks
 from mmt.texture.field.blocks import mean_square
 from mmt.texture.field.covariance import coordinates
@@ -111,10 +111,10 @@ class BlockCutter:
             )
         ]
 
-    def _measure(self, vibration_m_s2: FloatArray) -> FloatArray:
+    def _measure(self, vibration_m_s2: FloatArray, measured: BoolArray) -> FloatArray:
         """Return the components of blocks' spectra, not a number for those that are but noise."""
         found = spectrum_components(vibration_m_s2)
-        found[mean_square(vibration_m_s2) < AUDIBLE * self._noise.power] = np.nan
+        found[mean_square(vibration_m_s2, measured) < AUDIBLE * self._noise.power] = np.nan
         return found
 
     def _watch(self, part: AlignedBlock) -> None:

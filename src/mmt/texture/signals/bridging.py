@@ -1,0 +1,123 @@
+"""Short stretches without a measurement, filled as the vibration around them has it.
+
+An autoregressive model is fitted to the newest samples before the gap by Burg's method, and the
+missing ones are those that its prediction errors are smallest with, over what lies behind the gap
+too (Janssen, Veldhuis and Vries, "Adaptive interpolation of discrete-time signals that can be
+modeled as autoregressive processes", IEEE Trans. ASSP 34 (1986), 317-330). They are the expected
+values: what cannot be predicted is not invented, so that filled samples have less power than
+measured ones, and do not count as measured.
+"""
+
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import BoolArray, FloatArray
+from mmt.core.compiled import kernel
+from mmt.texture.autoregression.burg_recursion import burg_into
+
+HISTORY: Final = 256
+"""Samples before a gap to which the model is fitted, at most."""
+
+ORDER: Final = 16
+"""Order of the model."""
+
+_LEAST: Final = 64  # samples for a fit; with fewer, a straight line
+
+
+@kernel("f8[::1](f8[::1])")
+def _taps_of(reflection: FloatArray) -> FloatArray:
+    """Return the prediction error filter (m + 1,) of reflection coefficients (m,)."""
+    taps = np.zeros(len(reflection) + 1)
+    taps[0] = 1.0
+    for order in range(1, len(reflection) + 1):
+        k = reflection[order - 1]
+        for i in range(1, order // 2 + 1):
+            ahead, behind = taps[i], taps[order - i]
+            taps[i], taps[order - i] = ahead + k * behind, behind + k * ahead
+        taps[order] = k
+    return taps
+
+
+@kernel("void(f8[:, ::1], f8[::1])")
+def _solve(matrix: FloatArray, right: FloatArray) -> None:
+    """Solve positive definite equations in place, by elimination: `right` is the solution."""
+    n = len(right)
+    for i in range(n):
+        for j in range(i + 1, n):
+            factor = matrix[j, i] / matrix[i, i]
+            for k in range(i, n):
+                matrix[j, k] -= factor * matrix[i, k]
+            right[j] -= factor * right[i]
+    for i in range(n - 1, -1, -1):
+        for j in range(i + 1, n):
+            right[i] -= matrix[i, j] * right[j]
+        right[i] /= matrix[i, i]
+
+
+@kernel("void(f8[:], b1[::1], i8, i8, i8, i8)")
+def _fill_by_model(
+    values: FloatArray, unknown: BoolArray, start: int, stop: int, count: int, newest: int
+) -> None:
+    """Fill a gap of one channel by the model of the samples before it."""
+    past = values[start - count : start].copy()
+    mean = past.mean()
+    past -= mean
+    reflection, variances = np.empty(ORDER), np.empty(ORDER + 1)
+    if not burg_into(past, reflection, variances, np.empty(3 * count)):
+        return
+    taps = _taps_of(reflection)
+    # What follows the gap: other gaps there are unknowns too, of which the values are not used.
+    span = newest + 1 - start
+    place, unknowns = np.full(span, -1), 0
+    for row in range(span):
+        if unknown[start + row]:
+            place[row] = unknowns
+            unknowns += 1
+    normal, right = np.zeros((unknowns, unknowns)), np.zeros(unknowns)
+    row_of = np.empty(unknowns)
+    for row in range(span):
+        row_of[:] = 0.0
+        known = 0.0
+        for lag in range(ORDER + 1):
+            at = row - lag
+            if at >= 0 and place[at] >= 0:
+                row_of[place[at]] += taps[lag]
+            else:
+                known += taps[lag] * (values[start + at] - mean)
+        for i in range(unknowns):
+            if row_of[i] != 0.0:
+                right[i] -= row_of[i] * known
+                for j in range(unknowns):
+                    normal[i, j] += row_of[i] * row_of[j]
+    _solve(normal, right)
+    for row in range(start, stop):
+        values[row] = mean + right[place[row - start]]
+
+
+@kernel("void(f8[:, ::1], b1[::1], i8, i8, i8, i8)")
+def fill(
+    samples: FloatArray, unknown: BoolArray, start: int, stop: int, history: int, newest: int
+) -> None:
+    """Fill a gap in all channels, in place.
+
+    Parameters
+    ----------
+    samples : (n, channels)
+    unknown : (n,)
+        Samples that are not measured.
+    start, stop
+        The gap; `start` > 0, and `stop` is measured.
+    history
+        Samples before the gap that are measured or filled, one behind the other; at least 1.
+    newest
+        The last sample that is looked at.
+    """
+    count = min(history, HISTORY)
+    for channel in range(samples.shape[1]):
+        values = samples[:, channel]
+        first, last = values[start - 1], values[stop]
+        for row in range(start, stop):
+            values[row] = first + (last - first) * (row - start + 1) / (stop - start + 1)
+        if count >= _LEAST:
+            _fill_by_model(values, unknown, start, stop, count, newest)

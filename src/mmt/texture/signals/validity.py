@@ -1,0 +1,239 @@
+"""Samples of an accelerometer that are no measurement: held, saturated, or constant throughout.
+
+Causal and online, sample by sample, with what the channel itself has shown before:
+
+- *Held*: the channel repeats one value for longer than chance allows. How often a value is
+  repeated is learnt for each octave of the last steps before it: a coarse converter near silence
+  repeats often, and a slow sensor always; a vibration of a fine one hardly ever. A run of n
+  repeats whose chance is below `CHANCE` is held, unless it is silence: the last values before it
+  were closer to it than the vibration usually is, and it is the channel's mean, or a value at
+  which the channel stopped before, as a live signal does not. A vibration that rings out comes to
+  its end by ever smaller steps, after which repeats are no surprise either.
+- *Saturated*: a sample at the rail. A rail is an extreme, of the last samples or of all, that
+  comes again and again to the last bit, more often than the values right beside it and the
+  channel's resolution explain. It holds until a sample lies beyond it.
+- *Constant*: no axis has ever changed.
+"""
+
+import math
+from enum import IntEnum
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray, IntArray
+from mmt.core.compiled import kernel
+
+
+class Cause(IntEnum):
+    """Why an element carries no measurement of the acceleration; `MEASURED` where it does."""
+
+    MEASURED = 0
+    MISSING = 1
+    HELD = 2
+    SATURATED = 3
+    CONSTANT = 4
+
+
+CHANCE: Final = 1e-6
+"""Chance of a run of repeats, or of equal extremes, below which it is no chance."""
+
+RECENT: Final = 100
+"""Samples after which an extreme that did not come again is no recent one."""
+
+_EVIDENCE: Final = -math.log(CHANCE)
+_COUNTED: Final = 20  # repeats of a run that are learnt from: one long run is one event
+_LEAST_LEARNT: Final = (
+    100.0  # values; where an octave has less, those behind smaller steps count too
+)
+_OCTAVES: Final = 80
+_LOWEST_OCTAVE: Final = -50
+_MEAN_SAMPLES: Final = 12000.0
+_NEAR_MEAN: Final = 4.5  # deviations over the root of the samples: some 98 % of means of textures
+_ACTIVITY_SAMPLES: Final = 128.0
+_DECLINED: Final = 0.5  # of the activity: 3 of 100 silences begin from further away
+_LEAST_STEPS: Final = 8.0  # of the resolution, by which a value that is looked at differs
+_LEAST_ACTIVE: Final = 0.01  # of the activity, likewise
+_LEAST_ALIKE: Final = 4.0  # extremes: two waves that ring out can have the same peak
+_MARGIN: Final = 1.25  # of the chance of an extreme over that of a value right beside it
+
+_MEASURED, _MISSING, _HELD, _SATURATED, _CONSTANT = (int(cause) for cause in Cause)
+
+# columns of the state of an axis, and of the trackers of its extremes
+_LAST, _REPEATS, _STEP, _OCTAVE, _DECIDED, _MEAN, _POWER, _COUNT = range(8)
+_RESOLUTION, _CHANGES, _RESTED, _ACTIVITY, _UPPER, _LOWER = range(8, 14)
+_BEFORE: Final = 14  # and those behind it: the last values before the run
+_BEFORE_KEPT: Final = 3
+_STOPS: Final = _BEFORE + _BEFORE_KEPT  # and those behind it: values at which runs stopped
+_STOPS_KEPT: Final = 4
+_WIDTH: Final = _STOPS + _STOPS_KEPT
+_EXTREME, _ALIKE, _NEAR, _SINCE = range(4)
+
+_UNDECIDED, _SILENT, _FOUND = 0.0, 1.0, 2.0
+
+
+class ChannelStates:
+    """What is known of each axis of an accelerometer, as `judge` keeps it."""
+
+    def __init__(self, axes: int) -> None:
+        self.axes = np.zeros((axes, _WIDTH))
+        self.axes[:, _RESOLUTION] = self.axes[:, _UPPER] = np.inf
+        self.axes[:, _LOWER] = -np.inf
+        self.axes[:, _STOPS:] = np.nan
+        self.repeats: FloatArray = np.zeros((axes, _OCTAVES, 2))
+        """For each octave of steps: values that could have been repeated, and that were."""
+        self.extremes: FloatArray = np.zeros((axes, 4, 4))
+        """Upper and lower extremes, recent and of all samples; the lower ones are negated."""
+        self.extremes[:, :, _EXTREME] = -np.inf
+
+
+@kernel("b1(f8[::1], f8, f8, f8, b1)")
+def _is_rail(
+    tracker: FloatArray, value: float, mean: float, resolution: float, recent: bool
+) -> bool:
+    """Take a value into the tracker of an upper extreme; return whether this proves a rail."""
+    tracker[_SINCE] += 1.0
+    if recent and tracker[_SINCE] > RECENT:
+        tracker[_EXTREME] = -np.inf
+    beyond = tracker[_EXTREME] - value
+    reach = max(4.0 * resolution, 0.25 * (max(value, tracker[_EXTREME]) - mean))
+    if beyond > 0.0:
+        tracker[_NEAR] += beyond < reach
+        return False
+    tracker[_SINCE] = 0.0
+    if beyond < 0.0:
+        tracker[_NEAR] = tracker[_NEAR] + tracker[_ALIKE] if -beyond < reach else 0.0
+        tracker[_EXTREME], tracker[_ALIKE] = value, 1.0
+        return False
+    tracker[_ALIKE] += 1.0
+    total = tracker[_ALIKE] + tracker[_NEAR]
+    share, chance = tracker[_ALIKE] / total, _MARGIN * resolution / (reach + resolution)
+    if share <= chance or tracker[_ALIKE] < _LEAST_ALIKE:
+        return False
+    evidence = share * math.log(share / chance)
+    if share < 1.0:
+        evidence += (1.0 - share) * math.log((1.0 - share) / (1.0 - chance))
+    return bool(total * evidence > _EVIDENCE)
+
+
+@kernel("b1(f8[::1], f8, f8[:, ::1], f8[:, ::1])")
+def _step(state: FloatArray, value: float, repeats: FloatArray, extremes: FloatArray) -> bool:
+    """Take in a value that differs from the one before; return whether it proves a rail."""
+    size = abs(value - state[_LAST])
+    before = state[_BEFORE:_STOPS]
+    before[1:] = before[:-1].copy()
+    before[0] = state[_LAST]
+    if state[_DECIDED] == _UNDECIDED and state[_REPEATS] < _COUNTED and state[_CHANGES]:
+        repeats[int(state[_OCTAVE]), 0] += 1.0
+    stopped = state[_DECIDED] != _UNDECIDED or state[_REPEATS] >= _COUNTED
+    if stopped and not (state[_STOPS:] == state[_LAST]).any():
+        state[_STOPS + 1 :] = state[_STOPS:-1].copy()
+        state[_STOPS] = state[_LAST]
+    state[_CHANGES] += 1.0
+    state[_RESOLUTION] = min(state[_RESOLUTION], size)
+    other = 0.0 if state[_REPEATS] > 0.0 else state[_STEP]
+    octave = math.frexp(max(size, other))[1] - _LOWEST_OCTAVE
+    state[_OCTAVE] = min(max(octave, 0), _OCTAVES - 1)
+    state[_STEP], state[_LAST] = size, value
+    state[_REPEATS], state[_DECIDED] = 0.0, _UNDECIDED
+    count, mean = min(state[_CHANGES], _MEAN_SAMPLES), state[_MEAN]
+    state[_MEAN] = mean + (value - mean) / count
+    state[_POWER] += ((value - mean) ** 2 - state[_POWER]) / count
+    state[_ACTIVITY] += (abs(value - mean) - state[_ACTIVITY]) / min(count, _ACTIVITY_SAMPLES)
+    found = False
+    # Of noise of a few steps of the converter the extreme is a frequent value itself.
+    least = max(_LEAST_STEPS * state[_RESOLUTION], _LEAST_ACTIVE * state[_ACTIVITY])
+    for tracker in range(4 if size >= least else 0):
+        sign = 1.0 if tracker < 2 else -1.0
+        recent = tracker % 2 == 0
+        if _is_rail(
+            extremes[tracker], sign * value, sign * state[_MEAN], state[_RESOLUTION], recent
+        ):
+            state[_UPPER + tracker // 2] = value
+            found = True
+    return found
+
+
+@kernel("b1(f8[::1])")
+def _is_silence(state: FloatArray) -> bool:
+    """Return whether a value that is repeated is one at which a vibration has ended."""
+    away = np.abs(state[_BEFORE:_STOPS] - state[_LAST]).mean()
+    if away > _DECLINED * state[_ACTIVITY] + state[_RESOLUTION]:
+        return False
+    near = _NEAR_MEAN * math.sqrt(state[_POWER] / min(state[_CHANGES], _MEAN_SAMPLES))
+    near += 0.5 * state[_RESOLUTION]
+    first = state[_RESTED] == 0.0 and abs(state[_LAST] - state[_MEAN]) <= near
+    again = np.abs(state[_STOPS:] - state[_LAST]) <= state[_RESOLUTION]
+    return bool(first or again.any())
+
+
+@kernel("b1(f8[::1], f8[:, ::1])")
+def _is_held(state: FloatArray, repeats: FloatArray) -> bool:
+    """Take in a value that is repeated; return whether it is held."""
+    state[_REPEATS] += 1.0
+    if state[_DECIDED] == _UNDECIDED and state[_CHANGES]:
+        octave, could, did = int(state[_OCTAVE]), 0.0, 0.0
+        if state[_REPEATS] <= _COUNTED:
+            repeats[octave] += 1.0
+        while octave >= 0 and could < _LEAST_LEARNT:
+            could, did = could + repeats[octave, 0], did + repeats[octave, 1]
+            octave -= 1
+        chance = did / could if could >= _LEAST_LEARNT else 1.0
+        if -state[_REPEATS] * math.log(chance) > _EVIDENCE:
+            silent = _is_silence(state)
+            state[_DECIDED] = _SILENT if silent else _FOUND
+            state[_RESTED] += silent
+    return bool(state[_DECIDED] == _FOUND)
+
+
+@kernel("void(f8[:, ::1], i8[::1], i8, i8, f8[:, ::1], f8[:, :, ::1], f8[:, :, ::1])")
+def judge(
+    samples: FloatArray,
+    cause: IntArray,
+    at: int,
+    reach: int,
+    axes: FloatArray,
+    repeats: FloatArray,
+    extremes: FloatArray,
+) -> None:
+    """Judge the newest element, and what it says of those before it.
+
+    Parameters
+    ----------
+    samples : (n, axes)
+        Raw acceleration; missing elements hold anything.
+    cause : (n,)
+        See `Cause`; those of the elements `at` - `reach` to `at` may be set.
+    at, reach
+        The newest element, and how many before it are still open.
+    axes, repeats, extremes
+        See `ChannelStates`.
+    """
+    if cause[at] == _MISSING:
+        return
+    open_from = max(0, at - reach)
+    changed = False
+    for axis in range(samples.shape[1]):
+        state, value = axes[axis], samples[at, axis]
+        state[_COUNT] += 1.0
+        held = found = False
+        if state[_COUNT] == 1.0:
+            state[_LAST] = state[_MEAN] = value
+        elif value == state[_LAST]:
+            held = _is_held(state, repeats[axis])
+        else:
+            found = _step(state, value, repeats[axis], extremes[axis])
+        changed |= state[_CHANGES] != 0.0
+        row = at
+        while held and row >= open_from and (cause[row] == _MISSING or samples[row, axis] == value):
+            cause[row] = _HELD if cause[row] == _MEASURED else cause[row]
+            row -= 1
+        state[_UPPER] = np.inf if value > state[_UPPER] else state[_UPPER]
+        state[_LOWER] = -np.inf if value < state[_LOWER] else state[_LOWER]
+        for row in range(open_from if found else at, at + 1):
+            other = samples[row, axis]
+            if cause[row] != _MISSING and (other == state[_UPPER] or other == state[_LOWER]):
+                cause[row] = _SATURATED
+    if not changed and axes[0, _COUNT] > reach:
+        for row in range(open_from, at + 1):
+            cause[row] = _CONSTANT if cause[row] == _MEASURED else cause[row]

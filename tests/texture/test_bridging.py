@@ -1,0 +1,166 @@
+"""Gaps that are bridged: what they are filled with, and that they count for nothing."""
+
+import numpy as np
+import pytest
+import scipy.signal
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mmt.core.arrays import BoolArray, FloatArray, RecordArray
+from mmt.core.frames import empty_frames
+from mmt.texture.autoregression.burg import burg
+from mmt.texture.autoregression.forms import reflection_to_ar
+from mmt.texture.field.blocks import mean_square
+from mmt.texture.model.fits import fit_segments
+from mmt.texture.segmentation.segments import SampleRange, Segment
+from mmt.texture.settings import LONGEST_BRIDGED, ModellingSettings
+from mmt.texture.signals.aligned import AlignedBlock
+from mmt.texture.signals.bridging import HISTORY, ORDER, fill
+from mmt.texture.signals.filtering import StreamFilter
+
+AR = np.poly(np.array([0.97, 0.97, 0.93, 0.93, 0.8]) * np.exp([0.9j, -0.9j, 1.9j, -1.9j, 0.0]))
+
+
+def noise(count: int, seed: int, taps: FloatArray = AR) -> FloatArray:
+    generator = np.random.default_rng(seed)
+    excitation = generator.standard_normal(count + 500)
+    return scipy.signal.lfilter([1.0], np.real(taps), excitation)[500:]
+
+
+def stroke(vibration: FloatArray) -> RecordArray:
+    frames = empty_frames(len(vibration))
+    frames["sequence"] = np.arange(len(vibration))
+    frames["time_ns"] = frames["sequence"].astype(np.int64) * 1_000_000
+    frames["position_mm"][:, 0] = 0.1 * np.arange(len(vibration))
+    frames["force_n"][:, 2] = 1.0
+    frames["acceleration_m_s2"][:, 2] = 9.81 + vibration
+    return frames
+
+
+def lost(count: int, share: float, seed: int, longest: int = LONGEST_BRIDGED) -> BoolArray:
+    """Return which frames are lost at random, none of the first 200, in short runs."""
+    gone = np.random.default_rng(seed).random(count) < share
+    gone[:200] = gone[-20:] = False
+    run = 0
+    for i in range(count):
+        run = run + 1 if gone[i] else 0
+        if run > longest:
+            gone[i], run = False, 0
+    return gone
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_fill_has_the_least_errors_of_prediction(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    start, stop = 300, 300 + int(generator.integers(1, 6))
+    newest = stop + 8
+    x = noise(newest + 1, seed)
+    unknown = np.zeros(len(x), np.bool_)
+    unknown[start:stop] = True
+    unknown[stop + 2 : stop + 2 + seed % 3] = True
+    filled = x[:, None].copy()
+    filled[unknown] = 1e3
+    fill(filled, unknown, start, stop, start, newest)
+
+    past = x[start - HISTORY : start]
+    taps = np.r_[1.0, reflection_to_ar(burg(past - past.mean(), ORDER).reflection)]
+    rows = np.zeros((newest + 1 - start, len(x)))
+    for row in range(len(rows)):
+        at = start + row
+        rows[row, at - ORDER : at + 1] = taps[::-1]
+    known = np.where(unknown, 0.0, x - past.mean())
+    solution = np.linalg.lstsq(rows[:, unknown], -rows @ known, rcond=None)[0]
+    expected = past.mean() + solution[: stop - start]
+    np.testing.assert_allclose(filled[start:stop, 0], expected, rtol=1e-9, atol=1e-9)
+    assert np.array_equal(filled[stop:][~unknown[stop:], 0], x[stop:][~unknown[stop:]])
+
+
+@pytest.mark.parametrize("length", range(1, 6))
+def test_tones_are_restored(length: int) -> None:
+    t = np.arange(400)
+    x = 9.81 + np.sin(0.71 * t) + 2.0 * np.cos(1.9 * t + 1.0)
+    filled = x[:, None].copy()
+    unknown = np.zeros(len(x), np.bool_)
+    unknown[300 : 300 + length] = True
+    filled[unknown] = np.nan
+    fill(filled, unknown, 300, 300 + length, 300, 311)
+    np.testing.assert_allclose(filled[:, 0], x, atol=1e-2)
+
+
+@pytest.mark.parametrize("value", [0.0, 9.81, -1e6])
+@pytest.mark.parametrize("history", [1, 40, 300])
+def test_a_constant_is_filled_with_itself(value: float, history: int) -> None:
+    filled = np.full((330, 3), value)
+    unknown = np.zeros(330, np.bool_)
+    unknown[300:305] = True
+    filled[unknown] = np.nan
+    fill(filled, unknown, 300, 305, history, 312)
+    np.testing.assert_allclose(filled, value)
+
+
+@given(
+    seed=st.integers(0, 1000),
+    share=st.sampled_from([0.005, 0.05, 0.3, 0.7]),
+    lengths=st.lists(st.integers(0, 90), max_size=10),
+)
+@settings(max_examples=40, deadline=None)
+def test_short_gaps_leave_no_gap_whatever_their_pattern(
+    seed: int, share: float, lengths: list[int]
+) -> None:
+    frames = stroke(noise(700, seed))
+    gone = lost(len(frames), share, seed)
+    stream = StreamFilter()
+    aligned = stream.process(frames[~gone])
+    whole = StreamFilter().process(frames)
+    np.testing.assert_array_equal(aligned.index, whole.index)
+    np.testing.assert_array_equal(aligned.valid, whole.valid)
+    np.testing.assert_array_equal(aligned.measured, ~gone[: len(aligned)])
+    np.testing.assert_array_equal(aligned.time_ns, whole.time_ns)
+    np.testing.assert_allclose(aligned.speed_mm_s[100:], 100.0, rtol=1e-3)
+    assert stream.faults.missing == stream.faults.bridged == np.count_nonzero(gone)
+    parts, at, received = [], 0, frames[~gone]
+    pieces = StreamFilter()
+    for length in [*lengths, len(received)]:
+        parts.append(pieces.process(received[at : at + length]))
+        at += length
+    joined = AlignedBlock.concatenate(parts)
+    for name in ("position_mm", "speed_mm_s", "normal_force_n", "vibration_m_s2", "measured"):
+        np.testing.assert_array_equal(getattr(joined, name), getattr(aligned, name), name)
+
+
+def test_a_longer_gap_is_not_bridged_and_none_is_where_it_is_turned_off() -> None:
+    frames = stroke(noise(600, 1))
+    for longest, gap in ((5, 6), (0, 1), (2, 3)):
+        stream = StreamFilter(longest_bridged_samples=longest)
+        aligned = stream.process(np.delete(frames, np.s_[300 : 300 + gap]))
+        assert not set(range(300, 300 + gap)) & set(aligned.index.tolist())
+        assert stream.faults.bridged == 0
+        assert stream.faults.missing == gap
+
+
+def test_filled_samples_count_for_no_power() -> None:
+    vibration = np.full((1, 50, 1), 2.0)
+    measured = np.ones((1, 50), np.bool_)
+    vibration[0, 10:15], measured[0, 10:15] = 100.0, False
+    assert mean_square(vibration, measured) == pytest.approx(4.0)
+    assert np.isnan(mean_square(vibration, np.zeros_like(measured)))
+
+
+@pytest.mark.parametrize("share", [0.02, 0.05, 0.2])
+def test_power_and_spectrum_of_segments_bear_lost_frames(share: float) -> None:
+    frames = stroke(noise(20_000, 7))
+    fits = []
+    for gone in (np.zeros(len(frames), np.bool_), lost(len(frames), share, 3)):
+        aligned = StreamFilter().process(frames[~gone])
+        spans = [SampleRange(start, start + 600) for start in range(400, 19_000, 600)]
+        segments = [
+            Segment.from_block(aligned[span.start : span.stop], span, final=True) for span in spans
+        ]
+        fits.append(fit_segments(segments, 8, iter(range(1000)), ModellingSettings()))
+    whole, damaged = fits
+    power_db = [10 * np.log10(b.power / a.power) for a, b in zip(whole, damaged, strict=True)]
+    lsf = [b.lsf - a.lsf for a, b in zip(whole, damaged, strict=True)]
+    assert abs(np.mean(power_db)) < 0.05 + share
+    assert np.sqrt(np.mean(np.square(lsf))) < 0.01 + 0.4 * share
+    counted = sum(fit.count for fit in damaged) / sum(fit.count for fit in whole)
+    assert counted == pytest.approx(1.0 - share, abs=0.01 + 0.1 * share)

@@ -1,0 +1,250 @@
+"""Acceleration that is no measurement: held, saturated, constant; and silence, which is one."""
+
+import numpy as np
+import pytest
+import scipy.signal
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mmt.core.arrays import BoolArray, FloatArray, RecordArray
+from mmt.core.frames import empty_frames
+from mmt.texture.signals.aligned import AlignedBlock
+from mmt.texture.signals.filtering import SignalFaults, StreamFilter
+
+
+def texture(count: int, seed: int, amplitude: FloatArray | float = 1.0) -> FloatArray:
+    """Return an autoregressive vibration with random resonances, rms 1 times an amplitude."""
+    generator = np.random.default_rng(seed)
+    radii, angles = generator.uniform(0.3, 0.97, 3), generator.uniform(0.15, 3.0, 3)
+    poles = np.concatenate([radii * np.exp(1j * angles), radii * np.exp(-1j * angles)])
+    excitation = generator.standard_normal(count + 500)
+    excitation[500:] *= amplitude
+    x = scipy.signal.lfilter([1.0], np.real(np.poly(poles)), excitation)
+    return np.asarray(x[500:] / x[:500].std())
+
+
+def frames_of(acceleration: FloatArray, gravity: float = 9.81) -> RecordArray:
+    frames = empty_frames(len(acceleration))
+    frames["sequence"] = np.arange(len(acceleration))
+    frames["time_ns"] = frames["sequence"].astype(np.int64) * 1_000_000
+    frames["position_mm"][:, 0] = 0.1 * np.arange(len(acceleration))
+    frames["force_n"][:, 2] = 1.0
+    frames["acceleration_m_s2"][:, 2] = gravity + acceleration
+    return frames
+
+
+def judged(frames: RecordArray) -> tuple[AlignedBlock, SignalFaults]:
+    stream = StreamFilter()
+    aligned = stream.process(frames)
+    return aligned, stream.faults
+
+
+@given(
+    seed=st.integers(0, 10_000),
+    length=st.integers(30, 600),
+    noise=st.sampled_from([0.0, 0.06]),
+    step=st.sampled_from([0.0, 0.002, 0.02]),
+)
+@settings(max_examples=40, deadline=None)
+def test_a_held_value_is_found_and_nothing_else(
+    seed: int, length: int, noise: float, step: float
+) -> None:
+    x = texture(6000, seed) + noise * np.random.default_rng(seed).standard_normal(6000)
+    x = step * np.round(x / step) if step else x
+    away = np.flatnonzero((np.abs(x[3000:5000]) > 0.5) & (np.abs(np.diff(x[2999:5000])) > 0.1))
+    start = 3000 + int(away[seed % len(away)])
+    x[start : start + length] = x[start]
+    aligned, faults = judged(frames_of(x))
+    assert not aligned.measured[start + 1 : start + length].any()
+    assert not aligned.valid[start + 1 : start + length].any()
+    assert length - 1 <= faults.held <= length + 3
+    assert aligned.valid[start + length + 80 :].all()
+    assert faults.saturated == faults.constant == 0
+
+
+@given(seed=st.integers(0, 10_000), length=st.integers(150, 600))
+@settings(max_examples=40, deadline=None)
+def test_a_vibration_that_decays_is_silence_and_a_value_held_beside_it_is_not(
+    seed: int, length: int
+) -> None:
+    amplitude = np.ones(12_000)
+    for start in range(2000, 12_000, 2000):
+        amplitude[start : start + length] = 0.0
+    x = texture(12_000, seed, amplitude)
+    aligned, faults = judged(frames_of(x))
+    assert faults == SignalFaults()
+    assert aligned.measured.all()
+    away = np.flatnonzero(np.abs(x[5000:5600]) > 0.5)
+    start = 5000 + int(away[seed % len(away)])
+    x[start : start + 300] = x[start]
+    aligned, faults = judged(frames_of(x))
+    inside = np.zeros(len(aligned), np.bool_)
+    inside[start : start + 300] = True
+    np.testing.assert_array_equal(aligned.measured, ~inside)
+
+
+@pytest.mark.parametrize("silent_value", [0.0, 0.4])
+def test_silence_into_which_a_vibration_sinks_within_some_samples_is_measured(
+    silent_value: float,
+) -> None:
+    place = np.arange(12_000) % 2000
+    envelope = np.sqrt((np.abs(place - 1750.0) / 250.0 - 0.8).clip(0.0, 0.2) * 5.0)
+    silent = envelope == 0.0
+    held = []
+    for seed in range(40):
+        x = texture(12_000, seed) * envelope + silent_value
+        held.append(np.count_nonzero(~judged(frames_of(x))[0].measured[silent[:-11]]))
+    assert np.mean(held) < 0.1 * np.count_nonzero(silent)
+    assert np.median(held) == 0
+
+
+def test_a_vibration_that_stops_at_once_at_its_mean_is_mostly_held() -> None:
+    found = []
+    for seed in range(40):
+        x = texture(6000, seed)
+        x[4000:4300] = 0.0
+        found.append(judged(frames_of(x))[1].held > 290)
+    assert np.mean(found) > 0.6
+
+
+def test_a_coarse_converter_at_rest_is_not_held() -> None:
+    held = []
+    amplitude = np.where((np.arange(9000) // 1000) % 2 == 1, 1.0, 0.0)
+    for seed in range(60):
+        generator = np.random.default_rng(seed)
+        step, offset = generator.uniform(0.05, 0.3), generator.uniform(0.0, 1.0)
+        noise = 0.03 * generator.standard_normal(9000)
+        x = texture(9000, seed, amplitude) + noise + offset * step
+        _, faults = judged(frames_of(step * np.round(x / step)))
+        held.append(faults.held)
+        assert faults.saturated == faults.constant == 0
+    assert np.median(held) <= 20
+    assert np.mean(held) < 0.01 * len(amplitude)
+
+
+@pytest.mark.parametrize("repeats", [2, 4, 8])
+def test_a_slow_sensor_that_repeats_its_values_is_used_once_that_is_known(repeats: int) -> None:
+    x = np.repeat(texture(8000 // repeats, 3), repeats)
+    aligned, faults = judged(frames_of(x))
+    assert aligned.measured[200:].all()
+    assert faults.saturated == 0
+
+
+@given(
+    seed=st.integers(0, 10_000),
+    limit=st.floats(0.3, 2.0),
+    sides=st.sampled_from(["both", "upper", "lower"]),
+    step=st.sampled_from([0.0, 0.005]),
+)
+@settings(max_examples=40, deadline=None)
+def test_samples_at_the_rail_are_found(seed: int, limit: float, sides: str, step: float) -> None:
+    x = texture(12_000, seed)
+    low, high = -np.inf if sides == "upper" else -limit, np.inf if sides == "lower" else limit
+    clipped = x.clip(low, high)
+    clipped = step * np.round(clipped / step) if step else clipped
+    frames = frames_of(clipped)
+    value = frames["acceleration_m_s2"][:, 2]
+    at_rail = np.zeros(len(x), np.bool_)
+    at_rail |= (value == value.max()) & np.isfinite(high)
+    at_rail |= (value == value.min()) & np.isfinite(low)
+    aligned, faults = judged(frames)
+    after = slice(4000, len(aligned))
+    assert not aligned.valid[after][at_rail[after]].any()
+    assert aligned.measured[after][~at_rail[after]].mean() > 0.98
+    assert faults.saturated > 0.5 * np.count_nonzero(at_rail)
+
+
+@given(seed=st.integers(0, 10_000), step=st.sampled_from([0.0, 0.005, 0.05]))
+@settings(max_examples=40, deadline=None)
+def test_a_vibration_within_the_range_has_no_rail(seed: int, step: float) -> None:
+    x = texture(12_000, seed)
+    _, faults = judged(frames_of(step * np.round(x / step) if step else x))
+    assert faults.saturated == faults.constant == 0
+    assert faults.held <= 24  # at the crest of a slow wave that a coarse converter reads
+
+
+def test_a_rail_that_a_sample_exceeds_was_none() -> None:
+    x = texture(8000, 1)
+    x[3000:3500] = x[3000:3500].clip(-0.8, 0.8)
+    aligned, faults = judged(frames_of(x))
+    assert faults.saturated > 50
+    assert aligned.measured[3600:].all()
+
+
+def test_a_channel_that_is_constant_throughout_has_no_measurement() -> None:
+    for gravity in (0.0, 9.81):
+        aligned, faults = judged(frames_of(np.zeros(3000), gravity))
+        assert not aligned.valid.any()
+        assert not aligned.measured.any()
+        assert faults.constant == len(aligned)
+
+
+def test_one_axis_that_changes_is_a_measurement_of_three() -> None:
+    frames = frames_of(texture(1000, 1))
+    stream = StreamFilter(axis="dft321")
+    aligned = stream.process(frames)
+    assert aligned.measured.all()
+    assert StreamFilter(axis="x").process(frames).measured.sum() == 0
+
+
+def test_what_is_unplugged_is_held_and_the_vibration_goes_on_behind_it() -> None:
+    x = texture(8000, 5)
+    frames = frames_of(x)
+    frames["acceleration_m_s2"][3000:5000] = 0.0
+    aligned, faults = judged(frames)
+    np.testing.assert_array_equal(np.flatnonzero(~aligned.measured), np.arange(3000, 5000))
+    assert faults.held == 2000
+    assert aligned.valid[5000:].all()
+    whole, _ = judged(frames_of(x))
+    error = aligned.vibration_m_s2[5000:] - whole.vibration_m_s2[5000:]
+    assert np.sqrt(np.mean(error**2)) < 0.05
+
+
+def test_a_channel_that_is_not_finite_is_counted() -> None:
+    frames = frames_of(texture(1000, 1))
+    frames["acceleration_m_s2"][:, 2] = np.nan
+    aligned, faults = judged(frames)
+    assert len(aligned) == 0
+    assert faults == SignalFaults(not_finite=1000)
+    frames = frames_of(texture(1000, 1))
+    frames["acceleration_m_s2"][500:503, 2] = np.nan
+    assert judged(np.delete(frames, 600))[1] == SignalFaults(not_finite=3, missing=1, bridged=4)
+
+
+@st.composite
+def spoilt_streams(draw: st.DrawFn) -> tuple[RecordArray, BoolArray, list[int]]:
+    """Frames with held and clipped stretches, the ones that came, and a cut into blocks."""
+    count = draw(st.integers(1, 900))
+    x = texture(count, draw(st.integers(0, 100)))
+    place = st.integers(0, count - 1)
+    if draw(st.booleans()):
+        x = x.clip(-0.7, 0.7)
+    for _ in range(draw(st.integers(0, 3))):
+        start = draw(place)
+        x[start : start + draw(st.integers(1, 60))] = x[start]
+    for _ in range(draw(st.integers(0, 2))):
+        start = draw(place)
+        x[start : start + draw(st.integers(1, 9))] = np.nan
+    came = np.random.default_rng(draw(st.integers(0, 50))).random(count) >= draw(
+        st.sampled_from([0.0, 0.02, 0.3])
+    )
+    return frames_of(x), came, draw(st.lists(st.integers(0, 60), max_size=30))
+
+
+@given(spoilt=spoilt_streams())
+@settings(max_examples=80, deadline=None)
+def test_the_cut_into_blocks_changes_no_judgement(
+    spoilt: tuple[RecordArray, BoolArray, list[int]],
+) -> None:
+    frames, came, lengths = spoilt
+    received = frames[came]
+    whole, faults = judged(received)
+    for cut in (lengths, [1] * len(received)):
+        stream, parts, at = StreamFilter(), [], 0
+        for length in [*cut, len(received)]:
+            parts.append(stream.process(received[at : at + length]))
+            at += length
+        joined = AlignedBlock.concatenate(parts)
+        for name in ("index", "valid", "measured", "vibration_m_s2", "speed_mm_s"):
+            np.testing.assert_array_equal(getattr(joined, name), getattr(whole, name), name)
+        assert stream.faults == faults
