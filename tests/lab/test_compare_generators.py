@@ -14,23 +14,22 @@ from typer.testing import CliRunner
 
 from mmt.cli.main import app
 from mmt.core.errors import InputError
-from mmt.evaluation.grid_errors import all_headings
+from mmt.evaluation.grid_errors import Strokes
+from mmt.evaluation.strokes_made import StrokesMade
 from mmt.evaluation.truth import KnownTexture
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.generators.guarded import GeneratorFault, GuardedGenerator
 from mmt.texture.online.history import build as build_models
-from mmt.texture.settings import ModellingSettings
 from mmt_lab.compare import rendered_comparison
 from mmt_lab.compare.block_times import block_times_us
 from mmt_lab.compare.cases import Case
 from mmt_lab.compare.generators import ModelGenerator, judge_rendered
-from mmt_lab.compare.judging import FIGURES, METHODS, blocks_of, figures_of
+from mmt_lab.compare.judging import blocks_of, figures_of, settings_of
 from mmt_lab.compare.rendered_comparison import RenderedComparison, check_generators
 from mmt_lab.compare.rendered_spectra import (
     expected_spectra,
     render_strokes,
     rendered_errors,
-    rendered_strokes,
     spectra_of,
 )
 from mmt_lab.compare.time_limit import time_limit
@@ -84,7 +83,7 @@ class White:
 
 
 def errors_of(generator, run_s=2.0):
-    strokes = rendered_strokes(isotropic=True)
+    strokes = Strokes(np.full(36, 100.0), np.full(36, 1.0), np.zeros(36))
     vibration = render_strokes(GuardedGenerator("noise", generator), strokes, 1, run_s)
     return rendered_errors(spectra_of(vibration), expected_spectra(White(), strokes))
 
@@ -108,25 +107,20 @@ def test_a_generator_that_is_the_texture_has_no_error_and_one_3_db_louder_has_3_
 @pytest.mark.parametrize("texture", ["drawn-3", "corduroy"])
 def test_the_estimate_of_our_own_model_agrees_with_its_exact_figures(texture):
     case = Case(texture, 1000)
-    settings = ModellingSettings(inputs=case.inputs, **METHODS["ours"])
-    model = build_models(blocks_of(case), settings).model_at(10.0)
+    blocks = blocks_of(case.session())
+    made = StrokesMade(settings_of(case, "field"))
+    for block in blocks:
+        made.add(block)
+    model = build_models(blocks, settings_of(case, "field")).model_at(10.0)
     truth = KnownTexture(get_surface(texture))
-    strokes = rendered_strokes(isotropic=truth.surface.isotropic)
-    source = GuardedGenerator("ours", ModelGenerator(model))
+    strokes = made.strokes(36)
+    source = GuardedGenerator("field", ModelGenerator(model))
     spectra = spectra_of(render_strokes(source, strokes, 1, 3.0))
     rendered = rendered_errors(spectra, expected_spectra(truth, strokes))
-    exact = figures_of(truth.compare_at(model, strokes))
-    for figure in FIGURES:
+    exact = figures_of(truth.at(strokes).errors(model))
+    for figure in exact:
         assert rendered.figures[figure] == pytest.approx(exact[figure], abs=CLOSE[figure]), figure
     assert 0.02 < rendered.scatter_db < 0.4
-
-
-def test_strokes_with_headings_are_of_the_grid_and_take_every_heading():
-    every = set(zip(*all_headings(), strict=True))
-    strokes = rendered_strokes(isotropic=False)
-    assert len(set(zip(*strokes, strict=True)) & every) == len(strokes.force_n) == 72
-    assert len(np.unique(strokes.heading_rad)) == 24
-    assert len(set(zip(strokes.speed_mm_s, strokes.force_n, strict=True))) == 36
 
 
 def stubborn():
@@ -176,7 +170,7 @@ def test_a_fault_ends_a_session_for_its_generator_alone():
         f"generator {silent}: the builder returned None for the whole session",
     ]
     assert "beyond the actuator's limit" in " ".join(found.sentences())
-    assert len(found.tables()) == 3
+    assert len(found.tables()) == 4
 
 
 class Notes(Noise):
@@ -192,7 +186,8 @@ class Notes(Noise):
 
 
 def test_a_grain_is_asked_by_velocity_or_by_speed():
-    strokes = rendered_strokes(isotropic=False)
+    heading_rad = np.arange(72) * (np.pi / 36.0) + 0.01
+    strokes = Strokes(np.linspace(10.0, 290.0, 72), np.linspace(0.2, 2.9, 72), heading_rad)
     by_speed, by_velocity = Notes(directed=False), Notes(directed=True)
     for one in (by_speed, by_velocity):
         assert render_strokes(GuardedGenerator("notes", one), strokes, 1, 0.01).shape == (2, 72, 10)
@@ -224,8 +219,8 @@ def test_generators_are_named_once_and_not_as_a_method():
     noise = f"{__name__}:build_noise"
     with pytest.raises(InputError, match="name each once"):
         check_generators([noise, noise])
-    with pytest.raises(InputError, match="'ours' is not known"):
-        check_generators(["ours"])
+    with pytest.raises(InputError, match="'soup' is not known"):
+        check_generators(["soup"])
 
 
 def test_the_command_compares_the_guides_generator_and_goes_on_past_a_broken_one(
@@ -238,7 +233,7 @@ def test_the_command_compares_the_guides_generator_and_goes_on_past_a_broken_one
     file = tmp_path / "figures.json"
     others = f"replay:build,{__name__}:build_late"
     monkeypatch.setattr(rendered_comparison, "judge_rendered", partial(judge_rendered, run_s=1.0))
-    options = ["--generators", others, "--methods", "published,power", "--textures", "drawn-3"]
+    options = ["--generators", others, "--methods", "published,field", "--textures", "drawn-3"]
     options += ["--seeds", "1", "--workers", "1"]
     written = ["--json", str(file), "--report", str(tmp_path / "report")]
     result = CliRunner().invoke(app, ["lab", "compare", *options, *written])
@@ -246,11 +241,11 @@ def test_the_command_compares_the_guides_generator_and_goes_on_past_a_broken_one
     assert "the builder raised RuntimeError: diverged" in " ".join(result.output.split())
     rendered = json.loads(file.read_text())["rendered"]
     found = {(row["name"], row["method"], row["moment"]): row for row in rendered["rows"]}
-    of_replay = found["drawn-3", "replay:build", "30 s"]["spread"]
+    of_replay = found["drawn-3", "replay:build", "30 s"]["figures"]
     assert 0.9 < of_replay["gfc"]["median"] < 1.0
     assert 0.5 < of_replay["power_error_db"]["median"] < 5.0
     times = {one["method"]: one for one in rendered["times"]}
-    assert set(times) == {"published", "power", "replay:build"}
+    assert set(times) == {"published", "field", "replay:build"}
     assert all(0.0 < one["block_p50_us"] <= one["block_p99_us"] for one in times.values())
     page = (tmp_path / "report" / "report.html").read_text()
     assert "what the estimate is worth" in page

@@ -145,7 +145,7 @@ def test_outcomes_are_gathered_by_network_and_method(monkeypatch: pytest.MonkeyP
     assert [row.network for row in table] == ["lan"] * 5 + ["wan"] * 5
     assert {row.sessions for row in table} == {1}
     assert all(row.level_db[1:] == (None, None) for row in table)  # nothing behind 5 s
-    assert len(by_second(found, "wan", "ours")) <= 3
+    assert len(by_second(found, "wan", "field")) <= 3
 
 
 def test_the_command_prints_every_method_and_writes_a_report(
@@ -158,14 +158,14 @@ def test_the_command_prints_every_method_and_writes_a_report(
     arguments += ["--json", str(tmp_path / "felt.json"), "--report", str(tmp_path / "report")]
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 0, result.output
-    for name in ("streaming", "published", "ours", "warm", "at once"):
+    for name in ("streaming", "published", "field", "warm", "at once"):
         assert name in result.output
     written = json.loads((tmp_path / "felt.json").read_text(encoding="utf-8"))
     assert len(written["rows"]) == 5
     assert set(written["level_db_by_second"]["wan"]) == {
         "streaming",
         "published",
-        "ours",
+        "field",
         "warm",
         "at once",
     }

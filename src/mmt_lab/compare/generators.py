@@ -8,28 +8,30 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
-from mmt.evaluation.grid_errors import Strokes
+from mmt.evaluation.strokes_made import StrokesMade
 from mmt.evaluation.truth import KnownTexture
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.generators.building import GeneratorModeller
 from mmt.texture.generators.guarded import GeneratorFault, GuardedGenerator
 from mmt.texture.generators.registry import load
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.online.history import ModelHistory, build
-from mmt.texture.settings import ModellingSettings
+from mmt.texture.online.history import build
 from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt_lab.compare.block_times import block_times_us, last_motion
 from mmt_lab.compare.cases import Case
-from mmt_lab.compare.judging import METHODS, Judged, blocks_of, figures_of, moments_of
+from mmt_lab.compare.judging import PERIOD_S, TIMES_S, Judged, blocks_of, figures_of, settings_of
 from mmt_lab.compare.rendered_spectra import (
     RUN_S,
+    STROKES,
     expected_spectra,
     render_strokes,
     rendered_errors,
-    rendered_strokes,
     spectra_of,
 )
 from mmt_lab.compare.time_limit import time_limit
+
+NUMBERS: Final = {round(time_s / PERIOD_S) - 1: time_s for time_s in TIMES_S}
+"""Times at which is judged, by the number of the update that ends then."""
 
 LONGEST_UPDATE_S: Final = 60.0
 """An update that takes longer ends the session for its generator."""
@@ -37,13 +39,13 @@ LONGEST_UPDATE_S: Final = 60.0
 
 @dataclass(frozen=True)
 class Rendered:
-    """A method or generator at one moment of one session, by what it renders.
+    """A method or generator at one time of one session, by what it renders.
 
     Attributes
     ----------
     judged
-        As of a method, but by estimated spectra, at the strokes of `rendered_strokes`;
-        ``samples`` are a generator's segments.
+        As of a method, but by estimated spectra, at `STROKES` of the strokes that were made, and
+        without the figures over the plane; ``samples`` are a generator's segments.
     exact
         The figures of a model's own spectra at the same strokes, None for a generator.
     scatter_db
@@ -130,7 +132,7 @@ def judge_rendered(
     case
         The session.
     methods
-        Names in `METHODS`; the first one's criteria are the moments.
+        Names as `mmt_lab.compare.judging.check_methods` allows them.
     generators
         Names that `mmt.texture.generators.registry.load` knows.
     run_s
@@ -142,11 +144,11 @@ def judge_rendered(
         There is no such generator.
     """
     builders = {name: load(name) for name in generators}
-    session = _Session(case, blocks_of(case), run_s)
+    session = _Session(case, blocks_of(case.session()), run_s)
     for method in methods:
         session.judge_method(method)
     for name, builder in builders.items():
-        modeller = GeneratorModeller(name, builder, session.settings())
+        modeller = GeneratorModeller(name, builder, settings_of(case, "field"))
         session.judge_generator(name, modeller)
     return session.outcome()
 
@@ -162,30 +164,24 @@ class _Session:
     faults: list[Fault] = field(default_factory=list)
     last: dict[str, GuardedGenerator] = field(default_factory=dict)
     updates_s: dict[str, list[float]] = field(default_factory=dict)
-    moments: dict[int, list[tuple[str, float]]] = field(default_factory=dict)
-    """Name and time by the number of the update, those of the first method."""
 
     def __post_init__(self) -> None:
-        surface = get_surface(self.case.texture)
-        self._truth = KnownTexture(surface)
-        self._strokes: Strokes = rendered_strokes(isotropic=surface.isotropic)
-        self._expected = expected_spectra(self._truth, self._strokes)
-
-    def settings(self, method: str | None = None) -> ModellingSettings:
-        """Return the settings of a method, or what a generator's frames are segmented by."""
-        options = METHODS[method] if method else {}
-        return ModellingSettings(inputs=self.case.inputs, **options)
+        made = StrokesMade(settings_of(self.case, "field"))
+        for block in self.blocks:
+            made.add(block)
+        truth = KnownTexture(get_surface(self.case.texture))
+        self._strokes = made.strokes(STROKES)
+        self._truth = truth.at(self._strokes)
+        self._expected = expected_spectra(truth, self._strokes)
 
     def judge_method(self, method: str) -> None:
-        """Judge a method of ours at every moment."""
-        history = build(self.blocks, self.settings(method), deferred=False)
-        if not self.moments:
-            self._set_moments(history)
+        """Judge a method of ours at every time."""
+        history = build(self.blocks, settings_of(self.case, method), deferred=False)
         self.updates_s[method] = [sum(one.durations_s.values()) for one in history.updates]
-        for number in self.moments:
+        for number in NUMBERS:
             model = history.model(number)
             if model is not None:
-                exact = figures_of(self._truth.compare_at(model, self._strokes))
+                exact = figures_of(self._truth.errors(model))
                 source = GuardedGenerator(method, ModelGenerator(model))
                 self._judge(method, number, source, len(model.samples), exact)
         model = history.updates[-1].model
@@ -193,7 +189,7 @@ class _Session:
             self.last[method] = GuardedGenerator(method, ModelGenerator(model))
 
     def judge_generator(self, name: str, modeller: GeneratorModeller) -> None:
-        """Judge a generator at every moment, as it is then; a fault ends that."""
+        """Judge a generator at every time, as it is then; a fault ends that."""
         try:
             for number, block in enumerate(self.blocks):
                 late = f"generator {name}: an update took longer than {LONGEST_UPDATE_S:g} s"
@@ -201,7 +197,7 @@ class _Session:
                 with time_limit(LONGEST_UPDATE_S, late):
                     source = modeller.update(block)
                 self.updates_s.setdefault(name, []).append(perf_counter() - started)
-                if number in self.moments and source is not None:
+                if number in NUMBERS and source is not None:
                     self._judge(name, number, source, modeller.segments, None)
         except GeneratorFault as fault:
             self._failed(name, fault)
@@ -213,7 +209,7 @@ class _Session:
 
     def outcome(self) -> RenderedSession:
         """Time the last of each, and return everything."""
-        motion = last_motion(self.blocks, self.settings())
+        motion = last_motion(self.blocks, settings_of(self.case, "field"))
         blocks_us, faults = block_times_us(self.last, motion, self.case.seed)
         for name, fault in faults.items():
             self._failed(name, fault)
@@ -232,10 +228,6 @@ class _Session:
             longest_update_ms=max(updates_ms),
         )
 
-    def _set_moments(self, history: ModelHistory) -> None:
-        for moment, time_s in moments_of(history).items():
-            self.moments.setdefault(history.number(time_s), []).append((moment, time_s))
-
     def _judge(
         self,
         method: str,
@@ -244,22 +236,21 @@ class _Session:
         samples: int,
         exact: dict[str, float] | None,
     ) -> None:
-        """Judge what is rendered, for each moment that this update is."""
+        """Judge what is rendered after an update."""
         before = source.samples, source.clipped
         vibration = render_strokes(source, self._strokes, self.case.seed, self.run_s)
         clipped = (source.clipped - before[1]) / (source.samples - before[0])
         errors = rendered_errors(spectra_of(vibration), self._expected)
-        for moment, time_s in self.moments[number]:
-            judged = Judged(
-                **self.case.labels,
-                method=method,
-                moment=moment,
-                time_s=time_s,
-                samples=samples,
-                figures=errors.figures,
-                bands_db=errors.bands_db,
-            )
-            self.rendered.append(Rendered(judged, exact, errors.scatter_db, clipped))
+        judged = Judged(
+            **self.case.labels,
+            spoil="",
+            method=method,
+            moment=f"{NUMBERS[number]:g} s",
+            time_s=NUMBERS[number],
+            samples=samples,
+            figures=errors.figures,
+        )
+        self.rendered.append(Rendered(judged, exact, errors.scatter_db, clipped))
 
     def _failed(self, name: str, reason: object) -> None:
         case = self.case

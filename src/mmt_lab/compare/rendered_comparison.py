@@ -13,20 +13,20 @@ from mmt.evaluation.texts import number
 from mmt.texture.generators.registry import load
 from mmt_lab.compare.cases import Case
 from mmt_lab.compare.generators import Fault, Rendered, RenderedSession, Times, judge_rendered
-from mmt_lab.compare.judging import FIGURES, METHODS, MOMENTS
-from mmt_lab.compare.method_tables import DIGITS, bands_table, difference_sentences, figures_table
-from mmt_lab.compare.rendered_spectra import BLOCK_SAMPLES, RATE_HZ, RUN_S
+from mmt_lab.compare.judging import METHODS, MOMENTS
+from mmt_lab.compare.rendered_spectra import BLOCK_SAMPLES, RATE_HZ, RUN_S, STROKES
 from mmt_lab.compare.summary import MethodComparison
+from mmt_lab.compare.tables import DIGITS, difference_sentences, errors_table, shares_table
 from mmt_lab.harness.processes import each
 
 BLOCK_US: Final = BLOCK_SAMPLES / RATE_HZ * 1e6
 
 DEFINITIONS: Final = {
-    "as rendered": "by vibration rendered at 6 x 6 points of the plane, at two headings each where "
-    f"they count: two runs of {RUN_S:g} s at a point, Welch's spectra of 500 samples (GFC: of 64), "
+    "as rendered": f"by vibration rendered at {STROKES} of the strokes that were made: two runs of "
+    f"{RUN_S:g} s at each, Welch's spectra of 500 samples (GFC: of 64), "
     "against the texture's spectrum through the same windows; means of the product of the two "
     "runs' errors, so that their scatter cancels. The share is by the mean of the two runs",
-    "scatter": "of the estimate of a level by both runs, root mean square over the points, dB: "
+    "scatter": "of the estimate of a level by both runs, root mean square over the strokes, dB: "
     "half the difference of the runs",
     "time of a block": "of 10 ms at 1 kHz, along the last 10 s of the session's own strokes, all "
     "methods in turns; percentiles of a session, medians over the sessions",
@@ -74,20 +74,18 @@ class RenderedComparison:
 
     def tables(self) -> list[Table]:
         """Return the figures of each group, the check of the estimate, and the times."""
-        groups = self.comparison.groups
-        figures = [figures_table(self.comparison, group) for group in groups]
-        named = [Table(t.columns, t.rows, f"As rendered, {t.caption}") for t in figures]
-        return [*named, *(self._check(group) for group in groups), self._times()]
+        tables = []
+        for group in self.comparison.groups:
+            for table in (shares_table, errors_table):
+                found = table(self.comparison, group)
+                caption = f"As rendered, {found.caption}"
+                tables.append(Table(found.columns, found.rows, caption))
+            tables.append(self._check(group))
+        return [*tables, self._times()]
 
     def blocks(self) -> list[Block]:
         """Return everything for a report."""
-        blocks: list[Block] = [Heading("Generators, by what they render")]
-        for group in self.comparison.groups:
-            blocks += [figures_table(self.comparison, group), bands_table(self.comparison, group)]
-            blocks.append(self._check(group))
-            names = self.comparison.names(group)
-            blocks += [figures_table(self.comparison, name) for name in names]
-        return [*blocks, self._times()]
+        return [Heading("Generators, by what they render"), *self.tables()]
 
     def sentences(self) -> list[str]:
         """Say how each generator compares with the first method, and what is wrong with it."""
@@ -209,7 +207,7 @@ def _key(one: Rendered) -> tuple[str, str, str]:
 
 def _check_cells(chosen: Sequence[Rendered]) -> list[str]:
     cells = [number(float(np.median([one.scatter_db for one in chosen])), 2)]
-    for figure in FIGURES:
+    for figure in chosen[0].judged.figures:
         rendered = float(np.median([one.judged.figures[figure] for one in chosen]))
         exact = [one.exact[figure] for one in chosen if one.exact is not None]
         own = f" / {number(float(np.median(exact)), DIGITS[figure])}" if exact else ""

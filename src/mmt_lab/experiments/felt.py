@@ -1,9 +1,9 @@
 """What the operator feels over a network, against what the surface would give without one.
 
 A hand strokes a known texture over an emulated network, in simulated time. Each method leads the
-same session: the stream alone, paper A's model, ours, and ours after a warm start. What it lets
-the hand feel is compared, moment by moment, with the exact powers of the texture at the hand's
-own speed, force and heading; a realisation of the texture under the hand is the bound.
+same session: the stream alone, paper A's model, the field, and the field after a warm start. What
+it lets the hand feel is compared, moment by moment, with the exact powers of the texture at the
+hand's own speed, force and heading; a realisation of the texture under the hand is the bound.
 """
 
 from collections.abc import Mapping, Sequence
@@ -55,14 +55,14 @@ AT_ONCE: Final = "at once"
 """The bound: the surface under the hand itself."""
 
 WARM: Final = "warm"
-"""As ours, after a warm start with the shipped models but the texture's own as the library."""
+"""As the field, after a warm start with the shipped models but the texture's own as the library."""
 
 METHODS: Final[Mapping[str, Mapping[str, Any] | None]] = MappingProxyType(
     {
         "streaming": None,
         "published": METHODS_OF_MODELLING["published"],
-        "ours": METHODS_OF_MODELLING["ours"],
-        WARM: METHODS_OF_MODELLING["ours"],
+        "field": METHODS_OF_MODELLING["field"],
+        WARM: METHODS_OF_MODELLING["field"],
     }
 )
 """Keys of ``[texture]`` by the method's name; streaming has no model."""
@@ -248,12 +248,12 @@ DEFINITIONS: Final = {
     "streaming": "the stream through the playout buffer, without a model",
     "published": "paper A: streamed until the start criterion, then rendered; the excitation's "
     "variance interpolated, on textures with a grain by paper B's network",
-    "ours": 'the same with [texture] level = "gaussian_process" and shape = "smoothed"',
-    "warm": 'as ours with [rendering] before = "warm": until the start criterion rendered from '
-    "a first model, with the shipped ones as its library; that of the texture itself is left out",
+    "field": "the same with the default of [texture]",
+    "warm": 'the field with [rendering] before = "warm": until the start criterion rendered from a '
+    "first model, with the shipped ones as its library; that of the texture itself is left out",
 }
 
-_STYLES: Final = {"streaming": 0, "published": 1, "ours": 2, "warm": 3, AT_ONCE: 6}
+_STYLES: Final = {"streaming": 0, "published": 1, "field": 2, "warm": 3, AT_ONCE: 6}
 
 
 def felt_table(outcomes: Sequence[Outcome]) -> Table:
