@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from mmt.core.frames import empty_frames
 from mmt.evaluation import tables
 from mmt.evaluation.evaluate import evaluate_session
-from mmt.evaluation.grid_errors import middles, over_plane
+from mmt.evaluation.grid_errors import over_plane
 from mmt.evaluation.levels import LEAST_POWER, across, output_power_at
 from mmt.evaluation.strokes_made import MOST, StrokesMade
 from mmt.evaluation.truth import KnownTexture
@@ -19,6 +19,7 @@ from mmt.scene import Scene
 from mmt.session import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import get_surface
+from mmt.texture.completion.plane import middles
 from mmt.texture.online.history import build, update_blocks
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter

@@ -1,8 +1,7 @@
 """Strokes at which a model is compared with a known texture, and its errors there.
 
-The plane is cut into equal cells from the least speed and force that are modelled to 300 mm/s and
-3 N; the strokes in their middles stand for it. The strokes that were made in a session are those of
-`mmt.evaluation.strokes_made`.
+The whole plane is that of `mmt.texture.completion.plane`; the strokes that were made in a session
+are those of `mmt.evaluation.strokes_made`.
 """
 
 from dataclasses import dataclass
@@ -12,25 +11,15 @@ import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
 from mmt.evaluation.levels import root_mean_square
+from mmt.texture.completion.plane import forces_n, speeds_mm_s
 from mmt.texture.model.inputs import InputSpace
-from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S, ModellingSettings
 from mmt.texture.signals.metrics import within_jnd
 
-SPEED_RANGE_MM_S: Final = (ModellingSettings.least_speed_mm_s, MAXIMUM_SPEED_MM_S)
-FORCE_RANGE_N: Final = (ModellingSettings.least_force_n, MAXIMUM_FORCE_N)
+GRID_SPEED_MM_S: Final[FloatArray] = speeds_mm_s(12)
+GRID_FORCE_N: Final[FloatArray] = forces_n(12)
 
-
-def middles(ends: tuple[float, float], count: int) -> FloatArray:
-    """Return the middles of so many equal parts of a range, shape (count,)."""
-    low, high = ends
-    return low + (high - low) * (np.arange(count) + 0.5) / count
-
-
-GRID_SPEED_MM_S: Final[FloatArray] = middles(SPEED_RANGE_MM_S, 12)
-GRID_FORCE_N: Final[FloatArray] = middles(FORCE_RANGE_N, 12)
-
-COARSE_SPEED_MM_S: Final[FloatArray] = middles(SPEED_RANGE_MM_S, 6)
-COARSE_FORCE_N: Final[FloatArray] = middles(FORCE_RANGE_N, 6)
+COARSE_SPEED_MM_S: Final[FloatArray] = speeds_mm_s(6)
+COARSE_FORCE_N: Final[FloatArray] = forces_n(6)
 """The plane where all headings are compared as well."""
 
 SECTORS: Final = 12
