@@ -7,6 +7,7 @@ The two runs scatter independently: the mean of the product of their errors is t
 error without the scatter, and half their difference is the scatter.
 """
 
+from time import perf_counter
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -77,8 +78,8 @@ def motion_of(strokes: Strokes, *, directed: bool) -> FloatArray:
 
 def render_strokes(
     source: GuardedGenerator, strokes: Strokes, seed: int, run_s: float = RUN_S
-) -> FloatArray:
-    """Return two runs of vibration at each of k strokes, shape (2, k, n).
+) -> tuple[FloatArray, FloatArray]:
+    """Return two runs of vibration at each of k strokes, (2, k, n), and each block's time (us).
 
     Raises
     ------
@@ -91,14 +92,17 @@ def render_strokes(
     lasts_s = blocks * BLOCK_SAMPLES / RATE_HZ
     late = f"generator {source.name}: slower than real time, {lasts_s:g} s of vibration took longer"
     rendered = np.empty((RUNS, motion.shape[1], blocks, BLOCK_SAMPLES))
+    times_us = np.empty((RUNS, motion.shape[1], blocks))
     for index in range(motion.shape[1]):
         inputs = np.repeat(motion[:, index : index + 1], BLOCK_SAMPLES, axis=1)
         for run in range(RUNS):
             with time_limit(lasts_s, late):
                 source.reset((seed * motion.shape[1] + index) * RUNS + run)
                 for block in range(blocks):
+                    started = perf_counter()
                     rendered[run, index, block] = source.render(*inputs)
-    return rendered[:, :, settling:].reshape(RUNS, motion.shape[1], -1)
+                    times_us[run, index, block] = 1e6 * (perf_counter() - started)
+    return rendered[:, :, settling:].reshape(RUNS, motion.shape[1], -1), times_us
 
 
 def spectra_of(vibration_m_s2: FloatArray) -> WindowedSpectra:

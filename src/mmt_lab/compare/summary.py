@@ -137,7 +137,8 @@ class MethodComparison:
             for method in self.methods:
                 before = self._chosen(None, "", method, moment)
                 after = {_key(one): one for one in self._chosen(None, spoil, method, moment)}
-                found += [_fall(spoil, figure, before, after) for figure in SHARES if before]
+                if before and after:
+                    found += [_fall(spoil, figure, before, after) for figure in SHARES]
         return found
 
     def as_dict(self) -> dict[str, Any]:

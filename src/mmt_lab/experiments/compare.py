@@ -8,7 +8,7 @@ by moments and by lost frames.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -18,13 +18,17 @@ from mmt.evaluation.document import Block, Heading, Table
 from mmt.evaluation.levels import BAND_EDGES_HZ, WORST
 from mmt.evaluation.report_files import picture
 from mmt_lab.compare.cases import INHOMOGENEOUS, Case, recorded_cases, simulated_cases
-from mmt_lab.compare.judging import METHODS, SHARES, TIMES_S, check_methods, judge
-from mmt_lab.compare.rendered_comparison import DEFINITIONS as RENDERED_DEFINITIONS
-from mmt_lab.compare.rendered_comparison import (
-    RenderedComparison,
+from mmt_lab.compare.generators import DEFINITIONS as OF_GENERATORS
+from mmt_lab.compare.generators import (
+    Fault,
+    Rendered,
     check_generators,
-    compare_rendered,
+    failures,
+    generator_sentences,
+    generators_table,
+    judge_generators,
 )
+from mmt_lab.compare.judging import METHODS, SHARES, TIMES_S, check_methods, judge
 from mmt_lab.compare.spoiling import SPOILS, check_spoils
 from mmt_lab.compare.summary import RUN_TO_RUN_DB, STANDARD_ERRORS, MethodComparison
 from mmt_lab.compare.tables import (
@@ -121,7 +125,7 @@ def targets(comparison: MethodComparison) -> list[Target]:
     first = comparison.methods[0]
     for group in comparison.groups:
         rows = {(row.moment, row.method): row for row in comparison.rows(group)}
-        for method in comparison.methods[1:]:
+        for method in _methods_alone(comparison)[1:]:
             leads = []
             for moment in (f"{time_s:g} s" for time_s in TIMES_S):
                 own, other = (rows[moment, name].figures[SHARES[0]] for name in (method, first))
@@ -139,6 +143,11 @@ def targets(comparison: MethodComparison) -> list[Target]:
         what = f"{method}: expected less true share, largest in a tenth of the expected share"
         found.append(Target(what, off, "at most", 0.05))
     return found
+
+
+def _methods_alone(comparison: MethodComparison) -> list[str]:
+    """Return the methods without generators, which may not have come to every time."""
+    return [name for name in comparison.methods if name.partition("-")[0] in METHODS]
 
 
 LARGEST_FALL: Final = 0.01
@@ -187,7 +196,7 @@ def run(
         str | None,
         typer.Option(
             metavar="NAME,MODULE:BUILDER",
-            help="Others' generators, judged beside the methods by what all of them render.",
+            help="Others' generators, judged beside the methods by what they render.",
         ),
     ] = None,
     workers: Workers = None,
@@ -208,23 +217,27 @@ def run(
     recorded, remarks = recorded_cases(strokes or [], chosen)
     made = simulated_cases(seeds, chosen, hand_of(hand).kind, noise=not noise_free)
     cases = [*made, *recorded]
-    # First, since a generator may fail.
-    rendered = compare_rendered(cases, names, others, workers) if others else None
-    return findings(compare(cases, names, spoils, remarks, workers), rendered)
+    found = compare(cases, names, spoils, remarks, workers)
+    if not others:
+        return findings(found)
+    calls = [(case, tuple(others)) for case in cases]
+    every = each(judge_generators, calls, workers=workers, what="rendering")
+    rendered = [one for by_session, _ in every for one in by_session]
+    return _with_generators(found, others, rendered, [one for _, of in every for one in of])
 
 
 def _names(listed: str | None) -> list[str]:
     return [name.strip() for name in listed.split(",")] if listed is not None else []
 
 
-def findings(comparison: MethodComparison, rendered: RenderedComparison | None = None) -> Findings:
+def findings(comparison: MethodComparison) -> Findings:
     """Return a comparison as tables, sentences, and what a report shows."""
     sentences = [
         sentence
         for method in comparison.methods[1:]
         for sentence in difference_sentences(comparison, method)
     ]
-    found = Findings(
+    return Findings(
         TITLE,
         tables=method_tables(comparison),
         sentences=[*sentences, *comparison.remarks],
@@ -233,20 +246,31 @@ def findings(comparison: MethodComparison, rendered: RenderedComparison | None =
         targets=tuple(targets(comparison)),
         data=comparison.as_dict(),
     )
-    return found if rendered is None else _with_rendered(found, rendered)
 
 
-def _with_rendered(found: Findings, rendered: RenderedComparison) -> Findings:
-    """Return the findings with what generators and methods render."""
-    blocks = found.blocks or list
+def _with_generators(
+    comparison: MethodComparison,
+    names: Sequence[str],
+    rendered: Sequence[Rendered],
+    faults: Sequence[Fault],
+) -> Findings:
+    """Return the findings on methods and generators beside each other."""
+    judged = (*comparison.judged, *(one.judged for one in rendered))
+    methods = (*comparison.methods, *names)
+    found = findings(replace(comparison, methods=methods, judged=judged))
+    table, blocks = generators_table(rendered), found.blocks or list
     return replace(
         found,
-        tables=[*found.tables, *rendered.tables()],
-        sentences=[*found.sentences, *rendered.sentences()],
-        blocks=lambda: [*blocks(), *rendered.blocks()],
-        definitions={**found.definitions, **RENDERED_DEFINITIONS},
-        data={**(found.data or {}), "rendered": rendered.as_dict()},
-        failures=rendered.failures(),
+        tables=[*found.tables, table],
+        sentences=[*found.sentences, *generator_sentences(rendered)],
+        blocks=lambda: [*blocks(), Heading("Generators"), table],
+        definitions={**found.definitions, **OF_GENERATORS},
+        data={
+            **(found.data or {}),
+            "generators": [asdict(one) for one in rendered],
+            "faults": [asdict(one) for one in faults],
+        },
+        failures=failures(faults),
     )
 
 
