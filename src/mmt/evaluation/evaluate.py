@@ -22,7 +22,7 @@ from mmt.evaluation.coverage import coverage
 from mmt.evaluation.held_out import choose_held_out, outside
 from mmt.evaluation.recorded_surfaces import SurfaceParts, part_by_surface
 from mmt.evaluation.results import Evaluation
-from mmt.evaluation.scoring import Scorer
+from mmt.evaluation.scoring import Scorer, method_beside
 from mmt.evaluation.strokes_made import StrokesMade
 from mmt.evaluation.truth import KnownTexture, known_texture
 from mmt.scene import Scene, Texture
@@ -37,12 +37,6 @@ from mmt.texture.signals.amplitude_spectra import Spectra
 USUAL_STEP_S: Final = 2.5
 MOST_STEPS: Final = 100
 """Scores of a recording whose step is not given: half the time of a long one went into rows."""
-
-
-_OF_BOTH_METHODS: Final = (
-    *("axis", "normal", "order", "inputs", "rate_hz", "least_speed_mm_s", "least_force_n"),
-    *("overlap_samples", "straightness_mm", "stationarity", "shortest_samples", "longest_samples"),
-)
 
 
 class SessionEvaluation(Evaluation):
@@ -264,14 +258,6 @@ def modelling_of(scene: Scene) -> tuple[ModellingSettings, float]:
     """Return how a scene models, or the defaults, and the time between two updates (s)."""
     texture = scene.texture or Texture()
     return texture.settings(float(scene.session.rate_hz)), texture.update_period_s
-
-
-def method_beside(settings: ModellingSettings) -> tuple[str, ModellingSettings]:
-    """Return the name of the method that settings do not name, and how it models the same data."""
-    kept = {name: getattr(settings, name) for name in _OF_BOTH_METHODS}
-    if settings.method == "published":
-        return "field", ModellingSettings(**kept)
-    return "published", ModellingSettings(method="published", **kept)
 
 
 def _of_other_inputs(

@@ -29,6 +29,20 @@ MODEL_NAMES: Final[dict[Inputs, str]] = {
 """What errors by heading call a model of these inputs."""
 
 
+_OF_BOTH_METHODS: Final = (
+    *("axis", "normal", "order", "inputs", "rate_hz", "least_speed_mm_s", "least_force_n"),
+    *("overlap_samples", "straightness_mm", "stationarity", "shortest_samples", "longest_samples"),
+)
+
+
+def method_beside(settings: ModellingSettings) -> tuple[str, ModellingSettings]:
+    """Return the name of the method that settings do not name, and how it models the same data."""
+    kept = {name: getattr(settings, name) for name in _OF_BOTH_METHODS}
+    if settings.method == "published":
+        return "field", ModellingSettings(**kept)
+    return "published", ModellingSettings(method="published", **kept)
+
+
 class Scorer:
     """Score the leader's and the rebuilt model at session times.
 

@@ -42,11 +42,8 @@ def levels(evaluations: Sequence[Evaluation]) -> Table:
     rows = []
     for evaluation in evaluations:
         final = evaluation.final
-        methods: list[tuple[str, Levels | Score]] = [
-            (evaluation.settings.method, final),
-            (evaluation.beside, final.beside),
-        ]
-        for method, found in methods:
+        own: tuple[str, Levels | Score] = (evaluation.settings.method, final)
+        for method, found in (own, (evaluation.beside, final.beside)):
             named.setdefault(method, []).append(found)
             figures = (getattr(found, name) for name in _LEVELS)
             rows.append((evaluation.name, method, *map(_level_cell, _LEVELS, figures)))
