@@ -77,12 +77,18 @@ def model_rows(evaluation: dict[str, Any]) -> list[Row]:
     return [
         ("start, stop criterion met after", f"{_met(found['start'])}, {_met(found['stop'])}"),
         (
-            f"power error against the known texture at {names}",
-            ", ".join(f"{score['power_error_db']:.2f}" for score in scores.values()) + " dB rms",
+            f"power error at {names}, over the strokes made; over the whole plane",
+            "; ".join(
+                ", ".join(f"{score[name]:.2f}" for score in scores.values()) + " dB rms"
+                for name in ("power_error_db", "plane_power_error_db")
+            ),
         ),
         (
-            "share of the plane within one just noticeable difference, likewise",
-            ", ".join(f"{100 * score['within_jnd']:.0f}" for score in scores.values()) + " %",
+            "share within one just noticeable difference, likewise",
+            "; ".join(
+                ", ".join(f"{100 * score[name]:.0f}" for score in scores.values()) + " %"
+                for name in ("within_jnd", "plane_within_jnd")
+            ),
         ),
         (
             f"GFC of held-out segments at {last}",

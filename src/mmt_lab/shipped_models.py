@@ -67,4 +67,4 @@ def _modelled(sessions: Sequence[RecordArray], settings: ModellingSettings) -> O
 
 def measure(name: str, model: TextureModel) -> SectorErrors:
     """Return a model's errors against its texture, over all that it is compared at."""
-    return overall(KnownTexture(get_surface(name)).compare(model))
+    return overall(KnownTexture(get_surface(name)).plane.errors(model))

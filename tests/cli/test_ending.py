@@ -38,8 +38,8 @@ EVALUATION: dict[str, Any] = {
     "basis_reason": "the known texture plastic",
     "start_s": 4.0,
     "stop_s": 9.0,
-    "at_stop": {"power_error_db": 0.483312, "within_jnd": 0.979167},
-    "at_end": {"power_error_db": 0.4, "within_jnd": 1.0},
+    "at_stop": {"power_error_db": 0.483312, "within_jnd": 0.979167, "plane_within_jnd": 0.9},
+    "at_end": {"power_error_db": 0.4, "within_jnd": 1.0, "plane_within_jnd": 1.0},
 }
 
 
@@ -62,7 +62,8 @@ def test_a_demo_ends_with_six_lines() -> None:
     assert lines == [
         "outcome:   completed after 18.0 s",
         "model:     ready at 4.0 s, complete at 9.0 s, from 19 samples",
-        "error:     0.5 dB, within one JND on 98 % of the plane, against the known texture plastic",
+        "error:     0.5 dB, within one JND on 98 % of the strokes made and 90 % of the whole "
+        "plane, against the known texture plastic",
         "frames:    18003, 0 missing",
         "files:     mmt-demo/session.mcap, mmt-demo/report.html",
         "next:      open mmt-demo/report.html; mmt session view mmt-demo/session.mcap shows each "

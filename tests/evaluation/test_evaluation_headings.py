@@ -43,7 +43,6 @@ def test_errors_are_gathered_sector_by_sector():
     sectors = strokes.sector
     errors = GridErrors(
         gfc=1.0 - 0.01 * sectors,
-        gfc_fine=1.0 - 0.02 * sectors,
         power_error_db=np.where(np.arange(864) % 2, 1.0, -1.0) * sectors,
         log_spectral_db=3.0 * sectors,
         bands_db=np.zeros((864, 9)),
@@ -52,7 +51,6 @@ def test_errors_are_gathered_sector_by_sector():
     assert [sector.heading_deg for sector in found.sectors] == list(range(15, 360, 30))
     for number, sector in enumerate(found.sectors):
         assert sector.gfc == pytest.approx(1.0 - 0.01 * number)
-        assert sector.gfc_fine == pytest.approx(1.0 - 0.02 * number)
         assert sector.log_spectral_db == pytest.approx(3.0 * number)
         assert sector.power_error_db == pytest.approx(number)
         assert sector.power_bias_db == pytest.approx(0.0, abs=1e-12)
@@ -68,10 +66,9 @@ def test_the_mean_over_headings_is_right_where_the_power_alone_turns():
     surface = Surface("nap", (Resonance(1.0, 1.0, 1.0, 120.0, 80.0, grain=Grain(0.0, 1.0, 0.5)),))
     truth = KnownTexture(surface)
     errors = truth.without_heading()
-    expected_db = -10.0 * np.log10(1.0 + 0.5 * np.cos(truth.strokes.heading_rad))
+    expected_db = -10.0 * np.log10(1.0 + 0.5 * np.cos(truth.plane.strokes.heading_rad))
     np.testing.assert_allclose(errors.power_error_db, expected_db, atol=1e-9)
     np.testing.assert_allclose(errors.log_spectral_db, np.abs(expected_db), atol=1e-9)
-    np.testing.assert_allclose(errors.gfc_fine, 1.0)
     np.testing.assert_allclose(errors.gfc, 1.0)
 
 
@@ -82,7 +79,7 @@ def test_a_model_that_does_not_know_the_heading_misses_what_the_heading_does(rid
     assert model.overall.power_error_db > 0.9 * mean.overall.power_error_db
     across, along = model.sectors[0], model.sectors[2]
     assert along.power_bias_db - across.power_bias_db > 3.0
-    assert ridged.final.power_error_db == pytest.approx(model.overall.power_error_db)
+    assert ridged.final.plane_power_error_db == pytest.approx(model.overall.power_error_db)
     assert ridged.final.truth_gfc == pytest.approx(model.overall.gfc)
     assert {point.limit for point in ridged.worst} <= {"heading", "field"}
     assert "heading" in {point.limit for point in ridged.worst}
@@ -116,7 +113,7 @@ def test_a_model_that_knows_the_heading_is_nearer_to_the_texture(directed):
     assert mean.model == "mean over headings"
     assert knowing.overall.power_error_db < 0.8 * unaware.overall.power_error_db
     assert knowing.overall.log_spectral_db < unaware.overall.log_spectral_db
-    assert directed.final.power_error_db == pytest.approx(knowing.overall.power_error_db)
+    assert directed.final.plane_power_error_db == pytest.approx(knowing.overall.power_error_db)
     assert all(point.limit != "heading" for point in directed.worst)
 
 
@@ -140,4 +137,4 @@ def test_isotropic_textures_have_no_errors_by_heading():
     assert evaluation.by_heading == ()
     assert heading_tables([evaluation]) == []
     assert all(point.heading_deg is None for point in evaluation.worst)
-    assert KnownTexture(get_surface("felt")).strokes.speed_mm_s.shape == (144,)
+    assert KnownTexture(get_surface("felt")).plane.strokes.speed_mm_s.shape == (144,)

@@ -137,7 +137,7 @@ def test_known_texture_is_the_basis(simulated):
     assert len(evaluation.worst) == 2
     assert evaluation.power_map.power_error_db.shape == (12, 12)
     rms = np.sqrt(np.mean(evaluation.power_map.power_error_db**2))
-    assert evaluation.final.power_error_db == pytest.approx(rms)
+    assert evaluation.final.plane_power_error_db == pytest.approx(rms)
     assert all(segment.truth is not None for segment in evaluation.held_out)
 
 
@@ -175,7 +175,7 @@ def test_hand_that_covers_a_corner_is_told_so(make_session):
     far = {(round(cell.speed_mm_s), cell.force_n) for cell in coverage.cells if cell.far}
     assert (250, 2.5) in far
     assert (50, 0.5) not in far
-    assert coverage.speed_mm_s == pytest.approx((30, 56), abs=6)
+    assert coverage.speed_mm_s == pytest.approx((27, 56), abs=5)
     assert coverage.force_n == pytest.approx((0.3, 0.56), abs=0.1)
     assert "(250 mm/s, 2.5 N)" in coverage.remark
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mmt.evaluation.grid_errors import GRID_FORCE_N, GRID_SPEED_MM_S, Strokes
-from mmt.evaluation.levels import output_power_at
+from mmt.evaluation.levels import LEAST_POWER, output_power_at
 from mmt.evaluation.truth import KnownTexture, known_texture
 from mmt.testing.simulation.modes import Resonance
 from mmt.testing.simulation.surfaces import Surface
@@ -52,7 +52,7 @@ def model_of(
 @pytest.mark.parametrize("name", ["plastic", "sandpaper", "wood"])
 def test_model_of_exact_filters_has_no_error(name):
     truth = KnownTexture(get_surface(name))
-    errors = truth.compare(model_of(truth.surface))
+    errors = truth.plane.errors(model_of(truth.surface))
     assert np.abs(errors.power_error_db).max() < 0.02
     assert errors.gfc.min() > 0.995
     assert errors.gfc.max() <= 1.0
@@ -60,19 +60,19 @@ def test_model_of_exact_filters_has_no_error(name):
 
 def test_level_shows_in_power_and_not_in_gfc():
     truth = KnownTexture(get_surface("plastic"))
-    right = truth.compare(model_of(truth.surface))
-    loud = truth.compare(model_of(truth.surface, level=2.0))
+    right = truth.plane.errors(model_of(truth.surface))
+    loud = truth.plane.errors(model_of(truth.surface, level=2.0))
     np.testing.assert_allclose(loud.power_error_db - right.power_error_db, 3.0103, atol=1e-3)
     np.testing.assert_allclose(loud.gfc, right.gfc, atol=1e-9)
 
 
-def test_compare_at_agrees_with_the_grid():
+def test_the_level_alone_is_that_of_all_errors():
     truth = KnownTexture(get_surface("mesh"))
     model = model_of(truth.surface, np.array([80.0, 200.0]), np.array([1.0, 2.0]))
-    grid = truth.compare(model)
-    again = truth.compare_at(model, truth.strokes)
-    np.testing.assert_allclose(again.gfc, grid.gfc)
-    np.testing.assert_allclose(again.power_error_db, grid.power_error_db)
+    level_db = truth.plane.level_errors_db(model)
+    np.testing.assert_allclose(level_db, truth.plane.errors(model).power_error_db, atol=1e-9)
+    few = truth.at(truth.plane.strokes.at(7))
+    np.testing.assert_allclose(few.level_errors_db(model), level_db[7:8], atol=1e-9)
 
 
 @pytest.mark.parametrize("name", [*(n for n, s in SURFACES.items() if s.isotropic), "pine"])
@@ -80,7 +80,7 @@ def test_true_power_is_that_of_the_surface(name):
     surface = get_surface(name)
     truth = KnownTexture(surface)
     model = model_of(get_surface("plastic"), order=8)
-    speed, force, heading = truth.strokes
+    speed, force, heading = truth.plane.strokes
     low_hz = np.linspace(0.0, 8.0, 401)
     powers = []
     for known, spectrum in (
@@ -94,7 +94,7 @@ def test_true_power_is_that_of_the_surface(name):
         )
         powers.append(known - np.trapezoid(density, low_hz, axis=1))
     expected = 10.0 * np.log10(powers[0] / powers[1])
-    np.testing.assert_allclose(truth.compare(model).power_error_db, expected, atol=0.01)
+    np.testing.assert_allclose(truth.plane.errors(model).power_error_db, expected, atol=0.02)
 
 
 def test_dft321_adds_the_tangential_power():
@@ -124,7 +124,7 @@ def test_without_a_usable_truth_the_reason_is_said(annotations, settings, said):
 
 def worst_of(model: TextureModel, surface: Surface):
     truth = KnownTexture(surface)
-    errors = truth.compare(model)
+    errors = truth.plane.errors(model)
     return errors, truth.worst(model, errors)
 
 
@@ -185,8 +185,14 @@ def test_worst_sparse_where_the_samples_are_far():
     assert shape.nearest_sample > 0.2
 
 
-def test_level_error_is_bounded():
+def test_what_nobody_feels_counts_as_silence():
     silent = model_of(get_surface("wood"), level=0.0)
-    errors = KnownTexture(get_surface("wood")).compare(silent)
-    assert (errors.power_error_db == -60.0).all()
+    truth = KnownTexture(get_surface("wood"))
+    errors = truth.plane.errors(silent)
+    floor_db = 10.0 * np.log10(LEAST_POWER / truth.plane.power)
+    np.testing.assert_allclose(errors.power_error_db, floor_db)
     assert (errors.gfc == 0.0).all()
+    quiet = Surface("quiet", (Resonance(1e-30, 0.0, 0.0, 120.0, 80.0),))
+    assert (KnownTexture(quiet).plane.errors(silent).power_error_db == 0.0).all()
+    loud = Surface("loud", (Resonance(1e6, 0.0, 0.0, 120.0, 80.0),))
+    assert (KnownTexture(loud).plane.errors(silent).power_error_db == -60.0).all()

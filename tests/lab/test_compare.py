@@ -13,24 +13,45 @@ from mmt.core.errors import InputError
 from mmt.evaluation.document import Table
 from mmt.evaluation.levels import BAND_EDGES_HZ, band_errors_db
 from mmt.testing.simulation.textures import SURFACES
-from mmt_lab.compare.cases import Case, recorded_cases, simulated_cases
-from mmt_lab.compare.judging import FIGURES, METHODS, Judged, blocks_of, check_methods, judge
-from mmt_lab.compare.summary import ALL_RUN_TO_RUN_DB, RUN_TO_RUN_DB, MethodComparison
-from mmt_lab.experiments.compare import findings, method_blocks, verdicts
+from mmt.texture.settings import START_SHARE, STOP_SHARE
+from mmt_lab.compare.cases import INHOMOGENEOUS, Case, recorded_cases, simulated_cases
+from mmt_lab.compare.judging import FIGURES, Certainty, Judged, check_methods, judge
+from mmt_lab.compare.spoiling import check_spoils
+from mmt_lab.compare.summary import RUN_TO_RUN_DB, MethodComparison
+from mmt_lab.compare.tables import (
+    calibration_figure,
+    calibration_table,
+    errors_table,
+    falls_table,
+    largest_miscalibration,
+    shares_table,
+)
+from mmt_lab.experiments.compare import findings, method_blocks, targets
 from mmt_lab.harness.experiment import chosen_textures
 from mmt_lab.harness.report import write_report
 
+TIMES = ("3 s", "10 s", "20 s", "30 s")
 
-def judged(method, seed, share, moment="stop", name="wood") -> Judged:
+
+def judged(method, seed, share, moment="30 s", name="wood", spoil="") -> Judged:
     figures = {**dict.fromkeys(FIGURES, 1.0), "within_jnd": share}
-    return Judged("isotropic", name, name, seed, method, moment, 8.0, 20, figures, (1.0,) * 9)
+    labels = ("isotropic", name, name, seed, spoil, method, moment)
+    return Judged(*labels, time_s=8.0, samples=20, figures=figures)
 
 
-def comparison(gains, base=0.7) -> MethodComparison:
+def comparison(gains, base=0.7, spoil="", moments=("30 s",)) -> MethodComparison:
     rows = []
     for seed, gain in enumerate(gains):
-        rows += [judged("published", seed, base), judged("field", seed, base + gain)]
+        for moment in moments:
+            rows += [judged("published", seed, base, moment, spoil=spoil)]
+            rows += [judged("field", seed, base + gain, moment, spoil=spoil)]
     return MethodComparison(("published", "field"), tuple(rows))
+
+
+def certainty(expected, true, spoil="") -> Certainty:
+    times_s = np.arange(len(expected), dtype=float).tolist()
+    updates = zip(times_s, expected, true, strict=True)
+    return Certainty("isotropic", "wood", spoil, "field", tuple(updates))
 
 
 def test_bands_are_nine_of_one_ratio_and_see_a_gain_in_one_of_them_alone():
@@ -46,19 +67,37 @@ def test_bands_are_nine_of_one_ratio_and_see_a_gain_in_one_of_them_alone():
     assert np.abs(np.delete(errors.ravel(), 14)).max() < 1e-9
 
 
-def test_every_known_texture_is_judged_with_as_many_seeds_as_asked():
-    cases = simulated_cases(10, list(SURFACES))
-    assert {case.texture for case in cases} == set(SURFACES)
-    assert len(cases) == 10 * len(SURFACES)
+def test_every_texture_has_as_many_seeds_as_asked_and_a_group():
+    textures = [*SURFACES, *INHOMOGENEOUS, "drawn-3"]
+    cases = simulated_cases(10, textures)
+    assert {case.texture for case in cases} == set(textures)
+    assert len({case.seed for case in cases}) == 10 * len(textures)
+    groups = {case.texture: case.group for case in cases}
+    assert {groups[name] for name in INHOMOGENEOUS} == {"inhomogeneous"}
+    assert groups["drawn-3"] == "drawn and models"
     assert {case.inputs for case in cases if case.group == "grained"} == {"anisotropic"}
+
+
+def test_sensors_without_noise_give_the_texture_itself():
+    noisy, exact = (Case("glass", 5, noise=noise).session() for noise in (True, False))
+    np.testing.assert_array_equal(noisy["sequence"], exact["sequence"])
+    lifted = exact["force_n"][:, 2] == 0.0
+    still = np.flatnonzero(lifted[1:] & lifted[:-1])
+    step = {
+        name: np.std(np.diff(frames["acceleration_m_s2"][:, 2])[still])
+        for name, frames in (("noisy", noisy), ("exact", exact))
+    }
+    assert step["noisy"] > 0.03
+    assert step["exact"] < 0.5 * step["noisy"]
 
 
 def test_an_unknown_texture_or_method_is_refused_in_words():
     with pytest.raises(InputError, match="surface is 'velvet', allowed are"):
         chosen_textures("velvet")
-    for names in (["published"], ["field", "field"], ["published", "best"]):
-        with pytest.raises(InputError, match="name two or more of published"):
+    for names in ([], ["field", "field"], ["published", "best"], ["field-soup"]):
+        with pytest.raises(InputError, match="name some of published, field, field-"):
             check_methods(names)
+    check_methods(["published", "field", "field-place"])
 
 
 def make_stroke(path: Path, speed_mm_s: float) -> Path:
@@ -85,67 +124,159 @@ def test_recorded_strokes_are_scaled_into_the_plane_and_others_left_out_with_a_r
     assert "there is no recorded stroke" in remarks[-1]
 
 
-def test_a_session_is_judged_the_same_each_time_and_by_the_moments_of_the_first(tmp_path):
-    stroke = make_stroke(tmp_path / "usual.npz", 80.0)
-    case = Case("wood", 3, stroke, 2.5, 2.0)
-    short = replace(case, texture="felt")
-    first = judge(short, ["published", "field"], blocks_of(short))
-    assert first == judge(short, ["published", "field"], blocks_of(short))
-    assert {one.moment for one in first} >= {"3 s", "30 s"}
-    by_method = {m: [o.time_s for o in first if o.method == m] for m in ("published", "field")}
-    assert by_method["published"] == by_method["field"]
-    assert all(0.0 <= one.figures["within_jnd"] <= 1.0 for one in first)
+@pytest.fixture(scope="module")
+def session():
+    return judge(Case("felt", 3, hand="quick"), ["published", "field"], ["drift"])
+
+
+def test_a_session_is_judged_at_four_times_and_where_each_criterion_is_met(session):
+    found, _ = session
+    assert judge(Case("felt", 3, hand="quick"), ["published", "field"], ["drift"]) == session
+    for method in ("published", "field"):
+        for spoil in ("", "drift"):
+            moments = [o.moment for o in found if (o.method, o.spoil) == (method, spoil)]
+            assert moments[:4] == list(TIMES)
+            assert set(moments[4:]) <= {"start", "stop"}
+    assert all(set(one.figures) == set(FIGURES) for one in found)
+    assert all(0.0 <= one.figures[name] <= 1.0 for one in found for name in FIGURES[:2])
+
+
+def test_a_model_that_states_its_error_is_checked_at_every_update(session):
+    found, sure = session
+    assert [(one.method, one.spoil) for one in sure] == [("field", ""), ("field", "drift")]
+    for _, expected, true in sure[0].updates:
+        assert 0.0 <= expected <= 1.0
+        assert 0.0 <= true <= 1.0
+    times_s = [time_s for time_s, _, _ in sure[0].updates]
+    assert times_s == sorted(times_s)
+    assert times_s[-1] == pytest.approx(30.0, abs=0.1)
+    for one in found:
+        assert (one.expected is None) == (one.method == "published")
+        least = {"start": START_SHARE, "stop": STOP_SHARE}.get(one.moment, 0.0)
+        assert one.expected is None or one.expected >= least
+
+
+def test_without_a_model_the_shares_are_nought_and_there_are_no_errors():
+    case = Case("felt", 3, hand="pauses")
+    early = replace(case, seed=4)
+    found, _ = judge(early, ["field"])
+    assert all(one.samples > 0 or set(one.figures.values()) == {0.0} for one in found)
+    nothing = replace(judged("field", 0, 0.0), samples=0, figures={"within_jnd": 0.0})
+    row = MethodComparison(("field",), (nothing, judged("field", 1, 0.8))).rows("wood")[0]
+    assert row.figures["within_jnd"].mean == pytest.approx(0.4)
+    assert row.figures["gfc"].sessions == 1
 
 
 def test_differences_are_paired_and_count_beyond_three_standard_errors():
-    same = comparison([0.1, -0.1, 0.1, -0.1]).differences("wood")[0]
+    def of(found, name="wood"):
+        return next(d for d in found.differences(name) if d.figure == "within_jnd")
+
+    same = of(comparison([0.1, -0.1, 0.1, -0.1]))
     assert (same.mean, same.verdict) == (pytest.approx(0.0), "same")
-    better = comparison([0.10, 0.12, 0.11, 0.09]).differences("isotropic")[0]
+    better = of(comparison([0.10, 0.12, 0.11, 0.09]), "isotropic")
     assert better.mean == pytest.approx(0.105)
     assert better.standard_error == pytest.approx(np.std([10, 12, 11, 9], ddof=1) / 200)
     assert better.verdict == "better"
-    assert comparison([-0.10, -0.12, -0.11]).differences("wood")[0].verdict == "worse"
-    assert comparison([0.5]).differences("wood")[0].verdict == "same"
+    assert of(comparison([-0.10, -0.12, -0.11])).verdict == "worse"
+    assert of(comparison([0.5])).verdict == "same"
 
 
-def test_an_error_by_bands_is_also_a_multiple_of_what_a_surface_scatters_from_run_to_run():
+def test_beside_every_median_are_the_mean_the_worst_and_how_many_are_below_one_half():
+    found = comparison([0.0, 0.1, 0.2, 0.25, 0.3, 0.3, -0.6])
+    cells = {row[1]: row for row in shares_table(found, "wood").rows}
+    assert cells["field"][2] == "7 of 7"
+    assert cells["field"][5] == "0.90 / 0.78 / 0.69 / 1"
     one = judged("field", 0, 0.7)
-    off = {**one.figures, "band_error_db": 2.0 * ALL_RUN_TO_RUN_DB}
-    off_bands = tuple(3.0 * scatter_db for scatter_db in RUN_TO_RUN_DB)
-    twice = replace(one, figures=off, bands_db=off_bands)
-    tables = [
-        b for b in method_blocks(MethodComparison(("field",), (twice,))) if isinstance(b, Table)
+    off = {**one.figures, "band_error_db": 2.0 * RUN_TO_RUN_DB}
+    table = errors_table(MethodComparison(("field",), (replace(one, figures=off),)), "wood")
+    assert dict(zip(table.columns, table.rows[0], strict=True))["times run-to-run"] == "2.0"
+
+
+def test_falls_are_paired_and_give_the_mean_and_the_worst():
+    clean, spoilt = comparison([0.0] * 20), comparison([-0.5, *([-0.01] * 19)], spoil="held")
+    found = replace(clean, judged=clean.judged + spoilt.judged)
+    fall = next(f for f in found.falls() if (f.method, f.figure) == ("field", "within_jnd"))
+    assert (fall.before, fall.most) == (pytest.approx(0.7), pytest.approx(0.5))
+    assert fall.mean == pytest.approx((0.5 + 19 * 0.01) / 20)
+    assert fall.percentile_95 == pytest.approx(np.percentile([0.5, *([0.01] * 19)], 95))
+    assert len(falls_table(found).rows) == 4
+    assert all(row.spoil == "" for row in found.rows("wood"))
+
+
+def test_shares_are_gathered_by_what_was_expected():
+    sure = certainty([0.55, 0.57, 0.99], [0.5, 0.7, 1.0])
+    found = MethodComparison(("field",), (), (sure, certainty([0.1], [0.9], "held")))
+    rows = calibration_table(found, "field").rows
+    assert rows == [
+        ["0.5 to 0.6", "2", "0.560", "0.600", "+0.040"],
+        ["0.9 to 1.0", "1", "0.990", "1.000", "+0.010"],
     ]
-    (figures,) = (t for t in tables if t.caption.startswith("isotropic: medians"))
-    assert dict(zip(figures.columns, figures.rows[0], strict=True))["times run-to-run"] == "2.0"
-    (bands,) = (t for t in tables if "each band's power" in t.caption)
-    assert bands.rows[0][2:4] == ["2.61 (3.0)", "2.79 (3.0)"]
-    assert all(cell.endswith("(3.0)") for cell in bands.rows[0][2:])
+    at_the_ends = MethodComparison(("field",), (), (certainty([0.0, 1.0], [0.0, 1.0]),))
+    assert sum(int(row[1]) for row in calibration_table(at_the_ends, "field").rows) == 2
+    assert len(calibration_table(MethodComparison(("field",), ()), "field").rows) == 0
+    assert largest_miscalibration([sure]) is None
+    assert largest_miscalibration([certainty([0.55] * 30, [0.65] * 30)]) == pytest.approx(0.1)
 
 
-def test_rows_are_medians_with_their_spread_and_verdicts_name_what_is_missed():
-    found = comparison([0.0, 0.1, 0.2])
-    row = next(row for row in found.rows("wood") if row.method == "field")
-    assert row.spread["within_jnd"].median == pytest.approx(0.8)
-    assert row.spread["within_jnd"].low == pytest.approx(0.72)
-    assert row.sessions == 3
-    sentences = " ".join(verdicts(found))
-    assert "at the stop criterion: on 0 of 1 textures, not on wood" in sentences
+def test_a_threshold_is_calibrated_by_what_was_expected_when_it_was_met():
+    starts = [
+        replace(judged("field", seed, 0.7, "start"), expected=0.76, true=0.7, standardised=1.0)
+        for seed in range(3)
+    ]
+    ends = [replace(one, moment="30 s", standardised=2.0) for one in starts]
+    table = calibration_table(MethodComparison(("field",), (*starts, *ends)), "field")
+    assert table.rows == [["at the start", "3", "0.760", "0.700", "-0.060"]]
+    assert "2.00" in table.caption
 
 
-def test_a_report_holds_the_figures_and_the_settings(tmp_path):
-    page = write_report(tmp_path, findings(comparison([0.1, 0.2, 0.3])))
-    assert "a Gaussian process" in page.read_text()
+def test_the_figure_has_a_panel_for_each_group_and_the_means_of_tenths():
+    random = np.random.default_rng(1)
+    expected = random.uniform(0.5, 0.6, 40).tolist()
+    (axis,) = calibration_figure([certainty(expected, [0.5] * 40)]).axes
+    assert axis.get_title() == "isotropic"
+    np.testing.assert_allclose(axis.lines[1].get_xydata(), [[np.mean(expected), 0.5]])
+    assert calibration_figure([certainty([0.5], [0.5])]).axes[0].get_xlim() == (0.0, 1.02)
+
+
+def test_targets_are_missed_by_one_time_or_one_moment_that_spoils():
+    lead = comparison([0.1] * 6, moments=TIMES)
+    assert [target.met for target in targets(lead)] == [True]
+    worse = replace(
+        lead,
+        judged=(
+            *lead.judged[:-1],
+            replace(lead.judged[-1], figures={**lead.judged[-1].figures, "within_jnd": 0.0}),
+        ),
+    )
+    assert [target.met for target in targets(worse)] == [False]
+    spoilt = comparison([0.05] * 6, spoil="knock", moments=TIMES)
+    found = targets(replace(lead, judged=lead.judged + spoilt.judged))
+    assert [target.met for target in found] == [True, False]
+    assert found[1].measured == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_a_report_holds_the_figures_and_what_methods_say_of_their_error(tmp_path, count):
+    sure = tuple(certainty([0.5, 0.9], [0.6, 0.9]) for _ in range(count))
+    found = replace(comparison([0.1, 0.2, 0.3], moments=TIMES), certainties=sure)
+    write_report(tmp_path, findings(found))
+    text = (tmp_path / "report.md").read_text()
+    assert ("How sure field is" in text) == bool(count)
+    assert (tmp_path / "figures" / "calibration-field.png").exists() == bool(count)
     data = json.loads((tmp_path / "summary.json").read_text())
-    assert len(data["sessions"]) == 6
-    assert METHODS["published"]["method"] == "published"
+    assert len(data["sessions"]) == 24
+    assert data["rows"][0]["figures"]["within_jnd"]["below_half"] == 0
+    assert any(isinstance(block, Table) for block in method_blocks(found))
 
 
 def test_the_command_compares_on_named_textures(tmp_path):
     file = tmp_path / "figures.json"
     options = ["--seeds", "1", "--textures", "wood", "--workers", "1", "--json", str(file)]
-    result = CliRunner().invoke(app, ["lab", "compare", *options])
+    spoilt = ["--noise-free", "--spoil", "knock,lost-1"]
+    result = CliRunner().invoke(app, ["lab", "compare", *options, *spoilt])
     assert result.exit_code == 0, result.output
     data = json.loads(file.read_text())
-    assert {row["moment"] for row in data["rows"]} == {"3 s", "start", "stop", "30 s"}
-    assert "field at the start criterion" in " ".join(result.output.split())
+    assert {row["moment"] for row in data["rows"]} >= set(TIMES)
+    assert {fall["spoil"] for fall in data["falls"]} == {"knock", "lost-1"}
+    with pytest.raises(InputError, match="soup not known, allowed are all, quiet-20"):
+        check_spoils(["knock", "soup"])

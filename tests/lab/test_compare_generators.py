@@ -5,6 +5,7 @@ import re
 import signal
 import time
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -14,26 +15,30 @@ from typer.testing import CliRunner
 
 from mmt.cli.main import app
 from mmt.core.errors import InputError
-from mmt.evaluation.grid_errors import all_headings
+from mmt.evaluation.grid_errors import Strokes
+from mmt.evaluation.strokes_made import StrokesMade
 from mmt.evaluation.truth import KnownTexture
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.generators.guarded import GeneratorFault, GuardedGenerator
 from mmt.texture.online.history import build as build_models
-from mmt.texture.settings import ModellingSettings
-from mmt_lab.compare import rendered_comparison
-from mmt_lab.compare.block_times import block_times_us
+from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt_lab.compare.cases import Case
-from mmt_lab.compare.generators import ModelGenerator, judge_rendered
-from mmt_lab.compare.judging import FIGURES, METHODS, blocks_of, figures_of
-from mmt_lab.compare.rendered_comparison import RenderedComparison, check_generators
+from mmt_lab.compare.generators import (
+    check_generators,
+    failures,
+    generator_sentences,
+    generators_table,
+    judge_generators,
+)
+from mmt_lab.compare.judging import blocks_of, figures_of, settings_of
 from mmt_lab.compare.rendered_spectra import (
     expected_spectra,
     render_strokes,
     rendered_errors,
-    rendered_strokes,
     spectra_of,
 )
 from mmt_lab.compare.time_limit import time_limit
+from mmt_lab.experiments import compare
 
 GUIDE = Path(__file__).resolve().parents[2] / "docs" / "how-to" / "add-a-generator.md"
 CLOSE = {
@@ -76,6 +81,20 @@ def build_silent(observed, previous):
     return None
 
 
+class ModelGenerator:
+    """A texture model as a generator: the synthesizer of the leader."""
+
+    def __init__(self, model):
+        self._model = model
+        self.directed = model.space.directed
+
+    def reset(self, seed):
+        self._synthesizer = Synthesizer(self._model, seed=seed, limit_m_s2=np.inf)
+
+    def generate(self, *inputs):
+        return self._synthesizer.render(*inputs)
+
+
 class White:
     """A texture of white noise: 1 m/s2 rms over 0 to 500 Hz at any stroke."""
 
@@ -84,8 +103,8 @@ class White:
 
 
 def errors_of(generator, run_s=2.0):
-    strokes = rendered_strokes(isotropic=True)
-    vibration = render_strokes(GuardedGenerator("noise", generator), strokes, 1, run_s)
+    strokes = Strokes(np.full(36, 100.0), np.full(36, 1.0), np.zeros(36))
+    vibration, _ = render_strokes(GuardedGenerator("noise", generator), strokes, 1, run_s)
     return rendered_errors(spectra_of(vibration), expected_spectra(White(), strokes))
 
 
@@ -108,25 +127,20 @@ def test_a_generator_that_is_the_texture_has_no_error_and_one_3_db_louder_has_3_
 @pytest.mark.parametrize("texture", ["drawn-3", "corduroy"])
 def test_the_estimate_of_our_own_model_agrees_with_its_exact_figures(texture):
     case = Case(texture, 1000)
-    settings = ModellingSettings(inputs=case.inputs, **METHODS["field"])
-    model = build_models(blocks_of(case), settings).model_at(10.0)
+    blocks = blocks_of(case.session())
+    made = StrokesMade(settings_of(case, "field"))
+    for block in blocks:
+        made.add(block)
+    model = build_models(blocks, settings_of(case, "field")).model_at(10.0)
     truth = KnownTexture(get_surface(texture))
-    strokes = rendered_strokes(isotropic=truth.surface.isotropic)
-    source = GuardedGenerator("ours", ModelGenerator(model))
-    spectra = spectra_of(render_strokes(source, strokes, 1, 3.0))
-    rendered = rendered_errors(spectra, expected_spectra(truth, strokes))
-    exact = figures_of(truth.compare_at(model, strokes))
-    for figure in FIGURES:
+    strokes = made.strokes(36)
+    source = GuardedGenerator("field", ModelGenerator(model))
+    vibration, _ = render_strokes(source, strokes, 1, 3.0)
+    rendered = rendered_errors(spectra_of(vibration), expected_spectra(truth, strokes))
+    exact = figures_of(truth.at(strokes).errors(model))
+    for figure in exact:
         assert rendered.figures[figure] == pytest.approx(exact[figure], abs=CLOSE[figure]), figure
     assert 0.02 < rendered.scatter_db < 0.4
-
-
-def test_strokes_with_headings_are_of_the_grid_and_take_every_heading():
-    every = set(zip(*all_headings(), strict=True))
-    strokes = rendered_strokes(isotropic=False)
-    assert len(set(zip(*strokes, strict=True)) & every) == len(strokes.force_n) == 72
-    assert len(np.unique(strokes.heading_rad)) == 24
-    assert len(set(zip(strokes.speed_mm_s, strokes.force_n, strict=True))) == 36
 
 
 def stubborn():
@@ -155,28 +169,25 @@ def test_a_generator_slower_than_real_time_is_told():
 def test_a_fault_ends_a_session_for_its_generator_alone():
     names = [f"{__name__}:{name}" for name in ("build_late", "build_noise", "build_silent")]
     late, noise, silent = names
-    session = judge_rendered(Case("wood", 1000), ["published"], names, 0.6)
-    moments = {name: [] for name in ("published", *names)}
-    for one in session.rendered:
+    rendered, faults = judge_generators(Case("wood", 1000), names, 0.6)
+    moments = {name: [] for name in names}
+    for one in rendered:
         moments[one.judged.method].append(one.judged.moment)
-    assert moments["published"] == moments[noise]
-    assert moments[late]
-    assert set(moments[late]) < set(moments[noise])
-    assert {one.method for one in session.times} == {"published", noise}
-    assert [fault.generator for fault in session.faults] == [late, silent]
-    clipped = {one.judged.method: one.clipped for one in session.rendered}
+        assert 0.0 < one.block_us[0] <= one.block_us[1]
+        assert 0.0 < one.update_ms[0] <= one.update_ms[1]
+    assert moments == {late: ["3 s"], noise: ["3 s", "10 s", "20 s", "30 s"], silent: []}
+    assert [fault.generator for fault in faults] == [late, silent]
+    clipped = {one.judged.method: one.clipped for one in rendered}
     assert 0.1 < clipped[late] < 0.4
     assert clipped[noise] == 0.0
-    exact = {one.judged.method: one.exact for one in session.rendered}
-    assert exact[noise] is None
-    assert exact["published"] is not None
-    found = RenderedComparison(("published",), tuple(names), (session, session))
-    assert [text.partition(" (in 2 of 2 sessions")[0] for text in found.failures()] == [
+    assert [text.partition(" (in 2 sessions")[0] for text in failures([*faults, *faults])] == [
         f"generator {late}: the builder raised RuntimeError: diverged",
         f"generator {silent}: the builder returned None for the whole session",
     ]
-    assert "beyond the actuator's limit" in " ".join(found.sentences())
-    assert len(found.tables()) == 3
+    assert [row[0] for row in generators_table(rendered).rows] == [late, noise]
+    slow = [replace(one, block_us=(5_000.0, 20_000.0)) for one in rendered[1:]]
+    assert "at 4 of 4 times" in " ".join(generator_sentences(slow))
+    assert generator_sentences(rendered[:1]) == []
 
 
 class Notes(Noise):
@@ -192,10 +203,12 @@ class Notes(Noise):
 
 
 def test_a_grain_is_asked_by_velocity_or_by_speed():
-    strokes = rendered_strokes(isotropic=False)
+    heading_rad = np.arange(72) * (np.pi / 36.0) + 0.01
+    strokes = Strokes(np.linspace(10.0, 290.0, 72), np.linspace(0.2, 2.9, 72), heading_rad)
     by_speed, by_velocity = Notes(directed=False), Notes(directed=True)
     for one in (by_speed, by_velocity):
-        assert render_strokes(GuardedGenerator("notes", one), strokes, 1, 0.01).shape == (2, 72, 10)
+        vibration, _ = render_strokes(GuardedGenerator("notes", one), strokes, 1, 0.01)
+        assert vibration.shape == (2, 72, 10)
     speed_mm_s, force_n = np.array(by_speed.asked).T
     x_mm_s, y_mm_s, also_force_n = np.array(by_velocity.asked).T
     np.testing.assert_allclose(np.hypot(x_mm_s, y_mm_s), speed_mm_s)
@@ -204,28 +217,12 @@ def test_a_grain_is_asked_by_velocity_or_by_speed():
     np.testing.assert_allclose(heading, np.unique(strokes.heading_rad), atol=1e-8)
 
 
-def test_blocks_are_timed_along_the_motion_in_turns_and_a_fault_ends_its_own_turns():
-    motion = np.array([[5.0], [3.0], [4.0], [1.0]]) * np.arange(1.0, 101.0)
-    named = {
-        "speed": Notes(directed=False),
-        "velocity": Notes(directed=True),
-        "shy": Noise(gain=np.nan),
-    }
-    sources = {name: GuardedGenerator(name, one) for name, one in named.items()}
-    times_us, faults = block_times_us(sources, motion, 1)
-    assert named["speed"].asked == [[5.0 * n, 1.0 * n] for n in range(1, 101, 10)]
-    assert named["velocity"].asked == [[3.0 * n, 4.0 * n, 1.0 * n] for n in range(1, 101, 10)]
-    assert {name: len(times) for name, times in times_us.items()} == {"speed": 10, "velocity": 10}
-    assert min(times_us["speed"]) > 0.0
-    assert str(faults["shy"]) == "generator shy: generate gave a sample that is no number"
-
-
 def test_generators_are_named_once_and_not_as_a_method():
     noise = f"{__name__}:build_noise"
     with pytest.raises(InputError, match="name each once"):
         check_generators([noise, noise])
-    with pytest.raises(InputError, match="'field' is not known"):
-        check_generators(["field"])
+    with pytest.raises(InputError, match="'soup' is not known"):
+        check_generators(["soup"])
 
 
 def test_the_command_compares_the_guides_generator_and_goes_on_past_a_broken_one(
@@ -237,21 +234,22 @@ def test_the_command_compares_the_guides_generator_and_goes_on_past_a_broken_one
     monkeypatch.syspath_prepend(tmp_path)
     file = tmp_path / "figures.json"
     others = f"replay:build,{__name__}:build_late"
-    monkeypatch.setattr(rendered_comparison, "judge_rendered", partial(judge_rendered, run_s=1.0))
+    monkeypatch.setattr(compare, "judge_generators", partial(judge_generators, run_s=1.0))
     options = ["--generators", others, "--methods", "published,field", "--textures", "drawn-3"]
     options += ["--seeds", "1", "--workers", "1"]
     written = ["--json", str(file), "--report", str(tmp_path / "report")]
     result = CliRunner().invoke(app, ["lab", "compare", *options, *written])
     assert result.exit_code == 1, result.output
     assert "the builder raised RuntimeError: diverged" in " ".join(result.output.split())
-    rendered = json.loads(file.read_text())["rendered"]
-    found = {(row["name"], row["method"], row["moment"]): row for row in rendered["rows"]}
-    of_replay = found["drawn-3", "replay:build", "30 s"]["spread"]
+    data = json.loads(file.read_text())
+    found = {(row["name"], row["method"], row["moment"]): row for row in data["rows"]}
+    of_replay = found["drawn-3", "replay:build", "30 s"]["figures"]
     assert 0.9 < of_replay["gfc"]["median"] < 1.0
     assert 0.5 < of_replay["power_error_db"]["median"] < 5.0
-    times = {one["method"]: one for one in rendered["times"]}
-    assert set(times) == {"published", "field", "replay:build"}
-    assert all(0.0 < one["block_p50_us"] <= one["block_p99_us"] for one in times.values())
+    assert {"published", "field", "replay:build"} <= {row["method"] for row in data["rows"]}
+    assert [fault["reason"] for fault in data["faults"]] == [
+        f"generator {__name__}:build_late: the builder raised RuntimeError: diverged"
+    ]
     page = (tmp_path / "report" / "report.html").read_text()
-    assert "what the estimate is worth" in page
+    assert "scatter of the estimates" in page
     assert "diverged" in page

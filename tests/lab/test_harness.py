@@ -105,7 +105,7 @@ def test_an_unknown_experiment_is_explained() -> None:
         load("nothing")
     told = CliRunner().invoke(app, ["lab", "nothing"]).exception
     assert isinstance(told, InputError)
-    assert "lab nothing: allowed are burg, compare" in str(told)
+    assert "lab nothing: allowed are ablations, burg, compare" in str(told)
 
 
 def test_textures_are_names_between_commas() -> None:

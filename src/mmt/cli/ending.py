@@ -166,9 +166,11 @@ def _errors(evaluation: Mapping[str, Any]) -> Iterator[str]:
         if power_db is None or share is None:
             continue
         name = f"{each['session']}: " if len(sessions) > 1 else ""
-        held_out = "the held-out segments"
-        plane = f"the plane, against {each.get('basis_reason', 'the known texture')}"
-        where = plane if each["basis"] == "truth" else held_out
+        where = "the held-out segments"
+        if each["basis"] == "truth":
+            plane = f"{100 * score['plane_within_jnd']:.0f} % of the whole plane"
+            against = each.get("basis_reason", "the known texture")
+            where = f"the strokes made and {plane}, against {against}"
         yield f"{name}{power_db:.1f} dB, within one JND on {100 * share:.0f} % of {where}"
 
 

@@ -183,10 +183,11 @@ def _chosen(history: "ModelHistory", *, whole: bool) -> "TextureModel | None":
 def _remark(recording: "Recording", settings: "ModellingSettings") -> str:
     import numpy as np
 
-    from mmt.evaluation.coverage import Strokes, coverage
+    from mmt.evaluation.coverage import coverage
+    from mmt.evaluation.strokes_made import StrokesMade
     from mmt.session.stream import blocks_of
 
-    strokes = Strokes(settings)
+    strokes = StrokesMade(settings)
     for block in blocks_of(recording):
         strokes.add(block)
     return coverage(strokes, np.empty((0, 2)), settings, stopped=False).remark

@@ -5,58 +5,19 @@ from typing import Final
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray, RecordArray
+from mmt.core.arrays import FloatArray
 from mmt.evaluation.results import Cell, Coverage
+from mmt.evaluation.strokes_made import StrokesMade
 from mmt.texture.completion.distance import Cells, cell_distances, cells_of
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.settings import ModellingSettings
-from mmt.texture.signals.filtering import StreamFilter
 
-_PERCENTILES: Final = (5.0, 95.0)
 _AT_REST_MM_S: Final = 1.0
 _NAMED_CELLS: Final = 9
 
 
-class Strokes:
-    """Speed and force of the samples at which the tool strokes the surface, gathered by blocks.
-
-    Parameters
-    ----------
-    settings
-        Settings of the modelling.
-    """
-
-    def __init__(self, settings: ModellingSettings) -> None:
-        self._settings = settings
-        self._filter = StreamFilter.of(settings)
-        self._speeds_mm_s: list[FloatArray] = []
-        self._forces_n: list[FloatArray] = []
-
-    def add(self, block: RecordArray) -> None:
-        """Add the next frames of the session, shape (n,)."""
-        motion, settings = self._filter.process(block), self._settings
-        stroking = (
-            motion.valid
-            & (motion.speed_mm_s >= settings.least_speed_mm_s)
-            & (motion.normal_force_n >= settings.least_force_n)
-        )
-        self._speeds_mm_s.append(motion.speed_mm_s[stroking])
-        self._forces_n.append(motion.normal_force_n[stroking])
-
-    @property
-    def count(self) -> int:
-        """Samples so far."""
-        return sum(map(len, self._speeds_mm_s))
-
-    def ranges(self) -> tuple[tuple[float, float] | None, tuple[float, float] | None]:
-        """Return the usual range of the speed (mm/s) and of the force (N), None without samples."""
-        if self.count == 0:
-            return None, None
-        return _range(self._speeds_mm_s), _range(self._forces_n)
-
-
 def coverage(
-    strokes: Strokes,
+    strokes: StrokesMade,
     points: FloatArray,
     settings: ModellingSettings,
     *,
@@ -81,7 +42,7 @@ def coverage(
     ranges = strokes.ranges()
     return Coverage(
         cells=cells,
-        stroking_s=strokes.count / settings.rate_hz,
+        stroking_s=strokes.total_s,
         speed_mm_s=ranges[0],
         force_n=ranges[1],
         remark=_remark(cells, ranges, settings, stopped=stopped),
@@ -107,11 +68,6 @@ def _cells(
             )
         )
     return tuple(cells)
-
-
-def _range(parts: Sequence[FloatArray]) -> tuple[float, float]:
-    low, high = np.percentile(np.concatenate(parts), _PERCENTILES, overwrite_input=True)
-    return float(low), float(high)
 
 
 def _remark(

@@ -17,27 +17,37 @@ DEFINITIONS: Final[Mapping[str, str]] = {
     "truth_gfc": (
         "The same criterion between what those Welch spectra are on average for the leader's "
         "model and for the known texture, both computed from the exact spectra; the mean over "
-        "a grid of 12 x 12 points, 40 to 260 mm/s and 0.4 to 2.6 N. Its ceiling is 1."
+        "the plane. Its ceiling is 1."
     ),
-    "truth_gfc_fine": (
-        "The same between the exact amplitude spectra, 10 to 500 Hz in steps of 2 Hz: it sees "
-        "how far a narrow line is off within the 16 Hz that the Welch spectra resolve."
+    "truth_log_spectral_db": (
+        "Root mean square over 10 to 500 Hz, in steps of 2 Hz, of the ratio of the exact densities "
+        "in dB; the mean over the plane."
     ),
     "power_error_db": (
-        "Root mean square of 10 log10 (power of the model / power of the reference). Basis "
-        "'truth': over the grid, against the known texture. Basis 'held-out': over the "
-        "held-out segments, against their mean square."
+        "Root mean square of 10 log10 (power of the model / power of the reference), where powers "
+        "below 0.0001 (m/s2)^2, which nobody feels, count as that. Basis "
+        "'truth': against the known texture, over up to 400 moments of the strokes that were made "
+        "with at least the least speed and force, evenly spread over the session. Basis "
+        "'held-out': over the held-out segments, against their mean square."
     ),
     "within_jnd": (
-        "Share of the same points whose power error is at most 1.36 dB, the just noticeable "
+        "Share of the same strokes whose power error is at most 1.36 dB, the just noticeable "
         "difference of 17 % in amplitude."
+    ),
+    "plane_power_error_db": (
+        "As power_error_db over the whole plane, and so is plane_within_jnd: the middles of "
+        "12 x 12 equal cells from 10 to 300 mm/s and 0.1 to 3 N. Only with basis 'truth'."
+    ),
+    "beside": (
+        "The other method's model of the same session, and the error of its level as above; with "
+        "basis 'held-out' it is built without the held-out segments too."
     ),
     "by_heading": (
         "GFC as truth_gfc, log-spectral distance (root mean square over 10 to 500 Hz of the "
         "densities' ratio in dB, mean over the strokes), power error and share within one JND "
         "in sectors of 30 degrees of the stroke's heading, on textures that depend on it: "
-        "6 x 6 points of the plane at 24 headings, over all of which the other scores against "
-        "the known texture are then taken as well. 'mean over headings' is the texture's own "
+        "6 x 6 cells of the plane at 24 headings, over which the other scores over the plane "
+        "are then taken as well. 'mean over headings' is the texture's own "
         "mean, which a model that does not know the heading reaches at best. The models of "
         "'speed and force' and of 'velocity and force' are built from the same session."
     ),

@@ -4,7 +4,8 @@ Awan et al., Model-Mediated Teleoperation for Remote Haptic Texture Sharing, sec
 model is built as the live leader builds it; five random samples of the finished model are
 held out, the model is built again without them, and every 2.5 s of session time their
 recorded vibration is compared with what the model renders in their place. Where the texture
-is known, the leader's model is compared with it over the whole plane as well.
+is known, the leader's model is compared with it as well: over the strokes that were made, and over
+the whole plane. The level of the other method's model is scored beside it.
 """
 
 import math
@@ -17,11 +18,12 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
-from mmt.evaluation.coverage import Strokes, coverage
+from mmt.evaluation.coverage import coverage
 from mmt.evaluation.held_out import choose_held_out, outside
 from mmt.evaluation.recorded_surfaces import SurfaceParts, part_by_surface
 from mmt.evaluation.results import Evaluation
-from mmt.evaluation.scoring import Scorer
+from mmt.evaluation.scoring import Scorer, method_beside
+from mmt.evaluation.strokes_made import StrokesMade
 from mmt.evaluation.truth import KnownTexture, known_texture
 from mmt.scene import Scene, Texture
 from mmt.scene.recorded import scene_of_recording
@@ -92,8 +94,8 @@ def evaluate_session(
 
     Notes
     -----
-    Costs two passes of the modelling, three on a texture that depends on the heading, and a
-    few milliseconds for every moment scored.
+    Costs two passes of the modelling and one of the other method's, a third on a texture that
+    depends on the heading, and a few milliseconds for every moment scored.
 
     Examples
     --------
@@ -124,12 +126,16 @@ def evaluate_session(
     held_out = choose_held_out(leader.finished, seed)
     rebuilt = build(blocks(), settings, outside(held_out), until_start=True)
     truth, basis_reason = known_texture(session.annotations, settings)
+    beside, other_method = method_beside(settings)
+    strokes = seen.strokes.strokes()
     scorer = Scorer(
         leader=leader,
         rebuilt=rebuilt,
         held_out=held_out,
+        beside=build(blocks(), other_method, None if truth else outside(held_out)),
         other=_of_other_inputs(blocks(), settings, truth),
         truth=truth,
+        made=truth.at(strokes) if truth is not None and len(strokes.force_n) else None,
         settings=settings,
         seed=seed,
         spectra=Spectra(spectra),
@@ -150,6 +156,7 @@ def evaluate_session(
         complete=session.complete,
         missing_frames=seen.missing,
         settings=settings,
+        beside=beside,
         period_s=period_s,
         step_s=step_s,
         seed=seed,
@@ -268,7 +275,7 @@ class _Seen:
     """What is gathered of a session's frames while they are modelled."""
 
     def __init__(self, settings: ModellingSettings) -> None:
-        self.strokes = Strokes(settings)
+        self.strokes = StrokesMade(settings)
         self.first = self.highest = -1
         self.missing = 0
         self._last: RecordArray | None = None

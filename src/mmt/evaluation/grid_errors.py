@@ -1,4 +1,8 @@
-"""The strokes at which a model is compared with a known texture, and its errors there."""
+"""Strokes at which a model is compared with a known texture, and its errors there.
+
+The whole plane is that of `mmt.texture.completion.plane`; the strokes that were made in a session
+are those of `mmt.evaluation.strokes_made`.
+"""
 
 from dataclasses import dataclass
 from typing import Final, NamedTuple, Self
@@ -7,14 +11,15 @@ import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
 from mmt.evaluation.levels import root_mean_square
+from mmt.texture.completion.plane import forces_n, speeds_mm_s
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.signals.metrics import within_jnd
 
-GRID_SPEED_MM_S: Final[FloatArray] = np.linspace(40.0, 260.0, 12)
-GRID_FORCE_N: Final[FloatArray] = np.linspace(0.4, 2.6, 12)
+GRID_SPEED_MM_S: Final[FloatArray] = speeds_mm_s(12)
+GRID_FORCE_N: Final[FloatArray] = forces_n(12)
 
-COARSE_SPEED_MM_S: Final[FloatArray] = np.linspace(40.0, 260.0, 6)
-COARSE_FORCE_N: Final[FloatArray] = np.linspace(0.4, 2.6, 6)
+COARSE_SPEED_MM_S: Final[FloatArray] = speeds_mm_s(6)
+COARSE_FORCE_N: Final[FloatArray] = forces_n(6)
 """The plane where all headings are compared as well."""
 
 SECTORS: Final = 12
@@ -66,13 +71,12 @@ def all_headings() -> Strokes:
 class GridErrors:
     """Errors at k strokes, each of shape (k,).
 
-    ``gfc`` compares the spectra at the resolution of every measured GFC (Welch, 64 samples),
-    ``gfc_fine`` at 2 Hz; ``power_error_db`` and ``log_spectral_db`` are in dB, and so is
-    ``bands_db``, shape (k, 9), of `mmt.evaluation.levels`.
+    ``gfc`` compares the spectra at the resolution of every measured GFC (Welch, 64 samples);
+    ``power_error_db`` and ``log_spectral_db`` are in dB, and so is ``bands_db``, shape (k, 9), of
+    `mmt.evaluation.levels`.
     """
 
     gfc: FloatArray
-    gfc_fine: FloatArray
     power_error_db: FloatArray
     log_spectral_db: FloatArray
     bands_db: FloatArray
@@ -82,14 +86,13 @@ class GridErrors:
 class SectorErrors:
     """The errors of all strokes of a sector of headings.
 
-    ``heading_deg`` is its middle, None over all headings. ``gfc``, ``gfc_fine``,
-    ``log_spectral_db`` and ``power_bias_db`` are means, ``power_error_db`` is the root mean
-    square, ``within_jnd`` the share of strokes whose level is off by at most one JND.
+    ``heading_deg`` is its middle, None over all headings. ``gfc``, ``log_spectral_db`` and
+    ``power_bias_db`` are means, ``power_error_db`` is the root mean square, ``within_jnd`` the
+    share of strokes whose level is off by at most one JND.
     """
 
     heading_deg: float | None
     gfc: float
-    gfc_fine: float
     log_spectral_db: float
     power_error_db: float
     power_bias_db: float
@@ -138,7 +141,6 @@ def _gathered(heading_deg: float | None, errors: GridErrors, chosen: BoolArray) 
     return SectorErrors(
         heading_deg=heading_deg,
         gfc=float(errors.gfc[chosen].mean()),
-        gfc_fine=float(errors.gfc_fine[chosen].mean()),
         log_spectral_db=float(errors.log_spectral_db[chosen].mean()),
         power_error_db=root_mean_square(level_db),
         power_bias_db=float(level_db.mean()),

@@ -91,13 +91,17 @@ class HeldOutRecording:
             segment.vibration_m_s2, rate_hz, self._window
         )
 
+    def inputs(self, model: TextureModel) -> FloatArray:
+        """Return the segment's mean inputs to a model, shape (1, d)."""
+        return np.array([self.segment.inputs(model.space)])
+
     def approximate(self, model: TextureModel, seed: int) -> Approximation:
         """Compare the recorded vibration with what a model renders in its place.
 
         One long stretch is rendered at the segment's mean inputs, and cut into
         realisations of the segment's length after the filter has warmed up.
         """
-        inputs = np.array([self.segment.inputs(model.space)])
+        inputs = self.inputs(model)
         length = len(self.segment.vibration_m_s2)
         count = _WARM_UP_SAMPLES + REALISATIONS * length
         synthesizer = Synthesizer(model, seed=seed, renewal_samples=count, limit_m_s2=np.inf)

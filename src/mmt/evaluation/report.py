@@ -134,6 +134,7 @@ def _overview(evaluations: Sequence[Evaluation]) -> list[Block]:
     blocks: list[Block] = [
         Heading("Overview"),
         tables.overview(evaluations),
+        tables.levels(evaluations),
         tables.by_time(evaluations, "distance", 2, "Distance sum at each step (paper A, Table I)"),
         picture("distance", _COMPLETION[criterion], figures.completion_over_time(evaluations)),
     ]

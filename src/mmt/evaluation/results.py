@@ -21,12 +21,26 @@ Limit = Literal["beyond the samples", "heading", "sparse", "fit", "interpolation
 
 
 @dataclass(frozen=True)
+class Levels:
+    """How far a model's level is off: over the strokes that were made, and over the plane.
+
+    Power errors are root mean squares in dB, shares are of strokes within one JND. Where the truth
+    is not known the strokes are those of the held-out segments, and the plane has None.
+    """
+
+    power_error_db: float | None = None
+    within_jnd: float | None = None
+    plane_power_error_db: float | None = None
+    plane_within_jnd: float | None = None
+
+
+@dataclass(frozen=True)
 class Score:
     """The figures of one moment of a session.
 
-    ``samples``, ``distance``, ``completion``, ``truth_gfc`` and, where the truth is known, the
-    power error and the share within one JND are those of the model that the leader had at that
-    time.
+    ``samples``, ``distance``, ``completion``, ``truth_gfc``, ``truth_log_spectral_db`` and, where
+    the truth is known, the errors of the level (as in `Levels`) are those of the model that the
+    leader had at that time; ``beside`` are the errors of the other method's model.
     ``gfc``, ``gfc_ceiling`` and the two ``held_out`` figures are those of the model rebuilt
     without the held-out segments. None stands where there was no model yet.
     """
@@ -39,8 +53,11 @@ class Score:
     gfc_ceiling: float | None
     power_error_db: float | None
     within_jnd: float | None
+    plane_power_error_db: float | None
+    plane_within_jnd: float | None
+    beside: Levels
     truth_gfc: float | None
-    truth_gfc_fine: float | None
+    truth_log_spectral_db: float | None
     held_out_power_error_db: float | None
     held_out_within_jnd: float | None
     rebuilt_samples: int
@@ -135,6 +152,7 @@ class PowerMap:
 class Evaluation:
     """One session, evaluated as in paper A; ``print`` shows its table.
 
+    ``beside`` is the name of the other method, which is scored on the same session.
     ``start_s`` and ``stop_s`` are the session times at which the criteria were met, None
     where they were not. ``at_start``, ``at_stop`` and ``at_end`` are the figures at exactly
     these moments. ``models`` holds the leader's model after each update with its time;
@@ -152,6 +170,7 @@ class Evaluation:
     complete: bool
     missing_frames: int
     settings: ModellingSettings
+    beside: str
     period_s: float
     step_s: float
     seed: int
@@ -202,7 +221,7 @@ class Evaluation:
             for name, at_s in (("started", self.start_s), ("stopped", self.stop_s))
         ]
         error = self.final.power_error_db
-        level = "" if error is None else f", power error {error:.2f} dB"
+        level = "" if error is None else f", power error over its strokes {error:.2f} dB"
         return (
             f"<Evaluation of {self.name}: {len(self.steps)} steps over {self.duration_s:.1f} s, "
             f"{', '.join(met)}, {self.final.samples} samples{level}>"
@@ -222,6 +241,8 @@ class Evaluation:
             "basis": self.basis,
             "basis_reason": self.basis_reason,
             "order": self.order,
+            "method": self.settings.method,
+            "beside": self.beside,
             "start_s": self.start_s,
             "stop_s": self.stop_s,
             "steps": [_plain(asdict(step)) for step in self.steps],

@@ -1,18 +1,20 @@
 """Score a session's models moment by moment."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Final
 
 import numpy as np
 
+from mmt.core.arrays import FloatArray
 from mmt.evaluation.grid_errors import GridErrors, HeadingErrors, Strokes
 from mmt.evaluation.held_out import Approximation, HeldOutRecording
-from mmt.evaluation.levels import root_mean_square
-from mmt.evaluation.results import HeldOutSegment, PowerMap, Score, Worst
-from mmt.evaluation.truth import DENSITY_HZ, KnownTexture
+from mmt.evaluation.levels import level_error_db, root_mean_square
+from mmt.evaluation.results import HeldOutSegment, Levels, PowerMap, Score, Worst
+from mmt.evaluation.truth import DENSITY_HZ, KnownTexture, TruthAt
 from mmt.texture.completion.distance import cells_of
 from mmt.texture.model.inputs import InputSpace
+from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import ModelHistory
 from mmt.texture.online.methods import method_of
 from mmt.texture.segmentation.segments import Segment
@@ -27,6 +29,20 @@ MODEL_NAMES: Final[dict[Inputs, str]] = {
 """What errors by heading call a model of these inputs."""
 
 
+_OF_BOTH_METHODS: Final = (
+    *("axis", "normal", "order", "inputs", "rate_hz", "least_speed_mm_s", "least_force_n"),
+    *("overlap_samples", "straightness_mm", "stationarity", "shortest_samples", "longest_samples"),
+)
+
+
+def method_beside(settings: ModellingSettings) -> tuple[str, ModellingSettings]:
+    """Return the name of the method that settings do not name, and how it models the same data."""
+    kept = {name: getattr(settings, name) for name in _OF_BOTH_METHODS}
+    if settings.method == "published":
+        return "field", ModellingSettings(**kept)
+    return "published", ModellingSettings(method="published", **kept)
+
+
 class Scorer:
     """Score the leader's and the rebuilt model at session times.
 
@@ -38,10 +54,14 @@ class Scorer:
         The same, built without the held-out segments.
     held_out
         These segments.
+    beside
+        Every state of the other method's model, built without them unless the truth is known.
     other
         Every state of the model of the other inputs, None where it is not compared.
     truth
         The known texture, None where there is none.
+    made
+        The truth at the strokes that were made; None without a truth, or any stroke.
     settings
         Settings of the leader's modelling.
     seed
@@ -56,19 +76,23 @@ class Scorer:
         leader: ModelHistory,
         rebuilt: ModelHistory,
         held_out: Sequence[Segment],
+        beside: ModelHistory,
         other: ModelHistory | None,
         truth: KnownTexture | None,
+        made: TruthAt | None,
         settings: ModellingSettings,
         seed: int,
         spectra: Spectra,
     ) -> None:
         self._leader = leader
         self._rebuilt = rebuilt
+        self._beside = beside
         self._other = other
         self._recordings = [
             HeldOutRecording(segment, settings.rate_hz, spectra) for segment in held_out
         ]
         self._truth = truth
+        self._made = made
         self._space = InputSpace(settings.inputs)
         self._rate_hz = settings.rate_hz
         self._seed = seed
@@ -107,7 +131,7 @@ class Scorer:
         models = {MODEL_NAMES[self._space.name]: grid}
         other = None if self._other is None else self._other.model(self._other.number(time_s))
         if other is not None:
-            models[MODEL_NAMES[other.space.name]] = self._truth.compare(other)
+            models[MODEL_NAMES[other.space.name]] = self._truth.plane.errors(other)
         return self._truth.by_heading(models)
 
     def segments(self, time_s: float, first_sample: int) -> tuple[HeldOutSegment, ...]:
@@ -128,13 +152,10 @@ class Scorer:
         held_out = self._approximate(number)
         grid = self._grid(number)
         errors_db = np.array([approximation.power_error_db for approximation in held_out])
-        held_out_error_db = root_mean_square(errors_db) if held_out else None
-        held_out_jnd = within_jnd(errors_db) if held_out else None
-        if self._truth is None:
-            error_db, jnd = held_out_error_db, held_out_jnd
-        else:
-            error_db = root_mean_square(grid.power_error_db) if grid else None
-            jnd = within_jnd(grid.power_error_db) if grid else None
+        of_held_out = _levels(errors_db)
+        own = of_held_out
+        if self._truth is not None:
+            own = self._against_truth(self._leader.model(number), grid)
         return Score(
             time_s=0.0,
             samples=leader.samples if leader else 0,
@@ -142,20 +163,39 @@ class Scorer:
             completion=leader.progress.value if leader else self._empty,
             gfc=float(np.mean([a.gfc for a in held_out])) if held_out else None,
             gfc_ceiling=float(np.mean([a.gfc_ceiling for a in held_out])) if held_out else None,
-            power_error_db=error_db,
-            within_jnd=jnd,
+            **asdict(own),
+            beside=self._of_beside(number),
             truth_gfc=float(grid.gfc.mean()) if grid else None,
-            truth_gfc_fine=float(grid.gfc_fine.mean()) if grid else None,
-            held_out_power_error_db=held_out_error_db,
-            held_out_within_jnd=held_out_jnd,
+            truth_log_spectral_db=float(grid.log_spectral_db.mean()) if grid else None,
+            held_out_power_error_db=of_held_out.power_error_db,
+            held_out_within_jnd=of_held_out.within_jnd,
             rebuilt_samples=rebuilt.samples if rebuilt else 0,
             rebuilt_distance=rebuilt.distance if rebuilt else self._empty_distance,
         )
 
+    def _against_truth(self, model: TextureModel | None, grid: GridErrors | None) -> Levels:
+        """Return the errors of a model against the truth; over the plane from there if known."""
+        if self._truth is None or model is None:
+            return Levels()
+        plane = self._truth.plane.level_errors_db(model) if grid is None else grid.power_error_db
+        made = self._made.level_errors_db(model) if self._made else np.empty(0)
+        return _levels(made, plane)
+
+    def _of_beside(self, number: int) -> Levels:
+        """Return the errors of the other method's model after an update."""
+        model = self._beside.model(number)
+        if model is None or self._truth is not None:
+            return self._against_truth(model, None)
+        errors_db = [
+            level_error_db(model, recording.inputs(model), np.array([recording.power]))
+            for recording in self._recordings
+        ]
+        return _levels(np.concatenate([np.empty(0), *errors_db]))
+
     def _grid(self, number: int) -> GridErrors | None:
         if number not in self._grids:
             model, truth = self._leader.model(number), self._truth
-            self._grids[number] = truth.compare(model) if truth and model else None
+            self._grids[number] = truth.plane.errors(model) if truth and model else None
         return self._grids[number]
 
     def _approximate(self, number: int) -> list[Approximation]:
@@ -195,3 +235,14 @@ class Scorer:
             synthesized=rendered.amplitude if rendered else None,
             truth=truth,
         )
+
+
+def _levels(errors_db: FloatArray, plane_db: FloatArray | None = None) -> Levels:
+    """Gather errors of the level at strokes (k,) and over the plane; None where there are none."""
+    figures: list[float | None] = []
+    for values in (errors_db, plane_db):
+        if values is None or not len(values):
+            figures += [None, None]
+        else:
+            figures += [root_mean_square(values), within_jnd(values)]
+    return Levels(*figures)

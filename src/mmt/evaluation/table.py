@@ -12,8 +12,10 @@ from mmt.evaluation.results import Evaluation
 
 
 def evaluation_table(evaluations: Sequence[Evaluation]) -> rich.console.Group:
-    """Return one row for each session, with the figures of the finished model."""
-    return as_rich(tables.overview(evaluations))
+    """Return the figures of the finished models, and the errors of their levels by method."""
+    return rich.console.Group(
+        as_rich(tables.overview(evaluations)), as_rich(tables.levels(evaluations))
+    )
 
 
 def step_table(evaluation: Evaluation) -> rich.console.Group:

@@ -1,17 +1,18 @@
 """The tables and sentences of a report."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 from mmt.core.labels import label
 from mmt.evaluation.document import Block, Heading, SmallTables, Table
 from mmt.evaluation.grid_errors import SECTOR_DEG, SectorErrors
-from mmt.evaluation.results import Evaluation, Score
+from mmt.evaluation.levels import WORST, across
+from mmt.evaluation.results import Evaluation, Levels, Score
 from mmt.evaluation.texts import number, plain, seconds, share
 
 
 def overview(evaluations: Sequence[Evaluation]) -> Table:
-    """Return one row for each session: when it was complete, and how good it was then."""
+    """Return one row for each session: when it was complete, and the spectra's shape then."""
     rows = []
     for evaluation in evaluations:
         final = evaluation.final
@@ -25,30 +26,60 @@ def overview(evaluations: Sequence[Evaluation]) -> Table:
                 number(final.gfc, 3),
                 number(final.gfc_ceiling, 3),
                 number(final.truth_gfc, 3),
-                number(final.truth_gfc_fine, 3),
-                number(final.power_error_db, 2),
-                share(final.within_jnd),
+                number(final.truth_log_spectral_db, 2),
             )
         )
-    columns = (
-        "session",
-        "against",
-        "start (s)",
-        "stop (s)",
-        "samples",
-        "GFC",
-        "ceiling",
-        "truth GFC",
-        "same, fine",
-        "power error (dB)",
-        "within JND",
-    )
+    columns = ("session", "against", "start (s)", "stop (s)", "samples", "GFC", "ceiling")
+    return Table((*columns, "truth GFC", "spectrum (dB)"), rows, _FINAL)
+
+
+_FINAL: Final = "Figures at the stop criterion, or at the end where it was never met."
+
+
+def levels(evaluations: Sequence[Evaluation]) -> Table:
+    """Return the error of the level by each method, and what it is across several sessions."""
+    named: dict[str, list[Levels | Score]] = {}
+    rows = []
+    for evaluation in evaluations:
+        final = evaluation.final
+        own: tuple[str, Levels | Score] = (evaluation.settings.method, final)
+        for method, found in (own, (evaluation.beside, final.beside)):
+            named.setdefault(method, []).append(found)
+            figures = (getattr(found, name) for name in _LEVELS)
+            rows.append((evaluation.name, method, *map(_level_cell, _LEVELS, figures)))
+    if len(evaluations) > 1:
+        for method, every in named.items():
+            rows += _across(method, every)
+    columns = ("session", "method", "error (dB), strokes made", "within JND, strokes made")
     caption = (
-        "Figures at the stop criterion, or at the end where it was never met; power error and "
-        "share within one just noticeable difference against the known texture, or against the "
-        "held-out segments."
+        f"{_FINAL} Error of the level (root mean square) and share within one just noticeable "
+        "difference, 1.36 dB, over the strokes that were made and over the whole plane, against "
+        "the known texture. Without one: over the strokes of the held-out segments, against these."
     )
-    return Table(columns, rows, caption)
+    return Table((*columns, "error (dB), whole plane", "within JND, whole plane"), rows, caption)
+
+
+_LEVELS: Final = ("power_error_db", "within_jnd", "plane_power_error_db", "plane_within_jnd")
+
+
+def _level_cell(name: str, value: float | None) -> str:
+    return share(value) if name.endswith("jnd") else number(value, 2)
+
+
+def _across(method: str, every: Sequence[Levels | Score]) -> list[tuple[str, ...]]:
+    """Return the rows of one method across sessions."""
+    titles = ("median", "mean", f"mean of the {WORST} worst", "sessions below 50 %")
+    columns: list[Sequence[str]] = []
+    for name in _LEVELS:
+        values = [value for one in every if (value := getattr(one, name)) is not None]
+        is_share = name.endswith("jnd")
+        if not values:
+            columns.append("-" * len(titles))
+            continue
+        found = across(values, larger_is_better=is_share)
+        cells = [_level_cell(name, value) for value in (found.median, found.mean, found.worst)]
+        columns.append([*cells, str(found.below_half) if is_share else "-"])
+    return [(title, method, *row) for title, *row in zip(titles, *columns, strict=True)]
 
 
 def by_time(evaluations: Sequence[Evaluation], name: str, digits: int, caption: str) -> Table:
@@ -113,10 +144,10 @@ _SCORE_COLUMNS = (
     "GFC",
     "ceiling",
     "truth GFC",
-    "same, fine",
-    "power error (dB)",
-    "within JND",
-    "held-out power error (dB)",
+    "error (dB), strokes",
+    "within JND, strokes",
+    "within JND, plane",
+    "held-out error (dB)",
 )
 
 
@@ -128,9 +159,9 @@ def _cells(score: Score) -> tuple[str, ...]:
         number(score.gfc, 3),
         number(score.gfc_ceiling, 3),
         number(score.truth_gfc, 3),
-        number(score.truth_gfc_fine, 3),
         number(score.power_error_db, 2),
         share(score.within_jnd),
+        share(score.plane_within_jnd),
         number(score.held_out_power_error_db, 2),
     )
 

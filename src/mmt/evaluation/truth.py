@@ -8,6 +8,7 @@ level by.
 """
 
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -22,7 +23,12 @@ from mmt.evaluation.grid_errors import (
     by_heading,
     over_plane,
 )
-from mmt.evaluation.levels import band_errors_db, bounded_error_db
+from mmt.evaluation.levels import (
+    LEAST_DENSITY,
+    band_errors_db,
+    bounded_error_db,
+    power_level_error_db,
+)
 from mmt.evaluation.results import PowerMap, Worst
 from mmt.evaluation.worst import Error, explain
 from mmt.testing.simulation.known_surfaces import KnownSurface, surface_from_annotations
@@ -38,16 +44,50 @@ DENSITY_HZ: Final[FloatArray] = np.arange(501.0)
 LOWEST_HZ: Final = 8
 """Where the level begins; the high-pass leaves 0.29 of a power there."""
 
-_FINE: Final = slice(10, None, 2)  # of DENSITY_HZ: 10 to 500 Hz in steps of 2 Hz
+_COMPARED: Final = slice(10, None, 2)  # of DENSITY_HZ: 10 to 500 Hz in steps of 2 Hz
 _BINS: Final = slice(1, None)  # of Welch's estimate: 15.6 to 500 Hz
 
 
 class _Spectra(NamedTuple):
-    """Densities (k, f), fine, amplitudes (k, b) as by Welch, and powers (k,)."""
+    """Densities (k, f), amplitudes (k, b) as by Welch, and powers (k,)."""
 
-    fine: FloatArray
+    density: FloatArray
     amplitude: FloatArray
     power: FloatArray
+
+
+class TruthAt:
+    """A known texture at k strokes, at which models are compared with it.
+
+    Parameters
+    ----------
+    strokes
+        The strokes, at least one.
+    density
+        Spectra of the texture there at `DENSITY_HZ`, shape (k, 501).
+    """
+
+    def __init__(self, strokes: Strokes, density: FloatArray) -> None:
+        self.strokes = strokes
+        self.power = _sum(density) - _sum(density[:, : LOWEST_HZ + 1])
+        """By the trapezoidal rule from 8 to 500 Hz in steps of 1 Hz, shape (k,)."""
+        self._density = density
+
+    @cached_property
+    def spectra(self) -> _Spectra:
+        """The truth's spectra."""
+        amplitude = expected_amplitude(self._density)[:, _BINS]
+        return _Spectra(self._density[:, _COMPARED], amplitude, self.power)
+
+    def level_errors_db(self, model: TextureModel) -> FloatArray:
+        """Return the error of a model's level, (k,), in dB; in a tenth of the time of `errors`."""
+        lsf, variance = model.at(*self.strokes.inputs(model.space).T)
+        low = ar_spectrum(lsf_to_ar(lsf), variance, DENSITY_HZ[: LOWEST_HZ + 1], model.rate_hz)
+        return power_level_error_db(_power(lsf, variance, low), self.power)
+
+    def errors(self, model: TextureModel) -> GridErrors:
+        """Return every error of a model."""
+        return _errors(_spectra_of(model, self.strokes), self.spectra)
 
 
 class KnownTexture:
@@ -62,16 +102,14 @@ class KnownTexture:
 
     Attributes
     ----------
-    strokes
-        The grid at which models are compared: over the plane, and at all headings where the
-        texture depends on them.
+    plane
+        The truth over the whole plane, and at all headings where the texture depends on them.
     """
 
     def __init__(self, surface: KnownSurface, share: float = 1.0) -> None:
         self.surface = surface
         self._share = share
-        self.strokes = over_plane() if surface.isotropic else all_headings()
-        self._reference = self._truth_at(self.strokes)
+        self.plane = self.at(over_plane() if surface.isotropic else all_headings())
 
     def spectrum(self, strokes: Strokes, frequencies_hz: FloatArray) -> FloatArray:
         """Return the one-sided power spectral density (k, f) that a model should have."""
@@ -79,13 +117,9 @@ class KnownTexture:
             strokes.speed_mm_s, strokes.force_n, frequencies_hz, strokes.heading_rad
         )
 
-    def compare(self, model: TextureModel) -> GridErrors:
-        """Compare a model over the grid."""
-        return _errors(_spectra_of(model, self.strokes), self._reference)
-
-    def compare_at(self, model: TextureModel, strokes: Strokes) -> GridErrors:
-        """Compare a model at other strokes."""
-        return _errors(_spectra_of(model, strokes), self._truth_at(strokes))
+    def at(self, strokes: Strokes) -> TruthAt:
+        """Return the truth at strokes, at least one."""
+        return TruthAt(strokes, self.spectrum(strokes, DENSITY_HZ))
 
     def by_heading(self, models: Mapping[str, GridErrors]) -> tuple[HeadingErrors, ...]:
         """Gather the errors of models over the grid by heading, each under its name.
@@ -96,24 +130,21 @@ class KnownTexture:
         if self.surface.isotropic:
             return ()
         named = {**models, "mean over headings": self.without_heading()}
-        return tuple(by_heading(name, self.strokes, errors) for name, errors in named.items())
+        return tuple(by_heading(name, self.plane.strokes, errors) for name, errors in named.items())
 
     def without_heading(self) -> GridErrors:
         """Return the errors of the texture's own mean over all headings, on the grid.
 
         So far a model that does not know the heading gets at best.
         """
-        count = len(np.unique(self.strokes.heading_rad))
+        truth = self.plane.spectra
+        count = len(np.unique(self.plane.strokes.heading_rad))
         means = (
             np.repeat(values.reshape(-1, count, *values.shape[1:]).mean(axis=1), count, axis=0)
-            for values in (
-                self._reference.fine,
-                np.square(self._reference.amplitude),
-                self._reference.power,
-            )
+            for values in (truth.density, np.square(truth.amplitude), truth.power)
         )
-        fine, density, power = means
-        return _errors(_Spectra(fine, np.sqrt(density), power), self._reference)
+        density, square, power = means
+        return _errors(_Spectra(density, np.sqrt(square), power), truth)
 
     def power_map(self, errors: GridErrors) -> PowerMap:
         """Lay errors over the grid out as a map of the plane.
@@ -121,8 +152,8 @@ class KnownTexture:
         Where a grid has several headings, the level's error is its root mean square over
         them, and GFC the mean.
         """
-        speed_mm_s = np.unique(self.strokes.speed_mm_s)
-        force_n = np.unique(self.strokes.force_n)
+        speed_mm_s = np.unique(self.plane.strokes.speed_mm_s)
+        force_n = np.unique(self.plane.strokes.force_n)
         shape = len(force_n), len(speed_mm_s), -1
         level_db = errors.power_error_db.reshape(shape)
         return PowerMap(
@@ -156,25 +187,16 @@ class KnownTexture:
         shape: bool,
     ) -> Worst:
         def own(stroke: Strokes) -> Error:
-            return _at(self.compare_at(model, stroke), 0)
+            return _at(self.at(stroke).errors(model), 0)
 
         return explain(
             model,
-            self.strokes.at(index),
+            self.plane.strokes.at(index),
             _at(errors, index),
             own,
             _at(best, index) if best is not None else None,
             shape=shape,
         )
-
-    def _truth_at(self, strokes: Strokes) -> _Spectra:
-        """Return the spectra and powers of the truth.
-
-        The power is the trapezoidal sum of the spectrum from 8 to 500 Hz in steps of 1 Hz.
-        """
-        density = self.spectrum(strokes, DENSITY_HZ)
-        power = _sum(density) - _sum(density[:, : LOWEST_HZ + 1])
-        return _Spectra(density[:, _FINE], expected_amplitude(density)[:, _BINS], power)
 
 
 def known_texture(
@@ -200,9 +222,14 @@ def _spectra_of(model: TextureModel, strokes: Strokes) -> _Spectra:
     lsf, variance = model.at(*strokes.inputs(model.space).T)
     # By the coefficients: several times faster than by LSF.
     density = ar_spectrum(lsf_to_ar(lsf), variance, DENSITY_HZ, model.rate_hz)
-    power = output_power(variance, lsf_to_reflection(lsf))  # however narrow its lines are
-    power = power - np.minimum(_sum(density[:, : LOWEST_HZ + 1]), 0.999 * power)
-    return _Spectra(density[:, _FINE], expected_amplitude(density)[:, _BINS], power)
+    power = _power(lsf, variance, density[:, : LOWEST_HZ + 1])
+    return _Spectra(density[:, _COMPARED], expected_amplitude(density)[:, _BINS], power)
+
+
+def _power(lsf: FloatArray, variance: FloatArray, low: FloatArray) -> FloatArray:
+    """Return powers (k,) without what densities up to 8 Hz (k, 9) hold, however narrow a line."""
+    power = output_power(variance, lsf_to_reflection(lsf))
+    return np.asarray(power - np.minimum(_sum(low), 0.999 * power))
 
 
 def _sum(density: FloatArray) -> FloatArray:
@@ -211,13 +238,13 @@ def _sum(density: FloatArray) -> FloatArray:
 
 
 def _errors(own: _Spectra, truth: _Spectra) -> GridErrors:
-    ratio_db = bounded_error_db(own.fine, truth.fine)
+    density, reference = (np.maximum(each.density, LEAST_DENSITY) for each in (own, truth))
+    ratio_db = bounded_error_db(density, reference)
     return GridErrors(
         gfc=gfc_of_rows(own.amplitude, truth.amplitude),
-        gfc_fine=gfc_of_rows(np.sqrt(own.fine), np.sqrt(truth.fine)),
-        power_error_db=bounded_error_db(own.power, truth.power),
+        power_error_db=power_level_error_db(own.power, truth.power),
         log_spectral_db=np.sqrt(np.mean(np.square(ratio_db), axis=1)),
-        bands_db=band_errors_db(own.fine, truth.fine, DENSITY_HZ[_FINE]),
+        bands_db=band_errors_db(density, reference, DENSITY_HZ[_COMPARED]),
     )
 
 

@@ -9,12 +9,15 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
-from mmt.scene import Scene
+from mmt.scene import Link, Scene, Simulated, Texture
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.recorded_path import LARGEST_SCALE, load_path
 from mmt.testing.simulation.textures import SURFACES, get_surface
 from mmt.texture.settings import Inputs
 from mmt_lab.harness.experiment import hand_of
+
+INHOMOGENEOUS: Final = ("plastic+patches", "plastic+bursts-4", "plastic+bursts-8")
+"""Textures whose level differs from place to place, or comes in bursts of 25 ms."""
 
 FIRST_SEED: Final = 1000
 """Seeds count from here: the ones that anything was tried with are smaller."""
@@ -47,6 +50,8 @@ class Case:
         Factors on it.
     hand
         Kind of the simulated hand.
+    noise
+        Whether the sensors have noise and a resolution.
     """
 
     texture: str
@@ -55,13 +60,18 @@ class Case:
     motion_scale: float = 1.0
     force_scale: float = 1.0
     hand: str = "strokes"
+    noise: bool = True
 
     @property
     def group(self) -> str:
         """What it is counted with."""
         if self.stroke is not None:
             return "recorded strokes"
-        return "isotropic" if get_surface(self.texture).isotropic else "grained"
+        if not get_surface(self.texture).isotropic:
+            return "grained"
+        if "+" in self.texture:
+            return "inhomogeneous"
+        return "isotropic" if self.texture in SURFACES else "drawn and models"
 
     @property
     def name(self) -> str:
@@ -86,7 +96,12 @@ class Case:
     def session(self) -> RecordArray:
         """Simulate the session: a hand that takes all headings where they count."""
         grained = self.inputs == "anisotropic"
-        scene = Scene(hand=hand_of(self.hand, isotropic=not grained))
+        scene = Scene(
+            link=Link(),
+            texture=Texture(),
+            simulated=Simulated(noise=self.noise),
+            hand=hand_of(self.hand, isotropic=not grained),
+        )
         frames, _ = simulate_session(
             scene,
             self.texture,
@@ -99,13 +114,15 @@ class Case:
         return frames
 
 
-def simulated_cases(seeds: int, textures: Sequence[str], hand: str = "strokes") -> list[Case]:
+def simulated_cases(
+    seeds: int, textures: Sequence[str], hand: str = "strokes", *, noise: bool = True
+) -> list[Case]:
     """Return a session of each texture and each of a number of seeds, by a kind of hand.
 
     No two sessions have the same seed: the hand would stroke in the same way.
     """
     return [
-        Case(name, FIRST_SEED + number * seeds + seed, hand=hand)
+        Case(name, FIRST_SEED + number * seeds + seed, hand=hand, noise=noise)
         for number, name in enumerate(textures)
         for seed in range(seeds)
     ]

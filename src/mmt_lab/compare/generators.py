@@ -1,80 +1,80 @@
-"""Judge others' generators beside our models: one session, everything by what it renders."""
+"""Judge others' generators on one session, by what they render at the strokes that were made."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from time import perf_counter
 from typing import Final
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray, RecordArray
-from mmt.evaluation.grid_errors import Strokes
+from mmt.core.arrays import FloatArray
+from mmt.core.errors import InputError
+from mmt.evaluation.document import Table
+from mmt.evaluation.strokes_made import StrokesMade
+from mmt.evaluation.texts import number
 from mmt.evaluation.truth import KnownTexture
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.generators.building import GeneratorModeller
 from mmt.texture.generators.guarded import GeneratorFault, GuardedGenerator
 from mmt.texture.generators.registry import load
-from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.online.history import ModelHistory, build
-from mmt.texture.settings import ModellingSettings
-from mmt.texture.synthesis.synthesizer import Synthesizer
-from mmt_lab.compare.block_times import block_times_us, last_motion
 from mmt_lab.compare.cases import Case
-from mmt_lab.compare.judging import METHODS, Judged, blocks_of, figures_of, moments_of
+from mmt_lab.compare.judging import METHODS, PERIOD_S, TIMES_S, Judged, blocks_of, settings_of
 from mmt_lab.compare.rendered_spectra import (
+    BLOCK_SAMPLES,
+    RATE_HZ,
     RUN_S,
+    STROKES,
     expected_spectra,
     render_strokes,
     rendered_errors,
-    rendered_strokes,
     spectra_of,
 )
 from mmt_lab.compare.time_limit import time_limit
 
+NUMBERS: Final = {round(time_s / PERIOD_S) - 1: time_s for time_s in TIMES_S}
+"""Times at which is judged, by the number of the update that ends then."""
+
 LONGEST_UPDATE_S: Final = 60.0
 """An update that takes longer ends the session for its generator."""
+
+BLOCK_US: Final = BLOCK_SAMPLES / RATE_HZ * 1e6
+
+DEFINITIONS: Final = {
+    "generators": f"by vibration rendered at {STROKES} of the strokes that were made: two runs of "
+    f"{RUN_S:g} s at each, Welch's spectra of 500 samples (GFC: of 64), against the texture's "
+    "spectrum through the same windows; means of the product of the two runs' errors, so that "
+    "their scatter cancels. The share is by the mean of the two runs",
+    "scatter": "of the estimate of a level by both runs, root mean square over the strokes, dB: "
+    "half the difference of the runs",
+    "time of a block": "of 10 ms at 1 kHz; percentiles of a session, medians over the sessions",
+    "time of an update": "from the new frames of a second to a generator that renders: filters and "
+    "segments included",
+}
 
 
 @dataclass(frozen=True)
 class Rendered:
-    """A method or generator at one moment of one session, by what it renders.
+    """A generator at one time of one session, by what it renders.
 
     Attributes
     ----------
     judged
-        As of a method, but by estimated spectra, at the strokes of `rendered_strokes`;
-        ``samples`` are a generator's segments.
-    exact
-        The figures of a model's own spectra at the same strokes, None for a generator.
+        As of a method, without the figures over the plane; ``samples`` are its segments.
     scatter_db
         Scatter of the estimate of a level, root mean square over the strokes.
     clipped
         Share of the samples that were beyond the actuator's limit.
+    block_us
+        Median and 99th percentile of the time of a block of 10 ms.
+    update_ms
+        Median and longest update so far.
     """
 
     judged: Judged
-    exact: dict[str, float] | None
     scatter_db: float
     clipped: float
-
-
-@dataclass(frozen=True)
-class Times:
-    """What a method or generator took in one session.
-
-    ``block_p50_us`` and ``block_p99_us`` are of blocks of 10 ms along the last strokes, in turns
-    with all others; ``update_ms`` and ``longest_update_ms`` the median and the longest update.
-    """
-
-    group: str
-    name: str
-    texture: str
-    seed: int
-    method: str
-    block_p50_us: float
-    block_p99_us: float
-    update_ms: float
-    longest_update_ms: float
+    block_us: tuple[float, float]
+    update_ms: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -88,49 +88,27 @@ class Fault:
     reason: str
 
 
-@dataclass(frozen=True)
-class RenderedSession:
-    """What came of one session."""
-
-    rendered: tuple[Rendered, ...]
-    times: tuple[Times, ...]
-    faults: tuple[Fault, ...]
-
-
-class ModelGenerator:
-    """A texture model as a generator: the synthesizer of the leader.
-
-    Parameters
-    ----------
-    model
-        The model.
-    """
-
-    def __init__(self, model: TextureModel) -> None:
-        self._model = model
-        self.directed = model.space.directed
-        self.reset(0)
-
-    def reset(self, seed: int) -> None:
-        """Begin anew."""
-        self._synthesizer = Synthesizer(self._model, seed=seed, limit_m_s2=np.inf)
-
-    def generate(self, *inputs: FloatArray) -> FloatArray:
-        """Return the next block."""
-        return self._synthesizer.render(*inputs)
+def check_generators(names: Sequence[str]) -> None:
+    """Raise `InputError` if a generator is not known, or its name is taken or named twice."""
+    for name in names:
+        load(name)
+    taken = [name for name in names if name.partition("-")[0] in METHODS]
+    if taken or len(set(names)) != len(names):
+        raise InputError(
+            f"--generators {','.join(names)}: name each once, and none as one of the methods "
+            f"{', '.join(METHODS)}"
+        )
 
 
-def judge_rendered(
-    case: Case, methods: Sequence[str], generators: Sequence[str], run_s: float = RUN_S
-) -> RenderedSession:
-    """Judge methods and generators on one session by what they render.
+def judge_generators(
+    case: Case, generators: Sequence[str], run_s: float = RUN_S
+) -> tuple[list[Rendered], list[Fault]]:
+    """Judge generators on one session by what they render.
 
     Parameters
     ----------
     case
         The session.
-    methods
-        Names in `METHODS`; the first one's criteria are the moments.
     generators
         Names that `mmt.texture.generators.registry.load` knows.
     run_s
@@ -141,126 +119,125 @@ def judge_rendered(
     InputError
         There is no such generator.
     """
-    builders = {name: load(name) for name in generators}
-    session = _Session(case, blocks_of(case), run_s)
-    for method in methods:
-        session.judge_method(method)
-    for name, builder in builders.items():
-        modeller = GeneratorModeller(name, builder, session.settings())
-        session.judge_generator(name, modeller)
-    return session.outcome()
+    session = _Session(case, run_s)
+    for name in generators:
+        try:
+            session.judge(name)
+        except GeneratorFault as fault:
+            session.faults.append(Fault(name, case.name, case.texture, case.seed, str(fault)))
+    return session.rendered, session.faults
 
 
-@dataclass
 class _Session:
     """One session, and what is found on the way."""
 
-    case: Case
-    blocks: Sequence[RecordArray]
-    run_s: float
-    rendered: list[Rendered] = field(default_factory=list)
-    faults: list[Fault] = field(default_factory=list)
-    last: dict[str, GuardedGenerator] = field(default_factory=dict)
-    updates_s: dict[str, list[float]] = field(default_factory=dict)
-    moments: dict[int, list[tuple[str, float]]] = field(default_factory=dict)
-    """Name and time by the number of the update, those of the first method."""
+    def __init__(self, case: Case, run_s: float) -> None:
+        self._case, self._run_s = case, run_s
+        self._settings = settings_of(case, "field")
+        self._blocks = blocks_of(case.session())
+        made = StrokesMade(self._settings)
+        for block in self._blocks:
+            made.add(block)
+        self._strokes = made.strokes(STROKES)
+        self._expected = expected_spectra(KnownTexture(get_surface(case.texture)), self._strokes)
+        self.rendered: list[Rendered] = []
+        self.faults: list[Fault] = []
 
-    def __post_init__(self) -> None:
-        surface = get_surface(self.case.texture)
-        self._truth = KnownTexture(surface)
-        self._strokes: Strokes = rendered_strokes(isotropic=surface.isotropic)
-        self._expected = expected_spectra(self._truth, self._strokes)
+    def judge(self, name: str) -> None:
+        """Judge a generator at every time, as it is then.
 
-    def settings(self, method: str | None = None) -> ModellingSettings:
-        """Return the settings of a method, or what a generator's frames are segmented by."""
-        options = METHODS[method] if method else {}
-        return ModellingSettings(inputs=self.case.inputs, **options)
-
-    def judge_method(self, method: str) -> None:
-        """Judge a method of ours at every moment."""
-        history = build(self.blocks, self.settings(method), deferred=False)
-        if not self.moments:
-            self._set_moments(history)
-        self.updates_s[method] = [sum(one.durations_s.values()) for one in history.updates]
-        for number in self.moments:
-            model = history.model(number)
-            if model is not None:
-                exact = figures_of(self._truth.compare_at(model, self._strokes))
-                source = GuardedGenerator(method, ModelGenerator(model))
-                self._judge(method, number, source, len(model.samples), exact)
-        model = history.updates[-1].model
-        if model is not None:
-            self.last[method] = GuardedGenerator(method, ModelGenerator(model))
-
-    def judge_generator(self, name: str, modeller: GeneratorModeller) -> None:
-        """Judge a generator at every moment, as it is then; a fault ends that."""
-        try:
-            for number, block in enumerate(self.blocks):
-                late = f"generator {name}: an update took longer than {LONGEST_UPDATE_S:g} s"
-                started = perf_counter()
-                with time_limit(LONGEST_UPDATE_S, late):
-                    source = modeller.update(block)
-                self.updates_s.setdefault(name, []).append(perf_counter() - started)
-                if number in self.moments and source is not None:
-                    self._judge(name, number, source, modeller.segments, None)
-        except GeneratorFault as fault:
-            self._failed(name, fault)
-            return
-        if modeller.generator is not None:
-            self.last[name] = modeller.generator
-        else:
-            self._failed(name, f"generator {name}: the builder returned None for the whole session")
-
-    def outcome(self) -> RenderedSession:
-        """Time the last of each, and return everything."""
-        motion = last_motion(self.blocks, self.settings())
-        blocks_us, faults = block_times_us(self.last, motion, self.case.seed)
-        for name, fault in faults.items():
-            self._failed(name, fault)
-        times = [self._times(name, each_us) for name, each_us in blocks_us.items()]
-        return RenderedSession(tuple(self.rendered), tuple(times), tuple(self.faults))
-
-    def _times(self, name: str, blocks_us: FloatArray) -> Times:
-        p50_us, p99_us = np.percentile(blocks_us, (50.0, 99.0)).tolist()
-        updates_ms = [1e3 * each for each in self.updates_s[name]]
-        return Times(
-            **self.case.labels,
-            method=name,
-            block_p50_us=p50_us,
-            block_p99_us=p99_us,
-            update_ms=float(np.median(updates_ms)),
-            longest_update_ms=max(updates_ms),
-        )
-
-    def _set_moments(self, history: ModelHistory) -> None:
-        for moment, time_s in moments_of(history).items():
-            self.moments.setdefault(history.number(time_s), []).append((moment, time_s))
+        Raises
+        ------
+        GeneratorFault
+            It has failed, or was never there.
+        """
+        modeller = GeneratorModeller(name, load(name), self._settings)
+        late = f"generator {name}: an update took longer than {LONGEST_UPDATE_S:g} s"
+        updates_ms = []
+        for place, block in enumerate(self._blocks):
+            started = perf_counter()
+            with time_limit(LONGEST_UPDATE_S, late):
+                source = modeller.update(block)
+            updates_ms.append(1e3 * (perf_counter() - started))
+            if place in NUMBERS and source is not None:
+                self._judge(source, NUMBERS[place], modeller.segments, updates_ms)
+        if modeller.generator is None:
+            raise GeneratorFault(
+                f"generator {name}: the builder returned None for the whole session"
+            )
 
     def _judge(
-        self,
-        method: str,
-        number: int,
-        source: GuardedGenerator,
-        samples: int,
-        exact: dict[str, float] | None,
+        self, source: GuardedGenerator, time_s: float, segments: int, updates_ms: list[float]
     ) -> None:
-        """Judge what is rendered, for each moment that this update is."""
         before = source.samples, source.clipped
-        vibration = render_strokes(source, self._strokes, self.case.seed, self.run_s)
+        vibration, blocks_us = render_strokes(source, self._strokes, self._case.seed, self._run_s)
         clipped = (source.clipped - before[1]) / (source.samples - before[0])
         errors = rendered_errors(spectra_of(vibration), self._expected)
-        for moment, time_s in self.moments[number]:
-            judged = Judged(
-                **self.case.labels,
-                method=method,
-                moment=moment,
-                time_s=time_s,
-                samples=samples,
-                figures=errors.figures,
-                bands_db=errors.bands_db,
+        judged = Judged(
+            **self._case.labels,
+            spoil="",
+            method=source.name,
+            moment=f"{time_s:g} s",
+            time_s=time_s,
+            samples=segments,
+            figures=errors.figures,
+        )
+        self.rendered.append(
+            Rendered(
+                judged,
+                errors.scatter_db,
+                clipped,
+                _pair(np.percentile(blocks_us, (50.0, 99.0))),
+                (float(np.median(updates_ms)), max(updates_ms)),
             )
-            self.rendered.append(Rendered(judged, exact, errors.scatter_db, clipped))
+        )
 
-    def _failed(self, name: str, reason: object) -> None:
-        case = self.case
-        self.faults.append(Fault(name, case.name, case.texture, case.seed, str(reason)))
+
+def _pair(values: FloatArray) -> tuple[float, float]:
+    first, second = values.tolist()
+    return first, second
+
+
+def generators_table(rendered: Sequence[Rendered]) -> Table:
+    """Return what generators took, and what the estimates of their errors are worth."""
+    rows = []
+    for name in dict.fromkeys(one.judged.method for one in rendered):
+        mine = [one for one in rendered if one.judged.method == name]
+        block = np.median([one.block_us for one in mine], axis=0)
+        rows.append(
+            [
+                name,
+                *(number(float(value), 0) for value in block),
+                number(float(np.median([one.update_ms[0] for one in mine])), 1),
+                number(max(one.update_ms[1] for one in mine), 1),
+                number(float(np.median([one.scatter_db for one in mine])), 2),
+                f"{100 * np.mean([one.clipped for one in mine]):.2g} %",
+            ]
+        )
+    columns = ["generator", "block p50 (µs)", "p99 (µs)", "update (ms)", "longest (ms)"]
+    caption = "Times in this run, the scatter of the estimates, and samples beyond the limit."
+    return Table([*columns, "scatter (dB)", "clipped"], rows, caption)
+
+
+def generator_sentences(rendered: Sequence[Rendered]) -> list[str]:
+    """Say which generators are not for the tick on this machine."""
+    sentences = []
+    for name in dict.fromkeys(one.judged.method for one in rendered):
+        late = [one.block_us[1] > BLOCK_US for one in rendered if one.judged.method == name]
+        if any(late):
+            sentences.append(
+                f"{name} is not for the tick on this machine: at {sum(late)} of {len(late)} times "
+                "one block of 10 ms in a hundred took longer than 10 ms."
+            )
+    return sentences
+
+
+def failures(faults: Sequence[Fault]) -> list[str]:
+    """Say why generators were not judged to the end, each reason once."""
+    found: dict[str, list[Fault]] = {}
+    for fault in faults:
+        found.setdefault(fault.reason, []).append(fault)
+    return [
+        f"{reason} (in {len(of)} sessions, the first {of[0].name} with seed {of[0].seed})"
+        for reason, of in found.items()
+    ]

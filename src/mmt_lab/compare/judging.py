@@ -1,46 +1,56 @@
-"""Judge methods on one session: build the model by each, compare it with the known texture."""
+"""Judge methods on one session: build the model by each, compare it with the known texture.
+
+All methods and all that spoils a session are judged over the same strokes: those that were made in
+the session as it was before it was spoilt. A model that states its error is checked at every
+update. What it expects is the share of the strokes to come within one JND, which are like those so
+far but for a part of `PRIOR_S` seconds from the whole plane: it is compared with the same mixture
+of the true shares over the strokes so far and over the plane.
+"""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
 
-from mmt.core.arrays import RecordArray
+from mmt.core.arrays import BoolArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.evaluation.grid_errors import GridErrors
 from mmt.evaluation.levels import root_mean_square
-from mmt.evaluation.truth import KnownTexture
+from mmt.evaluation.strokes_made import StrokesMade
+from mmt.evaluation.truth import KnownTexture, TruthAt
 from mmt.testing.simulation.textures import get_surface
+from mmt.texture.completion.uncertainty import PRIOR_S
+from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import ModelHistory, build, update_blocks
 from mmt.texture.settings import ModellingSettings
+from mmt.texture.signals.just_noticeable import JND_DB
 from mmt.texture.signals.metrics import within_jnd
+from mmt_lab.compare.ablations import INGREDIENTS, without
 from mmt_lab.compare.cases import Case
+from mmt_lab.compare.spoiling import spoilt
 
 METHODS: Final[Mapping[str, Mapping[str, Any]]] = MappingProxyType(
-    {
-        "published": {"method": "published"},
-        "field": {"method": "field"},
-    }
+    {"published": {"method": "published"}, "field": {"method": "field"}}
 )
-"""Keys of ``[texture]``, by the method's name: paper A's triangulation over speed and force, and
-paper B's network where the heading counts; and the default. Both are compared at the moments of one
-criterion."""
+"""Keys of ``[texture]`` by the method's name; ``field-NAME`` is the field without one of
+`mmt_lab.compare.ablations.INGREDIENTS`."""
 
-MOMENTS: Final = ("3 s", "start", "stop", "30 s")
-"""When methods are compared. The criterion is that of the first method named."""
+TIMES_S: Final = (3.0, 10.0, 20.0, 30.0)
+
+MOMENTS: Final = (*(f"{time_s:g} s" for time_s in TIMES_S), "start", "stop")
+"""When methods are compared; start and stop are those of each method's own criterion."""
+
+SHARES: Final = ("within_jnd", "plane_within_jnd")
 
 FIGURES: Final = (
-    "within_jnd",
-    "power_error_db",
-    "gfc",
-    "log_spectral_db",
-    "band_error_db",
+    *("within_jnd", "plane_within_jnd", "power_error_db", "plane_power_error_db"),
+    *("gfc", "log_spectral_db", "band_error_db"),
 )
-"""What is compared; the first and the third are better where larger."""
+"""What is compared, over the strokes that were made or over the plane."""
 
-LARGER_IS_BETTER: Final = frozenset({"within_jnd", "gfc"})
+LARGER_IS_BETTER: Final = frozenset({*SHARES, "gfc"})
 
 PERIOD_S: Final = 1.0
 
@@ -53,97 +63,182 @@ class Judged:
     ----------
     group, name, texture, seed
         As in the `Case`.
+    spoil
+        What spoils the session, empty if nothing does.
     method, moment
-        One each of `METHODS` and `MOMENTS`.
+        A method's name, and one of `MOMENTS`.
     time_s, samples
         Session time, and samples of the model.
     figures
-        By `FIGURES`, over the grid of `mmt.evaluation.grid_errors`.
-    bands_db
-        Root mean square error of the power in each of nine bands, shape (9,).
+        By `FIGURES`; without a model the shares alone, which are then 0.
+    expected, true, standardised
+        Of a model that states its error: the share that it expects and the true one of the same
+        strokes, and the root mean square of the level's errors over the strokes that were made,
+        each over its predicted standard deviation. None of other models.
     """
 
     group: str
     name: str
     texture: str
     seed: int
+    spoil: str
     method: str
     moment: str
     time_s: float
     samples: int
     figures: dict[str, float]
-    bands_db: tuple[float, ...]
+    expected: float | None = None
+    true: float | None = None
+    standardised: float | None = None
+
+
+@dataclass(frozen=True)
+class Certainty:
+    """What the models of one method and session say of their own error.
+
+    ``updates`` has time (s), expected share and true share of each update with a model.
+    """
+
+    group: str
+    name: str
+    spoil: str
+    method: str
+    updates: tuple[tuple[float, float, float], ...]
 
 
 def check_methods(names: Sequence[str]) -> None:
-    """Raise `InputError` where a method is not known, or named twice, or there are not two."""
-    unknown = [name for name in names if name not in METHODS]
-    if unknown or len(set(names)) != len(names) or len(names) < 2:
-        raise InputError(
-            f"--methods {','.join(names)}: name two or more of {', '.join(METHODS)}, each once"
-        )
+    """Raise `InputError` if a method is not known, or named twice."""
+    known = [*METHODS, *(f"field-{name}" for name in INGREDIENTS)]
+    if not set(names) <= set(known) or len(set(names)) != len(names) or not names:
+        raise InputError(f"--methods {','.join(names)}: name some of {', '.join(known)}, each once")
 
 
-def blocks_of(case: Case) -> list[RecordArray]:
-    """Simulate a session; return its frames, one block for each update."""
-    return list(update_blocks(case.session(), round(PERIOD_S * 1000.0)))
+def settings_of(case: Case, method: str) -> ModellingSettings:
+    """Return the settings of a method for a session, whole or without an ingredient."""
+    return ModellingSettings(inputs=case.inputs, **METHODS[method.partition("-")[0]])
 
 
-def judge(case: Case, methods: Sequence[str], blocks: Sequence[RecordArray]) -> list[Judged]:
-    """Build the models of one session by each method, and compare them with the texture.
+def blocks_of(frames: RecordArray) -> list[RecordArray]:
+    """Return the frames of a session, one block for each update."""
+    return list(update_blocks(frames, round(PERIOD_S * 1000.0)))
 
-    Costs a pass of modelling for each method.
+
+def judge(
+    case: Case, methods: Sequence[str], spoils: Sequence[str] = ()
+) -> tuple[list[Judged], list[Certainty]]:
+    """Judge methods on one session as it is, and as each of some things spoils it.
+
+    Costs a pass of modelling for each method and session.
 
     Parameters
     ----------
     case
         The session.
     methods
-        Names in `METHODS`; the first one's criteria are the moments.
-    blocks
-        What `blocks_of` returns.
+        Names as `check_methods` allows them.
+    spoils
+        Names in `mmt_lab.compare.spoiling.SPOILS`.
     """
-    truth = KnownTexture(get_surface(case.texture))
-    judged: list[Judged] = []
-    times: dict[str, float] = {}
-    for number, method in enumerate(methods):
-        history = build(blocks, ModellingSettings(inputs=case.inputs, **METHODS[method]))
-        if number == 0:
-            times = moments_of(history)
-        for moment, time_s in times.items():
-            update = history.number(time_s)
-            model = history.model(update)
-            if model is None:
-                continue
-            errors = truth.compare(model)
-            judged.append(
-                Judged(
-                    **case.labels,
-                    method=method,
-                    moment=moment,
-                    time_s=time_s,
-                    samples=len(model.samples),
-                    figures=figures_of(errors),
-                    bands_db=tuple(np.sqrt(np.mean(np.square(errors.bands_db), axis=0)).tolist()),
-                )
-            )
-    return judged
+    frames = case.session()
+    judge = SessionJudge(case, frames)
+    for spoil in ("", *spoils):
+        blocks = blocks_of(spoilt(frames, spoil, case.seed) if spoil else frames)
+        for method in methods:
+            with without(method.partition("-")[2]):
+                judge.add(method, spoil, blocks)
+    return judge.judged, judge.certainties
+
+
+class SessionJudge:
+    """The known texture of a session, where its operator strokes, and what was judged there.
+
+    Parameters
+    ----------
+    case
+        The session.
+    frames
+        Its frames (n,), before anything spoils them.
+    """
+
+    def __init__(self, case: Case, frames: RecordArray) -> None:
+        self.case = case
+        self.truth = KnownTexture(get_surface(case.texture))
+        made = StrokesMade(ModellingSettings())
+        self._stroked_s = []
+        for block in blocks_of(frames):
+            made.add(block)
+            self._stroked_s.append(made.total_s)
+        strokes = made.strokes()
+        self.made: TruthAt = self.truth.at(strokes)
+        count = len(strokes.force_n)
+        self._place_s = (np.arange(count) + 0.5) * made.total_s / count
+        self.judged: list[Judged] = []
+        self.certainties: list[Certainty] = []
+
+    def add(self, method: str, spoil: str, blocks: Sequence[RecordArray]) -> None:
+        """Build the models of a method, and judge them."""
+        history = build(blocks, settings_of(self.case, method))
+        labels = {**self.case.labels, "spoil": spoil, "method": method}
+        certain = history.updates[-1].progress.scale.rises
+        shares: dict[int, tuple[float, float, float]] = {}
+        for number, update in enumerate(history.updates if certain else ()):
+            if (model := update.model) is not None:
+                true = self._mixed_share(model, update.time_s)
+                shares[number] = (update.time_s, update.progress.value, true)
+        for moment, time_s in moments_of(history).items():
+            number = history.number(time_s)
+            model = history.model(number)
+            judged = Judged(**labels, moment=moment, time_s=time_s, **self._figures(model))
+            if number in shares and model is not None:
+                _, expected, true = shares[number]
+                standardised = self._standardised(model)
+                judged = replace(judged, expected=expected, true=true, standardised=standardised)
+            self.judged.append(judged)
+        if certain:
+            own = {name: labels[name] for name in ("group", "name", "spoil", "method")}
+            self.certainties.append(Certainty(**own, updates=tuple(shares.values())))
+
+    def _figures(self, model: TextureModel | None) -> dict[str, Any]:
+        """Return the number of samples of a model, and its figures."""
+        if model is None:
+            return {"samples": 0, "figures": dict.fromkeys(SHARES, 0.0)}
+        plane_db = self.truth.plane.level_errors_db(model)
+        figures = {
+            **figures_of(self.made.errors(model)),
+            "plane_within_jnd": within_jnd(plane_db),
+            "plane_power_error_db": root_mean_square(plane_db),
+        }
+        return {"samples": len(model.samples), "figures": figures}
+
+    def _mixed_share(self, model: TextureModel, time_s: float) -> float:
+        """Return the true share over strokes like those up to a time, and over the plane."""
+        number = min(int(time_s / PERIOD_S + 1e-9), len(self._stroked_s)) - 1
+        stroked_s = self._stroked_s[max(number, 0)]
+        so_far: BoolArray = self._place_s <= stroked_s
+        plane = within_jnd(self.truth.plane.level_errors_db(model))
+        if not so_far.any():
+            return plane
+        right: BoolArray = np.abs(self.made.level_errors_db(model)[so_far]) <= JND_DB
+        return float((stroked_s * right.mean() + PRIOR_S * plane) / (stroked_s + PRIOR_S))
+
+    def _standardised(self, model: TextureModel) -> float:
+        _, deviation_db = model.level_db(*self.made.strokes.inputs(model.space).T)
+        return root_mean_square(self.made.level_errors_db(model) / deviation_db)
 
 
 def moments_of(history: ModelHistory) -> dict[str, float]:
     """Return the session time of each of `MOMENTS` that a session came to."""
-    times = {"3 s": 3.0, "start": history.start_s, "stop": history.stop_s, "30 s": 30.0}
-    end_s = history.updates[-1].time_s
-    return {name: at for name, at in times.items() if at is not None and at <= end_s}
+    at = dict(zip(MOMENTS, (*TIMES_S, history.start_s, history.stop_s), strict=True))
+    end_s = history.updates[-1].time_s + PERIOD_S  # the newest frames may be lost
+    return {name: time_s for name, time_s in at.items() if time_s is not None and time_s < end_s}
 
 
 def figures_of(errors: GridErrors) -> dict[str, float]:
-    """Return `FIGURES` of errors over strokes."""
-    values = (
-        within_jnd(errors.power_error_db),
-        root_mean_square(errors.power_error_db),
-        float(errors.gfc.mean()),
-        float(errors.log_spectral_db.mean()),
-        root_mean_square(errors.bands_db),
-    )
-    return dict(zip(FIGURES, values, strict=True))
+    """Return those of `FIGURES` that are of errors over strokes, not over the plane."""
+    return {
+        "within_jnd": within_jnd(errors.power_error_db),
+        "power_error_db": root_mean_square(errors.power_error_db),
+        "gfc": float(errors.gfc.mean()),
+        "log_spectral_db": float(errors.log_spectral_db.mean()),
+        "band_error_db": root_mean_square(errors.bands_db),
+    }

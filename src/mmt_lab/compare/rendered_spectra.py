@@ -1,23 +1,19 @@
 """Errors of what a generator renders, against a known texture.
 
-A generator has no spectrum in closed form. At points of the evaluation's plane it renders two runs
-of vibration with seeds of their own, at a steady stroke, in blocks of 10 ms. Spectra are estimated
+A generator has no spectrum in closed form. At some of the strokes that were made it renders two
+runs of vibration with seeds of their own, steadily, in blocks of 10 ms. Spectra are estimated
 by Welch's method and compared with what the texture's own spectrum is through the same windows.
 The two runs scatter independently: the mean of the product of their errors is the square of the
 error without the scatter, and half their difference is the scatter.
 """
 
+from time import perf_counter
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.evaluation.grid_errors import (
-    COARSE_FORCE_N,
-    COARSE_SPEED_MM_S,
-    Strokes,
-    all_headings,
-)
+from mmt.evaluation.grid_errors import Strokes
 from mmt.evaluation.levels import band_errors_db, bounded_error_db
 from mmt.evaluation.truth import DENSITY_HZ, LOWEST_HZ, KnownTexture
 from mmt.texture.generators.guarded import GuardedGenerator
@@ -32,6 +28,9 @@ SETTLING_S: Final = 0.2
 """What a run begins with, and is not judged by."""
 
 RUNS: Final = 2
+
+STROKES: Final = 36
+"""Strokes of a session that are rendered."""
 
 _FINE_SAMPLES: Final = 500  # windows for 2 Hz
 _COARSE_SAMPLES: Final = 64  # those of every measured GFC
@@ -56,33 +55,12 @@ class WindowedSpectra(NamedTuple):
 class RenderedErrors(NamedTuple):
     """Errors over k strokes of what was rendered.
 
-    ``figures`` are those of `mmt_lab.compare.judging.FIGURES`, ``bands_db`` (9,) the root mean
-    square error of each band; ``scatter_db`` is how the estimate of a level scatters, root mean
-    square over the strokes.
+    ``figures`` are those of `mmt_lab.compare.judging.figures_of`; ``scatter_db`` is how the
+    estimate of a level scatters, root mean square over the strokes.
     """
 
     figures: dict[str, float]
-    bands_db: tuple[float, ...]
     scatter_db: float
-
-
-def rendered_strokes(*, isotropic: bool) -> Strokes:
-    """Return where generators are compared: 6 x 6 points of the plane.
-
-    At each point two headings, 90 degrees apart, where the texture depends on them: all 24 of
-    the evaluation's grid in turn.
-    """
-    if isotropic:
-        speed, force = np.meshgrid(COARSE_SPEED_MM_S, COARSE_FORCE_N)
-        return Strokes(speed.ravel(), force.ravel(), np.zeros(speed.size))
-    every = all_headings()
-    cells = len(COARSE_SPEED_MM_S) * len(COARSE_FORCE_N)
-    headings = len(every.force_n) // cells
-    cell = np.arange(cells)
-    first = 7 * cell % headings  # 7 and 24 have no common divisor
-    second = (first + headings // 4) % headings
-    chosen = headings * np.repeat(cell, 2) + np.column_stack([first, second]).ravel()
-    return Strokes(*(values[chosen] for values in every))
 
 
 def motion_of(strokes: Strokes, *, directed: bool) -> FloatArray:
@@ -100,8 +78,8 @@ def motion_of(strokes: Strokes, *, directed: bool) -> FloatArray:
 
 def render_strokes(
     source: GuardedGenerator, strokes: Strokes, seed: int, run_s: float = RUN_S
-) -> FloatArray:
-    """Return two runs of vibration at each of k strokes, shape (2, k, n).
+) -> tuple[FloatArray, FloatArray]:
+    """Return two runs of vibration at each of k strokes, (2, k, n), and each block's time (us).
 
     Raises
     ------
@@ -114,14 +92,17 @@ def render_strokes(
     lasts_s = blocks * BLOCK_SAMPLES / RATE_HZ
     late = f"generator {source.name}: slower than real time, {lasts_s:g} s of vibration took longer"
     rendered = np.empty((RUNS, motion.shape[1], blocks, BLOCK_SAMPLES))
+    times_us = np.empty((RUNS, motion.shape[1], blocks))
     for index in range(motion.shape[1]):
         inputs = np.repeat(motion[:, index : index + 1], BLOCK_SAMPLES, axis=1)
         for run in range(RUNS):
             with time_limit(lasts_s, late):
                 source.reset((seed * motion.shape[1] + index) * RUNS + run)
                 for block in range(blocks):
+                    started = perf_counter()
                     rendered[run, index, block] = source.render(*inputs)
-    return rendered[:, :, settling:].reshape(RUNS, motion.shape[1], -1)
+                    times_us[run, index, block] = 1e6 * (perf_counter() - started)
+    return rendered[:, :, settling:].reshape(RUNS, motion.shape[1], -1), times_us
 
 
 def spectra_of(vibration_m_s2: FloatArray) -> WindowedSpectra:
@@ -161,7 +142,6 @@ def rendered_errors(rendered: WindowedSpectra, truth: WindowedSpectra) -> Render
             "log_spectral_db": float(spectrum_db.mean()),
             "band_error_db": float(_root(bands.mean())),
         },
-        bands_db=tuple(_root(bands.mean(axis=0)).tolist()),
         scatter_db=float(np.sqrt(np.mean(np.square(0.5 * (level_db[0] - level_db[1]))))),
     )
 

@@ -1,70 +1,48 @@
-"""What methods gave over seeds: medians, spreads, and paired differences with their noise."""
+"""What methods gave over sessions: the usual and the worst, paired differences, and falls."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt_lab.compare.certainty import Certainty
-from mmt_lab.compare.judging import FIGURES, LARGER_IS_BETTER, MOMENTS, Judged
+from mmt.evaluation.levels import Across, across
+from mmt_lab.compare.judging import FIGURES, LARGER_IS_BETTER, MOMENTS, SHARES, Certainty, Judged
 
 STANDARD_ERRORS: Final = 3.0
 """Standard errors from which on a mean difference counts as beyond noise: of about a
 hundred comparisons of one run a tenth is then expected to do so by chance."""
 
-LEAST: Final = {
-    "within_jnd": 0.005,
-    "power_error_db": 0.02,
-    "gfc": 0.0005,
-    "log_spectral_db": 0.02,
-    "band_error_db": 0.02,
-}
-"""Differences below these count as none."""
-
-RUN_TO_RUN_DB: Final = (0.87, 0.93, 0.93, 0.80, 0.74, 0.64, 0.63, 1.18, 1.14)
-"""How the level of each of nine bands scatters between slides over one real material, dB.
+RUN_TO_RUN_DB: Final = 0.89
+"""How the level of one of nine bands scatters between slides over one real material, root mean
+square over the bands, dB.
 
 Measured by `mmt_lab.surfaces.slides.scatter_db`; the source is in the page on error measures."""
-
-ALL_RUN_TO_RUN_DB: Final = float(np.sqrt(np.mean(np.square(RUN_TO_RUN_DB))))
-"""The same, root mean square over the bands."""
-
-
-@dataclass(frozen=True)
-class Spread:
-    """Median of one figure over seeds, and its 10th and 90th percentile."""
-
-    median: float
-    low: float
-    high: float
 
 
 @dataclass(frozen=True)
 class Row:
-    """One method on one texture, stroke or group of them at one moment.
+    """One method at one moment, over the sessions of a texture, stroke or group.
 
-    ``spread`` is by figure, ``bands_db`` the median error of each band over the seeds.
+    ``sessions`` is how many there are, ``time_s`` and ``samples`` medians over those that came to
+    the moment, ``figures`` what they have.
     """
 
     name: str
+    spoil: str
     method: str
     moment: str
     sessions: int
     time_s: float
     samples: float
-    spread: dict[str, Spread]
-    bands_db: tuple[float, ...]
+    figures: dict[str, Across]
 
 
 @dataclass(frozen=True)
 class Difference:
-    """A method less the first one, session by session.
-
-    ``mean`` and ``standard_error`` are over sessions; ``verdict`` says whether it is better or
-    worse beyond noise, or the same.
-    """
+    """A figure of a method less that of the first one, session by session."""
 
     name: str
     method: str
@@ -76,12 +54,32 @@ class Difference:
 
     @property
     def verdict(self) -> str:
-        """Return ``better``, ``worse`` or ``same``."""
-        noise = max(STANDARD_ERRORS * self.standard_error, LEAST[self.figure])
+        """Return ``better`` or ``worse`` if it is so beyond noise, else ``same``."""
         gain = self.mean if self.figure in LARGER_IS_BETTER else -self.mean
-        if gain > noise:
-            return "better"
-        return "worse" if gain < -noise else "same"
+        if abs(gain) <= STANDARD_ERRORS * self.standard_error:
+            return "same"
+        return "better" if gain > 0.0 else "worse"
+
+
+@dataclass(frozen=True)
+class Fall:
+    """By how much a share falls if something spoils the session, over the sessions.
+
+    ``before`` and ``after`` are means; ``mean``, ``percentile_95`` and ``most`` are of the fall.
+    ``samples`` is the mean number of samples of the model afterwards.
+    """
+
+    spoil: str
+    method: str
+    moment: str
+    figure: str
+    sessions: int
+    before: float
+    after: float
+    mean: float
+    percentile_95: float
+    most: float
+    samples: float
 
 
 @dataclass(frozen=True)
@@ -90,72 +88,92 @@ class MethodComparison:
 
     methods: tuple[str, ...]
     judged: tuple[Judged, ...]
-    remarks: tuple[str, ...] = ()
     certainties: tuple[Certainty, ...] = ()
+    remarks: tuple[str, ...] = ()
 
-    @property
+    @cached_property
     def groups(self) -> list[str]:
         """Groups of textures and strokes, in their order."""
         return list(dict.fromkeys(one.group for one in self.judged))
+
+    @cached_property
+    def spoils(self) -> list[str]:
+        """What spoils sessions, in its order."""
+        return [spoil for spoil in dict.fromkeys(one.spoil for one in self.judged) if spoil]
 
     def names(self, group: str) -> list[str]:
         """Return the textures or strokes of a group."""
         return list(dict.fromkeys(one.name for one in self.judged if one.group == group))
 
-    def rows(self, name: str) -> list[Row]:
+    def rows(self, name: str, spoil: str = "") -> list[Row]:
         """Return the rows of a texture or stroke, or of a whole group."""
+        whole = len({_key(one) for one in self._chosen(name, spoil)})
         return [
-            _row(name, method, moment, chosen)
+            _row(name, spoil, method, moment, whole, chosen)
             for moment in MOMENTS
             for method in self.methods
-            if (chosen := self._chosen(name, method, moment))
+            if (chosen := self._chosen(name, spoil, method, moment))
         ]
 
     def differences(self, name: str) -> list[Difference]:
-        """Return how much every other method differs from the first."""
+        """Return how much every other method differs from the first, at the same moments."""
         found = []
         for moment in MOMENTS:
-            base = {_key(one): one for one in self._chosen(name, self.methods[0], moment)}
+            base = {_key(one): one for one in self._chosen(name, "", self.methods[0], moment)}
             for method in self.methods[1:]:
-                pairs = [
-                    (one, base[_key(one)])
-                    for one in self._chosen(name, method, moment)
-                    if _key(one) in base
+                chosen = self._chosen(name, "", method, moment)
+                pairs = [(one, base[_key(one)]) for one in chosen if _key(one) in base]
+                found += [
+                    _difference(name, method, moment, figure, both)
+                    for figure in FIGURES
+                    if (both := [p for p in pairs if all(figure in one.figures for one in p)])
                 ]
-                if pairs:
-                    found += [_difference(name, method, moment, f, pairs) for f in FIGURES]
+        return found
+
+    def falls(self, moment: str = "30 s") -> list[Fall]:
+        """Return the falls of both shares, of all sessions together."""
+        found = []
+        for spoil in self.spoils:
+            for method in self.methods:
+                before = self._chosen(None, "", method, moment)
+                after = {_key(one): one for one in self._chosen(None, spoil, method, moment)}
+                if before and after:
+                    found += [_fall(spoil, figure, before, after) for figure in SHARES]
         return found
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything for a program."""
         every = [n for group in self.groups for n in (group, *self.names(group))]
+        ways = ("", *self.spoils)
+        rows = [row for name in every for spoil in ways for row in self.rows(name, spoil)]
         return {
             "methods": list(self.methods),
-            "run_to_run_db": list(RUN_TO_RUN_DB),
-            "rows": [asdict(row) for name in every for row in self.rows(name)],
+            "rows": [
+                {**asdict(row), "figures": {key: of._asdict() for key, of in row.figures.items()}}
+                for row in rows
+            ],
             "differences": [
                 {**asdict(each), "verdict": each.verdict}
                 for name in every
                 for each in self.differences(name)
             ],
+            "falls": [asdict(fall) for fall in self.falls()],
             "sessions": [asdict(one) for one in self.judged],
             "certainty": [asdict(one) for one in self.certainties],
             "remarks": list(self.remarks),
         }
 
-    def sure(self, name: str | None = None) -> dict[str, list[Certainty]]:
-        """Return what methods say of their error, by method; of one group or texture alone."""
-        found: dict[str, list[Certainty]] = {}
-        for one in self.certainties:
-            if name in {None, one.name, one.group}:
-                found.setdefault(one.method, []).append(one)
-        return found
-
-    def _chosen(self, name: str, method: str, moment: str) -> list[Judged]:
+    def _chosen(
+        self, name: str | None, spoil: str, method: str | None = None, moment: str | None = None
+    ) -> list[Judged]:
+        """Return what was judged; of all where None is given."""
         return [
             one
             for one in self.judged
-            if name in {one.name, one.group} and (one.method, one.moment) == (method, moment)
+            if one.spoil == spoil
+            and name in {None, one.name, one.group}
+            and method in {None, one.method}
+            and moment in {None, one.moment}
         ]
 
 
@@ -163,22 +181,23 @@ def _key(one: Judged) -> tuple[str, str, int]:
     return one.name, one.texture, one.seed
 
 
-def _row(name: str, method: str, moment: str, chosen: Sequence[Judged]) -> Row:
+def _row(
+    name: str, spoil: str, method: str, moment: str, whole: int, chosen: Sequence[Judged]
+) -> Row:
     return Row(
         name=name,
+        spoil=spoil,
         method=method,
         moment=moment,
-        sessions=len(chosen),
+        sessions=whole,
         time_s=float(np.median([one.time_s for one in chosen])),
         samples=float(np.median([one.samples for one in chosen])),
-        spread={figure: _spread(one.figures[figure] for one in chosen) for figure in FIGURES},
-        bands_db=tuple(np.median([one.bands_db for one in chosen], axis=0).tolist()),
+        figures={
+            figure: across(values, larger_is_better=figure in LARGER_IS_BETTER)
+            for figure in FIGURES
+            if (values := [o.figures[figure] for o in chosen if figure in o.figures])
+        },
     )
-
-
-def _spread(values: Iterable[float]) -> Spread:
-    low, median, high = np.percentile(list(values), (10.0, 50.0, 90.0)).tolist()
-    return Spread(median, low, high)
 
 
 def _difference(
@@ -188,3 +207,24 @@ def _difference(
     count = len(gains)
     error = float(gains.std(ddof=1) / np.sqrt(count)) if count > 1 else float("inf")
     return Difference(name, method, moment, figure, count, float(gains.mean()), error)
+
+
+def _fall(
+    spoil: str, figure: str, before: Sequence[Judged], after: dict[tuple[str, str, int], Judged]
+) -> Fall:
+    pairs = [(one, after[_key(one)]) for one in before]
+    whole = np.array([one.figures[figure] for one, _ in pairs])
+    spoilt = np.array([other.figures[figure] for _, other in pairs])
+    return Fall(
+        spoil=spoil,
+        method=before[0].method,
+        moment=before[0].moment,
+        figure=figure,
+        sessions=len(pairs),
+        before=float(whole.mean()),
+        after=float(spoilt.mean()),
+        mean=float((whole - spoilt).mean()),
+        percentile_95=float(np.percentile(whole - spoilt, 95.0)),
+        most=float((whole - spoilt).max()),
+        samples=float(np.mean([other.samples for _, other in pairs])),
+    )

@@ -1,50 +1,47 @@
 """Methods of texture modelling side by side, on known textures and recorded strokes.
 
-Each session is simulated once and modelled by every method. At four moments the models are
-compared with the known texture; differences from the first method are paired, session by
-session, with their noise. Methods that state their own uncertainty are checked against it.
+Each session is simulated once and modelled by every method. At four times, and where each method's
+own criteria are met, the models are compared with the known texture: over the strokes that were
+made, and over the whole plane. Differences from the first method are paired, session by session,
+with their noise. Methods that state their own error are checked against it. Sessions may be spoilt,
+by moments and by lost frames.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Final
 
 import typer
 
 from mmt.evaluation.document import Block, Heading, Table
-from mmt.evaluation.levels import BAND_EDGES_HZ
+from mmt.evaluation.levels import BAND_EDGES_HZ, WORST
 from mmt.evaluation.report_files import picture
-from mmt_lab.compare.cases import Case, recorded_cases, simulated_cases
-from mmt_lab.compare.certainty import Certainty, has_certainty, judge_certainty
-from mmt_lab.compare.certainty_tables import DEFINITIONS as CERTAINTY_DEFINITIONS
-from mmt_lab.compare.certainty_tables import (
+from mmt_lab.compare.cases import INHOMOGENEOUS, Case, recorded_cases, simulated_cases
+from mmt_lab.compare.generators import DEFINITIONS as OF_GENERATORS
+from mmt_lab.compare.generators import (
+    Fault,
+    Rendered,
+    check_generators,
+    failures,
+    generator_sentences,
+    generators_table,
+    judge_generators,
+)
+from mmt_lab.compare.judging import METHODS, SHARES, TIMES_S, check_methods, judge
+from mmt_lab.compare.spoiling import SPOILS, check_spoils
+from mmt_lab.compare.summary import RUN_TO_RUN_DB, STANDARD_ERRORS, MethodComparison
+from mmt_lab.compare.tables import (
+    ALL_ERRORS,
+    by_texture,
     calibration_figure,
-    calibration_sentence,
     calibration_table,
-    criteria_table,
-    deviation_table,
-)
-from mmt_lab.compare.judging import (
-    METHODS,
-    Judged,
-    blocks_of,
-    check_methods,
-    judge,
-)
-from mmt_lab.compare.method_tables import (
-    bands_table,
     difference_sentences,
-    figures_table,
+    errors_table,
+    falls_table,
+    largest_miscalibration,
     shares_table,
 )
-from mmt_lab.compare.rendered_comparison import DEFINITIONS as RENDERED_DEFINITIONS
-from mmt_lab.compare.rendered_comparison import (
-    RenderedComparison,
-    check_generators,
-    compare_rendered,
-)
-from mmt_lab.compare.summary import ALL_RUN_TO_RUN_DB, STANDARD_ERRORS, MethodComparison
 from mmt_lab.harness.experiment import (
     Experiment,
     HandKind,
@@ -54,81 +51,49 @@ from mmt_lab.harness.experiment import (
     chosen_textures,
     hand_of,
 )
-from mmt_lab.harness.findings import Findings
+from mmt_lab.harness.findings import Findings, Target
 from mmt_lab.harness.processes import each
 
 TITLE: Final = "Methods side by side"
 
-GOAL: Final = 0.9
-"""Share of the plane within one JND that a method should reach at the stop criterion."""
-
 DEFINITIONS: Final = {
-    "within_jnd": "share of the grid of the evaluation whose level is within one JND, 1.36 dB, of "
-    "the known texture's, from 8 Hz up",
-    "power_error_db": "root mean square of that level's error, dB",
-    "gfc": "goodness of fit between expected Welch amplitude spectra, mean over the grid",
-    "log_spectral_db": "log-spectral distance over 10 to 500 Hz, mean over the grid, dB",
-    "band_error_db": "root mean square over the grid and nine bands of the error of a band's "
-    "power, dB; the bands have edges at "
+    "within_jnd, plane_within_jnd": "share of the strokes that were made, or of the plane, whose "
+    "level is within one JND, 1.36 dB, of the known texture's, from 8 Hz up",
+    "power_error_db, plane_power_error_db": "root mean square of that level's error, dB",
+    "gfc": "goodness of fit between expected Welch amplitude spectra, mean over the strokes made",
+    "log_spectral_db": "log-spectral distance over 10 to 500 Hz, mean over the strokes made, dB",
+    "band_error_db": "root mean square over the strokes made and nine bands of the error of a "
+    "band's power, dB; the bands have edges at "
     + ", ".join(f"{edge:.0f}" for edge in BAND_EDGES_HZ)
     + " Hz",
+    "strokes made": "up to 400 moments, evenly spread over the session's time of stroking, with at "
+    "least 10 mm/s and 0.1 N; of the session before it was spoilt",
+    "plane": "the middles of 12 x 12 equal cells from 10 to 300 mm/s and 0.1 to 3 N; 6 x 6 at 24 "
+    "headings where they count",
     "run to run": "how the level of a band scatters between slides over one real material, "
-    f"root mean square over the bands {ALL_RUN_TO_RUN_DB:.2f} dB",
-    "moments": "3 s and 30 s of session time; the start and the stop criterion as the session's "
-    "samples meet them. Sessions that do not come to a moment are not counted at it",
-    "spread": "median, and 10th to 90th percentile, over the sessions",
+    f"root mean square over the bands {RUN_TO_RUN_DB:.2f} dB",
+    "moments": "times of the session, and the start and stop of each method's own criterion. "
+    "Sessions that do not come to a moment are not counted at it; without a model a share is 0",
+    "worst": f"mean of the {WORST} worst sessions",
     "difference": "mean over sessions of a method less the first, with its standard error; better "
     f"or worse where it exceeds {STANDARD_ERRORS:g} of them",
-    "published": '[texture] method = "published": the excitation\'s variance, linearly in the '
-    "triangles of paper A; on textures with a grain by the radial basis network of paper B",
-    "field": '[texture] method = "field", the default: a Gaussian process of the level, and '
-    "smoothed spectra",
+    "expected share": "what a method states, beside the true share of strokes like those so far "
+    "and, for 10 s of stroking, like the whole plane",
+    "standardised error": "error of the level over the strokes made, each over its predicted "
+    "standard deviation, root mean square",
     "recorded strokes": "scaled so that the 95th percentiles are 200 mm/s and 2 N; on every "
     "isotropic texture",
 }
 
-_CRITERIA: Final = "what time its thresholds take and what error they leave, medians."
-_CALIBRATION: Final = "true shares by expected ones, over all updates."
-_DEVIATIONS: Final = "standardised error by predicted standard deviation."
-
 
 def method_tables(comparison: MethodComparison) -> list[Table]:
-    """Return, for each group, the shares by texture and moment, and all figures of the group."""
+    """Return shares and errors of each group, the falls, and what methods say of their error."""
     tables = []
     for group in comparison.groups:
-        tables.append(shares_table(comparison, group))
-        tables.append(figures_table(comparison, group))
-        for method, sure in comparison.sure(group).items():
-            tables.append(criteria_table(sure, f"{group}, {method}: {_CRITERIA}"))
-    for method, sure in comparison.sure().items():
-        tables.append(calibration_table(sure, f"{method}: {_CALIBRATION}"))
-        tables.append(deviation_table(sure, f"{method}: {_DEVIATIONS}"))
-    return tables
-
-
-def verdicts(comparison: MethodComparison) -> list[str]:
-    """Return in words where a method misses what it should reach, for each but the first."""
-    sentences = []
-    first = comparison.methods[0]
-    simulated = [
-        name
-        for group in comparison.groups
-        if group != "recorded strokes"
-        for name in comparison.names(group)
-    ]
-    for method in comparison.methods[1:]:
-        late = [name for name in simulated if _start_below_stop(comparison, name, method)]
-        low = [name for name in simulated if _median(comparison, name, method, "stop") < GOAL]
-        sentences += [
-            f"{method} at the start criterion has the share that {first} has at the stop "
-            f"criterion: {_but(late, simulated)}.",
-            f"{method} has {GOAL:g} of the plane within one JND at the stop criterion: "
-            f"{_but(low, simulated)}.",
-        ]
-        sentences += difference_sentences(comparison, method)
-    return sentences + [
-        calibration_sentence(sure, method) for method, sure in comparison.sure().items()
-    ]
+        tables += [shares_table(comparison, group), errors_table(comparison, group)]
+    if comparison.spoils:
+        tables.append(falls_table(comparison))
+    return tables + [calibration_table(comparison, method) for method in certain(comparison)]
 
 
 def method_blocks(comparison: MethodComparison) -> list[Block]:
@@ -136,74 +101,74 @@ def method_blocks(comparison: MethodComparison) -> list[Block]:
     blocks: list[Block] = []
     for group in comparison.groups:
         blocks += [Heading(group.capitalize()), shares_table(comparison, group)]
-        blocks += [figures_table(comparison, group), bands_table(comparison, group)]
-        blocks += [Heading("By texture" if group != "recorded strokes" else "By stroke", 3)]
-        blocks += [figures_table(comparison, name) for name in comparison.names(group)]
-    return blocks + certainty_blocks(comparison)
-
-
-def certainty_blocks(comparison: MethodComparison) -> list[Block]:
-    """Return what methods say of their own error, and what the criteria make of it."""
-    blocks: list[Block] = []
-    for method, sure in comparison.sure().items():
+        blocks += [errors_table(comparison, group, ALL_ERRORS), by_texture(comparison, group)]
+    if comparison.spoils:
+        blocks += [Heading("Spoilt sessions"), falls_table(comparison)]
+    for method in certain(comparison):
         blocks.append(Heading(f"How sure {method} is"))
-        blocks += [
-            criteria_table(comparison.sure(group)[method], f"{group}: {_CRITERIA}")
-            for group in comparison.groups
-            if method in comparison.sure(group)
-        ]
-        figure = calibration_figure(sure)
-        caption = "Each update of each session; means of bands; grey: where they agree."
-        blocks.append(picture(f"calibration-{method}", caption, figure))
-        blocks += [calibration_table(sure, _CALIBRATION), deviation_table(sure, _DEVIATIONS)]
-        blocks.append(Heading("Criteria by texture", 3))
-        names = list(dict.fromkeys(one.name for one in sure))
-        blocks += [
-            criteria_table(comparison.sure(name)[method], f"{name}: {_CRITERIA}") for name in names
-        ]
+        sure = [c for c in comparison.certainties if (c.method, c.spoil) == (method, "")]
+        caption = "Each update of each session; means of tenths; grey: where they agree."
+        blocks.append(picture(f"calibration-{method}", caption, calibration_figure(sure)))
+        ways = ("", *comparison.spoils)
+        blocks += [calibration_table(comparison, method, spoil) for spoil in ways]
     return blocks
 
 
-def _median(comparison: MethodComparison, name: str, method: str, moment: str) -> float:
-    """Return the median share, 1 where no session came to the moment: nothing is missed."""
-    for row in comparison.rows(name):
-        if (row.method, row.moment) == (method, moment):
-            return row.spread["within_jnd"].median
-    return 1.0
+def certain(comparison: MethodComparison) -> list[str]:
+    """Return the methods that state their own error."""
+    return list(dict.fromkeys(one.method for one in comparison.certainties))
 
 
-def _start_below_stop(comparison: MethodComparison, name: str, method: str) -> bool:
-    published = _median(comparison, name, comparison.methods[0], "stop")
-    moments = {row.moment for row in comparison.rows(name)}
-    return "stop" in moments and _median(comparison, name, method, "start") < published
+def targets(comparison: MethodComparison) -> list[Target]:
+    """Return what each method but the first is to reach, in each group and if spoilt."""
+    found = []
+    first = comparison.methods[0]
+    for group in comparison.groups:
+        rows = {(row.moment, row.method): row for row in comparison.rows(group)}
+        for method in _methods_alone(comparison)[1:]:
+            leads = []
+            for moment in (f"{time_s:g} s" for time_s in TIMES_S):
+                own, other = (rows[moment, name].figures[SHARES[0]] for name in (method, first))
+                leads += [own.mean - other.mean, own.worst - other.worst]
+            what = f"{group}: share of {method} less that of {first}, the least of mean and worst"
+            found.append(Target(what, min(leads), "at least", 0.0))
+    for fall in comparison.falls():
+        if fall.method != first and fall.figure == SHARES[0]:
+            what = f"{fall.method}, spoilt by {fall.spoil}: fall of the share, "
+            bound = LARGEST_FALLS.get(fall.spoil.removesuffix("-in-threes"), LARGEST_FALL)
+            found.append(Target(f"{what}mean", fall.mean, "at most", bound))
+    for method in certain(comparison):
+        sure = [one for one in comparison.certainties if one.method == method]
+        off = largest_miscalibration(sure)
+        what = f"{method}: expected less true share, largest in a tenth of the expected share"
+        found.append(Target(what, off, "at most", 0.05))
+    return found
 
 
-def _but(missed: Sequence[str], every: Sequence[str]) -> str:
-    met = f"on {len(every) - len(missed)} of {len(every)} textures"
-    return f"{met}, not on {', '.join(missed)}" if missed else met
+def _methods_alone(comparison: MethodComparison) -> list[str]:
+    """Return the methods without generators, which may not have come to every time."""
+    return [name for name in comparison.methods if name.partition("-")[0] in METHODS]
 
 
-def judge_session(case: Case, methods: Sequence[str]) -> tuple[list[Judged], list[Certainty]]:
-    """Judge methods on one session, and what those that know their uncertainty say of it."""
-    blocks = blocks_of(case)
-    sure = [judge_certainty(case, method, blocks) for method in methods if has_certainty(method)]
-    return judge(case, methods, blocks), sure
+LARGEST_FALL: Final = 0.01
+LARGEST_FALLS: Final = {"lost-1": 0.01, "lost-2": 0.02, "lost-5": 0.05}
 
 
 def compare(
     cases: Sequence[Case],
     methods: Sequence[str],
+    spoils: Sequence[str] = (),
     remarks: Sequence[str] = (),
     workers: int | None = None,
 ) -> MethodComparison:
     """Judge methods on every session, in local processes."""
-    calls = [(case, tuple(methods)) for case in cases]
-    found = each(judge_session, calls, workers=workers, what="comparing")
+    calls = [(case, tuple(methods), tuple(spoils)) for case in cases]
+    found = each(judge, calls, workers=workers, what="comparing")
     return MethodComparison(
         tuple(methods),
         tuple(one for judged, _ in found for one in judged),
-        tuple(remarks),
         tuple(one for _, sure in found for one in sure),
+        tuple(remarks),
     )
 
 
@@ -214,15 +179,24 @@ def run(
     ] = None,
     methods: Annotated[
         str, typer.Option(metavar="METHOD,METHOD", help=f"Some of {', '.join(METHODS)}.")
-    ] = "published,field",
+    ] = ",".join(METHODS),
     seeds: Seeds = 10,
     textures: Textures = None,
     hand: HandKind = "strokes",
+    noise_free: Annotated[
+        bool, typer.Option("--noise-free", help="Sensors without noise and resolution.")
+    ] = False,
+    spoil: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME,NAME", help=f"Spoil each session too: all, or {', '.join(SPOILS)}."
+        ),
+    ] = None,
     generators: Annotated[
         str | None,
         typer.Option(
             metavar="NAME,MODULE:BUILDER",
-            help="Others' generators, judged beside the methods by what all of them render.",
+            help="Others' generators, judged beside the methods by what they render.",
         ),
     ] = None,
     workers: Workers = None,
@@ -232,46 +206,71 @@ def run(
     Raises
     ------
     InputError
-        A method, generator, texture or kind of hand is not known.
+        A method, generator, texture, kind of hand or way to spoil a session is not known.
     """
-    names = [name.strip() for name in methods.split(",")]
-    others = [name.strip() for name in generators.split(",")] if generators is not None else []
+    names, others = _names(methods), _names(generators)
+    spoils = list(SPOILS) if spoil == "all" else _names(spoil)
     check_methods(names)
+    check_spoils(spoils)
     check_generators(others)
-    chosen = chosen_textures(textures)
+    chosen = chosen_textures(textures) + ([] if textures else list(INHOMOGENEOUS))
     recorded, remarks = recorded_cases(strokes or [], chosen)
-    cases = [*simulated_cases(seeds, chosen, hand_of(hand).kind), *recorded]
-    # First, since a generator may fail.
-    rendered = compare_rendered(cases, names, others, workers) if others else None
-    return findings(compare(cases, names, remarks, workers), rendered)
+    made = simulated_cases(seeds, chosen, hand_of(hand).kind, noise=not noise_free)
+    cases = [*made, *recorded]
+    found = compare(cases, names, spoils, remarks, workers)
+    if not others:
+        return findings(found)
+    calls = [(case, tuple(others)) for case in cases]
+    every = each(judge_generators, calls, workers=workers, what="rendering")
+    rendered = [one for by_session, _ in every for one in by_session]
+    return _with_generators(found, others, rendered, [one for _, of in every for one in of])
 
 
-def findings(comparison: MethodComparison, rendered: RenderedComparison | None = None) -> Findings:
+def _names(listed: str | None) -> list[str]:
+    return [name.strip() for name in listed.split(",")] if listed is not None else []
+
+
+def findings(comparison: MethodComparison) -> Findings:
     """Return a comparison as tables, sentences, and what a report shows."""
-    keys = [(name, str(dict(METHODS[name]))) for name in comparison.methods]
-    found = Findings(
+    sentences = [
+        sentence
+        for method in comparison.methods[1:]
+        for sentence in difference_sentences(comparison, method)
+    ]
+    return Findings(
         TITLE,
         tables=method_tables(comparison),
-        sentences=[*verdicts(comparison), *comparison.remarks],
+        sentences=[*sentences, *comparison.remarks],
         blocks=lambda: method_blocks(comparison),
-        definitions={**DEFINITIONS, **CERTAINTY_DEFINITIONS},
-        settings=[Table(("method", "keys of [texture]"), keys)],
+        definitions=DEFINITIONS,
+        targets=tuple(targets(comparison)),
         data=comparison.as_dict(),
     )
-    return found if rendered is None else _with_rendered(found, rendered)
 
 
-def _with_rendered(found: Findings, rendered: RenderedComparison) -> Findings:
-    """Return the findings with what generators and methods render."""
-    blocks = found.blocks or list
+def _with_generators(
+    comparison: MethodComparison,
+    names: Sequence[str],
+    rendered: Sequence[Rendered],
+    faults: Sequence[Fault],
+) -> Findings:
+    """Return the findings on methods and generators beside each other."""
+    judged = (*comparison.judged, *(one.judged for one in rendered))
+    methods = (*comparison.methods, *names)
+    found = findings(replace(comparison, methods=methods, judged=judged))
+    table, blocks = generators_table(rendered), found.blocks or list
     return replace(
         found,
-        tables=[*found.tables, *rendered.tables()],
-        sentences=[*found.sentences, *rendered.sentences()],
-        blocks=lambda: [*blocks(), *rendered.blocks()],
-        definitions={**found.definitions, **RENDERED_DEFINITIONS},
-        data={**(found.data or {}), "rendered": rendered.as_dict()},
-        failures=rendered.failures(),
+        tables=[*found.tables, table],
+        sentences=[*found.sentences, *generator_sentences(rendered)],
+        blocks=lambda: [*blocks(), Heading("Generators"), table],
+        definitions={**found.definitions, **OF_GENERATORS},
+        data={
+            **(found.data or {}),
+            "generators": [asdict(one) for one in rendered],
+            "faults": [asdict(one) for one in faults],
+        },
+        failures=failures(faults),
     )
 
 
@@ -280,3 +279,4 @@ EXPERIMENT = Experiment(
     duration="40 min on 2 processors",
     run=run,
 )
+"""Methods of texture modelling side by side: sessions, judgements, and what is made of them."""

@@ -1,9 +1,9 @@
 """What the operator feels over a network, against what the surface would give without one.
 
 A hand strokes a known texture over an emulated network, in simulated time. Each method leads the
-same session: the stream alone, paper A's model, the default, and the default after a warm start.
-What it lets the hand feel is compared, moment by moment, with the exact powers of the texture at
-the hand's own speed, force and heading; a realisation of the texture under the hand is the bound.
+same session: the stream alone, paper A's model, the field, and the field after a warm start. What
+it lets the hand feel is compared, moment by moment, with the exact powers of the texture at the
+hand's own speed, force and heading; a realisation of the texture under the hand is the bound.
 """
 
 from collections.abc import Mapping, Sequence
@@ -248,9 +248,9 @@ DEFINITIONS: Final = {
     "streaming": "the stream through the playout buffer, without a model",
     "published": "paper A: streamed until the start criterion, then rendered; the excitation's "
     "variance interpolated, on textures with a grain by paper B's network",
-    "field": 'the same with [texture] method = "field", the default',
-    "warm": 'as field with [rendering] before = "warm": until the start criterion rendered from '
-    "a first model, with the shipped ones as its library; that of the texture itself is left out",
+    "field": "the same with the default of [texture]",
+    "warm": 'the field with [rendering] before = "warm": until the start criterion rendered from a '
+    "first model, with the shipped ones as its library; that of the texture itself is left out",
 }
 
 _STYLES: Final = {"streaming": 0, "published": 1, "field": 2, "warm": 3, AT_ONCE: 6}

@@ -102,8 +102,8 @@ def _errors(truth: KnownTexture, history: ModelHistory, moment_s: float) -> tupl
     model = history.model(history.number(moment_s))
     if model is None:
         return 1.0, 60.0
-    grid = truth.compare(model)
-    return 1.0 - float(grid.gfc_fine.mean()), root_mean_square(grid.power_error_db)
+    grid = truth.plane.errors(model)
+    return 1.0 - float(grid.gfc.mean()), root_mean_square(grid.power_error_db)
 
 
 def _time(found: Sequence[Quality]) -> Spread:

@@ -115,7 +115,7 @@ class _Run:
         model = self.history.model(self.history.number(moment_s))
         if model is None:
             return 1.0, 60.0, 0.0
-        errors = self.truth.compare(model)
+        errors = self.truth.plane.errors(model)
         return (
             1.0 - float(errors.gfc.mean()),
             root_mean_square(errors.power_error_db),

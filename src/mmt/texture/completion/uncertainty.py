@@ -16,8 +16,8 @@ variance at every x by ``cov(x, c)^2 / (var(c) + r)``, whatever it measures (a r
 Rasmussen and Williams 2006, eq. 2.26). This gives the gain in the expected share for every c at
 once, in O(g^2) for g nodes, by the likeliest setting.
 
-*Strokes.* The grid spans 40 to 260 mm/s and 0.4 to 2.6 N, the range that evaluations compare:
-strokes beyond are rare or hardly vibrate. The next stroke is taken to come from a Dirichlet process
+*Strokes.* The grid is of the whole plane (`mmt.texture.completion.plane`), which evaluations
+compare as well. The next stroke is taken to come from a Dirichlet process
 whose base measure is uniform over the grid with the weight of `PRIOR_S` of stroking: after t
 seconds it repeats an earlier stroke with probability t / (t + `PRIOR_S`) (Ferguson, "A Bayesian
 analysis of some nonparametric problems", Annals of Statistics 1, 1973; Blackwell and MacQueen,
@@ -35,6 +35,7 @@ import numpy as np
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.texture.completion.criterion import Criterion, Progress
 from mmt.texture.completion.distance import DIVISIONS, cells_of
+from mmt.texture.completion.plane import forces_n, speeds_mm_s
 from mmt.texture.field.covariance import Coordinates, grid_nodes, warped
 from mmt.texture.field.posterior import DB, LevelField, right_probability
 from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
@@ -42,9 +43,6 @@ from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.just_noticeable import JND_DB
-
-SPEEDS_MM_S: Final = (40.0, 260.0)
-FORCES_N: Final = (0.4, 2.6)
 
 _PLANAR_SHAPE: Final = (1, 12, 12)
 _DIRECTED_SHAPE: Final = (12, 5, 5)
@@ -71,8 +69,8 @@ class CompletionGrid:
         headings, speeds, forces = _DIRECTED_SHAPE if space.directed else _PLANAR_SHAPE
         turn = np.linspace(0.0, 2.0 * np.pi, headings, endpoint=False) + np.pi / headings
         self.space = space
-        self.speed = np.linspace(*SPEEDS_MM_S, speeds) / space.maximum_speed_mm_s
-        self.force = np.linspace(*FORCES_N, forces) / space.maximum_force_n
+        self.speed = speeds_mm_s(speeds) / space.maximum_speed_mm_s
+        self.force = forces_n(forces) / space.maximum_force_n
         self.heading = turn if space.directed else 0.0 * turn
         around, speed, force = (
             axis.ravel()

@@ -1,0 +1,129 @@
+"""The field without one of its ingredients, by replacing a function or a constant of it.
+
+The product has no option for it: an ingredient is left out while a model is built, in this process
+alone, and put back afterwards. What an ingredient replaces is looked up by name, so that a renamed
+one is an error and not a comparison of the field with itself.
+"""
+
+import importlib
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from functools import partial
+from types import MappingProxyType
+from typing import Any, Final, NamedTuple
+from unittest.mock import patch
+
+import numpy as np
+
+Replace = Callable[[Any], Any]
+"""Returns what takes the place of a function, a property or a constant."""
+
+
+class Ingredient(NamedTuple):
+    """What is left out, in words, and what replaces what: by ``module:name`` or ``module:A.b``."""
+
+    what: str
+    replacements: Mapping[str, Replace]
+
+
+def _without_rough(settings: Callable[..., Any]) -> Callable[..., Any]:
+    return partial(settings, rough=False)
+
+
+def _medians_alone(_: Callable[..., Any]) -> Callable[..., Any]:
+    from mmt.texture.field.covariance import medians
+
+    return lambda count, *, directed: medians(directed=directed)[np.newaxis]  # noqa: ARG005
+
+
+def _trusted(_: Callable[..., Any]) -> Callable[..., Any]:
+    return lambda off, usual: np.ones(len(off))  # noqa: ARG005
+
+
+def _steady(_: Callable[..., Any]) -> Callable[..., Any]:
+    from mmt.texture.field.observations import MOMENT_VARIANCE
+
+    return lambda *given: MOMENT_VARIANCE  # noqa: ARG005
+
+
+def _as_fitted(_: Callable[..., Any]) -> Callable[..., Any]:
+    return lambda points, lsf, weights, around=None: _nearest(points, lsf, around)  # noqa: ARG005
+
+
+def _nearest(points: Any, lsf: Any, around: Any) -> Any:
+    """Return the samples' own frequencies, and around them those of the nearest."""
+    if around is None:
+        return lsf
+    apart = np.linalg.norm(around[:, None] - points[None], axis=2)
+    return np.concatenate([lsf, lsf[np.argmin(apart, axis=1)]])
+
+
+def _constantly(value: Any) -> Replace:
+    return lambda _: value
+
+
+_FIELD: Final = "mmt.texture.field"
+
+INGREDIENTS: Final[Mapping[str, Ingredient]] = MappingProxyType(
+    {
+        "rough": Ingredient(
+            "the rough departure, as wide as a cell",
+            {f"{_FIELD}.posterior:settings": _without_rough},
+        ),
+        "mixture": Ingredient(
+            "the mixture of settings: the median setting alone",
+            {f"{_FIELD}.posterior:settings": _medians_alone},
+        ),
+        "trust": Ingredient(
+            "the heavy tail of a moment's error: every moment is believed",
+            {f"{_FIELD}.observations:_believed": _trusted},
+        ),
+        "moments": Ingredient(
+            "the scatter between moments, beyond the least",
+            {f"{_FIELD}.observations:_moment_variance": _steady},
+        ),
+        "slopes": Ingredient(
+            "the prior of the slopes: 0 +- 2 for both",
+            {f"{_FIELD}.covariance:SLOPES": _constantly(((0.0, 2.0), (0.0, 2.0)))},
+        ),
+        "smoothing": Ingredient(
+            "the smoothing of the spectra's shapes",
+            {f"{_FIELD}.shape_smoothing:smoothed": _as_fitted},
+        ),
+        "high-pass": Ingredient(
+            "giving back what the high-pass takes",
+            {"mmt.texture.signals.high_pass:VIBRATION_CUTOFF_HZ": _constantly(0.0)},
+        ),
+        "noise": Ingredient(
+            "the subtraction of the sensor's noise",
+            {
+                "mmt.texture.signals.noise_floor:NoiseFloor.power": _constantly(
+                    property(lambda _: 0.0)
+                )
+            },
+        ),
+    }
+)
+"""Ingredients of the field by name."""
+
+
+@contextmanager
+def without(name: str) -> Iterator[None]:
+    """Leave out one of `INGREDIENTS` inside the block; nothing if the name is empty.
+
+    Models have to be built and asked for inside it.
+
+    Raises
+    ------
+    AttributeError
+        What the ingredient replaces is no longer there.
+    """
+    with ExitStack() as stack:
+        for target, replace in INGREDIENTS[name].replacements.items() if name else ():
+            module, _, path = target.partition(":")
+            *owners, attribute = path.split(".")
+            owner: Any = importlib.import_module(module)
+            for each in owners:
+                owner = getattr(owner, each)
+            stack.enter_context(patch.object(owner, attribute, replace(getattr(owner, attribute))))
+        yield

@@ -1,0 +1,218 @@
+"""Tables, sentences and the figure of a comparison of methods."""
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from mmt.core.arrays import FloatArray
+from mmt.evaluation.document import Table
+from mmt.evaluation.levels import Across, root_mean_square
+from mmt.evaluation.texts import number
+from mmt_lab.compare.judging import FIGURES, SHARES, Certainty, Judged
+from mmt_lab.compare.summary import RUN_TO_RUN_DB, MethodComparison
+
+DIGITS: Final = dict(zip(FIGURES, (2, 2, 2, 2, 3, 2, 2), strict=True))
+
+TITLES: Final = dict(
+    zip(
+        FIGURES,
+        (
+            *("share, strokes", "share, plane", "level, strokes (dB)", "level, plane (dB)"),
+            *("GFC", "spectrum (dB)", "bands (dB)"),
+        ),
+        strict=True,
+    )
+)
+
+MAIN_ERRORS: Final = ("power_error_db", "plane_power_error_db", "log_spectral_db")
+"""Errors that a terminal has room for."""
+
+ALL_ERRORS: Final = tuple(figure for figure in FIGURES if figure not in SHARES)
+
+TENTHS: Final = np.linspace(0.0, 1.0, 11)
+
+LEAST_CASES: Final = 30
+"""Updates of a tenth of the expected share from which on it is to be right."""
+
+
+def shares_table(comparison: MethodComparison, name: str) -> Table:
+    """Return the shares of a texture or group, a row for each moment and method."""
+    rows = []
+    for row in comparison.rows(name):
+        shares = [_cell(figure, row.figures.get(figure)) for figure in SHARES]
+        met = f"{row.figures[SHARES[0]].sessions} of {row.sessions}"
+        rows.append(
+            [row.moment, row.method, met, number(row.time_s, 1), f"{row.samples:.0f}", *shares]
+        )
+    columns = ["moment", "method", "met", "time (s)", "samples", *(TITLES[s] for s in SHARES)]
+    caption = (
+        f"{name}: share within one JND over the strokes that were made and over the "
+        "plane; median / mean / mean of the five worst / sessions below 0.5."
+    )
+    return Table(columns, rows, caption)
+
+
+def errors_table(
+    comparison: MethodComparison, name: str, shown: Sequence[str] = MAIN_ERRORS
+) -> Table:
+    """Return some errors of a texture or group, a row for each moment and method."""
+    rows = []
+    for row in comparison.rows(name):
+        bands = row.figures.get("band_error_db")
+        cells = [_cell(figure, row.figures.get(figure)) for figure in shown]
+        times = None if bands is None else bands.median / RUN_TO_RUN_DB
+        rows.append([row.moment, row.method, *cells, number(times, 1)])
+    columns = ["moment", "method", *(TITLES[figure] for figure in shown), "times run-to-run"]
+    caption = (
+        f"{name}: errors; median / mean / mean of the five worst. Last: the median error by bands "
+        f"over {RUN_TO_RUN_DB} dB, by which one real surface differs from run to run."
+    )
+    return Table(columns, rows, caption)
+
+
+def falls_table(comparison: MethodComparison) -> Table:
+    """Return by how much shares fall if something spoils the session."""
+    rows = [
+        [
+            fall.spoil,
+            fall.method,
+            TITLES[fall.figure].removeprefix("share, "),
+            *(number(value, 3) for value in (fall.before, fall.after, fall.mean)),
+            *(number(value, 3) for value in (fall.percentile_95, fall.most)),
+            number(fall.samples, 1),
+        ]
+        for fall in comparison.falls()
+    ]
+    columns = ["spoilt by", "method", "over", "before", "after", "fall", "95 %", "most", "samples"]
+    caption = (
+        "Mean share within one JND at 30 s of the same sessions before and after, and the fall: "
+        "its mean, 95th percentile and largest."
+    )
+    return Table(columns, rows, caption)
+
+
+def by_texture(comparison: MethodComparison, group: str) -> Table:
+    """Return the median share over the strokes that were made, a row for each texture."""
+    times = list(dict.fromkeys(row.moment for row in comparison.rows(group)))
+    rows = []
+    for name in comparison.names(group):
+        found = {(row.moment, row.method): row.figures[SHARES[0]] for row in comparison.rows(name)}
+        cells = (
+            " / ".join(
+                number(found[moment, method].median, 2) if (moment, method) in found else "-"
+                for method in comparison.methods
+            )
+            for moment in times
+        )
+        rows.append([name, *cells])
+    caption = f"{group}: median share over the strokes made, {' / '.join(comparison.methods)}."
+    return Table(["session", *times], rows, caption)
+
+
+def calibration_table(comparison: MethodComparison, method: str, spoil: str = "") -> Table:
+    """Return true shares by expected ones: over all updates, and where thresholds were met."""
+    rows = []
+    certainties = [c for c in comparison.certainties if (c.method, c.spoil) == (method, spoil)]
+    expected, true = shares(certainties)
+    for low, high in pairwise(TENTHS):
+        last = high == TENTHS[-1]
+        inside = (expected >= low) & ((expected < high) | last)
+        if inside.any():
+            rows.append([f"{low:.1f} to {high:.1f}", *_calibrated(expected[inside], true[inside])])
+    for moment in ("start", "stop"):
+        met = list(_certain(comparison, method, spoil, moment))
+        if met:
+            pairs = np.array([(one.expected, one.true) for one in met], dtype=np.float64)
+            rows.append([f"at the {moment}", *_calibrated(*pairs.T)])
+    ratios = [one.standardised for one in _certain(comparison, method, spoil, "30 s")]
+    caption = (
+        f"{method}{f', spoilt by {spoil}' if spoil else ''}: true share by the expected one, over "
+        "all updates and at the thresholds. Standardised error at 30 s, root mean square: "
+        f"{number(root_mean_square(np.array(ratios, np.float64)) if ratios else None, 2)}."
+    )
+    columns = ["expected share", "cases", "expected, mean", "true, mean", "true - expected"]
+    return Table(columns, rows, caption)
+
+
+def _calibrated(expected: FloatArray, true: FloatArray) -> list[str]:
+    off = float(true.mean() - expected.mean())
+    means = number(float(expected.mean()), 3), number(float(true.mean()), 3)
+    return [str(len(expected)), *means, f"{off:+.3f}"]
+
+
+def _certain(
+    comparison: MethodComparison, method: str, spoil: str, moment: str
+) -> Iterator[Judged]:
+    for one in comparison.judged:
+        same = (one.method, one.spoil, one.moment) == (method, spoil, moment)
+        if same and one.expected is not None:
+            yield one
+
+
+def shares(certainties: Sequence[Certainty]) -> tuple[FloatArray, FloatArray]:
+    """Return the expected and the true share of every update, each (k,)."""
+    rows = [update[1:] for one in certainties for update in one.updates]
+    expected, true = np.reshape(rows, (-1, 2)).T
+    return expected, true
+
+
+def largest_miscalibration(certainties: Sequence[Certainty]) -> float | None:
+    """Return the largest difference of true and expected share in a tenth with enough cases."""
+    expected, true = shares(certainties)
+    tenth = np.clip(np.digitize(expected, TENTHS) - 1, 0, len(TENTHS) - 2)
+    off = [
+        abs(float((true - expected)[tenth == number].mean()))
+        for number in range(len(TENTHS) - 1)
+        if np.count_nonzero(tenth == number) >= LEAST_CASES
+    ]
+    return max(off, default=None)
+
+
+def difference_sentences(comparison: MethodComparison, method: str) -> list[str]:
+    """Say for each group by how much a method's shares differ from those of the first one."""
+    sentences = []
+    for group in comparison.groups:
+        found = [
+            f"{each.mean:+.3f} ± {each.standard_error:.3f} at {each.moment} ({each.verdict})"
+            for each in comparison.differences(group)
+            if (each.method, each.figure) == (method, SHARES[0])
+        ]
+        if found:
+            sentences.append(
+                f"{group}: share of {method} over the strokes that were made, less that of "
+                f"{comparison.methods[0]}: {', '.join(found)}."
+            )
+    return sentences
+
+
+def calibration_figure(certainties: Sequence[Certainty]) -> Figure:
+    """Draw the true share of every update over the expected one, and the means of tenths."""
+    groups = list(dict.fromkeys(one.group for one in certainties))
+    figure = Figure(figsize=(3.7 * len(groups) + 0.4, 3.8), layout="constrained")
+    axes = figure.subplots(1, len(groups), sharey=True, squeeze=False)[0]
+    for axis, group in zip(axes, groups, strict=True):
+        expected, true = shares([one for one in certainties if one.group == group])
+        axis.plot((0, 1), (0, 1), color="#8a9099", linewidth=1.0)
+        axis.scatter(expected, true, s=7, color="#0072b2", alpha=0.25, linewidth=0)
+        tenth = np.clip(np.digitize(expected, TENTHS) - 1, 0, len(TENTHS) - 2)
+        means = [
+            (expected[tenth == k].mean(), true[tenth == k].mean())
+            for k in range(len(TENTHS) - 1)
+            if np.count_nonzero(tenth == k) >= LEAST_CASES
+        ]
+        if means:
+            axis.plot(*np.array(means).T, color="black", marker="o", markersize=4, linewidth=1.2)
+        axis.set(xlim=(0, 1.02), ylim=(0, 1.02), aspect="equal", title=group)
+        axis.set_xlabel("expected share within one JND")
+    axes[0].set_ylabel("true share")
+    return figure
+
+
+def _cell(figure: str, found: Across | None) -> str:
+    if found is None:
+        return "-"
+    values = [number(value, DIGITS[figure]) for value in (found.median, found.mean, found.worst)]
+    return " / ".join([*values, str(found.below_half)] if figure in SHARES else values)

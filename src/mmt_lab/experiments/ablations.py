@@ -1,0 +1,154 @@
+"""The field without each of its ingredients, on clean, noisy, drawn, uneven and spoilt sessions.
+
+Every session is modelled by the whole field, and by the field without one ingredient at a time.
+What leaving it out costs is the difference: in the share of the strokes that were made whose level
+is within one JND, its mean and that of the five worst, in the log-spectral distance, in what the
+model expects, and in how often its criteria are met.
+"""
+
+from collections.abc import Sequence
+from typing import Annotated, Final
+
+import numpy as np
+import typer
+
+from mmt.evaluation.document import Table
+from mmt.evaluation.levels import WORST
+from mmt_lab.compare.ablations import INGREDIENTS
+from mmt_lab.compare.cases import INHOMOGENEOUS, Case, simulated_cases
+from mmt_lab.compare.judging import SHARES, Judged, check_methods, judge
+from mmt_lab.compare.spoiling import check_spoils
+from mmt_lab.harness.experiment import (
+    Experiment,
+    Seeds,
+    Textures,
+    Workers,
+    chosen_textures,
+    hand_of,
+)
+from mmt_lab.harness.findings import Findings
+from mmt_lab.harness.processes import each
+
+WHOLE: Final = "field"
+
+MOMENTS: Final = ("3 s", "10 s", "30 s")
+
+HAND: Final = "quick"
+
+SPOILS: Final = ("quiet-40", "held", "knock", "hum", "lost-2")
+
+DEFINITIONS: Final = {
+    "share": "share of the strokes made whose level is within one JND: mean over the sessions, and "
+    f"mean of the {WORST} worst; by how much it is smaller without the ingredient",
+    "spectrum": "log-spectral distance (dB): by how much it is larger without the ingredient",
+    "off": "expected less true share, mean over the sessions; without the ingredient",
+    "start, stop": "how many more or fewer sessions meet the criteria without the ingredient",
+}
+
+
+def sets(
+    textures: Sequence[str], seeds: int, spoils: Sequence[str]
+) -> dict[str, tuple[list[Case], Sequence[str]]]:
+    """Return the sets of sessions by name, and what spoils those of each."""
+    hand = hand_of(HAND).kind
+    drawn = chosen_textures("drawn")
+    return {
+        "clean": (simulated_cases(seeds, textures, hand, noise=False), ()),
+        "noisy": (simulated_cases(seeds, textures, hand), ()),
+        "drawn": (simulated_cases(seeds, drawn, hand), ()),
+        "uneven": (simulated_cases(seeds, INHOMOGENEOUS, hand), ()),
+        "spoilt": (simulated_cases(seeds, textures, hand, noise=False), spoils),
+    }
+
+
+def cost_table(name: str, judged: Sequence[Judged], ingredients: Sequence[str]) -> Table:
+    """Return what leaving each ingredient out costs on a set of sessions, a row for each."""
+    rows = []
+    for ingredient in ("", *ingredients):
+        method = f"{WHOLE}-{ingredient}" if ingredient else WHOLE
+        cells = [ingredient or "whole field"]
+        for moment in MOMENTS:
+            cells += _costs(judged, method, moment)
+        off = [
+            one.expected - one.true
+            for one in _of(judged, method, "30 s")
+            if one.expected is not None and one.true is not None
+        ]
+        cells.append(f"{np.mean(off):+.3f}" if off else "-")
+        for criterion in ("start", "stop"):
+            more = len(_of(judged, method, criterion))
+            less = len(_of(judged, WHOLE, criterion)) if ingredient else 0
+            cells.append(f"{more - less:+d}" if ingredient else str(more))
+        rows.append(cells)
+    columns = ["without"]
+    for moment in MOMENTS:
+        columns += [f"{moment}: share", "worst", "spectrum (dB)"]
+    sessions = len(_of(judged, WHOLE, "30 s"))
+    caption = f"{name}, {sessions} sessions: the whole field, and what each ingredient is worth."
+    return Table([*columns, "off", "start", "stop"], rows, caption)
+
+
+def _of(judged: Sequence[Judged], method: str, moment: str) -> list[Judged]:
+    return [one for one in judged if (one.method, one.moment) == (method, moment)]
+
+
+def _costs(judged: Sequence[Judged], method: str, moment: str) -> list[str]:
+    """Return share, worst share and spectrum: those of the whole field, or the loss without."""
+    own, whole = (_figures(_of(judged, name, moment)) for name in (method, WHOLE))
+    if method == WHOLE:
+        return [f"{own[0]:.3f}", f"{own[1]:.3f}", f"{own[2]:.2f}"]
+    return [f"{whole[0] - own[0]:+.3f}", f"{whole[1] - own[1]:+.3f}", f"{own[2] - whole[2]:+.2f}"]
+
+
+def _figures(chosen: Sequence[Judged]) -> tuple[float, float, float]:
+    shares = np.sort([one.figures[SHARES[0]] for one in chosen])
+    spectra = [o.figures["log_spectral_db"] for o in chosen if "log_spectral_db" in o.figures]
+    return float(shares.mean()), float(shares[:WORST].mean()), float(np.mean(spectra))
+
+
+def run(
+    ingredients: Annotated[
+        str, typer.Option(metavar="NAME,NAME", help=f"Some of {', '.join(INGREDIENTS)}.")
+    ] = ",".join(INGREDIENTS),
+    seeds: Seeds = 1,
+    textures: Textures = None,
+    spoil: Annotated[
+        str, typer.Option(metavar="NAME,NAME", help="What spoils sessions; see `compare`.")
+    ] = ",".join(SPOILS),
+    workers: Workers = None,
+) -> Findings:
+    """Say what each ingredient of the field is worth.
+
+    Raises
+    ------
+    InputError
+        An ingredient, a texture or a way to spoil a session is not known.
+    """
+    names = [name.strip() for name in ingredients.split(",")]
+    spoils = [name.strip() for name in spoil.split(",")]
+    methods = (WHOLE, *(f"{WHOLE}-{name}" for name in names))
+    check_methods(methods)
+    check_spoils(spoils)
+    chosen = sets(chosen_textures(textures), seeds, spoils)
+    calls = [(case, methods, spoilt) for cases, spoilt in chosen.values() for case in cases]
+    found = iter(each(judge, calls, workers=workers, what="leaving out"))
+    judged: dict[str, list[Judged]] = {}
+    for name, (cases, spoilt) in chosen.items():
+        every = [one for _ in cases for one in next(found)[0]]
+        judged[name] = [one for one in every if bool(one.spoil) == bool(spoilt)]
+    tables = [cost_table(name, every, names) for name, every in judged.items()]
+    words = [(name, INGREDIENTS[name].what) for name in names]
+    return Findings(
+        "What each ingredient of the field is worth",
+        tables=tables,
+        definitions=DEFINITIONS,
+        settings=[Table(("ingredient", "what is left out"), words)],
+        data={"tables": [{"caption": t.caption, "rows": t.rows} for t in tables]},
+    )
+
+
+EXPERIMENT = Experiment(
+    shows="what each ingredient of the field is worth, by leaving it out",
+    duration="30 min on 2 processors",
+    run=run,
+)

@@ -1,0 +1,64 @@
+"""Ingredients of the field are left out, each alone, and put back."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from mmt.cli.main import app
+from mmt.texture.online.history import build
+from mmt.texture.settings import ModellingSettings
+from mmt_lab.compare import ablations
+from mmt_lab.compare.ablations import INGREDIENTS, Ingredient, without
+from mmt_lab.compare.cases import Case
+from mmt_lab.compare.judging import blocks_of
+
+
+@pytest.fixture(scope="module")
+def blocks():
+    return blocks_of(Case("glass", 3).session())[:10]
+
+
+def rendered(blocks):
+    model = build(blocks, ModellingSettings()).model_at(10.0)
+    assert model is not None
+    speeds, forces = (axis.ravel() for axis in np.meshgrid([30, 90, 200, 280], [0.3, 1.0, 2.5]))
+    density = model.spectrum(speeds, forces, frequencies_hz=np.arange(8.0, 500.0, 4.0))
+    return np.concatenate([density.ravel(), model.level_db(speeds, forces)[1]])
+
+
+def test_each_ingredient_changes_the_model_and_comes_back(blocks):
+    whole = rendered(blocks)
+    for name in INGREDIENTS:
+        with without(name):
+            less = rendered(blocks)
+        assert np.isfinite(less).all(), name
+        assert not np.allclose(less, whole, rtol=1e-6), name
+    np.testing.assert_array_equal(rendered(blocks), whole)
+
+
+def test_what_is_no_longer_there_cannot_be_left_out(monkeypatch):
+    gone = Ingredient("gone", {"mmt.texture.field.posterior:no_such_thing": lambda old: old})
+    monkeypatch.setattr(ablations, "INGREDIENTS", {"gone": gone})
+    with pytest.raises(AttributeError, match="no_such_thing"), without("gone"):
+        pass
+
+
+def test_the_experiment_says_what_an_ingredient_costs(tmp_path, monkeypatch):
+    monkeypatch.setattr("mmt_lab.harness.experiment.DRAWN", 1)
+    monkeypatch.setattr("mmt_lab.experiments.ablations.INHOMOGENEOUS", ("plastic+patches",))
+    file = tmp_path / "figures.json"
+    options = ["--textures", "glass", "--ingredients", "smoothing", "--spoil", "knock"]
+    result = CliRunner().invoke(
+        app, ["lab", "ablations", *options, "--workers", "1", "--json", str(file)]
+    )
+    assert result.exit_code == 0, result.output
+    tables = json.loads(file.read_text())["tables"]
+    assert [table["caption"].split(",")[0] for table in tables] == [
+        *("clean", "noisy", "drawn", "uneven", "spoilt")
+    ]
+    for table in tables:
+        assert [row[0] for row in table["rows"]] == ["whole field", "smoothing"]
+    worse = float(tables[1]["rows"][1][9])  # the spectrum at 30 s
+    assert worse > 0.0
