@@ -41,7 +41,9 @@ def test_back_to_coefficients(loops, order):
 
 def test_rendering(loops):
     seed, count = 3, 2000
-    model = TextureModel(exact_samples(get_surface("wood"), *scattered(20, 0), 10))
+    model = TextureModel(
+        exact_samples(get_surface("wood"), *scattered(20, 0), 10), method="published"
+    )
     phase = np.arange(count) / 150.0
     motion = 150.0 + 120.0 * np.sin(phase), 1.5 + 1.2 * np.cos(1.3 * phase)
     expected = Synthesizer(model, seed=seed, renewal_samples=5).render(*motion)

@@ -16,7 +16,7 @@ from mmt_lab.harness.findings import Findings, Target
 
 
 def test_an_unknown_stage_is_explained() -> None:
-    with pytest.raises(InputError, match=r"allowed are burg, conceal, .*, link, networks"):
+    with pytest.raises(InputError, match=r"allowed are burg, conceal, .*, link, order"):
         run_benches(["speed"])
 
 

@@ -120,6 +120,8 @@ SIMULATED, REPLAY, DEVICE_SOURCE = SOURCES = (
 EXPECTED: dict[str, set[str]] = {
     "leader demo": {*NETWORK, *MODEL, *LEVEL, *FILES, RECORDER, HAND, ACTUATOR},
     "follower demo": {*NETWORK, SIMULATED},
+    "leader rough-texture": {*NETWORK, *MODEL, *LEVEL, *FILES, RECORDER, HAND, ACTUATOR},
+    "follower rough-texture": {*NETWORK, SIMULATED},
     "leader replay": {*NETWORK, *MODEL, *LEVEL, *FILES, RECORDER, ACTUATOR},
     "follower replay": {*NETWORK, *FILES, REPLAY},
     "leader stream-only": {*NETWORK, HAND, ACTUATOR},
@@ -297,7 +299,7 @@ def test_the_numerics_are_where_a_model_is() -> None:
     """Holds the table above: streaming and devices need neither numba nor scipy."""
     with_numerics = {name for name, expected in EXPECTED.items() if expected & NUMERICS}
     names = ("demo", "replay", "model-only", "virtual-lab", "anisotropic", "two-surfaces")
-    names += ("virtual-arm", "listener", "operator", *MODELLING)
+    names += ("rough-texture", "virtual-arm", "listener", "operator", *MODELLING)
     assert with_numerics == {f"leader {name}" for name in names}
 
 

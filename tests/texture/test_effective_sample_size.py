@@ -65,7 +65,13 @@ def test_segments_of_narrow_lines_are_worth_what_their_spectrum_says_whatever_th
             for gain, taps in zip(gains, filters, strict=True)
         ]
         start = 1000 * number
-        span = SimpleNamespace(start=start, stop=start + count, vibration_m_s2=sum(parts)[1000:])
+        span = SimpleNamespace(
+            start=start,
+            stop=start + count,
+            vibration_m_s2=sum(parts)[1000:],
+            measured_count=count,
+            measured_gain=1.0,
+        )
         segments.append(span)
     for order in (4, 12):
         fits = FieldMethod(ModellingSettings()).add(segments, order, itertools.count())

@@ -130,6 +130,8 @@ def test_a_persons_strokes_are_found_online_as_offline(run: str) -> None:
     frames["position_mm"][:, 0] = arm_mm * np.sin(angle_rad)
     frames["position_mm"][:, 1] = arm_mm * np.cos(angle_rad)
     frames["force_n"][:, 2] = 1.0
+    noise = np.random.default_rng(1).normal(size=len(frames))  # no vibration was recorded
+    frames["acceleration_m_s2"][:, 2] = noise
     block = StreamFilter().process(frames)
     offline = [SampleRange(found.start, found.stop) for found in segment(block)]
     assert len(offline) >= 8  # strokes to and fro at about 2 Hz for 5 s, some too curved

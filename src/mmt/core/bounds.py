@@ -12,15 +12,12 @@ from functools import cache
 from numbers import Integral, Real
 from operator import ge, gt, le, lt
 from types import NoneType, UnionType
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, Final, Literal, Union, get_args, get_origin
 from typing import get_type_hints as type_hints
 
 from annotated_types import Ge, Gt, Le, Lt
 
 from mmt.core.errors import SettingError
-
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
 
 RateHz = Annotated[float, Ge(1), Le(1e6)]
 """A sampling rate."""
@@ -34,7 +31,7 @@ _BOUNDS: Final[dict[type, tuple[str, str, Callable[[Any, Any], bool]]]] = {
 _KINDS: Final = {float: "a finite number", int: "a whole number", str: "a text"}
 
 
-def check_fields(settings: "DataclassInstance") -> None:
+def check_fields(settings: Any) -> None:
     """Check every field of a dataclass by its annotation.
 
     Raises
@@ -42,7 +39,8 @@ def check_fields(settings: "DataclassInstance") -> None:
     SettingError
         A value is not allowed; the message names the field, the value and what is allowed.
     """
-    allowed = _annotations(type(settings))
+    owner: type = type(settings)
+    allowed = _annotations(owner)
     for field in fields(settings):
         check(field.name, getattr(settings, field.name), allowed[field.name])
 

@@ -51,7 +51,7 @@ PARTS: Final[dict[str, PartEntry]] = {
         "mmt.leader.modelling:Modelling",
         lambda scene: scene.texture is not None,
         ("segmenting", "fitting", "synthesizing", "completing"),
-        ("mmt.leader.modelling",),
+        ("mmt.leader.modelling", "mmt.texture.linear_algebra"),
         needs_model=True,
     ),
     "warming": PartEntry(
@@ -63,7 +63,7 @@ PARTS: Final[dict[str, PartEntry]] = {
     "synthesizing": PartEntry(
         "mmt.leader.synthesizing:SynthesizingPart",
         lambda scene: scene.rendering is not None,
-        numerics=("mmt.texture.synthesis.synthesizer",),
+        numerics=("mmt.texture.synthesis.synthesizer", "mmt.texture.linear_algebra"),
         needs_model=True,
     ),
     "generating": PartEntry(

@@ -6,10 +6,12 @@ whose level is expected to be right (`mmt.texture.completion.uncertainty`). Each
 (`mmt.texture.online.methods`).
 """
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from mmt.texture.settings import CriterionScale
+from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S, CriterionScale
 
 
 @dataclass(frozen=True)
@@ -35,11 +37,25 @@ class Progress:
     advice: tuple[float, ...] | None = None
 
     def __str__(self) -> str:
-        return f"{self.scale.title} {self.value:.2f}"
+        if not self.scale.rises:
+            return f"{self.scale.title} {self.value:.2f}"
+        share = f"{100.0 * self.value:.0f} of {100.0 * self.scale.stop:.0f} %"
+        if self.advice is None or self.value >= self.scale.stop:
+            return share
+        return f"{share}: {_strokes(self.advice)}"
 
     def as_dict(self) -> dict[str, Any]:
         """Return the name of the criterion and its value, for JSON."""
         return {"criterion": self.scale.criterion, "value": round(self.value, 4)}
+
+
+def _strokes(inputs: Sequence[float]) -> str:
+    """Describe strokes like one with these inputs, such as "fast strokes with 1 to 2 N"."""
+    *velocity, force_n = inputs
+    speed = min(int(3.0 * math.hypot(*velocity) / MAXIMUM_SPEED_MM_S), 2)
+    least_n = min(int(3.0 * force_n / MAXIMUM_FORCE_N), 2) * MAXIMUM_FORCE_N / 3.0
+    most_n = least_n + MAXIMUM_FORCE_N / 3.0
+    return f"{('slow', 'medium', 'fast')[speed]} strokes with {least_n:.0f} to {most_n:.0f} N"
 
 
 class Criterion:

@@ -1,18 +1,14 @@
 """The first stage of an update: frames are filtered, and cut into segments."""
 
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING
 
 from mmt.core.arrays import RecordArray
-from mmt.texture.online.work import Stopwatch, Work
+from mmt.texture.online.work import Stopwatch, UpdateSteps, Work
 from mmt.texture.segmentation.segmenter import OnlineSegmenter, segmentation_settings
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.signals.noise_floor import NoiseFloor
-
-if TYPE_CHECKING:
-    from mmt.texture.online.modeller import OnlineModeller
 
 
 class SegmentingStage:
@@ -53,7 +49,7 @@ class SegmentingStage:
         """The sensor's noise in (m/s2)^2, 0 as long as it is not known."""
         return self._noise.power
 
-    def segment(self, modeller: "OnlineModeller", frames: RecordArray) -> Iterator[Work | None]:
+    def segment(self, modeller: UpdateSteps, frames: RecordArray) -> Iterator[Work | None]:
         """Filter and segment frames (n,); None after the filters, the work for an update last.
 
         A service that must keep its ticks runs the steps one by one, so that the interpreter

@@ -81,10 +81,9 @@ def _why_not_synthesized(leader: LeaderView) -> str:
         return "this scene renders from no model"
     if update is None:
         return "no model yet"
-    return (
-        f"the model is not complete enough: {update.progress}, "
-        f"it takes over at {update.progress.scale.start:g}"
-    )
+    scale = update.progress.scale
+    start = f"{100.0 * scale.start:.0f} %" if scale.rises else f"{scale.start:g}"
+    return f"the model is not complete enough: {update.progress}, it takes over at {start}"
 
 
 def completion_header(
