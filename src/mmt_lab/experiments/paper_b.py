@@ -32,7 +32,7 @@ from mmt_lab.matching import (
     two_renderings,
     virtual_texture,
 )
-from mmt_lab.selection.trials import ORDER
+from mmt_lab.selection.sessions import ORDER
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
