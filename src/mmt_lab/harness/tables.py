@@ -29,12 +29,12 @@ def targets_table(results: Sequence[Findings]) -> Table:
 
 
 def missed_because(results: Sequence[Findings]) -> list[str]:
-    """Return a sentence for each reason why targets are missed, with what it is the reason of."""
+    """Return a sentence for each reason why targets are not met or not measured."""
     missed: dict[str, list[str]] = {}
     for target in (target for result in results for target in result.targets):
-        if target.reason and target.met is False:
+        if target.reason and target.met is not True:
             missed.setdefault(target.reason, []).append(target.what)
-    return [f"missed: {', '.join(names)}: {reason}" for reason, names in missed.items()]
+    return [f"not met: {', '.join(names)}: {reason}" for reason, names in missed.items()]
 
 
 def tables_of(result: Findings, *, narrow: bool = False) -> list[Table]:
