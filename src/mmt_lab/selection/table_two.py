@@ -33,7 +33,7 @@ from mmt_lab.selection.sessions import fitted
 FRESH_S: Final = 10.0
 """Length of the stroke that no model has seen."""
 
-ORDER: Final = 20
+ORDER: Final = 14
 """Of the published selection's filters; the paper gives none. Detection grows with it, and so do
 the false alarms: see `VARIATIONS`."""
 
@@ -62,6 +62,7 @@ VARIATIONS: Final = {
     "filters of order 8": Variation(order=8),
     "filters of order 12": Variation(order=12),
     "filters of order 16": Variation(order=16),
+    "filters of order 20": Variation(order=20),
     "network through every point": Variation(network=replace(NETWORK, smoothing=0.0)),
     "Gaussian network": Variation(network=RadialBasisSettings("gaussian", 1, epsilon=2.0)),
     "average over local sparsity": Variation(sparsity=-1),
