@@ -13,7 +13,7 @@ from mmt.session import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.segmentation.segmenter import segment, segmentation_settings
-from mmt.texture.selection.published import spectral_error
+from mmt.texture.selection.points import spectral_error
 from mmt.texture.settings import Inputs
 from mmt.texture.signals.amplitude_spectra import Spectra, amplitude_spectrum
 from mmt.texture.signals.filtering import StreamFilter

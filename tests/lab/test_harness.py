@@ -18,6 +18,7 @@ from mmt_lab.harness.experiment import Listed, chosen_textures, listed, load
 from mmt_lab.harness.findings import Findings, Target
 from mmt_lab.harness.processes import each
 from mmt_lab.harness.report import write_report
+from mmt_lab.harness.tables import missed_because, targets_table
 
 MADE_UP = """
     from mmt_lab.harness.experiment import Experiment, Seeds
@@ -138,3 +139,23 @@ def test_a_report_shows_blocks_in_place_of_tables_and_the_definitions(tmp_path: 
     summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
     assert (summary["x"], summary["definitions"]) == (1, {"speed": "how fast"})
     assert "python" in summary["environment"]
+
+
+@pytest.mark.parametrize(
+    ("measured", "met"),
+    [(None, None), (4.4, True), (4.6, False), (3.6, True), (3.4, False), (float("nan"), False)],
+)
+def test_a_target_may_be_about_a_figure_and_says_why_it_is_not_met(measured, met):
+    target = Target("sum", measured, "about", 4.0, tolerance=0.5, reason="another hand")
+    assert target.met is met
+    found = Findings("Sums", targets=(target, Target("other", 1.0, "at most", 0.0)))
+    (row, _) = targets_table([found]).rows
+    assert row[3] == "about 4 ± 0.5"
+    expected = [] if met else ["not met: sum: another hand"]
+    assert missed_because([found]) == expected
+
+
+def test_targets_with_one_reason_share_a_sentence():
+    missed = [Target(name, 0.0, "at least", 1.0, reason="why") for name in ("a", "b")]
+    results = [Findings("One", targets=(missed[0],)), Findings("Two", targets=(missed[1],))]
+    assert missed_because(results) == ["not met: a, b: why"]

@@ -20,10 +20,15 @@ def test_the_tables_and_spectra_of_paper_b_are_made(tmp_path, monkeypatch):
     files = ["--json", str(tmp_path / "b.json"), "--report", str(tmp_path / "report")]
     done = CliRunner().invoke(app, ["lab", "paper-b", *files])
     assert done.exit_code == 0, done.output
-    for words in ("What is rendered", "Matching test", "Model sizes"):
+    for words in ("Matching test", "Model sizes", "not met: "):
         assert words in done.output
     found = json.loads((tmp_path / "b.json").read_text())
     assert found["matched"] == len(CHOSEN)
+    judged = {target["what"]: target for target in found["judged"]}
+    assert judged["pairs that match, of nine"]["met"]
+    assert judged["filters estimated at (Hz)"]["measured"] == 100.0
+    assert judged["output at (Hz)"]["met"] is False  # the recordings are at 1 kHz
+    assert judged["levels of the pen's pressure"]["met"] is None
     for name in CHOSEN:
         own = found["pairs"][name][name]["error"]
         assert own == min(pair["error"] for pair in found["pairs"][name].values())

@@ -12,8 +12,8 @@ from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.model.samples import TextureSamples
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.selection import select
-from mmt.texture.selection.leave_one_out import hull_of
 from mmt.texture.selection.online import OnlineSelection, best_predicted
+from mmt.texture.selection.simplices import hull_of
 from mmt.texture.settings import ModellingSettings, OnlineSelectionSettings
 
 KNOCKS = (2500, 5100, 9100, 12400)  # well inside of segments

@@ -40,7 +40,7 @@ def select_samples(
     ] = 0.27,
     false_alarms: Annotated[
         float, typer.Option(min=0.001, max=0.2, help="Share of good samples taken for outliers.")
-    ] = 0.02,
+    ] = 0.01,
     largest: Annotated[
         int | None, typer.Option(min=1, help="Keep no more samples, but for the hull's corners.")
     ] = None,
@@ -97,7 +97,8 @@ def _pool(sources: list[Path], scene_file: Path | None) -> "Pool":
 def _published(pool: "Pool") -> "Selection":
     import numpy as np
 
-    from mmt.texture.selection import Selection, select_published
+    from mmt.texture.selection import Selection
+    from mmt.texture.selection.published import select_published
 
     found = select_published(pool.data)
     words = [

@@ -20,9 +20,8 @@ from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.segmentation.segmenter import segment, segmentation_settings
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.selection import ModelPoints
-from mmt.texture.selection.leave_one_out import DelaunayNeighbours
-from mmt.texture.selection.points import amplitude_of
-from mmt.texture.selection.published import spectral_error
+from mmt.texture.selection.points import amplitude_of, spectral_error
+from mmt.texture.selection.simplices import enclose, enclose_without
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.signals.metrics import gfc_of_rows
@@ -145,23 +144,16 @@ def left_out_errors(
         asked of both.
     """
     values = np.column_stack([data.lsf, data.variance])
-    models = [
-        DelaunayNeighbours(data.points, values, present)
-        for present in (np.ones(len(data), dtype=np.bool_), kept)
-    ]
-    asked = [
-        (index, predictions)
-        for index in np.flatnonzero(~outlier).tolist()
-        if all((predictions := [m.predict(index) for m in models])[k] is not None for k in (0, 1))
-    ]
-    result: dict[str, dict[str, float] | int] = {"places": len(asked)}
-    if not asked:
+    before = enclose_without(data.points).interpolate(values)
+    after = enclose(data.points[kept], data.points).interpolate(values[kept])
+    after[kept] = enclose_without(data.points[kept]).interpolate(values[kept])
+    places = np.flatnonzero(np.isfinite(before[:, 0] + after[:, 0]) & ~outlier)
+    result: dict[str, dict[str, float] | int] = {"places": len(places)}
+    if not len(places):
         return result
-    places = [index for index, _ in asked]
     truth = amplitude_of(data.lsf[places], data.variance[places])
-    for number, name in enumerate(("before", "after")):
-        rows = np.array([predictions[number] for _, predictions in asked])
-        estimate = amplitude_of(rows[:, :-1], rows[:, -1])
+    for name, predicted in (("before", before[places]), ("after", after[places])):
+        estimate = amplitude_of(predicted[:, :-1], predicted[:, -1])
         power_db = 10.0 * np.log10((estimate**2).mean(axis=1) / (truth**2).mean(axis=1))
         figures = (
             spectral_error(estimate, truth).mean(),

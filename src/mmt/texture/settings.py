@@ -97,7 +97,7 @@ class OnlineSelectionSettings:
     See `mmt.texture.selection.online`.
     """
 
-    false_alarms: Annotated[float, Ge(0.001), Le(0.2)] = 0.02
+    false_alarms: Annotated[float, Ge(0.001), Le(0.2)] = 0.01
     """Share of the good samples that may be taken for outliers."""
 
     largest: Annotated[int, Ge(10), Le(1000)] = 200

@@ -11,7 +11,7 @@ from mmt.evaluation.document import Block, Table
 Cell = str | float | int | bool | None
 """One value of a record."""
 
-Side = Literal["at least", "at most"]
+Side = Literal["at least", "at most", "about"]
 
 
 @dataclass(frozen=True)
@@ -131,18 +131,26 @@ class Records:
 
 @dataclass(frozen=True)
 class Target:
-    """A figure of this run and what it is to be; None where it could not be measured."""
+    """A figure of this run and what it is to be; None if it could not be measured.
+
+    ``tolerance`` is how far it may be from the bound that it is to be about; ``reason`` says why
+    it is missed, if it is.
+    """
 
     what: str
     measured: float | None
     side: Side
     bound: float
+    tolerance: float = 0.0
+    reason: str = ""
 
     @property
     def met(self) -> bool | None:
         """Whether it holds, None where nothing was measured."""
         if self.measured is None:
             return None
+        if self.side == "about":
+            return abs(self.measured - self.bound) <= self.tolerance
         if self.side == "at least":
             return self.measured >= self.bound
         return self.measured <= self.bound

@@ -13,7 +13,7 @@ from mmt.evaluation.report import environment
 from mmt.evaluation.report_files import picture, write_report_files
 from mmt.evaluation.table import as_rich
 from mmt_lab.harness.findings import Findings
-from mmt_lab.harness.tables import tables_of, targets_table
+from mmt_lab.harness.tables import missed_because, tables_of, targets_table
 
 
 def print_findings(result: Findings) -> None:
@@ -31,6 +31,8 @@ def print_targets(results: Sequence[Findings]) -> None:
     """Print the targets of a run beside what was measured, if there are any."""
     if any(result.targets for result in results):
         print_table(targets_table(results))
+        for sentence in missed_because(results):
+            output.print(sentence, highlight=False)
 
 
 def print_table(table: Table) -> None:
@@ -101,6 +103,7 @@ def write_joint_report(
     blocks: list[Block] = [Heading(title, 1), *opening]
     if any(result.targets for result in results):
         blocks.append(targets_table(results))
+        blocks += [Paragraph(sentence) for sentence in missed_because(results)]
     for result in results:
         blocks += [Heading(result.title), *_found(replace(result, targets=()))]
     return write_report_files(directory, title, blocks, data_name, data)
@@ -112,6 +115,7 @@ def _found(result: Findings) -> list[Block]:
     blocks: list[Block] = [Paragraph(text) for text in texts if text]
     if result.targets:
         blocks.append(targets_table([result]))
+        blocks += [Paragraph(sentence) for sentence in missed_because([result])]
     if result.panels:
         from mmt_lab.harness.plots import panels_figure
 

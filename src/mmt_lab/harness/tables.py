@@ -28,6 +28,15 @@ def targets_table(results: Sequence[Findings]) -> Table:
     return Table(("what", "experiment", "measured", "target", "met"), rows, "Targets")
 
 
+def missed_because(results: Sequence[Findings]) -> list[str]:
+    """Return a sentence for each reason why targets are not met or not measured."""
+    missed: dict[str, list[str]] = {}
+    for target in (target for result in results for target in result.targets):
+        if target.reason and target.met is not True:
+            missed.setdefault(target.reason, []).append(target.what)
+    return [f"not met: {', '.join(names)}: {reason}" for reason, names in missed.items()]
+
+
 def tables_of(result: Findings, *, narrow: bool = False) -> list[Table]:
     """Return its own tables, then one for each panel, its records, and what was left out.
 
@@ -96,7 +105,8 @@ def _over_knob(curve: Curve) -> bool:
 
 def _aim(target: Target) -> tuple[str, str]:
     met = {True: "yes", False: "no", None: "not measured"}[target.met]
-    return f"{target.side} {_number(target.bound)}", met
+    tolerance = f" ± {_number(target.tolerance)}" if target.tolerance else ""
+    return f"{target.side} {_number(target.bound)}{tolerance}", met
 
 
 def _y(point: Point | None) -> str:

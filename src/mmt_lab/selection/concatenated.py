@@ -6,6 +6,7 @@ it is added to the recorded acceleration, from somewhere in the segment on, so t
 filters, and may ring on into the next segment.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from mmt.core.arrays import BoolArray, IntArray, RecordArray
+from mmt.core.arrays import BoolArray, FloatArray, RecordArray
 from mmt.evaluation.pooling import Pool, pool_sessions
 from mmt.scene import Hand, Scene
 from mmt.session import RecordedSession
@@ -25,9 +26,8 @@ from mmt.texture.segmentation.segments import Segment
 from mmt.texture.selection import ModelPoints
 from mmt.texture.settings import Inputs, ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
-from mmt_lab.selection.knocks import placed_knock, simulated_knock
-from mmt_lab.selection.running import Row
-from mmt_lab.selection.trials import ORDER
+from mmt_lab.selection.knocks import SHARE, placed_knock, simulated_knock
+from mmt_lab.selection.sessions import ORDER
 
 TRIAL_S: Final = 20.0
 KNOCKS: Final = 6
@@ -46,38 +46,59 @@ class NetworkModel(TextureModel):
 
 
 @dataclass(frozen=True)
-class DataSet:
-    """The points of a texture.
+class Row:
+    """A row of Table I: its name there, the sizes, and the texture that stands in."""
 
-    Attributes
-    ----------
-    data
-        The first n points, in the order of the recording, n as in the paper.
-    knocked
-        Which got a knock, shape (n,).
-    pool
-        All points of the trials, n or a few more.
-    trials
-        How many trials they come from.
+    name: str
+    surface: str
+    points: int
+    outliers: int
+    directed: bool
+
+
+ROWS: Final = (
+    Row("Grass", "sandpaper", 236, 23, directed=False),
+    Row("Cardboard", "plastic", 253, 25, directed=False),
+    Row("Wood", "oak", 432, 43, directed=True),
+    Row("Washcloth", "corduroy", 461, 46, directed=True),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Trials of a texture, one behind the other: ``frames`` (k,), and the first n segments.
+
+    ``trials`` is how many there are.
+    """
+
+    frames: RecordArray
+    segments: list[Segment]
+    trials: int
+
+
+@dataclass(frozen=True)
+class DataSet:
+    """The points of a texture: the first n of the recording, n as in the paper.
+
+    ``knocked`` (n,) are those that got a knock; ``pool`` has all points, n or a few more.
     """
 
     data: ModelPoints
     knocked: BoolArray
     pool: Pool
-    trials: int
 
 
-def network_settings(inputs: Inputs) -> ModellingSettings:
+def network_settings(inputs: Inputs, order: int = ORDER) -> ModellingSettings:
     """Return the settings of the network of papers B and C, over velocity or speed, and force.
 
-    The papers name no order of the filters; here it is that of all trials of the laboratory.
+    The papers name no order of the filters.
     """
-    return ModellingSettings(method="published", inputs=inputs, order=ORDER)
+    return ModellingSettings(method="published", inputs=inputs, order=order)
 
 
-def settings_of(row: Row) -> ModellingSettings:
+def settings_of(row: Row, order: int = ORDER) -> ModellingSettings:
     """Return how a texture of paper C is modelled."""
-    return network_settings("anisotropic" if row.directed else "isotropic")
+    return network_settings("anisotropic" if row.directed else "isotropic", order)
 
 
 def stroke(row: Row, duration_s: float, seed: int) -> RecordArray:
@@ -92,13 +113,13 @@ def segments_of(frames: RecordArray, settings: ModellingSettings) -> list[Segmen
     return segment(stream.process(frames), segmentation_settings(settings))
 
 
-def data_set(row: Row, seed: int) -> DataSet:
-    """Simulate as many trials as give the paper's number of points, and plant the knocks.
+def recording(row: Row, seed: int) -> Recording:
+    """Simulate as many trials as give the paper's number of points.
 
     Parameters
     ----------
     row
-        The texture, and how many points and knocks.
+        The texture, and how many points.
     seed
         Seed of all random numbers; trials of other seeds differ.
     """
@@ -110,13 +131,47 @@ def data_set(row: Row, seed: int) -> DataSet:
         trials.append(stroke(row, TRIAL_S, int(generator.integers(2**31))))
         found += len(segments_of(trials[-1], settings))
     frames = _joined(trials)
-    segments = segments_of(frames, settings)[: row.points]
+    return Recording(frames, segments_of(frames, settings)[: row.points], len(trials))
+
+
+def data_set(
+    row: Row,
+    seed: int,
+    recorded: Recording,
+    order: int = ORDER,
+    share: float = SHARE,
+    knocks: Sequence[FloatArray] = (),
+) -> DataSet:
+    """Return a recording's points, with knocks planted.
+
+    Parameters
+    ----------
+    row, seed
+        As of the recording.
+    recorded
+        See `recording`.
+    order
+        Of the filters.
+    share
+        Variance of a knock over that of its segment; 0 for none.
+    knocks
+        Recorded ones to take from; `KNOCKS` simulated ones if there are none.
+    """
+    generator = np.random.default_rng([seed, row.points, 1])
     bad = generator.choice(row.points, row.outliers, replace=False)
-    _plant(frames, segments, bad, generator)
-    pool = pool_sessions([RecordedSession(frames, path=Path(row.surface))], settings)
+    frames = recorded.frames.copy()
+    kinds = knocks or [simulated_knock(generator) for _ in range(KNOCKS)]
+    acceleration = frames["acceleration_m_s2"][:, _NORMAL]
+    for number in bad.tolist():
+        struck, knock = recorded.segments[number], kinds[int(generator.integers(len(kinds)))]
+        start, placed = placed_knock(struck.vibration_m_s2, knock, generator, share)
+        rung = acceleration[struck.start + start :][: len(placed)]
+        rung += placed[: len(rung)]
+    session = RecordedSession(frames, path=Path(row.surface))
+    pool = pool_sessions([session], settings_of(row, order))
     knocked = np.zeros(row.points, dtype=np.bool_)
     knocked[bad] = True
-    return DataSet(pool.data.subset(np.arange(row.points)), knocked, pool, len(trials))
+    return DataSet(pool.data.subset(np.arange(row.points)), knocked, pool)
 
 
 def _joined(trials: list[RecordArray]) -> RecordArray:
@@ -126,16 +181,3 @@ def _joined(trials: list[RecordArray]) -> RecordArray:
     frames["sequence"] = np.arange(len(frames))
     frames["time_ns"] = np.arange(len(frames)) * step_ns
     return frames
-
-
-def _plant(
-    frames: RecordArray, segments: list[Segment], bad: IntArray, generator: np.random.Generator
-) -> None:
-    """Add a knock to the acceleration at each of the segments, of 0.4 of its variance."""
-    knocks = [simulated_knock(generator) for _ in range(KNOCKS)]
-    acceleration = frames["acceleration_m_s2"][:, _NORMAL]
-    for number in bad.tolist():
-        struck, knock = segments[number], knocks[int(generator.integers(KNOCKS))]
-        start, placed = placed_knock(struck.vibration_m_s2, knock, generator)
-        rung = acceleration[struck.start + start :][: len(placed)]
-        rung += placed[: len(rung)]

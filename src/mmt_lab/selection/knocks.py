@@ -43,13 +43,6 @@ def simulated_knock(generator: np.random.Generator) -> FloatArray:
     return knock
 
 
-def usual_knock(generator: np.random.Generator, recorded: Sequence[FloatArray] = ()) -> FloatArray:
-    """Return a simulated knock, or one of those recorded in half of the cases."""
-    if len(recorded) and generator.random() < 0.5:
-        return recorded[int(generator.integers(len(recorded)))]
-    return simulated_knock(generator)
-
-
 def add_knock(segment: FloatArray, knock: FloatArray, generator: np.random.Generator) -> FloatArray:
     """Return a segment (n,) with what of a knock falls into it; see `placed_knock`."""
     start, placed = placed_knock(segment, knock, generator)
@@ -59,11 +52,11 @@ def add_knock(segment: FloatArray, knock: FloatArray, generator: np.random.Gener
 
 
 def placed_knock(
-    segment: FloatArray, knock: FloatArray, generator: np.random.Generator
+    segment: FloatArray, knock: FloatArray, generator: np.random.Generator, share: float = SHARE
 ) -> tuple[int, FloatArray]:
     """Place a knock within the first 70 % of a segment (n,), and scale it.
 
-    ``N sigma_a / sigma_n sqrt(0.4)`` with both deviations taken over the segment.
+    ``N sigma_a / sigma_n sqrt(share)`` with both deviations taken over the segment.
 
     Returns
     -------
@@ -76,7 +69,7 @@ def placed_knock(
     inside = np.zeros(len(segment))
     part = knock[: len(segment) - start]
     inside[start : start + len(part)] = part
-    return start, np.asarray(knock * (segment.std() / inside.std() * np.sqrt(SHARE)))
+    return start, np.asarray(knock * (segment.std() / inside.std() * np.sqrt(share)))
 
 
 def read_knocks(paths: Sequence[Path]) -> list[FloatArray]:

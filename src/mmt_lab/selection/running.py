@@ -1,4 +1,4 @@
-"""Paper C's Table II on trials of known texture: the published algorithm and ours, by seed."""
+"""Sample selection on trials of known texture: the published algorithm and ours, by seed."""
 
 import time
 from collections.abc import Sequence
@@ -8,56 +8,37 @@ from typing import Final, Literal
 from zlib import crc32
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from mmt.core.arrays import BoolArray, FloatArray
-from mmt.testing.simulation.textures import SURFACES
+from mmt.core.arrays import BoolArray
 from mmt.texture.autoregression.spectra import lsf_spectrum
-from mmt.texture.selection import ModelPoints, select, select_published
-from mmt.texture.selection.enclosing_simplex import enclose_each
+from mmt.texture.model.inputs import InputSpace
+from mmt.texture.selection import ModelPoints, select
+from mmt.texture.selection.published import select_published
+from mmt.texture.selection.simplices import enclose
 from mmt.texture.signals.amplitude_spectra import expected_amplitude
 from mmt.texture.signals.metrics import gfc_of_rows
 from mmt_lab.harness.processes import each
-from mmt_lab.selection.sessions import session_trials
-from mmt_lab.selection.trials import NOISE_M_S2, Trials, points_of, simulate_trials
+from mmt_lab.selection.sessions import Trials, session_trials
 
 Method = Literal["published", "ours", "ours, model's data"]
 METHODS: Final[tuple[Method, ...]] = ("published", "ours", "ours, model's data")
 
 _PROBES: Final = 200
-_FLOOR: Final = NOISE_M_S2**2  # a texture may be silent somewhere, which no sensor hears
+_FLOOR: Final = 0.03**2  # (m/s2)^2: a texture may be silent somewhere, which no sensor hears
 _DENSITY_HZ: Final = np.arange(501.0)
 _BINS: Final = slice(1, None)  # of Welch's estimate: 15.6 to 500 Hz
 
 
 @dataclass(frozen=True)
-class Row:
-    """A row of Table II: its name there, the sizes, and the texture that stands in."""
-
-    name: str
-    surface: str
-    points: int
-    outliers: int
-    directed: bool
-
-
-ROWS: Final = (
-    Row("Grass", "sandpaper", 236, 23, directed=False),
-    Row("Cardboard", "plastic", 253, 25, directed=False),
-    Row("Wood", "oak", 432, 43, directed=True),
-    Row("Washcloth", "corduroy", 461, 46, directed=True),
-)
-
-
-@dataclass(frozen=True)
 class SelectionResult:
-    """One method on one seed of one row.
+    """One method on one seed of one texture.
 
     ``false_alarms_without`` is the share removed from the same trials without any knock. Changes
     of GFC and of the power error (dB rms) are against the model of all points.
     """
 
-    row: str
-    surface: str
+    texture: str
     method: Method
     seed: int
     detected: float
@@ -72,30 +53,6 @@ class SelectionResult:
     seconds: float
 
 
-def run_seed(row: Row, seed: int, recorded: Sequence[FloatArray] = ()) -> list[SelectionResult]:
-    """Simulate the trials of one seed, and select from them by every method.
-
-    Parameters
-    ----------
-    row
-        What of Table II.
-    seed
-        Seed of all random numbers.
-    recorded
-        Knocks; see `simulate_trials`.
-    """
-    generator = np.random.default_rng([seed, row.points])
-    trials = simulate_trials(
-        SURFACES[row.surface],
-        row.points,
-        row.outliers,
-        generator,
-        directed=row.directed,
-        recorded=recorded,
-    )
-    return _judged(trials, row.name, row.surface, seed, generator)
-
-
 def run_texture(
     texture: str, seed: int, hand: str = "strokes", taps: Path | None = None
 ) -> list[SelectionResult]:
@@ -105,11 +62,11 @@ def run_texture(
     """
     generator = np.random.default_rng([seed, crc32(texture.encode())])
     trials = session_trials(texture, hand, seed, generator, taps)
-    return _judged(trials, trials.surface.name, texture, seed, generator)
+    return _judged(trials, trials.surface.name, seed, generator)
 
 
 def _judged(
-    trials: Trials, row: str, surface: str, seed: int, generator: np.random.Generator
+    trials: Trials, texture: str, seed: int, generator: np.random.Generator
 ) -> list[SelectionResult]:
     probes = _Probes(trials, generator)
     count = len(trials.data)
@@ -124,8 +81,7 @@ def _judged(
         score = probes.score(kept)
         results.append(
             SelectionResult(
-                row=row,
-                surface=surface,
+                texture=texture,
                 method=method,
                 seed=seed,
                 detected=float(outlier[trials.knocked].mean()),
@@ -160,10 +116,11 @@ class _Probes:
         self._data = trials.data
         speed = generator.uniform(40.0, 270.0, _PROBES)
         force = generator.uniform(0.4, 2.6, _PROBES)
-        heading = generator.uniform(0.0, 2.0 * np.pi, _PROBES)
-        heading *= float(trials.directed)
-        points = points_of(speed, force, heading, directed=trials.directed)
-        self._points = np.ascontiguousarray(np.vstack([trials.data.points, points]))
+        heading = generator.uniform(0.0, 2.0 * np.pi, _PROBES) * float(trials.directed)
+        along, across = speed * np.cos(heading), speed * np.sin(heading)
+        inputs = (along, across, force) if trials.directed else (speed, force)
+        space = InputSpace("anisotropic" if trials.directed else "isotropic")
+        self._places = space.normalise(np.column_stack(inputs))
         truth = trials.surface.spectrum(speed, force, _DENSITY_HZ, heading)
         self._amplitude = expected_amplitude(truth)[:, _BINS]
         self._power = truth.sum(axis=1)
@@ -173,29 +130,12 @@ class _Probes:
 
         Beyond the hull of the kept points the nearest one stands in.
         """
-        count = len(kept)
-        present = np.append(kept, np.zeros(_PROBES, dtype=np.bool_))
-        size = self._points.shape[1] + 1
-        members = np.empty((_PROBES, size), dtype=np.int64)
-        weights, prices = np.zeros((2, _PROBES, size))
-        candidates = np.flatnonzero(kept)
-        enclose_each(
-            self._points,
-            np.tile(candidates, _PROBES),
-            np.arange(_PROBES + 1) * candidates.size,
-            present,
-            np.arange(count, count + _PROBES),
-            members,
-            weights,
-            prices,
-        )
-        beyond = members[:, 0] < 0
-        offsets = self._points[count:][beyond, None, :] - self._points[candidates][None, :, :]
-        members[beyond] = candidates[np.argmin((offsets**2).sum(axis=2), axis=1)][:, None]
-        weights[beyond] = 1.0 / size
-        lsf = np.einsum("qc,qco->qo", weights, self._data.lsf[members])
-        variance = np.einsum("qc,qc->q", weights, self._data.variance[members])
-        density = lsf_spectrum(lsf, variance, _DENSITY_HZ, 1000.0)
+        points = self._data.points[kept]
+        values = np.column_stack([self._data.lsf, self._data.variance])[kept]
+        filters = enclose(points, self._places).interpolate(values)
+        beyond = np.isnan(filters[:, 0])
+        filters[beyond] = values[cKDTree(points).query(self._places[beyond])[1]]
+        density = lsf_spectrum(filters[:, :-1], filters[:, -1], _DENSITY_HZ, 1000.0)
         gfc = gfc_of_rows(expected_amplitude(density)[:, _BINS], self._amplitude)
         modelled = np.maximum(density.sum(axis=1), _FLOOR)
         error_db = 10.0 * np.log10(modelled / np.maximum(self._power, _FLOOR))
@@ -212,16 +152,4 @@ def run_textures(
     """Run textures on each seed in local processes; see `run_texture`."""
     calls = [(texture, seed, hand, taps) for texture in textures for seed in seeds]
     found = each(run_texture, calls, workers=workers, what="sample selection")
-    return [one for results in found for one in results]
-
-
-def run_rows(
-    seeds: Sequence[int], recorded: Sequence[FloatArray] = (), *, rows: Sequence[Row] = ROWS
-) -> list[SelectionResult]:
-    """Run every row on each seed; about 3 s a row and seed on a busy machine.
-
-    One after the other, in this process: the time of each selection is a figure.
-    """
-    calls = [(row, seed, recorded) for row in rows for seed in seeds]
-    found = each(run_seed, calls, workers=1, what="sample selection")
     return [one for results in found for one in results]

@@ -1,29 +1,59 @@
 """Trials of any texture: whole sessions of a hand, segmented as the leader does, with knocks."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray
+from mmt.core.arrays import BoolArray, FloatArray
 from mmt.core.errors import InputError
 from mmt.scene import Scene
+from mmt.testing.simulation.known_surfaces import KnownSurface
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import get_surface
+from mmt.texture.autoregression.burg import burg_batch
+from mmt.texture.autoregression.forms import reflection_to_lsf
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.segmentation.segmenter import segment, segmentation_settings
+from mmt.texture.selection import ModelPoints
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
 from mmt_lab.harness.experiment import hand_of
-from mmt_lab.selection.knocks import read_taps, usual_knock
-from mmt_lab.selection.trials import Trials, fitted, plant
+from mmt_lab.selection.knocks import add_knock, read_taps, simulated_knock
 
+ORDER: Final = 12
 SESSIONS: Final = 3
 DURATION_S: Final = 18.0
 
 _SHARE: Final = 0.1  # of the segments, which are knocked on
 _FEWEST: Final = 12
+
+
+@dataclass(frozen=True)
+class Trials:
+    """Fitted strokes with planted knocks.
+
+    Attributes
+    ----------
+    data
+        The points.
+    without
+        The same, none of them knocked on.
+    knocked
+        Which of `data` hold a knock, shape (n,).
+    surface
+        The truth.
+    directed
+        Whether the points have a heading.
+    """
+
+    data: ModelPoints
+    without: ModelPoints
+    knocked: BoolArray
+    surface: KnownSurface
+    directed: bool
 
 
 def session_trials(
@@ -66,9 +96,13 @@ def session_trials(
     vibration = [part.vibration_m_s2 for part in segments]
     knocked = np.zeros(len(segments), dtype=np.bool_)
     knocked[generator.choice(len(segments), round(_SHARE * len(segments)), replace=False)] = True
-    with_knocks = plant(vibration, knocked, _knocks(texture, taps, generator), generator)
+    knock = _knocks(texture, taps, generator)
+    struck = [
+        add_knock(part, knock(), generator) if hit else part
+        for part, hit in zip(vibration, knocked.tolist(), strict=True)
+    ]
     return Trials(
-        fitted(points, with_knocks),
+        fitted(points, struck),
         fitted(points, vibration),
         knocked,
         surface,
@@ -76,11 +110,17 @@ def session_trials(
     )
 
 
+def fitted(points: FloatArray, segments: Sequence[FloatArray], order: int = ORDER) -> ModelPoints:
+    """Return segments at normalised points (n, d), fitted at an order."""
+    fits = burg_batch(segments, order)
+    return ModelPoints(points, reflection_to_lsf(fits.reflection), fits.variances[:, -1], segments)
+
+
 def _knocks(
     texture: str, taps: Path | None, generator: np.random.Generator
 ) -> Callable[[], FloatArray]:
     if taps is None:
-        return lambda: usual_knock(generator)
+        return lambda: simulated_knock(generator)
     material = Path(texture.partition("+")[0]).stem.removeprefix("Models_")
     own = taps / f"Taps_{material}.xml"
     files = [own] if own.exists() else sorted(taps.glob("Taps_*.xml"))

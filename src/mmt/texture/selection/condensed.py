@@ -15,12 +15,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from mmt.core.arrays import BoolArray, FloatArray, IntArray
+from mmt.core.arrays import BoolArray, FloatArray
 from mmt.texture.selection.consensus import Consensus
-from mmt.texture.selection.enclosing_simplex import enclose_each
-from mmt.texture.selection.leave_one_out import hull_of
-from mmt.texture.selection.points import ModelPoints, amplitude_of
-from mmt.texture.selection.published import spectral_error
+from mmt.texture.selection.points import ModelPoints, amplitude_of, spectral_error
+from mmt.texture.selection.simplices import enclose, hull_of
 
 TAU: Final = 0.27
 """Largest relative spectral error of the condensed model."""
@@ -56,8 +54,7 @@ def condense(data: ModelPoints, tau: float = TAU, largest: int | None = None) ->
 
     Notes
     -----
-    O(n^3) for the consensus. The model is asked again only at places in whose circumsphere a point
-    has joined: with c kept points about O(n c d) in all.
+    O(n^3) for the consensus, and a triangulation of the kept points for each that joins.
     """
     n = len(data)
     minimal = np.zeros(n, dtype=np.bool_)
@@ -65,22 +62,23 @@ def condense(data: ModelPoints, tau: float = TAU, largest: int | None = None) ->
     if minimal.all() or n < 3:
         return Condensed(minimal, np.ones(n, dtype=np.bool_), np.zeros(n))
     consensus = Consensus(data)
-    everyone = np.ones(n, dtype=np.bool_)
-    agreed = np.exp(0.5 * consensus.smoothed(consensus.predict_from(everyone)))
+    agreed = np.exp(0.5 * consensus.smoothed(consensus.predict_from(np.ones(n, dtype=np.bool_))))
+    own = amplitude_of(data.lsf, data.variance)
     nearest = cKDTree(data.points)
-    thin = _Thin(data, agreed, minimal.copy())
     near = min(n, _NEAR * (data.points.shape[1] + 1))
+    thin = _Thin(data, agreed, minimal.copy())
     while largest is None or thin.kept.sum() < largest:
-        worst = thin.worst()
+        worst = _first_least(-thin.error, data.points)
         if thin.error[worst] <= tau:
             break
         places = nearest.query(data.points[worst], k=near)[1]
-        open_places = places[~thin.kept[places]]
-        if not open_places.size:
-            thin.error[worst] = 0.0  # all that is there is kept: nothing more can be done
+        places = places[~thin.kept[places]]
+        if not places.size:  # all that is there is kept: nothing more can be done
+            thin.settled[worst] = True
+            thin.error[worst] = 0.0
             continue
-        own = spectral_error(thin.amplitude[open_places], agreed[worst])
-        thin.add(int(open_places[_first_least(own, data.points[open_places])]))
+        misfit = spectral_error(own[places], agreed[worst])
+        thin.add(int(places[_first_least(misfit, data.points[places])]))
     return Condensed(minimal, thin.kept, thin.error)
 
 
@@ -90,55 +88,33 @@ def _first_least(values: FloatArray, points: FloatArray) -> int:
 
 
 class _Thin:
-    """The condensed model, and its error at every point."""
+    """The condensed model, and its error at every point (n,)."""
 
     def __init__(self, data: ModelPoints, agreed: FloatArray, kept: BoolArray) -> None:
-        self._data = data
-        self._agreed = agreed
-        self.kept = kept
-        self.amplitude = amplitude_of(data.lsf, data.variance)
-        n, d = data.points.shape
-        self._price = np.zeros((n, d + 1))
-        self.error = np.zeros(n)
-        self._ask(np.flatnonzero(~kept))
-
-    def worst(self) -> int:
-        """Return the index of the point of largest error."""
-        return _first_least(-self.error, self._data.points)
+        self._points, self._agreed = data.points, agreed
+        self._values = np.column_stack([data.lsf, data.variance])
+        self._members = np.full((len(data), data.points.shape[1] + 1), -2, dtype=np.int64)
+        self.kept, self.settled = kept, kept.copy()
+        self.error = np.zeros(len(data))
+        self._ask()
 
     def add(self, index: int) -> None:
-        """Add a point, and update the errors where it changes the simplex."""
-        self.kept[index] = True
+        """Add a point, and update the errors where that changes the simplex."""
+        self.kept[index] = self.settled[index] = True
         self.error[index] = 0.0
-        offset = self._data.points[index] - self._data.points
-        inside = (offset**2).sum(axis=1) < (self._price[:, :-1] * offset).sum(axis=1) + (
-            self._price[:, -1]
-        )
-        self._ask(np.flatnonzero(inside & ~self.kept))
+        self._ask()
 
-    def _ask(self, places: IntArray) -> None:
-        if not places.size:
-            return
-        kept = np.flatnonzero(self.kept)
-        size = self._data.points.shape[1] + 1
-        members = np.empty((places.size, size), dtype=np.int64)
-        weights, price = np.zeros((2, places.size, size))
-        enclose_each(
-            self._data.points,
-            np.tile(kept, places.size),
-            np.arange(places.size + 1) * kept.size,
-            self.kept,
-            places,
-            members,
-            weights,
-            price,
-        )
-        self._price[places] = price
-        lsf = np.einsum("qc,qco->qo", weights, self._data.lsf[members])
-        variance = np.einsum("qc,qc->q", weights, self._data.variance[members])
-        found = members[:, 0] >= 0
-        error = np.full(places.size, np.inf)  # beyond the hull by a rounding: it has to join
+    def _ask(self) -> None:
+        kept, places = np.flatnonzero(self.kept), np.flatnonzero(~self.settled)
+        around = enclose(self._points[kept], self._points[places])
+        members = np.where(around.members < 0, -1, kept[around.members])
+        changed = np.flatnonzero((np.sort(members, axis=1) != self._members[places]).any(axis=1))
+        self._members[places] = np.sort(members, axis=1)
+        values = around.interpolate(self._values[kept])[changed]
+        found = np.isfinite(values[:, 0])
+        error = np.full(changed.size, np.inf)  # beyond the hull by a rounding: it has to join
         error[found] = spectral_error(
-            amplitude_of(lsf[found], variance[found]), self._agreed[places[found]]
+            amplitude_of(values[found, :-1], values[found, -1]),
+            self._agreed[places[changed[found]]],
         )
-        self.error[places] = error
+        self.error[places[changed]] = error

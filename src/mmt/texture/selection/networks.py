@@ -12,7 +12,7 @@ from mmt.texture.interpolation.networks.solving import RadialBasisNetwork
 
 
 class NetworkNeighbours:
-    """One network for all values, through every present point; see `LeaveOneOutModel`.
+    """One network for all values, through or near every present point.
 
     Parameters
     ----------
@@ -22,10 +22,18 @@ class NetworkNeighbours:
         Shape (n, v).
     present
         Shape (n,): which are in the network, at least one.
+    smoothing
+        Of the network.
     """
 
-    def __init__(self, points: FloatArray, values: FloatArray, present: BoolArray) -> None:
-        self._points, self._values = points, values
+    def __init__(
+        self,
+        points: FloatArray,
+        values: FloatArray,
+        present: BoolArray,
+        smoothing: float = 0.0,
+    ) -> None:
+        self._points, self._values, self._smoothing = points, values, smoothing
         self._numbers: IntArray
         self._network: RadialBasisNetwork
         self._weights: FloatArray
@@ -46,7 +54,7 @@ class NetworkNeighbours:
         return np.asarray(self._values[index] - self._weights[row] / pivot)
 
     def remove(self, index: int) -> None:
-        """See `LeaveOneOutModel`."""
+        """Remove a point."""
         row, inverse = int(np.flatnonzero(self._numbers == index)[0]), self._inverted()
         column, pivot = inverse[:, row], float(inverse[row, row])
         self._numbers = np.delete(self._numbers, row)
@@ -59,13 +67,15 @@ class NetworkNeighbours:
         self._inverse = np.delete(np.delete(inverse, row, axis=0), row, axis=1)
 
     def add(self, index: int) -> None:
-        """See `LeaveOneOutModel`."""
+        """Add a point."""
         self._use(np.append(self._numbers, index))
 
     def _use(self, numbers: IntArray) -> None:
         """Solve for the network of some points, at least one."""
         self._numbers = numbers
-        self._network = RadialBasisNetwork(self._points[numbers], self._values[numbers])
+        self._network = RadialBasisNetwork(
+            self._points[numbers], self._values[numbers], self._smoothing
+        )
         self._weights = self._network.weights
         self._inverse = None
 

@@ -12,10 +12,9 @@ import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
 from mmt.texture.model.samples import TextureSamples
-from mmt.texture.selection.leave_one_out import leave_each_out
 from mmt.texture.selection.outliers import find_outliers
-from mmt.texture.selection.points import ModelPoints, amplitude_of
-from mmt.texture.selection.published import spectral_error
+from mmt.texture.selection.points import ModelPoints, amplitude_of, spectral_error
+from mmt.texture.selection.simplices import enclose_without
 from mmt.texture.settings import OnlineSelectionSettings
 
 _TINY: Final = float(np.finfo(np.float64).tiny)
@@ -88,19 +87,19 @@ def best_predicted(
 ) -> IntArray:
     """Return the numbers of the points that the others predict best, one leaving at a time.
 
-    Corners of the hull leave only where nothing else is left. O(n log n) for each sweep, in
+    Corners of the hull leave only if nothing else is left. O(n log n) for each sweep, in
     which no two leave that predict each other; one sweep for a few points.
     """
     values = np.column_stack([lsf, variance])
     left = np.arange(len(points))
     gone: list[int] = []
     while len(gone) < count:
-        members, weights, _ = leave_each_out(points[left])
-        error = np.full(len(left), np.inf)
-        inner = np.flatnonzero(members[:, 0] >= 0)
-        predicted = np.einsum("nk,nkv->nv", weights[inner], values[left][members[inner]])
+        around = enclose_without(points[left])
+        error, inner = np.full(len(left), np.inf), around.found
+        predicted = around.interpolate(values[left])[inner]
+        predicted_lsf, predicted_variance = predicted[:, :-1], predicted[:, -1]
         error[inner] = spectral_error(
-            amplitude_of(predicted[:, :-1], predicted[:, -1]),
+            amplitude_of(predicted_lsf, np.maximum(predicted_variance, _TINY)),
             amplitude_of(lsf[left[inner]], np.maximum(variance[left[inner]], _TINY)),
         )
         touched = np.zeros(len(left), dtype=np.bool_)
@@ -108,7 +107,7 @@ def best_predicted(
         for index in np.lexsort((*points[left].T[::-1], error)).tolist():
             if len(gone) + len(leaving) == count or (leaving and np.isinf(error[index])):
                 break
-            if not touched[members[index]].any():  # what predicts it stays
+            if not touched[around.members[index]].any():  # what predicts it stays
                 leaving.append(index)
                 touched[index] = True
         gone += left[leaving].tolist()

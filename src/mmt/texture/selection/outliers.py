@@ -28,7 +28,7 @@ from mmt.texture.selection.consensus import Consensus
 from mmt.texture.selection.points import ModelPoints
 from mmt.texture.selection.transients import tone_evidence, whitening
 
-FALSE_ALARMS: Final = 0.02
+FALSE_ALARMS: Final = 0.01
 """Share of good points that are taken for outliers, about."""
 
 LARGEST_RATE: Final = 0.2

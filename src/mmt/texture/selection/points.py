@@ -9,6 +9,7 @@ import numpy as np
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.order_limit import LARGEST_ORDER
+from mmt.texture.autoregression.spectra import lsf_spectrum
 
 USUAL_SAMPLES: Final = 250
 """Number of samples assumed for a segment that is not available."""
@@ -101,28 +102,22 @@ def band(count: int = _GRID) -> FloatArray:
 
 
 def log_density_of(lsf: FloatArray, variance: FloatArray) -> FloatArray:
-    """Return the logarithms of the filters' exact power densities (n, f) at `band`; the rate is 1.
-
-    As `mmt.texture.autoregression.spectra.lsf_spectrum`, with differences of cosines in the place
-    of products of sines: several times faster, at an absolute error of a rounding in each factor.
-    """
-    angles = 2.0 * np.pi * band()
-    roots = 2.0 * np.cos(lsf)
-    rows = 2.0 * np.cos(angles)
-    p = np.ones((len(lsf), len(angles)))
-    q = np.ones_like(p)
-    for k in range(lsf.shape[1]):
-        factor = p if k % 2 == 0 else q
-        factor *= rows - roots[:, k, None]
-    if lsf.shape[1] % 2 == 0:
-        p *= 2.0 * np.cos(0.5 * angles)
-        q *= 2.0 * np.sin(0.5 * angles)
-    else:
-        q *= 2.0 * np.sin(angles)
-    square = np.maximum(p * p + q * q, np.finfo(np.float64).tiny)
-    return np.asarray(np.log(8.0) + np.log(variance)[:, None] - np.log(square))
+    """Return the logarithms of the filters' exact power densities (n, f) at `band`; rate 1."""
+    return np.asarray(np.log(lsf_spectrum(lsf, 1.0, band(), 1.0)) + np.log(variance)[:, None])
 
 
 def amplitude_of(lsf: FloatArray, variance: FloatArray) -> FloatArray:
     """Return the filters' exact amplitude spectra (n, f) at `band`; the rate is 1."""
     return np.asarray(np.exp(0.5 * log_density_of(lsf, variance)))
+
+
+def spectral_error(estimate: FloatArray, truth: FloatArray) -> FloatArray:
+    """Return paper C's equation 2: the rms of the difference of amplitudes over that of the truth.
+
+    Parameters
+    ----------
+    estimate, truth
+        Amplitude spectra, shape (..., f).
+    """
+    difference = np.sqrt(np.mean((estimate - truth) ** 2, axis=-1))
+    return np.asarray(difference / np.sqrt(np.mean(truth**2, axis=-1)))

@@ -47,6 +47,8 @@ class RadialBasisNetwork:
     ----------
     points, values
         At least one sample, shapes (n, d) and (n, m), finite.
+    smoothing
+        What ridge regression adds to the diagonal, not negative; 0 goes through every sample.
 
     Attributes
     ----------
@@ -54,13 +56,14 @@ class RadialBasisNetwork:
         Of the radial functions, (n, m), and of the polynomial, (1 + d, m), constant first.
     """
 
-    def __init__(self, points: FloatArray, values: FloatArray) -> None:
+    def __init__(self, points: FloatArray, values: FloatArray, smoothing: float = 0.0) -> None:
         self.points = points
         polynomials = _polynomials(points)
         basis, singular, right = np.linalg.svd(polynomials, full_matrices=False)
         kept = singular > SAME_PLANE
         self._basis: FloatArray = basis[:, kept]
         radial = _radial(points, points)
+        radial[np.diag_indices_from(radial)] += smoothing
         projected = self._off(self._off(radial).T)
         self._scale = max(float(np.abs(projected).sum(axis=0).max()), np.finfo(np.float64).tiny)
         rounding = _EPS * float(np.abs(radial).sum(axis=0).max()) / _REFINABLE

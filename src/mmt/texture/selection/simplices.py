@@ -1,0 +1,110 @@
+"""Delaunay simplices: around any place, and around each point's place without the point.
+
+Leaving a vertex out of a triangulation changes the star of that vertex alone, and the new
+simplices have their corners on the star's rim. So the simplex around the vertex's place is found
+in a triangulation of its neighbours, and not all n points are triangulated again.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import ConvexHull, Delaunay, QhullError
+
+from mmt.core.arrays import FloatArray, IntArray
+
+
+class Enclosing(NamedTuple):
+    """Simplices around q places: ``members`` (q, d + 1), -1 if beyond the hull, and ``weights``.
+
+    The weights (q, d + 1) are the barycentric coordinates.
+    """
+
+    members: IntArray
+    weights: FloatArray
+
+    @property
+    def found(self) -> IntArray:
+        """Which places have a simplex."""
+        return np.flatnonzero(self.members[:, 0] >= 0)
+
+    def interpolate(self, values: FloatArray) -> FloatArray:
+        """Return values (n, v) interpolated at the places, (q, v); NaN beyond the hull."""
+        result = np.full((len(self.members), values.shape[1]), np.nan)
+        inside = self.found
+        corners = values[self.members[inside]]
+        result[inside] = np.einsum("qc,qcv->qv", self.weights[inside], corners)
+        return result
+
+
+def hull_of(points: FloatArray) -> IntArray:
+    """Return the numbers of the corners of the convex hull, ascending: the minimal set.
+
+    If the points do not span the space, every one counts as a corner.
+    """
+    try:
+        corners = ConvexHull(points).vertices
+    except (QhullError, ValueError):  # flat, or fewer points than a simplex has
+        return np.arange(len(points))
+    return np.sort(corners).astype(np.int64)
+
+
+def enclose(points: FloatArray, places: FloatArray) -> Enclosing:
+    """Return the simplices of the triangulation of n points around q places.
+
+    Parameters
+    ----------
+    points, places
+        Shapes (n, d) and (q, d). Points that do not span the space have no simplex.
+    """
+    count, dimensions = places.shape
+    members = np.full((count, dimensions + 1), -1, dtype=np.int64)
+    weights = np.zeros((count, dimensions + 1))
+    try:
+        triangulation = Delaunay(points)
+    except (QhullError, ValueError):
+        return Enclosing(members, weights)
+    simplex = triangulation.find_simplex(places)
+    inside = np.flatnonzero(simplex >= 0)
+    transform = triangulation.transform[simplex[inside]]
+    shares = np.einsum(
+        "qij,qj->qi", transform[:, :dimensions], places[inside] - transform[:, dimensions]
+    )
+    shares = np.maximum(np.column_stack([shares, 1.0 - shares.sum(axis=1)]), 0.0)
+    known = np.isfinite(shares).all(axis=1)  # a simplex without volume has no coordinates
+    members[inside[known]] = triangulation.simplices[simplex[inside]][known]
+    weights[inside[known]] = shares[known] / shares[known].sum(axis=1, keepdims=True)
+    return Enclosing(members, weights)
+
+
+def enclose_without(points: FloatArray) -> Enclosing:
+    """Return the simplex around the place of each of n points (n, d) without it.
+
+    One triangulation of all points and one of each point's neighbours: O(n log n) for scattered
+    points.
+    """
+    members = np.full((len(points), points.shape[1] + 1), -1, dtype=np.int64)
+    weights = np.zeros(members.shape)
+    for index, star in enumerate(_stars(points)):
+        rim = np.array(sorted(star), dtype=np.int64)
+        around = enclose(points[rim], points[index : index + 1])
+        if around.found.size:
+            members[index], weights[index] = rim[around.members[0]], around.weights[0]
+    return Enclosing(members, weights)
+
+
+def _stars(points: FloatArray) -> list[set[int]]:
+    """Return the neighbours of each point in the triangulation; of flat points there are none.
+
+    Points at one place are neighbours of each other, and share theirs.
+    """
+    try:
+        triangulation = Delaunay(points)
+    except (QhullError, ValueError):
+        return [set() for _ in points]
+    starts, neighbours = triangulation.vertex_neighbor_vertices
+    stars = [set(neighbours[starts[i] : starts[i + 1]].tolist()) for i in range(len(points))]
+    for dropped, _, kept in triangulation.coplanar.tolist():  # at, or very near, another
+        stars[dropped] = stars[kept] | {kept}
+        for other in stars[dropped]:
+            stars[other].add(dropped)
+    return stars
