@@ -1,0 +1,43 @@
+"""A model is updated in the thread that asks for it, however many threads BLAS may start."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Final
+
+import pytest
+
+UPDATE: Final = """
+import json, os
+from pathlib import Path
+import mmt
+from mmt.texture.online.history import update_blocks
+from mmt.texture.online.modeller import OnlineModeller
+
+def cpu_ns():
+    tasks = Path("/proc/self/task").iterdir()
+    own = {int(task.name): int((task / "schedstat").read_text().split()[0]) for task in tasks}
+    return own.pop(os.getpid()), sum(own.values()), len(own)
+
+frames, _ = mmt.simulate_session(mmt.Scene(), surface="wood", duration_s=12.0)
+for number in range(2):  # the first compiles
+    modeller, before = OnlineModeller(), cpu_ns()
+    for block in update_blocks(frames, 1000):
+        modeller.update(block)
+    after = cpu_ns()
+print(json.dumps([after[0] - before[0], after[1] - before[1], after[2]]))
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="needs Linux's schedstat")
+def test_an_update_uses_no_threads_of_blas() -> None:
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "4"}
+    result = subprocess.run(
+        [sys.executable, "-c", UPDATE], env=environment, capture_output=True, text=True, check=True
+    )
+    own_ns, others_ns, others = json.loads(result.stdout.splitlines()[-1])
+    if not others:
+        pytest.skip("this BLAS has no threads")
+    assert others_ns < 0.05 * own_ns
