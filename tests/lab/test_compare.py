@@ -97,7 +97,7 @@ def test_an_unknown_texture_or_method_is_refused_in_words():
     for names in ([], ["field", "field"], ["published", "best"], ["field-soup"]):
         with pytest.raises(InputError, match="name some of published, field, field-"):
             check_methods(names)
-    check_methods(["published", "field", "field-place"])
+    check_methods(["published", "field", "field-trust"])
 
 
 def make_stroke(path: Path, speed_mm_s: float) -> Path:
