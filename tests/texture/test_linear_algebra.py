@@ -7,7 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mmt.core.arrays import FloatArray
-from mmt.texture.linear_algebra import cholesky, product, solve_backward, solve_forward
+from mmt.texture.linear_algebra import (
+    cholesky,
+    inverse_root,
+    product,
+    solve_backward,
+    solve_forward,
+)
 
 EPSILON = np.finfo(float).eps
 SIZES = [0, 1, 2, 7, 8, 9, 15, 16, 17, 64, 101, 230]
@@ -93,3 +99,11 @@ def test_a_product_is_that_of_numpy(
     if transposed:
         a = np.asfortranarray(a)
     np.testing.assert_allclose(product(a, b), a @ b, atol=1e-13)
+
+
+@pytest.mark.parametrize("size", [1, 7, 8, 9, 64, 131])
+def test_the_root_of_the_inverse_is_what_the_unit_matrix_is_solved_to(size: int) -> None:
+    factor = cholesky(covariance(size))
+    root = inverse_root(factor)
+    np.testing.assert_array_equal(root, solve_forward(factor, np.eye(size)))
+    np.testing.assert_allclose(root @ root.T @ covariance(size), np.eye(size), atol=1e-6)
