@@ -26,7 +26,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.texture.field.cells import FieldCells
-from mmt.texture.linear_algebra import cholesky, solve_forward
+from mmt.texture.linear_algebra import cholesky, inverse_root
 
 BLOCK_VARIANCE: Final = 0.15
 """Variance of a block's log power, nepers^2, on a homogeneous surface: some 13 independent samples
@@ -48,6 +48,7 @@ _MEDIAN: Final = 0.9
 
 _LARGEST_VARIANCE: Final = 1.0  # nepers^2; what varies by more is no steady texture
 _LEAST_PRECISION: Final = 1e-3
+_LEAST_BELIEVED: Final = 1e-9  # that of a row 200 dB off counts for nothing
 
 
 class Observations(NamedTuple):
@@ -89,8 +90,9 @@ def observe(cells: FieldCells, priors: Sequence[FloatArray]) -> Observations:
     likeliest = int(np.argmax([_log_density(off, usual).sum() for _, off, usual in left_out]))
     smoothed, off, usual = left_out[likeliest]
     for _ in range(ROUNDS):
-        trust = np.maximum(_believed(off, usual), (moment + scatter) / STRAY_DEVIATION**2)
-        moment = _moment_variance(cell, level, scatter, trust)
+        believed = np.maximum(_believed(off, usual), _LEAST_BELIEVED)
+        moment = _moment_variance(cell, level, scatter, believed)
+        trust = np.maximum(believed, (moment + scatter) / STRAY_DEVIATION**2)
         smoothed, off, usual = _left_out(priors[likeliest], cell, level, moment + scatter, trust)
     precision, mean = _combined(cell, trust / (moment + scatter), level)
     bias = 0.5 * moment  # and a mean of logarithms, of moments, below that of the mean
@@ -137,7 +139,7 @@ def _left_out(
     middle = float(np.average(mean, weights=precision))
     total = prior.copy()
     total[np.diag_indices_from(total)] += 1.0 / precision
-    root = solve_forward(cholesky(total), np.eye(len(total)))  # times its transpose the inverse
+    root = inverse_root(cholesky(total))
     gains = np.einsum("ij,j->i", root, np.einsum("ij,i->j", root, mean - middle))
     smoothed = mean - gains / precision
     known = 1.0 / precision - np.square(root).sum(axis=1) / np.square(precision)
