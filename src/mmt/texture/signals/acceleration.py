@@ -166,6 +166,12 @@ def _process(
         state[_KNOWN] += 1
 
 
+def taps_of(section: Biquad) -> FloatArray:
+    """Return the coefficients (5) and the steady states (2) for a constant 1, shape (7,)."""
+    coefficients = (section.b0, section.b1, section.b2, section.a1, section.a2)
+    return np.array([*coefficients, *section.steady_state(1.0)])
+
+
 class VibrationFilter:
     """Judge, bridge and high-pass a stream of acceleration; cost: some 0.2 us an element and axis.
 
@@ -186,8 +192,7 @@ class VibrationFilter:
     def __init__(
         self, high_pass: Biquad, axes: int, delay: int, settling: int, longest_bridged: int
     ) -> None:
-        section = (high_pass.b0, high_pass.b1, high_pass.b2, high_pass.a1, high_pass.a2)
-        self._taps = np.array([*section, *high_pass.steady_state(1.0)])
+        self._taps = taps_of(high_pass)
         self._limits = np.array([delay, settling, longest_bridged])
         self._channels = ChannelStates(axes)
         self._axes = np.zeros((axes, 4))

@@ -15,6 +15,7 @@ import numpy as np
 from mmt.core.arrays import BoolArray, FloatArray
 from mmt.core.compiled import kernel
 from mmt.texture.autoregression.burg_recursion import burg_into
+from mmt.texture.autoregression.lsf import reflection_to_ar_into
 
 HISTORY: Final = 256
 """Samples before a gap to which the model is fitted, at most."""
@@ -23,20 +24,6 @@ ORDER: Final = 16
 """Order of the model."""
 
 _LEAST: Final = 64  # samples for a fit; with fewer, a straight line
-
-
-@kernel("f8[::1](f8[::1])")
-def _taps_of(reflection: FloatArray) -> FloatArray:
-    """Return the prediction error filter (m + 1,) of reflection coefficients (m,)."""
-    taps = np.zeros(len(reflection) + 1)
-    taps[0] = 1.0
-    for order in range(1, len(reflection) + 1):
-        k = reflection[order - 1]
-        for i in range(1, order // 2 + 1):
-            ahead, behind = taps[i], taps[order - i]
-            taps[i], taps[order - i] = ahead + k * behind, behind + k * ahead
-        taps[order] = k
-    return taps
 
 
 @kernel("void(f8[:, ::1], f8[::1])")
@@ -66,7 +53,8 @@ def _fill_by_model(
     reflection, variances = np.empty(ORDER), np.empty(ORDER + 1)
     if not burg_into(past, reflection, variances, np.empty(3 * count)):
         return
-    taps = _taps_of(reflection)
+    taps = np.ones(ORDER + 1)
+    reflection_to_ar_into(reflection, taps[1:])
     # What follows the gap: other gaps there are unknowns too, of which the values are not used.
     span = newest + 1 - start
     place, unknowns = np.full(span, -1), 0

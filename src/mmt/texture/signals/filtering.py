@@ -24,7 +24,7 @@ import numpy as np
 from mmt.core.arrays import BoolArray, FloatArray, IntArray, RecordArray
 from mmt.core.compiled import kernel
 from mmt.texture.settings import LONGEST_BRIDGED, Axis, ModellingSettings, VibrationAxis
-from mmt.texture.signals.acceleration import VibrationFilter
+from mmt.texture.signals.acceleration import VibrationFilter, taps_of
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.biquad import SMALLEST, Biquad, bessel_low_pass, butterworth_high_pass
 from mmt.texture.signals.frame_gaps import FrameGaps
@@ -128,7 +128,7 @@ class StreamFilter:
         self._normal = _AXES.index(normal)
         self._tangential = [k for k in range(3) if k != self._normal]
         self._axes = [0, 1, 2] if axis == "dft321" else [_AXES.index(axis)]
-        self._low_taps, self._high_pass = _taps(low_pass), high_pass
+        self._low_taps, self._high_pass = taps_of(low_pass), high_pass
         self._longest_bridged = longest_bridged_samples
         self.delays = _delays(low_pass, high_pass, vibration_cutoff_hz)
         self.delay_samples = self.delays.alignment
@@ -229,12 +229,6 @@ class StreamFilter:
         step_mm = np.diff(before, axis=0)
         step_mm[restart] = 0.0
         return step_mm[:, self._tangential]
-
-
-def _taps(section: Biquad) -> FloatArray:
-    """Return the coefficients (5) and the steady states (2) for a constant 1, shape (7,)."""
-    coefficients = (section.b0, section.b1, section.b2, section.a1, section.a2)
-    return np.array([*coefficients, *section.steady_state(1.0)])
 
 
 def _delays(low_pass: Biquad, high_pass: Biquad, vibration_cutoff_hz: float) -> ChannelDelays:
