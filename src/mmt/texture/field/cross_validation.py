@@ -15,11 +15,11 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
-from scipy.linalg.lapack import dpotrf, dpotri, dtrtrs
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
 from mmt.texture.field.covariance import Between, Coordinates, coordinates, settings
 from mmt.texture.field.posterior import SETTINGS
+from mmt.texture.linear_algebra import cholesky, inverse_root, product, solve_forward
 
 EVIDENCE: Final = 64
 """Most observations that the settings are weighed on, an even choice of those present: all of some
@@ -111,10 +111,10 @@ class LeaveOneOut:
             for column, factor in enumerate(self._factors):
                 total = prior.copy()
                 _add_to_diagonal(total, factor * self._scatter[chosen])
-                root = dpotrf(total, lower=1, overwrite_a=1)[0]
+                root = cholesky(total)
                 logarithm = np.log(np.diagonal(root)).sum()
                 for group, (rest, count) in enumerate(zip(rests, effective, strict=True)):
-                    squares = np.square(dtrtrs(root, rest, lower=1)[0]).sum() / rest.shape[1]
+                    squares = np.square(solve_forward(root, rest.T)).sum() / rest.shape[1]
                     evidence[group, row, column] = -count * (0.5 * squares + logarithm)
         weights = np.exp(evidence - evidence.max(axis=(1, 2), keepdims=True))
         weights[weights < _NEGLIGIBLE] = 0.0
@@ -162,7 +162,6 @@ def _add_to_diagonal(matrix: FloatArray, values: FloatArray) -> None:
 
 
 def _inverse(matrix: FloatArray) -> FloatArray:
-    """Return the inverse of a positive definite matrix, which is overwritten."""
-    lower = dpotri(dpotrf(matrix, lower=1, overwrite_a=1)[0], lower=1, overwrite_c=1)[0]
-    lower = np.tril(lower)
-    return np.asarray(lower + np.tril(lower, -1).T)
+    """Return the inverse of a positive definite matrix."""
+    root = inverse_root(cholesky(matrix))
+    return product(root, root.T)
