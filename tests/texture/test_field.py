@@ -194,7 +194,7 @@ def test_a_row_is_predicted_as_if_it_had_not_been_there(directed):
     cell, level = cells.cell_of_row, cells.sums[:, 1] - cells.centres.law[cells.cell_of_row]
     scatter, trust = np.linspace(0.1, 0.3, len(level)), np.linspace(0.2, 1.0, len(level))
     between = covariance.Between(cells.centres, cells.centres, directed=directed)
-    prior = between.covariance(covariance.medians(directed=directed))
+    prior = between.covariance(covariance.settings(16, directed=directed)[3])
     _, off, usual = observations._left_out(prior, cell, level, scatter, trust)
     own = trust / scatter
     mean = np.bincount(cell, own * level) / np.bincount(cell, own)

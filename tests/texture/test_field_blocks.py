@@ -44,7 +44,6 @@ def test_a_block_is_a_twentieth_of_a_second_of_a_stroke(space):
     np.testing.assert_allclose(found.points, np.tile(expected, (19, 1)))
     squares = np.square(part.vibration_m_s2[50:]).reshape(19, 50).mean(axis=1)
     np.testing.assert_allclose(found.power, squares)
-    np.testing.assert_allclose(found.position_mm[:, 0], found.start * 0.1 + 2.45)
 
 
 @pytest.mark.parametrize("step", [1, 7, 50, 333])
@@ -52,7 +51,7 @@ def test_how_the_stream_comes_changes_no_block(step):
     whole = stroke(1003, first=13)
     one, parts = cutter().cut([whole]), cutter()
     found = [parts.cut([whole[at : at + step]]) for at in range(0, 1003, step)]
-    for name in ("start", "points", "power", "position_mm"):
+    for name in ("start", "number", "points", "power"):
         joined = np.concatenate([getattr(each, name) for each in found])
         np.testing.assert_array_equal(joined, getattr(one, name))
 

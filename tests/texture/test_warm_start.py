@@ -129,9 +129,8 @@ def test_what_no_known_texture_is_like_gets_a_filter_of_its_own_and_pays_for_it(
 
 def felt(power_of: Callable[[FloatArray], FloatArray], inputs: FloatArray) -> Blocks:
     count = len(inputs)
-    places = np.column_stack([np.arange(count) * 15.0, np.zeros(count)])
     starts = 50 * np.arange(count)
-    return Blocks(starts, starts // 50, ISOTROPIC.normalise(inputs), power_of(inputs), places)
+    return Blocks(starts, starts // 50, ISOTROPIC.normalise(inputs), power_of(inputs))
 
 
 def test_without_blocks_a_known_texture_has_its_gain() -> None:

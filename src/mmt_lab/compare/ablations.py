@@ -30,10 +30,11 @@ def _without_rough(settings: Callable[..., Any]) -> Callable[..., Any]:
     return partial(settings, rough=False)
 
 
-def _medians_alone(_: Callable[..., Any]) -> Callable[..., Any]:
-    from mmt.texture.field.covariance import medians
+def _medians_alone(settings: Callable[..., Any]) -> Callable[..., Any]:
+    from mmt.texture.field.covariance import HYPERPRIOR
 
-    return lambda count, *, directed: medians(directed=directed)[np.newaxis]  # noqa: ARG005
+    medians = np.array([[prior.median for prior in HYPERPRIOR.values()]])
+    return lambda count, *, directed: medians[:, : settings(1, directed=directed).shape[1]]  # noqa: ARG005
 
 
 def _trusted(_: Callable[..., Any]) -> Callable[..., Any]:

@@ -12,7 +12,6 @@ import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
 from mmt.texture.model.inputs import InputSpace
-from mmt.texture.settings import Axis
 from mmt.texture.signals.aligned import AlignedBlock
 
 BLOCK_S: Final = 0.05
@@ -20,16 +19,15 @@ _LARGEST_CHANGE: Final = 2.0
 
 
 class Blocks(NamedTuple):
-    """n blocks: first sample and number in time (n,), points (n, d), powers (n,), positions (n, 2).
+    """n blocks: first sample and number in time (n,), points (n, d), powers (n,).
 
-    With a measure of c features the powers are these, (n, c). Positions are in the plane.
+    With a measure of c features the powers are these, (n, c).
     """
 
     start: IntArray
     number: IntArray
     points: FloatArray
     power: FloatArray
-    position_mm: FloatArray
 
     def kept(self, chosen: BoolArray) -> "Blocks":
         """Return some of the blocks."""
@@ -65,8 +63,6 @@ class BlockCutter:
         Slower or lighter samples belong to no block.
     rate_hz
         Sampling rate of the stream.
-    normal
-        The surface's normal axis.
     measure
         What is measured of the vibration of n blocks of m samples, (n, m, axes), of which some
         (n, m) are measured: their powers, or features (n, c). Blocks in which any is not finite
@@ -79,12 +75,10 @@ class BlockCutter:
         least_speed_mm_s: float,
         least_force_n: float,
         rate_hz: float,
-        normal: Axis = "z",
         measure: Callable[[FloatArray, BoolArray], FloatArray] = mean_square,
     ) -> None:
         self._space = space
         self._measure = measure
-        self._plane = ["xyz".index(axis) for axis in "xyz" if axis != normal]
         self._least_speed_mm_s, self._least_force_n = least_speed_mm_s, least_force_n
         self.length = max(1, round(BLOCK_S * rate_hz))
         self._rest = AlignedBlock.empty()
@@ -128,5 +122,4 @@ class BlockCutter:
             else (speed.mean(axis=1), force.mean(axis=1))
         )
         points = self._space.normalise(self._space.stack(*mean))
-        plane = part.position_mm[rows].mean(axis=1)[:, self._plane]
-        return Blocks(first, first // length, points, power, plane).kept(used)
+        return Blocks(first, first // length, points, power).kept(used)

@@ -8,7 +8,7 @@ and a session of hours has no more than `LARGEST` rows.
 
 The moment is kept because what disturbs a measurement (a knock, a slip, a patch of the surface)
 disturbs the blocks of a moment together: a row is worth less than its blocks would be one by one,
-and one that disagrees with all others can be told (`mmt.texture.field.posterior`).
+and one that disagrees with all others can be told (`mmt.texture.field.observations`).
 """
 
 from dataclasses import dataclass
@@ -163,11 +163,6 @@ class FieldCells:
     def cell_of_row(self) -> IntArray:
         """Index of the cell of strokes of each row, (r,)."""
         return self._strokes[1]
-
-    @cached_property
-    def counts(self) -> FloatArray:
-        """Blocks in each cell of strokes, (c,)."""
-        return np.asarray(np.bincount(self.cell_of_row, self.sums[:, 0]))
 
 
 def centres(cells: IntArray, *, directed: bool) -> Coordinates:

@@ -134,12 +134,6 @@ def settings(count: int, *, directed: bool, rough: bool = True) -> FloatArray:
     return every
 
 
-def medians(*, directed: bool) -> FloatArray:
-    """Return the medians of the hyperparameters, (4,) or (8,)."""
-    every = np.array([prior.median for prior in HYPERPRIOR.values()])
-    return every if directed else every[:_PLANAR]
-
-
 def matern(distance: FloatArray, length: float) -> FloatArray:
     """Return the Matern covariance of smoothness 3/2."""
     r = (np.sqrt(3.0) / length) * distance

@@ -56,15 +56,13 @@ class Observations(NamedTuple):
 
     ``level``, ``variance`` (c,): the mean of the rows' logarithms of powers plus
     `cells.FELT_POWER`, by their precision, and the variance of its error; ``smoothed`` (c,): the
-    same as predicted from all cells together. ``trust`` (r,): probability that each row is not
-    wrong altogether. ``block``, ``moment``: variances between the blocks of a moment, and between
-    moments.
+    same as predicted from all cells together. ``block``, ``moment``: variances between the blocks
+    of a moment, and between moments.
     """
 
     level: FloatArray
     variance: FloatArray
     smoothed: FloatArray
-    trust: FloatArray
     block: float
     moment: float
 
@@ -96,7 +94,7 @@ def observe(cells: FieldCells, priors: Sequence[FloatArray]) -> Observations:
         smoothed, off, usual = _left_out(priors[likeliest], cell, level, moment + scatter, trust)
     precision, mean = _combined(cell, trust / (moment + scatter), level)
     bias = 0.5 * moment  # and a mean of logarithms, of moments, below that of the mean
-    return Observations(mean + bias, 1.0 / precision, smoothed + bias, trust, block, moment)
+    return Observations(mean + bias, 1.0 / precision, smoothed + bias, block, moment)
 
 
 def _combined(

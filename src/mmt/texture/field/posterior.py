@@ -8,8 +8,8 @@ Each cell of strokes counts as one observation, with the error that is left of i
 The posterior is a mixture over `SETTINGS` hyperparameters, each weighted by its evidence, so that
 what is not known of a texture's smoothness counts in the standard deviation.
 
-Cost: O(s c^3 / 3) for s settings and c cells that were touched, of which there are at most 440, or
-780 with headings, however long the session is.
+Cost: O(s c^3) for s settings and c cells that were touched, of which there are at most 440, or 780
+with headings, however long the session is; two thirds of it are those of the observations.
 """
 
 from collections.abc import Sequence

@@ -73,7 +73,6 @@ class WarmStart:
             settings.least_speed_mm_s,
             settings.least_force_n,
             settings.rate_hz,
-            settings.normal,
         )
         self._blocks = self._cutter.cut([])
         self._look: list[AlignedBlock] = []

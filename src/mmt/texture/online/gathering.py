@@ -42,7 +42,6 @@ class Gathering:
             settings.least_speed_mm_s,
             settings.least_force_n,
             settings.rate_hz,
-            settings.normal,
         )
         kept_samples = round(WITHDRAWN_S * settings.rate_hz)
         new = partial(_Sums, self._cutter.cut([]), self._cutter.length, kept_samples)

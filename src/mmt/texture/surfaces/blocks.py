@@ -62,7 +62,6 @@ class BlockCutter:
             modelling.least_speed_mm_s,
             modelling.least_force_n,
             modelling.rate_hz,
-            modelling.normal,
             self._measure,
         )
         self._noise = NoiseFloor()
