@@ -102,6 +102,18 @@ def test_an_answer_that_does_not_come_is_asked_for_again_and_then_given_up() -> 
     assert account.missing.summary["lost"] == 1
 
 
+def test_a_lost_answer_is_asked_for_again_while_others_come() -> None:
+    account = Account()
+    account.missing.lack(0, 1)
+    for number in range(10, 2000, 20):  # each of these gaps is filled at once
+        account.missing.lack(number, number + 1)
+        account.wait(50)
+        account.missing.fill(numbered(number))
+    asked = [at for at, ranges in enumerate(account.asked) if (0, 1) in ranges]
+    assert asked == [0, 20, 40, 60, 80]
+    assert account.missing.first == 0
+
+
 def test_a_follower_that_still_has_the_frames_is_waited_for() -> None:
     account = Account(most=30_000, keeps=10_000)
     account.missing.lack(3, 5)

@@ -1,6 +1,7 @@
 """What did not arrive: asked for, waited for, given up."""
 
 from bisect import bisect_right
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, Protocol
@@ -14,7 +15,8 @@ PERIOD_TICKS: Final = 50
 """Gaps are noted and asked for so often."""
 
 AGAIN_TICKS: Final = 1000
-"""What was asked for is asked for again after so long without any of it."""
+"""What was asked for is asked for again after so long without it: a lossy link loses answers too,
+also while others come."""
 
 LEAST_PATIENCE_TICKS: Final = 3000
 """After so long without an answer it is given up, or when the follower has it no longer.
@@ -70,9 +72,10 @@ class MissingFrames:
         self._keeps = 0  # of the follower that is connected
         self._missing = RangeSet()
         self._unasked = RangeSet()
+        self._asked: deque[tuple[int, list[Range]]] = deque()  # and when, oldest first
         self._unnoted: list[Range] = []
         self._gaps: list[_Gap] = []
-        self._idle_ticks = self._ticks = 0
+        self._idle_ticks = self._ticks = self._now_ticks = 0
         self._resolved = False
         self._seen = self._filled = self._lost = self._unwanted = 0
 
@@ -96,6 +99,7 @@ class MissingFrames:
         """Expect the answers of a follower that keeps this many frames; ask it for everything."""
         self._keeps = min(keep_frames, self._most)
         self._unasked = RangeSet(self._missing)
+        self._asked.clear()
         self._idle_ticks = 0
 
     def forget(self) -> None:
@@ -151,17 +155,15 @@ class MissingFrames:
         if self._ticks < PERIOD_TICKS:
             return False
         self._ticks = 0
+        self._now_ticks += PERIOD_TICKS
         if self._unnoted:
             self._note_gaps()
         if self._missing:
             self._idle_ticks += PERIOD_TICKS
-            if self._idle_ticks % AGAIN_TICKS == 0:
-                self._unasked = RangeSet(self._missing)
             if self._idle_ticks >= max(self._keeps, LEAST_PATIENCE_TICKS):
                 self.forget()
-            elif self._unasked:
-                self._ask(list(self._unasked))
-                self._unasked.clear()
+            else:
+                self._ask_for_missing()
         closed, self._resolved = self._resolved, False
         if closed:
             self._note_closed()
@@ -178,6 +180,17 @@ class MissingFrames:
         """Return what is missing, as asked for at the end of a session."""
         self._unasked.clear()
         return list(self._missing)
+
+    def _ask_for_missing(self) -> None:
+        """Ask for what was not asked for, or so long ago that the answer is lost."""
+        while self._asked and self._now_ticks - self._asked[0][0] >= AGAIN_TICKS:
+            for asked in self._asked.popleft()[1]:
+                for first, stop in self._missing.within(*asked):
+                    self._unasked.add(first, stop)
+        if self._unasked:
+            self._asked.append((self._now_ticks, list(self._unasked)))
+            self._ask(list(self._unasked))
+            self._unasked.clear()
 
     def _lose(self, ranges: list[Range]) -> None:
         for first, stop in ranges:
