@@ -1,6 +1,7 @@
 """What an outage kept back is filled in: the model and the recording are those without it."""
 
 import asyncio
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -8,9 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 from frame_samples import made_frames
+from service_processes import Service
 from service_runs import Together, small_scene
 from wire_relay import relay
 
+from mmt.core.arrays import RecordArray
 from mmt.core.frames import CHANNELS
 from mmt.follower.service import Follower, FollowerSummary
 from mmt.leader.summary import LeaderSummary
@@ -20,10 +23,17 @@ from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
 from mmt.session import RecordedSession, read_session, write_session
 from mmt.testing.simulation.offline import simulate_session
-from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.online.history import ModelHistory, build_model
+from mmt.texture.settings import Method
 
 SPEED = 2.0
 """Session time runs so many times faster, to save time."""
+
+TEXTURES: dict[Method, dict[str, Any]] = {
+    "field": {"method": "field", "start_share": 0.1, "stop_share": 0.9999},
+    "published": {"method": "published"},
+}
+"""Models that are started within the session and not finished."""
 
 
 @pytest.fixture(scope="module")
@@ -43,8 +53,29 @@ class Outcome:
     said: list[str]
 
     @property
-    def model(self) -> TextureModel:
-        return TextureModel.from_bytes(self.recording.models[-1][1])
+    def models(self) -> list[tuple[float, bytes]]:
+        """What was modelled live: at the start criterion and at the end, as model files."""
+        assert len(self.recording.models) > 1
+        return list(self.recording.models)
+
+
+def replaying(made: Path, method: Method = "field", **tables: Any) -> Scene:
+    session, replay = {"duration_s": 60.0}, {"file": str(made), "speed": SPEED}
+    texture = TEXTURES[method]
+    return scene_from_tables({"session": session, "replay": replay, "texture": texture, **tables})
+
+
+def offline(frames: RecordArray, method: Method = "field") -> ModelHistory:
+    """The model as `mmt.build_model` gives it."""
+    texture = replaying(Path("made.mcap"), method, link={}).texture
+    assert texture is not None
+    return build_model(frames, texture.settings(1000.0))
+
+
+def models_of(history: ModelHistory, live: Outcome) -> list[tuple[float, bytes]]:
+    """The models at the times of those that were made live, as model files."""
+    found = [(time_s, history.model_at(time_s)) for time_s, _ in live.models]
+    return [(time_s, model.to_bytes()) for time_s, model in found if model is not None]
 
 
 async def run(
@@ -52,22 +83,20 @@ async def run(
     directory: Path,
     outage: str | None,
     network: dict[str, Any] | None = None,
+    method: Method = "field",
     **link: Any,
 ) -> Outcome:
     """Run the session over the real link, with an outage of 1.5 s of session time or none."""
     directory.mkdir()
-    scene = scene_from_tables(
-        {
-            "session": {"duration_s": 60.0},
-            "link": {"port": 0, "patience_s": 10.0, **link},
-            "replay": {"file": str(made), "speed": SPEED},
-            "texture": {"start_share": 0.1, "stop_share": 0.9999},
-            "rendering": {},
-            "playout": {},
-            "actuator": {},
-            "recording": {"file": str(directory / "session.mcap")},
-            **({"network": network} if network is not None else {}),
-        }
+    scene = replaying(
+        made,
+        method,
+        link={"port": 0, "patience_s": 10.0, **link},
+        rendering={},
+        playout={},
+        actuator={},
+        recording={"file": str(directory / "session.mcap")},
+        **({"network": network} if network is not None else {}),
     )
     together = Together.of(scene)
     await together.listen()
@@ -97,13 +126,8 @@ async def test_the_model_after_an_outage_equals_the_one_without_it(
     assert cut.leader.backfill["lost"] == cut.leader.backfill["waiting"] == 0
     assert cut.leader.texture["late_frames"] == 0
     assert cut.leader.texture["updates"] == whole.leader.texture["updates"] == 7
-    for field in ("speed_mm_s", "force_n", "lsf", "variance", "power"):
-        np.testing.assert_allclose(
-            getattr(cut.model.samples, field), getattr(whole.model.samples, field), rtol=1e-12
-        )
-    assert len(cut.model.samples.power) > 3
-
     expected = read_session(made).frames
+    assert whole.models == cut.models == models_of(offline(expected), whole)
     for recording in (whole.recording, cut.recording):
         for name in ("sequence", "position_mm", "force_n", "acceleration_m_s2"):
             np.testing.assert_array_equal(recording.frames[name], expected[name])
@@ -139,6 +163,51 @@ async def test_what_an_emulated_network_loses_is_filled_in(made: Path, tmp_path:
     assert len(recorded) == len(expected) - backfill["lost"]
     places = recorded["sequence"].astype(np.int64)
     np.testing.assert_array_equal(recorded["force_n"], expected["force_n"][places])
+    assert outcome.leader.texture["late_frames"] == 0
+    assert models_of(offline(recorded), outcome) == outcome.models
+
+
+@pytest.mark.parametrize("method", ["field", "published"])
+async def test_live_replayed_and_offline_models_are_the_same_where_frames_are_lost_and_bridged(
+    made: Path, tmp_path: Path, method: Method
+) -> None:
+    """Some never came from the device, some the link has lost for good, others were sent again."""
+    frames = read_session(made).frames
+    missing = np.random.default_rng(1).random(len(frames)) < 0.01
+    for first, count in ((1500, 3), (3100, 3), (4200, 30)):
+        missing[first : first + count] = True
+    missing[[0, -1]] = False
+    file = tmp_path / "lossy.mcap"
+    write_session(file, frames[~missing])
+    lossy = {"delay_ms": 10.0, "loss": 0.02, "burst_messages": 2.0, "direction": "up"}
+    live = await run(file, tmp_path / "live", None, lossy, method, keep_s=0.1)
+    backfill, recording = live.leader.backfill, live.recording
+    assert backfill["filled"] > 10
+    assert backfill["lost"] > missing.sum() + 10
+    assert backfill["waiting"] == live.leader.texture["late_frames"] == 0
+
+    history = offline(recording.frames, method)
+    assert models_of(history, live) == live.models
+    present = set(recording.frames["sequence"].tolist())
+    bridged = [s for s in history.finished if not present.issuperset(range(s.start, s.stop))]
+    assert len(bridged) > 2
+
+    replayed = await asyncio.to_thread(replay_by_command, tmp_path, recording.path, method)
+    np.testing.assert_array_equal(replayed.frames["sequence"], recording.frames["sequence"])
+    assert replayed.models[-1] == live.models[-1]
+
+
+def replay_by_command(directory: Path, recorded: Path, method: Method) -> RecordedSession:
+    """What `mmt-leader --replay` and `mmt-follower --replay` record."""
+    scene, again = directory / "scene.toml", directory / "again.mcap"
+    texture = "\n".join(f"{key} = {json.dumps(value)}" for key, value in TEXTURES[method].items())
+    scene.write_text(f"[link]\n[replay]\nspeed = {SPEED}\n[texture]\n{texture}\n")
+    common = (scene, "--json-lines", "--replay", recorded)
+    with Service("leader", *common, "--port", 0, "--record", again, cwd=directory) as leader:
+        address = f"http://127.0.0.1:{leader.port()}"
+        with Service("follower", *common, "--leader", address, cwd=directory) as follower:
+            assert (leader.end(), follower.end()) == (0, 0), leader.stderr
+    return read_session(again)
 
 
 async def test_where_nothing_is_kept_a_gap_stays_a_gap_and_is_marked(
