@@ -3,11 +3,13 @@
 The frames go on when the leader has said what a test waits for, however long it takes.
 """
 
+import asyncio
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from service_processes import Service
 from service_runs import Together, small_scene
 
 from mmt.core.arrays import RecordArray
@@ -89,7 +91,7 @@ def on(surface: int, mode: str) -> Callable[[Leader], bool]:
 
 
 async def led(
-    directory: Path, rendering: dict[str, Any], gates: list[Gate]
+    directory: Path, rendering: dict[str, Any], gates: list[Gate], **tables: dict[str, Any]
 ) -> tuple[LeaderSummary, GatedSource, list[str]]:
     scene = small_scene(
         directory,
@@ -99,6 +101,7 @@ async def led(
         link={"port": 0, "patience_s": 20.0},
         texture=TEXTURE,
         rendering=rendering,
+        **tables,
     )
     together = Together.of(scene)
     await together.listen()
@@ -107,27 +110,41 @@ async def led(
     return await together.end(), source, together.said
 
 
-def said(surface: int) -> Callable[[Leader], bool]:
-    """Say that the tool is on a surface met before, once the leader has found the change."""
+class SurfaceCommand:
+    """Says by ``mmt surface`` what the tool is on, once the leader has found the third surface."""
 
-    def say(leader: Leader) -> bool:
-        if not on(3, "streamed")(leader):
-            return False
-        leader.parts.find("modelling").say_surface(surface)
-        return True
+    def __init__(self, directory: Path, surface: str) -> None:
+        self._directory, self._surface = directory, surface
+        self.service: Service | None = None
 
-    return say
+    def __call__(self, leader: Leader) -> bool:
+        if self.service is None and on(3, "streamed")(leader):
+            self.service = surface_command(self._directory, leader.port, self._surface)
+        return self.service is not None and self.service.process.poll() is not None
 
 
-async def test_a_surface_that_a_person_names_is_rendered_at_once(tmp_path: Path) -> None:
-    gates = [
+def surface_command(directory: Path, port: int | None, surface: str, **variables: str) -> Service:
+    address = f"http://127.0.0.1:{port}"
+    command = ("main", "surface", surface, "--leader", address)
+    return Service(*command, cwd=directory, **variables)
+
+
+async def test_a_surface_that_a_person_names_is_rendered_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MMT_LINK_TOKEN", "0123456789abcdef")
+    command = SurfaceCommand(tmp_path, "1")
+    gates: list[Gate] = [
         (5500, on(1, "synthesized")),
         (8800, on(2, "streamed")),
         (11_500, on(2, "synthesized")),
-        (16_000, said(1)),
+        (16_000, command),
         (16_500, on(1, "synthesized")),
     ]
-    summary, _, told = await led(tmp_path, {}, gates)
+    summary, _, told = await led(tmp_path, {}, gates, monitor={})
+    assert command.service is not None
+    assert command.service.end() == 0, command.service.stderr
+    assert command.service.stdout == "surface 1 again\n"
     assert any(sentence.startswith("surface 2, not known before") for sentence in told)
     assert any(sentence.startswith("surface 3 is surface 1") for sentence in told)
     table = summary.texture["surfaces"]
@@ -172,6 +189,56 @@ async def test_a_new_surface_is_rendered_as_the_scene_says(tmp_path: Path, befor
     assert any(place < found for place in warm) == (before == "warm")
     assert any(place > found for place in warm) == (before == "warm")
     assert summary.texture["surfaces"]["known"] == 3  # glass again is a third one
+
+
+@pytest.mark.parametrize(
+    ("surface", "monitor", "token", "code", "sentence"),
+    [
+        ("1", {}, "", 2, "this scene tells no surfaces apart"),
+        ("one", {}, "", 2, "surface is 'one': give the number of one met before, or new"),
+        ("1" * 5000, {}, "", 2, "give the number of one met before, or new"),
+        ("new", None, "", 2, "has no monitor: start it with --monitor"),
+        ("new", {}, "fedcba9876543210", 2, "put the leader's token into MMT_LINK_TOKEN"),
+        ("new", {}, "short", 2, "the token in MMT_LINK_TOKEN has 5 characters"),
+    ],
+)
+async def test_a_word_that_the_leader_cannot_take_is_refused(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    surface: str,
+    monitor: dict[str, Any] | None,
+    token: str,
+    code: int,
+    sentence: str,
+) -> None:
+    if token:
+        monkeypatch.setenv("MMT_LINK_TOKEN", "0123456789abcdef")
+    together = Together.of(small_scene(tmp_path, monitor=monitor))
+    await together.listen()
+    port = together.leader.port
+    with surface_command(tmp_path, port, surface, MMT_LINK_TOKEN=token) as command:
+        assert await asyncio.to_thread(command.end) == code
+    assert sentence in command.stderr
+    assert "Traceback" not in command.stderr
+    together.leader.stop()
+    await together.end()
+
+
+@pytest.mark.parametrize(
+    ("address", "code", "sentence"),
+    [
+        ("http://127.0.0.1:1", 1, "check http or https, host, port and firewall"),
+        ("https://127.0.0.1:1", 1, "check this command's certificate, host, port and firewall"),
+        ("127.0.0.1:1", 2, "allowed is http://HOST:PORT"),
+    ],
+)
+def test_without_a_leader_the_address_is_to_be_checked(
+    address: str, code: int, sentence: str, tmp_path: Path
+) -> None:
+    with Service("main", "surface", "2", "--leader", address, cwd=tmp_path) as command:
+        assert command.end() == code
+    assert sentence in command.stderr
+    assert "Traceback" not in command.stderr
 
 
 def test_one_saved_model_is_not_for_several_surfaces(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ from mmt.cli import (
     scenes,
     selecting,
     sessions,
+    surfaces,
 )
 from mmt.cli.common import Force, json_option, run_app, version
 
@@ -63,6 +64,7 @@ models.app.command("list")(model_store.list_models)
 models.app.command("push")(model_store.push)
 models.app.command("pull")(model_store.pull)
 models.app.command("select")(selecting.select_samples)
+app.command("surface")(surfaces.say_surface)
 app.add_typer(scenes.app, name="scene")
 app.add_typer(devices.app, name="device")
 app.add_typer(evaluation.reports, name="report")

@@ -53,3 +53,14 @@ def _finite(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_finite(item) for item in value]
     return value
+
+
+def header_of(message: bytes) -> Any:
+    """Return the header of a message, with names and shapes in ``arrays``.
+
+    Raises
+    ------
+    ValueError
+        It is no such message.
+    """
+    return json.loads(message[4 : 4 + int.from_bytes(message[:4], "little")])
