@@ -6,6 +6,8 @@ from frame_samples import PERIOD_NS, made_frames
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mmt.core.arrays import RecordArray
+from mmt.core.frames import SEQUENCES
 from mmt.core.pacing import most_ahead, shortest_period_ns
 from mmt.leader.numbering import SessionNumbering
 
@@ -249,3 +251,51 @@ def test_numbers_always_rise_whatever_connects(
         sequences += taken["sequence"].tolist()
     assert (np.diff(sequences) > 0).all()
     assert numbering.frames == sequences[-1] + 1 - sequences[0]
+
+
+def wrapped(first: int, count: int, at: int) -> RecordArray:
+    """Frames of a follower whose numbers begin at `at`, and wrap."""
+    frames = made_frames(first, count)
+    frames["sequence"] = (np.arange(first, first + count) + at) % SEQUENCES
+    return frames
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.integers(0, SEQUENCES - 1),
+    st.lists(st.tuples(st.integers(1, 300), st.integers(0, 30)), min_size=1, max_size=8),
+)
+def test_the_numbers_of_a_session_rise_where_those_of_its_follower_wrap(
+    at: int, blocks: list[tuple[int, int]]
+) -> None:
+    numbering, first = SessionNumbering(PERIOD_NS), 0
+    begun = at if at < SEQUENCES // 2 else 0
+    for count, skipped in blocks:
+        taken, left_out = numbering.number(wrapped(first, count, at), SECOND)
+        assert left_out == 0
+        assert taken["sequence"].tolist() == list(range(begun + first, begun + first + count))
+        late = numbering.renumber(wrapped(0, 3, at))
+        assert late["sequence"].tolist() == list(range(begun, begun + 3))
+        first += count + skipped
+        assert numbering.of_session((at + first) % SEQUENCES) == begun + first
+
+
+def test_a_follower_goes_on_after_a_break_in_which_its_numbers_wrapped() -> None:
+    numbering = SessionNumbering(PERIOD_NS)
+    numbering.reconnect("a")
+    numbering.number(wrapped(0, 100, SEQUENCES - 150), SECOND)
+    numbering.reconnect("a")
+    taken, left_out = numbering.number(wrapped(200, 5, SEQUENCES - 150), SECOND + 100 * PERIOD_NS)
+    assert (left_out, taken["sequence"].tolist()) == (0, list(range(200, 205)))
+
+
+def test_a_follower_that_counts_anew_on_its_connection_is_put_behind_the_silence() -> None:
+    numbering = SessionNumbering(PERIOD_NS)
+    numbering.number(made_frames(5000, 100), SECOND)
+    again = made_frames(0, 10)
+    again["time_ns"] += 5350 * PERIOD_NS
+    taken, left_out = numbering.number(again, SECOND + 250 * PERIOD_NS)
+    assert (left_out, taken["sequence"].tolist()) == (250, list(range(5350, 5360)))
+    np.testing.assert_array_equal(taken["time_ns"], again["time_ns"])
+    following, left_out = numbering.number(made_frames(10, 2), SECOND + 260 * PERIOD_NS)
+    assert (left_out, following["sequence"].tolist()) == (0, [5360, 5361])

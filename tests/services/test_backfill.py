@@ -2,19 +2,21 @@
 
 import asyncio
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from frame_samples import made_frames
+from frame_samples import PERIOD_NS, made_frames
 from service_processes import Service
 from service_runs import Together, small_scene
 from wire_relay import relay
 
 from mmt.core.arrays import RecordArray
-from mmt.core.frames import CHANNELS
+from mmt.core.frames import CHANNELS, SEQUENCES
 from mmt.follower.service import Follower, FollowerSummary
 from mmt.leader.summary import LeaderSummary
 from mmt.link.client import FollowerClient, FollowerEvents
@@ -224,6 +226,14 @@ async def test_where_nothing_is_kept_a_gap_stays_a_gap_and_is_marked(
     assert gap["ranges"] == [[start + 1, start + 1 + missing]]
 
 
+def client_of(together: Together, run_id: str = "") -> FollowerClient:
+    return FollowerClient(
+        f"http://127.0.0.1:{together.leader.port}",
+        FollowerHello(channels=CHANNELS, source="test", keep_frames=5000, run_id=run_id),
+        FollowerEvents(on_commands=lambda *_: None),
+    )
+
+
 async def test_a_follower_that_is_started_anew_is_not_asked_for_what_the_old_one_had(
     tmp_path: Path,
 ) -> None:
@@ -232,14 +242,7 @@ async def test_a_follower_that_is_started_anew_is_not_asked_for_what_the_old_one
     )
     await together.listen()
 
-    def client(run_id: str) -> FollowerClient:
-        return FollowerClient(
-            f"http://127.0.0.1:{together.leader.port}",
-            FollowerHello(channels=CHANNELS, source="test", keep_frames=5000, run_id=run_id),
-            FollowerEvents(on_commands=lambda *_: None),
-        )
-
-    first, second = client("first"), client("second")
+    first, second = client_of(together, "first"), client_of(together, "second")
     await first.connect(5.0)
     first.send_frames(made_frames(0, 100))
     first.send_frames(made_frames(150, 50))
@@ -260,23 +263,84 @@ async def test_a_follower_that_is_started_anew_is_not_asked_for_what_the_old_one
     assert (np.diff(frames["sequence"].astype(np.int64)) > 0).all()
 
 
+@contextmanager
+def nothing_sent(client: FollowerClient) -> Iterator[None]:
+    """The network loses all that is sent meanwhile."""
+    outbox = client._endpoint.outbox
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(outbox, "put", lambda *_: None)
+        yield
+
+
+async def test_where_a_followers_numbers_wrap_the_model_and_the_recording_are_the_same(
+    made: Path, tmp_path: Path
+) -> None:
+    """A device that has counted for 49 days, and a gap in the midst of which 0 comes again."""
+    frames = read_session(made).frames
+    own = frames.copy()
+    own["sequence"] = (frames["sequence"].astype(np.int64) - 3000) % SEQUENCES
+    recording = tmp_path / "session.mcap"
+    scene = replaying(made, link={"port": 0}, recording={"file": str(recording)})
+    together = Together.of(scene)
+    await together.listen()
+    client = client_of(together, "counting")
+    await client.connect(5.0)
+    for first in range(0, len(own), 20):
+        lost = nothing_sent(client) if 2900 <= first < 3100 else nullcontext()
+        with lost:
+            client.send_frames(own[first : first + 20])
+        await asyncio.sleep(0.02 / SPEED)
+    await client.end("done")
+    await client.disconnect()
+    leader = await together.end()
+    assert leader.backfill["filled"] == leader.backfill["missing"] == 200
+    assert (leader.link["rejected"], leader.link["out_of_order"]) == ({}, 0)
+    live = read_session(recording)
+    np.testing.assert_array_equal(live.frames["sequence"], frames["sequence"])
+    np.testing.assert_array_equal(live.frames["force_n"], frames["force_n"])
+    time_s, model = live.models[-1]
+    expected = offline(frames).model_at(time_s)
+    assert expected is not None
+    assert model == expected.to_bytes()
+
+
+async def test_a_counter_that_starts_again_on_the_same_connection_goes_on_behind_a_gap(
+    tmp_path: Path,
+) -> None:
+    together = Together.of(small_scene(tmp_path, playout=None, actuator=None))
+    await together.listen()
+    client = client_of(together, "reset")
+    await client.connect(5.0)
+    client.send_frames(made_frames(5000, 300))
+    await together.until(lambda: together.leader.time_s == 0.3)
+    again = made_frames(0, 300)
+    again["time_ns"] += 5300 * PERIOD_NS
+    client.send_frames(again)
+    await together.until(lambda: together.leader.time_s > 0.6)
+    await client.end("done")
+    await client.disconnect()
+    leader = await together.end()
+    assert any("started anew" in said for said in together.said)
+    assert leader.backfill["missing"] == leader.backfill["lost"] > 0
+    recorded = read_session(tmp_path / "session.mcap").frames
+    steps = np.diff(recorded["sequence"].astype(np.int64))
+    assert steps[299] == leader.backfill["missing"] + 1
+    assert (np.delete(steps, 299) == 1).all()
+    assert len(recorded) == 600
+
+
 async def test_a_follower_that_is_stopped_in_an_outage_of_the_network_delivers_the_rest(
     tmp_path: Path,
 ) -> None:
     together = Together.of(small_scene(tmp_path, playout=None, actuator=None))
     await together.listen()
-    client = FollowerClient(
-        f"http://127.0.0.1:{together.leader.port}",
-        FollowerHello(channels=CHANNELS, source="test", keep_frames=5000),
-        FollowerEvents(on_commands=lambda *_: None),
-    )
+    client = client_of(together)
     await client.connect(5.0)
     client.send_frames(made_frames(0, 100))
     await together.until(lambda: together.leader.time_s == 0.1)
-    put, client._endpoint.outbox.put = client._endpoint.outbox.put, lambda *_: None  # type: ignore[method-assign]
-    for first in range(100, 1000, 10):
-        client.send_frames(made_frames(first, 10))
-    client._endpoint.outbox.put = put  # type: ignore[method-assign]
+    with nothing_sent(client):
+        for first in range(100, 1000, 10):
+            client.send_frames(made_frames(first, 10))
     await client.end("done")
     await client.disconnect()
     leader = await together.end()

@@ -334,12 +334,12 @@ async def test_a_number_far_ahead_neither_ends_the_session_nor_counts_as_lost(
     tmp_path: Path,
 ) -> None:
     blocks = [made_frames(k, 1) for k in range(100)]
-    for huge in (2**32 - 1, 2**31, 10**6):
+    for huge in (2**31, 2**30, 10**6):
         block = made_frames(0, 1)
         block["sequence"] = huge
         blocks[50:50] = [block]
     last = made_frames(0, 1)
-    last["sequence"] = 2**32 - 1
+    last["sequence"] = 2**31
     leader, _ = await run_session(small_scene(tmp_path), MadeSource([*blocks, last]))
     assert leader.outcome == "source ended"
     assert leader.session["duration_s"] == 0.1

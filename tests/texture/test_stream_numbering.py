@@ -6,24 +6,24 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mmt.core.arrays import RecordArray
-from mmt.core.frames import empty_frames
+from mmt.core.frames import SEQUENCES, empty_frames
 from mmt.scene import Scene
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.online.history import build_model
 from mmt.texture.settings import ModellingSettings
-from mmt.texture.signals.numbering import WRAP, StreamNumbering
+from mmt.texture.signals.numbering import StreamNumbering
 
 SETTINGS = ModellingSettings(order=6)
 
 
 def frames_of(first: int, count: int, time_ms: int = 0) -> RecordArray:
     frames = empty_frames(count)
-    frames["sequence"] = (first + np.arange(count)) % WRAP
+    frames["sequence"] = (first + np.arange(count)) % SEQUENCES
     frames["time_ns"] = (time_ms + np.arange(count)) * 1_000_000
     return frames
 
 
-@given(st.integers(0, WRAP - 1), st.lists(st.integers(1, 400), min_size=1, max_size=8))
+@given(st.integers(0, SEQUENCES - 1), st.lists(st.integers(1, 400), min_size=1, max_size=8))
 def test_numbers_go_on_where_they_wrap_whatever_the_parts(first: int, parts: list[int]) -> None:
     frames, numbering = frames_of(first, sum(parts)), StreamNumbering()
     pieces = np.split(frames, np.cumsum(parts)[:-1])
@@ -62,8 +62,8 @@ def stroked() -> RecordArray:
 
 def test_a_session_that_wraps_gives_the_same_model_to_the_bit(stroked: RecordArray) -> None:
     wrapped = stroked.copy()
-    shift = (WRAP - 3000) // 1000 * 1000
-    wrapped["sequence"] = (stroked["sequence"].astype(np.int64) + shift) % WRAP
+    shift = (SEQUENCES - 3000) // 1000 * 1000
+    wrapped["sequence"] = (stroked["sequence"].astype(np.int64) + shift) % SEQUENCES
     ours, other = (build_model(frames, SETTINGS).model_at(6.0) for frames in (stroked, wrapped))
     assert ours is not None
     assert other is not None

@@ -5,12 +5,17 @@ that the bytes of a block are the same on the wire and in a file on every machin
 """
 
 from collections.abc import Iterable
-from typing import Final, Literal
+from typing import Final, Literal, TypeVar
 
 import numpy as np
 
-from mmt.core.arrays import RecordArray
+from mmt.core.arrays import IntArray, RecordArray
 from mmt.core.errors import InputError
+
+SEQUENCES: Final = 2**32
+"""Sequence numbers are 32 bits: behind the last one comes 0 again, after 49 days at 1 kHz."""
+
+Number = TypeVar("Number", int, IntArray)
 
 Channel = Literal["position", "force", "acceleration"]
 
@@ -36,6 +41,14 @@ COMMAND_DTYPE: Final = np.dtype(
 """A motion command: the leader's sequence number and monotonic time, the follower's time
 of the newest frame seen by the leader with its age (zero before the first frame), and the
 position that the follower is to take."""
+
+
+def steps_ahead(number: Number, newest: int) -> Number:
+    """Return how far numbers are ahead of the newest one, negative if they are behind.
+
+    They are taken modulo `SEQUENCES`, and the shorter way counts (RFC 1982).
+    """
+    return (number - newest + SEQUENCES // 2) % SEQUENCES - SEQUENCES // 2
 
 
 def ordered_channels(channels: Iterable[str]) -> tuple[Channel, ...]:

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from mmt.core.arrays import RecordArray
+from mmt.core.frames import SEQUENCES
 from mmt.core.ranges import Range
 from mmt.leader.missing import MissingFrames, Note
 from mmt.leader.numbering import SessionNumbering
@@ -82,14 +83,13 @@ class Backfill:
 
     def gone(self, ranges: list[Range]) -> None:
         """Give up ranges of the follower's numbers."""
-        shift = self._numbering.shift
-        self.missing.gone([(first + shift, stop + shift) for first, stop in ranges])
+        self.missing.gone([self._of_session(first, stop) for first, stop in ranges])
         self._look_again()
 
     def settle(self, sent: int) -> list[Range]:
         """Return what is missing of the numbers below `sent`, as the follower counts."""
         newest = self._numbering.newest
-        stop = sent + self._numbering.shift
+        stop = self._numbering.of_session(sent)
         if newest >= 0 and stop > newest + 1:
             self.missing.lack(newest + 1, stop)
             self._numbering.extend(stop)
@@ -111,9 +111,20 @@ class Backfill:
 
     def _own(self, ranges: list[Range]) -> list[Range]:
         """Return ranges in the follower's numbers; what was before it, it cannot have."""
-        shift = self._numbering.shift
-        own = [(first - shift, stop - shift) for first, stop in ranges]
-        return [(max(first, 0), stop) for first, stop in own if stop > 0]
+        shift, own = self._numbering.shift, []
+        for first, stop in ranges:
+            start, end = max(first - shift, 0), stop - shift
+            while start < end:  # in parts, if its numbers wrap in between
+                part = min(end, (start // SEQUENCES + 1) * SEQUENCES)
+                own.append((start % SEQUENCES, (part - 1) % SEQUENCES + 1))
+                start = part
+        return own
+
+    def _of_session(self, first: int, stop: int) -> Range:
+        """Return a range of the follower's numbers, which begins not after the newest one."""
+        start = self._numbering.of_session(first)
+        start -= SEQUENCES * (start > self._numbering.newest)
+        return start, start + stop - first
 
     def _look_again(self) -> None:
         self._parts.call("on_settled")

@@ -5,6 +5,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import RecordArray
+from mmt.core.frames import SEQUENCES, steps_ahead
 from mmt.core.pacing import most_ahead, shortest_period_ns
 
 _SAME_CLOCK_NS: Final = 1_000_000_000
@@ -20,7 +21,11 @@ class SessionNumbering:
     known to be the same process, since a leader that was paused reads old frames late. The frames
     of a follower that was started anew are put behind those of the session, with as many missing
     as the silence lasted, at least one. So they are not taken for late or repeated ones, and the
-    gap is seen. If it runs on another clock, its times are shifted likewise.
+    gap is seen. If it runs on another clock, its times are shifted likewise. So is one put that
+    begins to count anew while it is connected.
+
+    A follower's numbers may wrap; those of the session never do. They begin with the follower's
+    first number, or with 0 if that is in the upper half of the numbers.
 
     Parameters
     ----------
@@ -86,15 +91,17 @@ class SessionNumbering:
         The second value is 0 unless a follower that was started anew begins here; then it is
         the number of frames that are missing between the session so far and it.
         """
-        left_out = 0
-        if self._reconnected:
+        left_out, sequence = 0, int(frames["sequence"][0])
+        if self._first is None:
+            self._shift = -sequence if sequence >= SEQUENCES // 2 else 0
+            self._first, self._first_arrival_ns = sequence + self._shift, arrival_ns
+            self._newest = self._first - 1
+        elif self._reconnected or steps_ahead(sequence, self._newest - self._shift) <= 0:
             self._reconnected = False
-            left_out = self._go_on(frames, arrival_ns)
+            left_out = self._go_on(sequence, int(frames["time_ns"][0]), arrival_ns)
         self.follower_time_ns = int(frames["time_ns"][-1])
         self.arrival_ns = arrival_ns
         frames = self.renumber(frames)
-        if self._first is None:
-            self._first, self._first_arrival_ns = int(frames["sequence"][0]), arrival_ns
         self._newest = int(frames["sequence"][-1])
         self._newest_time_ns = int(frames["time_ns"][-1])
         return frames, left_out
@@ -103,9 +110,14 @@ class SessionNumbering:
         """Return frames (n,) of the follower that is connected with the session's numbers."""
         if self._shift:
             frames = frames.copy()
-            frames["sequence"] = frames["sequence"].astype(np.int64) + self._shift
+            own = frames["sequence"].astype(np.int64)
+            frames["sequence"] = self._newest + steps_ahead(own, self._newest - self._shift)
             frames["time_ns"] += self._time_shift_ns
         return frames
+
+    def of_session(self, number: int) -> int:
+        """Return the session's number for one of the follower that is connected."""
+        return self._newest + steps_ahead(number, self._newest - self._shift)
 
     def extend(self, stop: int) -> None:
         """Count the session's frames up to this number, also those that are missing."""
@@ -117,9 +129,8 @@ class SessionNumbering:
         arrival_ns = self.arrival_ns - (self._newest_time_ns - time_ns)
         return min(max(arrival_ns, 0), now_ns)
 
-    def _go_on(self, frames: RecordArray, arrival_ns: int) -> int:
-        sequence = int(frames["sequence"][0])
-        ahead = sequence + self._shift - self._newest
+    def _go_on(self, sequence: int, time_ns: int, arrival_ns: int) -> int:
+        ahead = steps_ahead(sequence, self._newest - self._shift)
         silence_ns = arrival_ns - self.arrival_ns
         most = most_ahead(silence_ns, self._shortest_ns)
         if self._same:
@@ -130,6 +141,6 @@ class SessionNumbering:
         missing = max(1, round(silence_ns / self._period_ns))
         self._shift = self._newest + 1 + missing - sequence
         expected_ns = self._newest_time_ns + (missing + 1) * self._period_ns
-        behind_ns = expected_ns - int(frames["time_ns"][0])
+        behind_ns = expected_ns - time_ns
         self._time_shift_ns = behind_ns if abs(behind_ns) > _SAME_CLOCK_NS else 0
         return missing

@@ -13,7 +13,7 @@ import numpy as np
 import socketio
 
 from mmt.core.arrays import RecordArray
-from mmt.core.frames import FIELD_OF_CHANNEL, channels_of
+from mmt.core.frames import FIELD_OF_CHANNEL, SEQUENCES, channels_of
 from mmt.core.ranges import Range, RangeSet, ranges_of
 from mmt.link.endpoint import LeaderEvents, call
 from mmt.link.protocol import (
@@ -193,9 +193,6 @@ class BackfillSender:
         self.sent += len(frames)
 
 
-_SEQUENCES: Final = 2**32
-
-
 class BackfillReceiver:
     """The leader's side: request frames, validate those that come, and hand them on.
 
@@ -275,7 +272,7 @@ class BackfillReceiver:
         missing: list[Range] = []
         if not self._expects(sid):
             return {"missing": missing}
-        if not isinstance(sent, int) or not 0 <= sent <= _SEQUENCES:
+        if not isinstance(sent, int) or not 0 <= sent <= SEQUENCES:
             self._reject("malformed settle")
             return {"missing": missing}
         if not self._reader.is_plausible(sent, time.monotonic_ns()):

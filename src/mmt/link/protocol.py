@@ -10,7 +10,7 @@ from typing import Final, TypeVar
 import msgpack
 
 from mmt.core.errors import InputError
-from mmt.core.frames import Channel, ordered_channels
+from mmt.core.frames import SEQUENCES, Channel, ordered_channels
 from mmt.core.printable import printable
 from mmt.core.process import clock_id
 from mmt.core.ranges import Range
@@ -73,8 +73,6 @@ _LOSSES: Final = {
 }
 
 Value = TypeVar("Value")
-
-_SEQUENCES: Final = 2**32
 
 MSGPACK_EVENT: Final = 2
 """Type of a Socket.IO packet that carries an event."""
@@ -248,7 +246,7 @@ def ranges_of_payload(payload: object) -> list[Range] | None:
     ranges: list[Range] = []
     for item in payload:
         match item:
-            case [int(first), int(stop)] if 0 <= first < stop <= _SEQUENCES:
+            case [int(first), int(stop)] if 0 <= first < stop <= SEQUENCES:
                 ranges.append((int(first), int(stop)))
             case _:
                 return None

@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.arrays import RecordArray
+from mmt.core.frames import SEQUENCES, steps_ahead
 from mmt.core.logs import RepeatLimit
 from mmt.core.pacing import JumpBound, shortest_period_ns
 from mmt.core.ticking import TimeHistogram
@@ -22,8 +23,6 @@ _MASK: Final = (1 << _WINDOW) - 1
 LARGEST_QUANTITY: Final = 1e6
 """Largest norm of a record's quantities: a kilometre (mm), or the weight of a hundred tons (N);
 more is a fault, not a measurement."""
-_HIGHEST_FIRST: Final = 2**31
-"""Largest first number of a sender, 24 days of frames; from there on numbers never wrap."""
 LATEST_NS: Final = 2**62
 """Largest time of a sender's clock: 146 years; sums of such times still fit into 64 bits."""
 
@@ -33,7 +32,9 @@ class BlockReader:
 
     Malformed messages, and records that are not finite, out of range, repeated or out of order
     are dropped and counted. A jump in ``sequence`` counts as lost records, if it is plausible for
-    the time that has passed. About 2 us a message and 1.5 us a record.
+    the time that has passed. Numbers may wrap. A message that begins far behind the newest number
+    but at a later time is of a sender that counts anew: no record comes late from the future. About
+    2 us a message and 1.5 us a record.
 
     Parameters
     ----------
@@ -61,7 +62,7 @@ class BlockReader:
         self._quantities = slice(integers, None)
         self._started = False
         self._fresh = True
-        self._newest = -1
+        self._newest, self._newest_ns = -1, 0
         self._seen = 0
         self._offset_ns: int | None = None
         self.latency = TimeHistogram()
@@ -107,10 +108,11 @@ class BlockReader:
         self.bytes += len(data)
         block: RecordArray = np.frombuffer(data, dtype=self._dtype)
         if count == 1:  # the usual case, without lists
-            accepted = self._accept(self._layout.unpack(data), arrival_ns)
+            accepted = self._accept(self._layout.unpack(data), arrival_ns, first=True)
             self.records += accepted
             return block if accepted else None
-        good = [self._accept(record, arrival_ns) for record in self._layout.iter_unpack(data)]
+        records = enumerate(self._layout.iter_unpack(data))
+        good = [self._accept(record, arrival_ns, first=at == 0) for at, record in records]
         self.records += sum(good)
         if all(good):
             return block
@@ -125,8 +127,8 @@ class BlockReader:
 
     def is_plausible(self, sent: int, arrival_ns: int) -> bool:
         """Whether the sender can have sent this many records; see `end`."""
-        ahead = sent - self._newest - 1
-        return ahead <= 0 or self._bound.permits(ahead, arrival_ns)
+        lost = steps_ahead(sent, self._newest) - 1
+        return lost <= 0 or self._bound.permits(lost, arrival_ns)
 
     def end(self, sent: int, arrival_ns: int) -> None:
         """Count as lost what the sender sent after the last record received.
@@ -138,16 +140,14 @@ class BlockReader:
         arrival_ns
             Monotonic time of the arrival.
         """
-        lost = sent - self._newest - 1
-        if lost <= 0:
-            return
-        if self._bound.allows(lost, arrival_ns):
-            self.lost += lost
-        else:
+        lost = steps_ahead(sent, self._newest) - 1
+        if not 0 <= sent <= SEQUENCES or (lost > 0 and not self._bound.allows(lost, arrival_ns)):
             self.reject("implausible count")
+        else:
+            self.lost += max(0, lost)
 
-    def _accept(self, record: tuple[Any, ...], arrival_ns: int) -> bool:
-        if not self._in_order(record[0], arrival_ns):
+    def _accept(self, record: tuple[Any, ...], arrival_ns: int, *, first: bool) -> bool:
+        if not self._in_order(record[0], record[1], arrival_ns, first=first):
             return False
         size = math.hypot(*record[self._quantities])  # one call finds every bad value
         if not size <= LARGEST_QUANTITY:
@@ -160,24 +160,26 @@ class BlockReader:
             self.latency.add(arrival_ns + self._offset_ns - record[1])
         return True
 
-    def _in_order(self, sequence: int, arrival_ns: int) -> bool:
-        ahead = sequence - self._newest
+    def _in_order(self, sequence: int, time_ns: int, arrival_ns: int, *, first: bool) -> bool:
+        ahead = steps_ahead(sequence, self._newest)
         if self._fresh:
-            if sequence >= _HIGHEST_FIRST:
-                self.reject("implausible number")
-                return False
             if self._started and ahead > 0 and self._bound.allows(ahead, arrival_ns):
                 self.lost += ahead - 1
             self._started, self._fresh = True, False
-            self._newest, self._seen = sequence, 1
+            self._newest, self._newest_ns, self._seen = sequence, time_ns, 1
             self._bound.restart(arrival_ns)
+            return True
+        if first and ahead <= -_WINDOW and time_ns > self._newest_ns:
+            if not self._bound.allows(1, arrival_ns):
+                return False
+            self._newest, self._newest_ns, self._seen = sequence, time_ns, 1
             return True
         if ahead > 0:
             if not self._bound.allows(ahead, arrival_ns):
                 self.reject("implausible jump")
                 return False
             self.lost += ahead - 1
-            self._newest = sequence
+            self._newest, self._newest_ns = sequence, time_ns
             self._seen = (self._seen << ahead | 1) & _MASK if ahead < _WINDOW else 1
             return True
         if self._seen >> -ahead & 1:

@@ -7,7 +7,7 @@ import numpy as np
 
 from mmt.core.arrays import IntArray, RecordArray
 from mmt.core.errors import InputError
-from mmt.core.frames import FIELD_OF_CHANNEL, Channel, frame_dtype, ordered_channels
+from mmt.core.frames import FIELD_OF_CHANNEL, SEQUENCES, Channel, frame_dtype, ordered_channels
 from mmt.session.data import FRAME_PERIOD_NS, RecordedSession, duration_s, missing_frames
 
 JOINT_STEP: Final = 2
@@ -112,7 +112,7 @@ class ReplaySource:
         sequence_base = self._loops * (int(self._sequence[-1]) + JOINT_STEP)
         time_base_ns = self._start_ns + self._loops * self._loop_ns
         # An endless loop exceeds 32 bits of sequence after 49 days and wraps.
-        block["sequence"] = (self._sequence[begin:end] + sequence_base) % 2**32
+        block["sequence"] = (self._sequence[begin:end] + sequence_base) % SEQUENCES
         block["time_ns"] = self._time_ns[begin:end] + time_base_ns
         return block
 

@@ -18,7 +18,7 @@ import numpy as np
 from mmt.core.arrays import FloatArray, IntArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.core.extras import require
-from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, Channel, frame_dtype
+from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, SEQUENCES, Channel, frame_dtype
 from mmt.session.data import FRAME_PERIOD_NS
 from mmt.session.importing.samples import Samples
 from mmt.session.importing.stamps import StampChoice, Stamps, assess_stamps
@@ -210,7 +210,7 @@ def _frame_numbers(samples: Samples) -> IntArray | None:
     if samples.sequence is not None and len(samples.sequence) == len(periods):
         numbers = np.rint(samples.sequence)
         span = numbers[-1] - numbers[0]
-        in_range = numbers[0] >= 0 and numbers[-1] < 2**32
+        in_range = numbers[0] >= 0 and numbers[-1] < SEQUENCES
         at_the_rate = abs(span - periods[-1]) <= max(1.0, _RATE_TOLERANCE * span)
         if in_range and at_the_rate and bool(np.all(np.diff(numbers) > 0)):
             return np.asarray(numbers, dtype=np.int64)

@@ -5,9 +5,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import IntArray, RecordArray
-
-WRAP: Final = 2**32
-"""Sequence numbers of frames are 32 bits: after 49 days at 1 kHz the next is 0."""
+from mmt.core.frames import SEQUENCES
 
 _LONGEST_GAP: Final = 2**20  # frames, 17 min at 1 kHz, that may be missing where numbers wrap
 _GRID: Final = 1000
@@ -84,7 +82,7 @@ class StreamNumbering:
     def _begin_run(self, number: int) -> None:
         """Shift the numbers from here on: unwrapped, or on the grid behind the newest frame."""
         if _has_wrapped(self._newest, number):
-            self._shift += WRAP
+            self._shift += SEQUENCES
         else:
             behind = self._newest + self._shift + 1
             self._shift = -(-(behind + _GRID) // _GRID) * _GRID - number
@@ -92,4 +90,4 @@ class StreamNumbering:
 
 
 def _has_wrapped(newest: int, number: int) -> bool:
-    return newest >= WRAP - _LONGEST_GAP and number < _LONGEST_GAP
+    return newest >= SEQUENCES - _LONGEST_GAP and number < _LONGEST_GAP
