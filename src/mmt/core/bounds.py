@@ -15,9 +15,12 @@ from types import NoneType, UnionType
 from typing import Annotated, Any, Final, Literal, Union, get_args, get_origin
 from typing import get_type_hints as type_hints
 
+import numpy as np
+import numpy.typing as npt
 from annotated_types import Ge, Gt, Le, Lt
 
-from mmt.core.errors import SettingError
+from mmt.core.arrays import FloatArray
+from mmt.core.errors import InputError, SettingError
 
 RateHz = Annotated[float, Ge(1), Le(1e6)]
 """A sampling rate."""
@@ -55,6 +58,23 @@ def check(name: str, value: object, allowed: Any) -> None:
     """
     if not _fits(value, allowed):
         raise SettingError(f"{name} is {value!r}, allowed is {_described(allowed)}")
+
+
+def real_numbers(name: str, values: npt.ArrayLike) -> FloatArray:
+    """Return real or whole numbers, of any shape, as an array of float64.
+
+    Raises
+    ------
+    InputError
+        They are of another kind, such as text or complex numbers, or rows of unequal length.
+    """
+    try:
+        array = np.asarray(values)
+    except ValueError as error:
+        raise InputError(f"{name} is no array: {error}") from error
+    if array.dtype.kind not in "fiu":
+        raise InputError(f"{name} is of {array.dtype}: real numbers are needed")
+    return array.astype(np.float64, copy=False)
 
 
 @cache

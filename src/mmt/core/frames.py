@@ -88,6 +88,29 @@ def channels_of(dtype: np.dtype[np.void]) -> tuple[Channel, ...]:
     return tuple(channel for channel in CHANNELS if FIELD_OF_CHANNEL[channel] in names)
 
 
+def check_frames(frames: object, channels: Iterable[Channel] = CHANNELS) -> None:
+    """Check that these are frames (n,) with at least some channels.
+
+    Raises
+    ------
+    InputError
+        They are no such array, or lack a channel.
+    """
+    names = (frames.dtype.names or ()) if isinstance(frames, np.ndarray) else ()
+    shape = getattr(frames, "shape", ())
+    if "sequence" not in names or len(shape) != 1:
+        raise InputError(
+            f"frames are of type {type(frames).__name__}, shape {shape}: a structured array (n,) "
+            "is needed, as mmt.read_session(...).frames is"
+        )
+    missing = [channel for channel in channels if FIELD_OF_CHANNEL[channel] not in names]
+    if missing:
+        raise InputError(
+            f"frames without {', '.join(missing)}: {', '.join(channels)} are needed; add the "
+            "channels to the scene"
+        )
+
+
 def empty_frames(count: int, channels: Iterable[str] = CHANNELS) -> RecordArray:
     """Return `count` frames of zeros."""
     return np.zeros(count, dtype=frame_dtype(channels))

@@ -22,6 +22,9 @@ Criterion = Literal["distance", "uncertainty"]
 LONGEST_BRIDGED: Final = 5
 """Missing frames in a row that are filled."""
 
+LongestBridged = Annotated[int, Ge(0), Le(10)]
+"""How many may be."""
+
 CHANNELS: Final[dict[Inputs, tuple[str, ...]]] = {
     "isotropic": ("speed_mm_s", "force_n"),
     "anisotropic": ("velocity_x_mm_s", "velocity_y_mm_s", "force_n"),
@@ -159,7 +162,7 @@ class TextureSettings:
     longest_samples: Annotated[int, Ge(100), Le(5000)] = 1000
     """Longest segment; at least twice the shortest."""
 
-    longest_bridged_samples: Annotated[int, Ge(0), Le(10)] = LONGEST_BRIDGED
+    longest_bridged_samples: LongestBridged = LONGEST_BRIDGED
     """Missing frames in a row that are filled and not counted; more end a segment."""
 
     least_speed_mm_s: Annotated[float, Gt(0), Le(300)] = 10.0

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.core.bounds import check
+from mmt.core.bounds import check, real_numbers
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.burg_recursion import burg_each_into, burg_into
 from mmt.texture.autoregression.order_limit import Order
@@ -75,7 +75,7 @@ def burg(x: FloatArray, order: int) -> ReflectionFit:
     InputError
         A sample is not finite, the order is out of range, or the segment is too short.
     """
-    segment = np.ascontiguousarray(x, dtype=np.float64)
+    segment = np.ascontiguousarray(real_numbers("x", x))
     _check(segment, order, "x")
     reflection, variances = np.empty(order), np.empty(order + 1)
     if not burg_into(segment, reflection, variances, np.empty(3 * len(segment))):
@@ -99,7 +99,7 @@ def burg_batch(segments: Sequence[FloatArray] | FloatArray, order: int) -> Refle
         As `burg`; the message names the segment.
     """
     check("order", order, Order)
-    arrays = [np.asarray(segment, dtype=np.float64) for segment in segments]
+    arrays = [real_numbers(f"segment {k}", segment) for k, segment in enumerate(segments)]
     for index, array in enumerate(arrays):
         _check(array, order, f"segment {index}")
     reflection = np.empty((len(arrays), order))

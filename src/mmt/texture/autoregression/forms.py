@@ -28,6 +28,7 @@ from collections.abc import Callable
 import numpy as np
 
 from mmt.core.arrays import FloatArray
+from mmt.core.bounds import real_numbers
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.burg import ReflectionFit, ReflectionFits, burg, burg_batch
 from mmt.texture.autoregression.lsf import (
@@ -180,7 +181,7 @@ def _convert(
 
 
 def _checked(name: str, values: FloatArray) -> FloatArray:
-    array = np.ascontiguousarray(values, dtype=np.float64)
+    array = np.ascontiguousarray(real_numbers(name, values))
     if array.ndim not in {1, 2} or not 1 <= array.shape[-1] <= LARGEST_ORDER:
         raise InputError(
             f"{name} has shape {array.shape}: (m,) or (n, m) with m from 1 to {LARGEST_ORDER}"

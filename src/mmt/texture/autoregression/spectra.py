@@ -3,6 +3,7 @@
 import numpy as np
 
 from mmt.core.arrays import FloatArray
+from mmt.core.bounds import real_numbers
 from mmt.core.errors import InputError
 
 
@@ -77,7 +78,7 @@ def lsf_spectrum(
 
 
 def _angles(frequencies_hz: FloatArray, rate_hz: float) -> FloatArray:
-    frequencies = np.asarray(frequencies_hz, dtype=np.float64)
+    frequencies = real_numbers("frequencies_hz", frequencies_hz)
     if not ((frequencies >= 0.0) & (frequencies <= 0.5 * rate_hz)).all():
         raise InputError(f"frequencies_hz must lie between 0 and half the rate, {0.5 * rate_hz:g}")
     angles: FloatArray = 2.0 * np.pi / rate_hz * frequencies

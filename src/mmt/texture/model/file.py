@@ -4,14 +4,18 @@ from dataclasses import dataclass
 from typing import Final, cast
 
 import numpy as np
+import numpy.typing as npt
 
 from mmt.core.arrays import FloatArray, IntArray
+from mmt.core.bounds import real_numbers
 from mmt.core.errors import InputError
 from mmt.texture.field.cells import FELT_POWER, FieldCells
 from mmt.texture.model.file_arrays import Arrays, file_arrays, pack_arrays
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.samples import LARGEST_POWER, TextureSamples
 from mmt.texture.settings import Method
+
+_LARGEST_WHOLE: Final = 2**31
 
 FORMAT_VERSION: Final = 7
 """Version of a file. Versions 1 to 6, which name the parts of a method, are read as the method that
@@ -76,8 +80,8 @@ def contents_of(arrays: Arrays) -> ModelContents:
         method, has_blocks = _method(content)
         space = InputSpace(
             str(content["inputs"]),  # type: ignore[arg-type] # checked by the class
-            float(content["maximum_speed_mm_s"]),
-            float(content["maximum_force_n"]),
+            _number(content, "maximum_speed_mm_s"),
+            _number(content, "maximum_force_n"),
         )
         samples = TextureSamples(
             space.stack(*(content[name] for name in space.channels)),
@@ -86,11 +90,11 @@ def contents_of(arrays: Arrays) -> ModelContents:
             content["power"],
             space,
             _numbers(content, "effective_samples"),
-            float(content.get("noise_power", 0.0)),
+            _number(content, "noise_power", 0.0),
             _numbers(content, "segment_samples"),
         )
         field = _field(content, directed=space.directed) if has_blocks else None
-        return ModelContents(samples, method, float(content["rate_hz"]), field)
+        return ModelContents(samples, method, _number(content, "rate_hz"), field)
     except InputError:  # one of a setting is a ValueError too
         raise
     except KeyError as error:
@@ -107,9 +111,9 @@ def _method(content: Arrays) -> tuple[Method, bool]:
     comes nearest to the field. With shapes as measured blocks are of the vibration behind the
     high-pass, and not used.
     """
-    version = int(content.get("format_version", 0))
-    if not 1 <= version <= FORMAT_VERSION:
-        raise InputError(f"format version is {version}, this program reads 1 to {FORMAT_VERSION}")
+    version = _number(content, "format_version", 0)
+    if version not in range(1, FORMAT_VERSION + 1):
+        raise InputError(f"format version is {version:g}, this program reads 1 to {FORMAT_VERSION}")
     if version == FORMAT_VERSION:
         return cast(Method, str(content["method"])), "field_cells" in content
     if version == 1:
@@ -123,7 +127,21 @@ def _method(content: Arrays) -> tuple[Method, bool]:
 
 
 def _numbers(content: Arrays, name: str) -> FloatArray | None:
-    return np.asarray(content[name], dtype=np.float64) if name in content else None
+    return real_numbers(name, content[name]) if name in content else None
+
+
+def _number(content: Arrays, name: str, usual: float | None = None) -> float:
+    value = content[name] if usual is None else content.get(name, np.array(usual))
+    if value.shape != ():
+        raise InputError(f"{name} has shape {value.shape}: one number is needed")
+    return float(real_numbers(name, value))
+
+
+def _whole(name: str, values: npt.ArrayLike) -> IntArray:
+    numbers = real_numbers(name, values)
+    if not (np.abs(numbers) < _LARGEST_WHOLE).all() or (numbers != np.rint(numbers)).any():
+        raise InputError(f"{name} must be whole numbers")
+    return numbers.astype(np.int64)
 
 
 def _known_of_powers(samples: TextureSamples) -> Arrays:
@@ -148,7 +166,8 @@ def _field_arrays(field: FieldCells | None) -> Arrays:
 
 
 def _field(content: Arrays, *, directed: bool) -> FieldCells:
-    keys, sums = content["field_cells"].astype(np.int64), content["field_sums"].astype(np.float64)
+    keys = _whole("field_cells", content["field_cells"])
+    sums = real_numbers("field_sums", content["field_sums"])
     if "field_moment_blocks" not in content:
         keys, sums = _by_moment(keys, sums)
     if keys.ndim != 2 or keys.shape[1] != 4 or sums.shape != (len(keys), 4) or not len(keys):
@@ -156,7 +175,8 @@ def _field(content: Arrays, *, directed: bool) -> FieldCells:
             f"field_cells has shape {keys.shape} and field_sums {sums.shape}: "
             "(r, 4) and (r, 4) needed"
         )
-    field = FieldCells(directed, keys, sums, int(content.get("field_moment_blocks", 1)))
+    blocks = _whole("field_moment_blocks", content.get("field_moment_blocks", np.array(1)))
+    field = FieldCells(directed, keys, sums, int(blocks))
     field.check()
     if not (field.sums[:, 1] <= LARGEST_POWER * np.minimum(field.sums[:, 0], 1e6)).all():
         raise InputError(f"field_sums holds a mean power above {LARGEST_POWER:g} (m/s2)^2")

@@ -14,15 +14,15 @@ from typing import Annotated, Final
 
 import numpy as np
 import numpy.typing as npt
-from annotated_types import Gt
+from annotated_types import Ge, Le
 
 from mmt.core.arrays import FloatArray
-from mmt.core.bounds import check_fields
+from mmt.core.bounds import check_fields, real_numbers
 from mmt.core.compiled import kernel
 from mmt.core.errors import InputError
 from mmt.texture.settings import CHANNELS, MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S, Inputs
 
-Maximum = Annotated[float, Gt(0)]
+Maximum = Annotated[float, Ge(1e-6), Le(1e6)]
 """End of a space."""
 
 _LARGEST: Final = 1e6
@@ -100,7 +100,7 @@ class InputSpace:
         Raises
         ------
         InputError
-            There are not d channels.
+            There are not d channels, or one is not of real numbers.
         """
         if self.directed and len(channels) == 2:
             channels = (channels[0], 0.0, channels[1])
@@ -109,7 +109,10 @@ class InputSpace:
                 f"{len(channels)} inputs were given: an {self.name} model takes "
                 f"{', '.join(self.channels)}"
             )
-        arrays = [np.atleast_1d(np.asarray(values, dtype=np.float64)) for values in channels]
+        arrays = [
+            np.atleast_1d(real_numbers(name, values))
+            for name, values in zip(self.channels, channels, strict=True)
+        ]
         return np.stack(np.broadcast_arrays(*arrays), axis=-1)
 
     def speed_mm_s(self, inputs: FloatArray) -> FloatArray:

@@ -7,7 +7,7 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from mmt.core.arrays import FloatArray
-from mmt.core.bounds import check
+from mmt.core.bounds import check, real_numbers
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.order_limit import LARGEST_ORDER
 from mmt.texture.model.inputs import ISOTROPIC, InputSpace
@@ -109,7 +109,7 @@ class TextureSamples:
             Shapes disagree, a number is not finite or beyond `LARGEST_POWER`, what cannot be
             negative is, or an LSF set is not ascending inside (0, pi).
         """
-        lsf, inputs = np.asarray(self.lsf), np.asarray(self.inputs)
+        lsf, inputs = real_numbers("lsf", self.lsf), real_numbers("inputs", self.inputs)
         if lsf.ndim != 2 or not 1 <= lsf.shape[1] <= LARGEST_ORDER or not len(lsf):
             raise InputError(
                 f"lsf has shape {lsf.shape}: at least one sample of order 1 to 64 needed"
@@ -135,7 +135,7 @@ class TextureSamples:
 
 
 def _check_numbers(name: str, values: Any, count: int, *, signed: bool = False) -> None:
-    values = np.asarray(values)
+    values = real_numbers(name, values)
     if values.shape != (count,):
         raise InputError(f"{name} has shape {values.shape}, ({count},) needed")
     if not (np.abs(values) <= LARGEST_POWER).all() or (not signed and (values < 0).any()):

@@ -7,12 +7,15 @@ surface. Both read a session faster than real time.
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import numpy as np
+from annotated_types import Gt
 
 from mmt.core.arrays import RecordArray
+from mmt.core.bounds import check
 from mmt.core.errors import InputError
+from mmt.core.frames import check_frames
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
 from mmt.texture.segmentation.bottom_up import CELL
@@ -96,7 +99,7 @@ def build_model(
     Raises
     ------
     InputError
-        There are no frames, a channel is missing, or `update_s` is not positive.
+        There are no frames, a channel is missing, or a value is not allowed.
 
     Examples
     --------
@@ -108,9 +111,10 @@ def build_model(
     >>> history.model_at(0.5) is None
     True
     """
+    check("settings", settings, ModellingSettings | None)
     settings = settings or ModellingSettings()
-    if not (np.isfinite(update_s) and update_s > 0):
-        raise InputError(f"update_s is {update_s}: it must be positive and finite")
+    check("update_s", update_s, Annotated[float, Gt(0)])
+    check_frames(frames)
     if len(frames) == 0:
         raise InputError("there are no frames, so no model can be built")
     period_frames = max(1, round(update_s * settings.rate_hz))

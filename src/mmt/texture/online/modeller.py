@@ -13,6 +13,7 @@ grows without end where the criteria are never met.
 from collections.abc import Callable, Iterator
 
 from mmt.core.arrays import RecordArray
+from mmt.core.bounds import check
 from mmt.texture.completion.criterion import Criterion
 from mmt.texture.model.fits import Fit
 from mmt.texture.model.inputs import InputSpace
@@ -56,6 +57,7 @@ class OnlineModeller:
         deferred: bool = False,
         until_start: bool = False,
     ) -> None:
+        check("settings", settings, ModellingSettings | None)
         self.settings = settings or ModellingSettings()
         self.space = InputSpace(self.settings.inputs)
         self._segmenting = SegmentingStage(self.settings, accept)
@@ -106,7 +108,13 @@ class OnlineModeller:
         ----------
         frames
             Shape (n,), with position, force and acceleration; in order, with jumps in
-            ``sequence`` where frames are missing. May be empty.
+            ``sequence`` where frames are missing. May be empty. Numbers that start anew or wrap are
+            numbered on, see `mmt.texture.signals.numbering`.
+
+        Raises
+        ------
+        InputError
+            They are no frames, or lack a channel.
         """
         update = carry_out(self.segment(frames))
         assert update is not None  # noqa: S101 - every call gives work

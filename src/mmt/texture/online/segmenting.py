@@ -3,12 +3,14 @@
 from collections.abc import Callable, Iterator
 
 from mmt.core.arrays import RecordArray
+from mmt.core.frames import check_frames
 from mmt.texture.online.work import Stopwatch, UpdateSteps, Work
 from mmt.texture.segmentation.segmenter import OnlineSegmenter, segmentation_settings
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.signals.noise_floor import NoiseFloor
+from mmt.texture.signals.numbering import StreamNumbering
 
 
 class SegmentingStage:
@@ -33,6 +35,7 @@ class SegmentingStage:
         self._segmenter = OnlineSegmenter(
             segmentation_settings(settings), overlap_samples=settings.overlap_samples
         )
+        self._numbering = StreamNumbering()
         self._noise = NoiseFloor()
         self.first_sequence: int | None = None
         """Number of the first frame, None before it."""
@@ -56,11 +59,13 @@ class SegmentingStage:
         lock is never contended for longer than one of them.
         """
         clock = Stopwatch()
+        check_frames(frames)
+        frames = self._numbering.number(frames)
         if len(frames):
             if self.first_sequence is None:
                 self.first_sequence = int(frames["sequence"][0])
-            elapsed = int(frames["sequence"][-1]) + 1 - self.first_sequence
-            self.time_s = elapsed / self._rate_hz
+            elapsed = int(frames["sequence"].max()) + 1 - self.first_sequence
+            self.time_s = max(self.time_s, elapsed / self._rate_hz)
         aligned = self._filter.process(frames)
         self._noise.update(aligned)
         clock.lap("filter")

@@ -6,8 +6,6 @@ from typing import Final, Self
 import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray, RecordArray
-from mmt.core.errors import InputError
-from mmt.core.frames import FIELD_OF_CHANNEL
 
 LARGEST_MEASUREMENT: Final = 1e6
 """No position (mm), force (N) or acceleration (m/s2) is beyond this: a broken number."""
@@ -71,11 +69,6 @@ class FrameGaps:
         """Return the next frames with short gaps filled, and in front of which are longer ones.
 
         Acceleration is not filled here.
-
-        Raises
-        ------
-        InputError
-            The frames lack position, force or acceleration.
         """
         begun = min(len(self._newest.index), 1)
         joined = self._newest.joined(self._usable(frames))
@@ -99,13 +92,6 @@ class FrameGaps:
 
     def _usable(self, frames: RecordArray) -> Elements:
         """Return the frames that are whole and new."""
-        names = frames.dtype.names or ()
-        missing = [channel for channel, field in FIELD_OF_CHANNEL.items() if field not in names]
-        if missing:
-            raise InputError(
-                f"frames without {', '.join(missing)}: a texture model needs "
-                f"{', '.join(FIELD_OF_CHANNEL)}; add the channels to the scene"
-            )
         index = frames["sequence"].astype(np.int64)
         motion = np.empty((len(frames), 4))
         motion[:, :3] = frames["position_mm"]

@@ -15,7 +15,7 @@ import numpy as np
 from annotated_types import Ge
 
 from mmt.core.arrays import FloatArray
-from mmt.core.bounds import check
+from mmt.core.bounds import check, real_numbers
 from mmt.core.compiled import kernel
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.lattice import lattice_step, lsf_to_lattice_into
@@ -138,7 +138,7 @@ class Generator:
         """Return samples of variance one (count,): the next of its own, or those that are given."""
         if given is None:
             return self.draw(count)
-        samples = np.ascontiguousarray(given, dtype=np.float64)
+        samples = np.ascontiguousarray(real_numbers("excitation", given))
         if samples.shape != (count,) or not np.isfinite(samples).all():
             raise InputError(
                 f"excitation has shape {samples.shape}: ({count},) finite samples of variance one, "

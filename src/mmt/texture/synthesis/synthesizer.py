@@ -89,6 +89,7 @@ class Synthesizer:
         limit_m_s2: float = 60.0,
         fade_samples: int = 0,
     ) -> None:
+        check("model", model, TextureModel | None)
         check("renewal_samples", renewal_samples, Annotated[int, Ge(1)])
         check("fade_samples", fade_samples, Annotated[int, Ge(0)])
         self._fade = UpdateFade(model, fade_samples)
@@ -131,6 +132,8 @@ class Synthesizer:
             same length, or the excitation is not as long or not finite.
         """
         model, generator = self.model, self._generator
+        if not inputs or np.ndim(inputs[0]) != 1:
+            raise InputError(_unfit(inputs))
         if model is None:
             generator.use(None)
             return generator.generate(len(inputs[0]))
@@ -181,7 +184,7 @@ def _for_kernel(model: TextureModel) -> tuple[FloatArray, IntArray, FloatArray, 
 
 
 def _unfit(inputs: tuple[FloatArray, ...]) -> str:
-    given = ", ".join(f"{np.shape(v)} {np.asarray(v).dtype}" for v in inputs)
+    given = ", ".join(f"{np.shape(v)} {np.asarray(v).dtype}" for v in inputs) or "none"
     return f"inputs are arrays of {given}: each must be (n,) float64, with the same n"
 
 
