@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from mmt.core.bounds import check
+from mmt.core.bounds import check, real_numbers
 from mmt.core.errors import InputError
 from mmt.scene.texture_table import TEXTURE_TABLE
 from mmt.texture.model.file import arrays_of
@@ -25,6 +25,19 @@ from mmt.texture.settings import (
 
 NUMBERS = [math.nan, math.inf, -math.inf, -1.0, -1, 0, 0.0, 1, 0.5, 2.5, 7, 64, 65, 1e6, 1.7e308]
 OTHERS = ["auto", "delaunay", "no such thing", None, True, []]
+
+
+@pytest.mark.parametrize("values", ["a", ["a"], 1j, [None], [True], [[1.0], [1.0, 2.0]]])
+def test_what_are_no_real_numbers_is_refused(values: Any) -> None:
+    with pytest.raises(InputError, match=r"^lsf is "):
+        real_numbers("lsf", values)
+
+
+@pytest.mark.parametrize("values", [1, [1, 2], np.float32([[0.5]]), np.uint8([3]), [math.nan]])
+def test_real_numbers_are_taken_in_their_shape(values: Any) -> None:
+    found = real_numbers("lsf", values)
+    np.testing.assert_array_equal(found, values)
+    assert found.dtype == np.float64
 
 
 @pytest.mark.parametrize("owner", [TextureSettings, OnlineSelectionSettings, SurfaceSettings])

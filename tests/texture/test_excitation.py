@@ -40,6 +40,24 @@ def test_an_excitation_that_does_not_fit_is_refused(excitation) -> None:
         Synthesizer(model()).render(np.full(100, 100.0), np.ones(100), excitation=excitation)
 
 
+@pytest.mark.parametrize("excitation", [np.zeros(100, complex), "white", [[0.0], [0.0, 0.0]]])
+def test_an_excitation_that_is_no_array_of_numbers_is_refused(excitation) -> None:
+    with pytest.raises(InputError, match="excitation is"):
+        Synthesizer(model()).render(np.full(100, 100.0), np.ones(100), excitation=excitation)
+
+
+@pytest.mark.parametrize("inputs", [(), (100.0, 1.0), (None, None), (np.ones((3, 1)),) * 2])
+@pytest.mark.parametrize("rendered", [model(), None])
+def test_inputs_that_are_no_rows_are_refused(inputs, rendered) -> None:
+    with pytest.raises(InputError, match=r"each must be \(n,\) float64"):
+        Synthesizer(rendered).render(*inputs)
+
+
+def test_the_name_of_a_model_is_none() -> None:
+    with pytest.raises(InputError, match="model is 'oak', allowed is TextureModel or None"):
+        Synthesizer("oak")
+
+
 @pytest.mark.parametrize(
     ("name", "value"),
     [

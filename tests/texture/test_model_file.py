@@ -166,3 +166,44 @@ def test_counts_that_are_none_are_refused() -> None:
     samples = replace(make_samples(ISOTROPIC, 5), counts=np.array([100.0, 0.0, 3.0, 4.0, 5.0]))
     with pytest.raises(InputError, match="counts must be positive"):
         TextureModel(samples)
+
+
+def filed() -> bytes:
+    """A model with all that a file can hold."""
+    count = np.full(12, 400.0)
+    samples = replace(make_samples(ISOTROPIC, 12), effective=count, counts=count, noise_power=0.01)
+    keys = np.column_stack([np.arange(1, 7), np.arange(1, 7), np.zeros(6), np.zeros(6)])
+    cells = FieldCells(False, keys.astype(np.int64), np.array([[4.0, 4.0, 0.0, 0.1]] * 6))
+    return TextureModel(samples, field=cells).to_bytes()
+
+
+with np.load(io.BytesIO(filed())) as _file:
+    NUMBERS = {name: _file[name] for name in _file.files if _file[name].dtype.kind in "fi"}
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+def test_an_array_of_another_kind_or_shape_is_refused(name) -> None:
+    array = NUMBERS[name]
+    for other in (array.astype(complex), array.astype(str), array > 0, array[np.newaxis]):
+        with pytest.raises(InputError, match=r"real numbers are needed|shape"):
+            TextureModel.from_bytes(changed(filed(), **{name: other}))
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+def test_a_number_that_is_none_is_refused_and_single_precision_is_read(name) -> None:
+    array = NUMBERS[name].astype(np.float64)
+    for value in (np.nan, np.inf, -np.inf):
+        wrong = array.copy()
+        wrong[(0,) * array.ndim] = value
+        with pytest.raises(InputError):
+            TextureModel.from_bytes(changed(filed(), **{name: wrong}))
+    single = TextureModel.from_bytes(changed(filed(), **{name: array.astype(np.float32)}))
+    whole = TextureModel.from_bytes(filed())
+    np.testing.assert_allclose(single.vertices, whole.vertices, rtol=1e-3, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", ["format_version", "field_cells", "field_moment_blocks"])
+def test_a_fraction_of_what_is_counted_is_refused(name) -> None:
+    wrong = NUMBERS[name] + 0.5
+    with pytest.raises(InputError, match=r"must be whole numbers|format version is 7\.5"):
+        TextureModel.from_bytes(changed(filed(), **{name: wrong}))

@@ -175,7 +175,7 @@ def _field(content: Arrays, *, directed: bool) -> FieldCells:
             f"field_cells has shape {keys.shape} and field_sums {sums.shape}: "
             "(r, 4) and (r, 4) needed"
         )
-    blocks = _whole("field_moment_blocks", content.get("field_moment_blocks", np.array(1)))
+    blocks = _whole("field_moment_blocks", _number(content, "field_moment_blocks", 1))
     field = FieldCells(directed, keys, sums, int(blocks))
     field.check()
     if not (field.sums[:, 1] <= LARGEST_POWER * np.minimum(field.sums[:, 0], 1e6)).all():
