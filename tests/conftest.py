@@ -14,6 +14,7 @@ from stroked_sessions import make_session, stroked_session  # noqa: F401 - fixtu
 
 import mmt.cli  # noqa: F401 - before NumPy: linear algebra in one thread, as the programs have it
 from mmt.core.process import ask_for_short_turns
+from mmt.core.queued_output import finish_output
 
 SLOWEST_FIRST = (
     "test_first_start.py",
@@ -110,6 +111,7 @@ def unused_tcp_port() -> int:
 def _ordinary_process() -> Iterator[None]:
     """Put back what a service asks of its process: it would last, and children would inherit it."""
     yield
+    finish_output()
     if sys.getswitchinterval() != SWITCH_INTERVAL_S:
         sys.setswitchinterval(SWITCH_INTERVAL_S)
         ask_for_short_turns(0)

@@ -19,6 +19,7 @@ from mmt.core.extras import requiring
 from mmt.core.inventory import Inventory
 from mmt.core.labels import label
 from mmt.core.printable import printable
+from mmt.core.queued_output import finish_output, hurry_output, queue_output
 from mmt.core.version import __version__
 from mmt.scene import Scene, Service
 
@@ -87,6 +88,8 @@ def run_app(app: typer.Typer, program: str) -> None:
     except MmtError as error:
         print_error(str(error))
         sys.exit(error.exit_code)
+    finally:
+        finish_output()
 
 
 def print_error(sentence: str) -> None:
@@ -202,13 +205,22 @@ def print_parts(scene: Scene, service: Service) -> None:
 
 
 def stop_on_signals(stop: Callable[[], None]) -> None:
-    """End the running service on Ctrl-C and on termination, with its summary."""
+    """End the running service on Ctrl-C and on termination, with its summary.
+
+    Whoever reads what it prints does not hold it up.
+    """
+    queue_output()
     loop = asyncio.get_running_loop()
+
+    def asked() -> None:
+        hurry_output()
+        stop()
+
     for number in (signal.SIGINT, signal.SIGTERM):
         try:
-            loop.add_signal_handler(number, stop)
+            loop.add_signal_handler(number, asked)
         except NotImplementedError:  # Windows: asyncio raises KeyboardInterrupt instead
-            signal.signal(number, lambda *_: loop.call_soon_threadsafe(stop))
+            signal.signal(number, lambda *_: loop.call_soon_threadsafe(asked))
 
 
 def summary_table(title: str, summary: Mapping[str, Any]) -> Table:

@@ -22,6 +22,7 @@ import msgpack
 
 from mmt.core.errors import MmtError
 from mmt.core.process import step_back
+from mmt.core.queued_output import finish_output, queue_output
 from mmt.scene.sharing_tables import Control, Sharing
 from mmt.sharing.messages import LONGEST_MESSAGE
 from mmt.sharing.relay import Relay
@@ -44,7 +45,7 @@ async def _input() -> AsyncIterator[dict[str, Any]]:
 
 
 def _say(**line: object) -> None:
-    print(json.dumps(line), flush=True)
+    sys.stdout.write(json.dumps(line) + "\n")
 
 
 async def serve(settings: Sharing, welcome: dict[str, Any], control: Control | None = None) -> None:
@@ -101,7 +102,11 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the leader says when it ends
     step_back()  # the leader's ticks do not wait for what listeners take
     control = None if given["control"] is None else Control.model_validate(given["control"])
-    asyncio.run(serve(Sharing.model_validate(given["sharing"]), given["welcome"], control))
+    queue_output()
+    try:
+        asyncio.run(serve(Sharing.model_validate(given["sharing"]), given["welcome"], control))
+    finally:
+        finish_output()
 
 
 if __name__ == "__main__":
