@@ -1,4 +1,7 @@
-"""A reader of what a service prints that stops, or goes, holds up no robot."""
+"""A reader of what a service prints that stops, or goes, holds up no robot.
+
+A terminal that is closed ends the session in order.
+"""
 
 import fcntl
 import json
@@ -10,7 +13,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -24,6 +27,13 @@ STALLED_S = 4.0
 PATIENT = {"MMT_LINK__SILENCE_MS": "1000"}
 """A follower that holds for a leader that has stalled, and not for a machine that is busy."""
 
+CONTROLLED = (
+    "import fcntl, os, sys, termios\n"
+    "fcntl.ioctl(0, termios.TIOCSCTTY, 0)\n"
+    "os.execv(sys.argv[1], sys.argv[1:])\n"
+)
+"""Makes the terminal that is standard input the one whose Ctrl-C and end are told."""
+
 
 @contextmanager
 def leader_heard_by(kind: str, cwd: Path) -> Iterator[tuple["subprocess.Popen[bytes]", int]]:
@@ -35,10 +45,14 @@ def leader_heard_by(kind: str, cwd: Path) -> Iterator[tuple["subprocess.Popen[by
         ours, theirs = pty.openpty()
     arguments = ["leader", scene("demo"), "--port", "0", "--json", "leader.json", "--verbose"]
     arguments += ["--record", "session.mcap", "--duration", "60"]
+    command = [sys.executable, "-m", "mmt.cli.entry", *arguments]
+    if kind == "pipe":
+        command += ["--json-lines"]
+    else:
+        command = [sys.executable, "-c", CONTROLLED, *command]
     process = subprocess.Popen(
-        [sys.executable, "-m", "mmt.cli.entry", *arguments]
-        + (["--json-lines"] if kind == "pipe" else []),
-        stdin=subprocess.DEVNULL,
+        command,
+        stdin=subprocess.DEVNULL if kind == "pipe" else theirs,
         stdout=theirs,
         stderr=theirs,
         cwd=cwd,
@@ -50,7 +64,8 @@ def leader_heard_by(kind: str, cwd: Path) -> Iterator[tuple["subprocess.Popen[by
     finally:
         process.kill()
         process.wait(LONGEST_S)
-        os.close(ours)
+        with suppress(OSError):  # the test has closed it
+            os.close(ours)
 
 
 def port_from(reader: int) -> int:
@@ -78,13 +93,38 @@ def test_a_reader_that_stops_holds_up_neither_the_robot_nor_the_end(
             leader.send_signal(number)
             assert leader.wait(LONGEST_S) == 0
             assert follower.end() == 0, follower.stderr
-    assert follower.summary()["outcome"] == "leader stopped (stopped)"
     assert follower.summary()["commands"]["silences"] == 0
-    summary = json.loads((tmp_path / "leader.json").read_text())
+    assert_stopped_in_order(tmp_path, follower, at_least=1000)
+
+
+def assert_stopped_in_order(directory: Path, follower: Service, at_least: int) -> None:
+    """Check that the leader's summary, its recording and the follower's last words are there."""
+    assert follower.summary()["outcome"] == "leader stopped (stopped)"
+    summary = json.loads((directory / "leader.json").read_text())
     assert summary["outcome"] == "stopped"
-    recording = read_session(tmp_path / "session.mcap")
+    recording = read_session(directory / "session.mcap")
     assert recording.complete
-    assert len(recording.frames) == summary["link"]["frames"] > 1000
+    assert len(recording.frames) == summary["link"]["frames"] >= at_least
+
+
+@pytest.mark.parametrize("ends", ["closed", "interrupted"])
+def test_a_terminal_that_is_closed_ends_the_session_as_its_ctrl_c_does(
+    ends: str, tmp_path: Path
+) -> None:
+    with leader_heard_by("terminal", tmp_path) as (leader, terminal):
+        url = f"http://127.0.0.1:{port_from(terminal)}"
+        arguments = (scene("demo"), "--json-lines", "--leader", url)
+        with Service("follower", *arguments, cwd=tmp_path) as follower:
+            follower.wait_for(lambda: "connected to the leader" in follower.events())
+            time.sleep(1.0)
+            if ends == "closed":
+                os.close(terminal)
+                leader.send_signal(signal.SIGHUP)  # a shell tells its jobs as well
+            else:
+                os.write(terminal, b"\x03")
+            assert leader.wait(LONGEST_S) == 0
+            assert follower.end() == 0, follower.stderr
+    assert_stopped_in_order(tmp_path, follower, at_least=1)
 
 
 def test_a_reader_that_goes_ends_no_session(tmp_path: Path) -> None:

@@ -154,7 +154,7 @@ class _Demo:
     async def _start(self, name: str, arguments: list[str]) -> Child:
         child = await Child.start(
             name,
-            "mmt.cli.entry",
+            "mmt.cli.child",
             [name, *arguments],
             self._environment,
             lambda sentence: self._progress.console.print(f"{name}: {sentence}", highlight=False),

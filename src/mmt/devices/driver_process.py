@@ -7,6 +7,7 @@ ends with the driver's end of the pipes, which the system closes however the ser
 import contextlib
 import json
 import os
+import signal
 import struct
 import subprocess
 import sys
@@ -16,6 +17,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Any, Final, NoReturn
 
+from mmt.core.end_signals import handle_end_signals
 from mmt.core.errors import MmtError, brief
 from mmt.core.process import prefer_even_ticks
 
@@ -188,6 +190,7 @@ def run_process(run: Callable[[dict[str, Any], DriverPipes], None], device: str)
     device
         What a person calls it.
     """
+    handle_end_signals(signal.SIG_IGN)  # the driver says when it ends
     prefer_even_ticks()
     messages = os.dup(1)
     os.dup2(2, 1)  # what a library prints is no message

@@ -272,7 +272,7 @@ class GeneratingPart(Part):
             share = (seconds - self._ready[1]) / max(wall_s, 1e-3)
             self._cost = {"core_share": round(share, 3), "memory_mb": round(memory_mb, 1)}
         for process in self._processes.values():
-            process.terminate()
+            process.kill()
 
     def _measured(self) -> tuple[float, float]:
         """Return the processor time in seconds, and the memory in MB, of both processes."""

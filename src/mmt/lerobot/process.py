@@ -111,7 +111,7 @@ class _Run:
         assert self._scene.link is not None and leader.port is not None  # noqa: S101, PT018
         url = self._scene.link.url(leader.port)
         arguments = ["follower", self._settings.scene, "--leader", url, "--json-lines"]
-        child = await Child.start("follower", "mmt.cli.entry", arguments, on_warning=_event)
+        child = await Child.start("follower", "mmt.cli.child", arguments, on_warning=_event)
         try:
             async for line in child.lines():
                 if line["kind"] == "event":

@@ -20,6 +20,7 @@ from typing import Any, Final
 
 import msgpack
 
+from mmt.core.end_signals import handle_end_signals
 from mmt.core.errors import MmtError
 from mmt.core.process import step_back
 from mmt.core.queued_output import finish_output, queue_output
@@ -99,7 +100,7 @@ async def _tell(server: SharingServer) -> None:
 def main() -> None:
     """Run the process; the first argument is the scene's table and the welcome as JSON."""
     given = json.loads(sys.argv[1])
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the leader says when it ends
+    handle_end_signals(signal.SIG_IGN)  # the leader says when it ends
     step_back()  # the leader's ticks do not wait for what listeners take
     control = None if given["control"] is None else Control.model_validate(given["control"])
     queue_output()

@@ -183,7 +183,7 @@ async def _redis() -> AsyncIterator[str]:
 
 
 async def _child(stack: AsyncExitStack, command: list[str], **environment: str) -> Child:
-    child = await Child.start(command[0], "mmt.cli.entry", command, {**os.environ, **environment})
+    child = await Child.start(command[0], "mmt.cli.child", command, {**os.environ, **environment})
     stack.push_async_callback(child.kill)
     return child
 

@@ -47,7 +47,7 @@ async def _session(
     common = [_SCENE, "--json-lines"]
     leader = await Child.start(
         "leader",
-        "mmt.cli.entry",
+        "mmt.cli.child",
         ["leader", *common, "--share", "--port", "0", "--duration", str(duration_s)],
         environment,
     )
@@ -62,7 +62,7 @@ async def _session(
                 where = f"http://127.0.0.1:{line['port']}"
             if len(children) == 1 and where and f", {first} listening" in event:
                 follower = ["follower", *common, "--leader", where]
-                children.append(await Child.start("follower", "mmt.cli.entry", follower))
+                children.append(await Child.start("follower", "mmt.cli.child", follower))
             if line["kind"] == "summary":
                 summary = line
             if event.startswith("shared at "):
