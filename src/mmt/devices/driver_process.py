@@ -33,6 +33,8 @@ _AT_ONCE: Final = 1 << 16
 _SILENT_READS: Final = 20
 """Reads without a message that a loss takes too: a host that was held up is no lost device."""
 _CLOSE_S: Final = 4.0
+_UNHEARD_CLOSE_S: Final = 0.5
+"""For a process that has told nothing yet: what it calls may not return for long."""
 
 Message = tuple[bytes, bytes]
 """Kind and body."""
@@ -68,6 +70,7 @@ class DriverProcess:
         self._lock = threading.Lock()
         self._arrival_ns = 0
         self._empty = 0
+        self._heard = False
 
     def start(self) -> None:
         """Start it."""
@@ -99,7 +102,7 @@ class DriverProcess:
             if not data:
                 self.ended = self.ended or self._lost
                 return []
-            self._arrival_ns, self._empty = time.monotonic_ns(), 0
+            self._arrival_ns, self._empty, self._heard = time.monotonic_ns(), 0, True
             self._received += data
             return [message for message in _messages(self._received) if not self._keep(*message)]
 
@@ -132,7 +135,7 @@ class DriverProcess:
                 if pipe is not None:
                     pipe.close()
         try:
-            child.wait(_CLOSE_S)
+            child.wait(_CLOSE_S if self._heard else _UNHEARD_CLOSE_S)
         except subprocess.TimeoutExpired:
             child.kill()  # its connections end, by which a device stops as well
             child.wait()
