@@ -16,6 +16,7 @@ from contextlib import suppress
 from typing import Any, Final
 
 from mmt.cli.entry import start
+from mmt.core.children import python_command
 
 _LONGEST_LINE: Final = 2**20
 _KEPT_MESSAGES: Final = 2**16
@@ -71,10 +72,7 @@ class Child:
         """
         started_s = time.perf_counter()
         process = await asyncio.create_subprocess_exec(
-            sys.executable,
-            "-m",
-            module,
-            *arguments,
+            *python_command("-m", module, *arguments),
             stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.PIPE,

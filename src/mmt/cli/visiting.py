@@ -15,6 +15,7 @@ from contextlib import suppress
 from io import StringIO
 from typing import IO, Final
 
+from mmt.core.children import python_command
 from mmt.core.errors import InputError
 from mmt.link.access import Access
 from mmt.scene.sharing_tables import Sharing
@@ -51,7 +52,7 @@ class VisitorsPage:
         port = _free_port()
         self._process = subprocess.Popen(  # noqa: S603 - our own program; returns at once
             [
-                *(sys.executable, "-m", "mmt.cli.child", "main", "play", "--from", url),
+                *python_command("-m", "mmt.cli.child", "main", "play", "--from", url),
                 *("--host", "0.0.0.0", "--port", str(port), "--open"),  # noqa: S104 - it is asked for
             ],
             stdin=subprocess.PIPE,

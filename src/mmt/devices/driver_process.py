@@ -17,6 +17,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Any, Final, NoReturn
 
+from mmt.core.children import python_command
 from mmt.core.end_signals import handle_end_signals
 from mmt.core.errors import MmtError, brief
 from mmt.core.process import prefer_even_ticks
@@ -75,7 +76,7 @@ class DriverProcess:
     def start(self) -> None:
         """Start it."""
         self.child = subprocess.Popen(  # noqa: S603 - our own module
-            [sys.executable, "-m", self._module, json.dumps(self._arguments)],
+            python_command("-m", self._module, json.dumps(self._arguments)),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,  # libraries write there what the pipe tells already
