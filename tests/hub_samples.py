@@ -53,7 +53,7 @@ class RedisServer:
         process, self.process = self.process, None
         if process is not None:
             process.kill()
-            process.wait()
+            process.wait(60.0)
 
 
 def free_port() -> int:

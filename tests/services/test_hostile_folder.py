@@ -20,8 +20,9 @@ ALLOWED = {
 
 
 @pytest.fixture
-def hostile(tmp_path: Path) -> Path:
+def hostile(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with a file for each module of the standard library, and for some others."""
+    monkeypatch.delenv("PYTHONSAFEPATH", raising=False)
     names = {name for name in sys.stdlib_module_names if not name.startswith("_")}
     for name in names | {"numpy", "scipy", "numba", "mmt", "mmt_lab", "socketio", "msgpack"}:
         (tmp_path / f"{name}.py").write_text(
