@@ -3,6 +3,7 @@
 import gc
 import os
 import random
+import signal
 import socket
 import sys
 from collections.abc import Iterator
@@ -14,6 +15,7 @@ from stroked_sessions import make_session, stroked_session  # noqa: F401 - fixtu
 
 import mmt.cli  # noqa: F401 - before NumPy: linear algebra in one thread, as the programs have it
 from mmt.core.process import ask_for_short_turns
+from mmt.core.queued_output import finish_output
 
 SLOWEST_FIRST = (
     "test_first_start.py",
@@ -47,6 +49,11 @@ SLOWEST_FIRST = (
 
 Those that wait for clocks alternate with those that compute.
 """
+
+# ignored where a shell without job control starts the tests in the background: processes that they
+# start would inherit it, and could not be interrupted
+signal.signal(signal.SIGINT, signal.default_int_handler)
+HANDLERS = {number: signal.getsignal(number) for number in signal.valid_signals()}
 
 SWITCH_INTERVAL_S = sys.getswitchinterval()
 
@@ -110,6 +117,11 @@ def unused_tcp_port() -> int:
 def _ordinary_process() -> Iterator[None]:
     """Put back what a service asks of its process: it would last, and children would inherit it."""
     yield
+    finish_output()
+    os.environ.pop("PYTHONSAFEPATH", None)
+    for number in (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGINT)):
+        if signal.getsignal(number) != HANDLERS[number]:
+            signal.signal(number, HANDLERS[number])
     if sys.getswitchinterval() != SWITCH_INTERVAL_S:
         sys.setswitchinterval(SWITCH_INTERVAL_S)
         ask_for_short_turns(0)

@@ -53,7 +53,7 @@ class RedisServer:
         process, self.process = self.process, None
         if process is not None:
             process.kill()
-            process.wait()
+            process.wait(60.0)
 
 
 def free_port() -> int:
@@ -132,7 +132,7 @@ async def hub_process(leader: str, redis: str) -> AsyncIterator[Process]:
     """Run ``mmt hub`` until the end of the block."""
     arguments = ["main", "hub", leader, "--redis", redis, "--port", "0", "--json-lines"]
     environment = {**os.environ, "MMT_LISTENING__NAME": "hub"}
-    child = await Child.start("hub", "mmt.cli.entry", arguments, environment)
+    child = await Child.start("hub", "mmt.cli.child", arguments, environment)
     lines = child.lines()
     try:
         async for line in lines:

@@ -26,7 +26,7 @@ def waiting_thread(name: str) -> Iterator[None]:
         yield
     finally:
         leave.set()
-        thread.join()
+        thread.join(60.0)
 
 
 async def test_what_runs_is_found_and_counted() -> None:

@@ -3,8 +3,8 @@
 import io
 import json
 import logging
+import os
 import threading
-import time
 from pathlib import Path
 from typing import Any
 
@@ -148,23 +148,20 @@ def test_a_full_disk_is_said_once(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_stalled_disk_holds_up_nothing_and_the_loss_is_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("mmt.core.logs._MOST_WAITING", 100)
+    monkeypatch.setattr("mmt.core.queued_output.MOST_WAITING", 100)
     path = tmp_path / "log.jsonl"
     flowing = threading.Event()
-    write = logging.FileHandler.emit
+    write = os.write
 
-    def stalled(handler: logging.FileHandler, record: logging.LogRecord) -> None:
+    def stalled(descriptor: int, data: bytes) -> int:
         flowing.wait(30)
-        write(handler, record)
+        return write(descriptor, data)
 
-    monkeypatch.setattr("mmt.core.logs._FileWriter.emit", stalled)
-    with Logs("leader", path) as logs:
+    monkeypatch.setattr("mmt.core.queued_output.os.write", stalled)
+    with Logs("leader", path):
         for number in range(300):
             LOG.info("line %d", number)
         flowing.set()
-        assert logs._listener is not None
-        while logs._listener.queue.qsize():
-            time.sleep(0.001)
         LOG.info("last")
     written = lines(path)
     losses = [line["count"] for line in written if line["event"] == "log lines dropped"]

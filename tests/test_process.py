@@ -37,7 +37,9 @@ step_back()
 print(asked, kernels, short, turn_ns())
 """
     command = [sys.executable, "-c", script]
-    printed = subprocess.run(command, capture_output=True, check=True, start_new_session=True)
+    printed = subprocess.run(
+        command, capture_output=True, check=True, start_new_session=True, timeout=150
+    )
     asked, kernels, short, after = printed.stdout.decode().split()
     if asked != "True" or kernels == "0":
         pytest.skip("this kernel has one length of turn for all")
@@ -57,7 +59,9 @@ del blocks
 before = held_mb()
 print(release_freed_memory(), before - held_mb())
 """
-    printed = subprocess.run([sys.executable, "-c", script], capture_output=True, check=True)
+    printed = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, check=True, timeout=150
+    )
     released, given_mb = printed.stdout.decode().split()
     if released != "True":
         pytest.skip("this C library keeps nothing to give back")
@@ -86,7 +90,7 @@ def test_sleeps_that_end_when_they_are_due_are_asked_of_the_system() -> None:
 
     thread = threading.Thread(target=ask)
     thread.start()
-    thread.join()
+    thread.join(60.0)
     assert slack_ns in ([], [1])
     assert bool(slack_ns) == (sys.platform == "linux")
 

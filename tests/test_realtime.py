@@ -23,7 +23,7 @@ def permitted() -> bool:
 
 def in_a_thread(function: Callable[[], object]) -> object:
     with ThreadPoolExecutor(1) as pool:
-        return pool.submit(function).result()
+        return pool.submit(function).result(60.0)
 
 
 @pytest.mark.skipif(not permitted(), reason="this user may not schedule in real time")
@@ -33,7 +33,7 @@ def test_the_thread_that_asks_is_real_time_and_what_it_starts_is_not() -> None:
         found: list[int] = []
         child = threading.Thread(target=lambda: found.append(os.sched_getscheduler(0)))
         child.start()
-        child.join()
+        child.join(60.0)
         return os.sched_getscheduler(0), os.sched_getparam(0).sched_priority, found
 
     before = os.sched_getscheduler(0)

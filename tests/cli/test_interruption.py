@@ -75,11 +75,11 @@ def exit_code(command: Callable[[], object], monkeypatch: pytest.MonkeyPatch) ->
 def test_an_interrupted_command_ends_with_130(
     command: Callable[[], object],
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setattr(sys, "stdin", InterruptedInput())
     assert exit_code(command, monkeypatch) == entry.INTERRUPTED == 130
-    told = capsys.readouterr().err
+    told = capfd.readouterr().err
     assert told.endswith("stopped\n")
     assert "Traceback" not in told
 

@@ -45,7 +45,7 @@ class SimulatedArm:
     def kill(self) -> None:
         """End it, as a robot ends whose power fails."""
         self._process.kill()
-        self._process.wait()
+        self._process.wait(60.0)
         for pipe in (self._process.stdin, self._process.stdout):
             assert pipe is not None
             pipe.close()

@@ -101,6 +101,7 @@ def compiled(source: str, directory: Path, *words: str) -> Path:
     subprocess.run(
         ["g++", *STRICT, *words, "-I", directory, directory / "program.cpp", "-o", program],
         check=True,
+        timeout=150,
     )
     return program
 
@@ -110,7 +111,7 @@ def check_whole(sketch: Path, directory: Path, *macros: str) -> None:
     (directory / "Arduino.h").write_text(ARDUINO)
     words = ["-fsyntax-only", *(f"-D{macro}" for macro in macros)]
     words += ["-I", directory, "-x", "c++", sketch]
-    subprocess.run(["g++", *STRICT, *words], check=True)
+    subprocess.run(["g++", *STRICT, *words], check=True, timeout=150)
 
 
 class RunningSketch:
@@ -156,5 +157,5 @@ def running(
     finally:
         os.close(theirs)
         process.kill()
-        process.wait()
+        process.wait(60.0)
         process.stdin.close()

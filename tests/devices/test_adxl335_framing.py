@@ -198,7 +198,12 @@ def test_the_sketch_sends_what_python_reads(tmp_path: Path) -> None:
         for f in sent
     ]
     done = subprocess.run(
-        [program], input="\n".join(lines), capture_output=True, text=True, check=True
+        [program],
+        input="\n".join(lines),
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=150,
     )
     wires = [bytes.fromhex(line) for line in done.stdout.split()]
     assert wires == [encode_frame(frame) for frame in sent]

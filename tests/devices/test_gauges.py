@@ -255,6 +255,10 @@ def test_a_driver_imports_neither_scipy_nor_numba():
         "print([m for m in ('scipy', 'numba', 'asyncio') if m in sys.modules])"
     )
     result = subprocess.run(
-        [sys.executable, "-c", program], check=True, capture_output=True, text=True
+        [sys.executable, "-c", program],
+        check=True,
+        capture_output=True,
+        text=True,
+        timeout=150,
     )
     assert result.stdout.strip() == "[]"

@@ -56,7 +56,12 @@ def played(program: Path, turns: list[tuple[bytes, int]]) -> list[tuple[list[int
     """Give the sketch bytes and have it play, turn by turn; return samples and reports."""
     lines = [f"{len(received)} {play} {received.hex(' ')}" for received, play in turns]
     done = subprocess.run(
-        [program], input="\n".join(lines), capture_output=True, text=True, check=True
+        [program],
+        input="\n".join(lines),
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=150,
     )
     answers = []
     for line, (_, play) in zip(done.stdout.splitlines(), turns, strict=True):

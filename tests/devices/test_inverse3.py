@@ -295,9 +295,11 @@ def holder(service: EmulatedInverse3) -> Iterator[subprocess.Popen[bytes]]:
     with subprocess.Popen(
         [sys.executable, "-c", HOLDING, service.options["address"]], stderr=subprocess.DEVNULL
     ) as program:
-        until(lambda: service.look().motor_n == pytest.approx((0.0, 0.0, 1.0)))
-        yield program
-        program.kill()
+        try:
+            until(lambda: service.look().motor_n == pytest.approx((0.0, 0.0, 1.0)))
+            yield program
+        finally:
+            program.kill()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals are for Linux and macOS")
@@ -317,7 +319,7 @@ def test_the_force_fades_while_the_program_stands_still_and_comes_back(holder, s
 def test_however_a_program_ends_no_process_and_no_force_is_left(number, holder, service) -> None:
     (process,) = conversations(holder.pid)
     os.kill(holder.pid, number)
-    holder.wait()
+    holder.wait(60.0)
     psutil.wait_procs([process], timeout=20.0)
     assert not process.is_running()
     assert service.look().motor_n == (0.0, 0.0, 0.0)
@@ -395,7 +397,7 @@ def test_an_uncalibrated_device_is_waited_for(make, service, caplog) -> None:
     later.start()
     with caplog.at_level(logging.WARNING):
         handle.calibrate()
-    later.join()
+    later.join(60.0)
     assert "is not calibrated" in caplog.text
     handle.read(1)
 

@@ -183,5 +183,7 @@ def test_a_simulated_follower_stays_small():
         "assert not {'numba', 'scipy'} & set(sys.modules), 'too much is imported'\n"
         "print(psutil.Process().memory_info().rss)\n"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=150
+    )
     assert int(done.stdout) < 120 * 2**20

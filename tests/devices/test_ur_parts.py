@@ -259,7 +259,7 @@ def answering() -> Iterator[dict[str, str]]:
         yield answers
     server.shutdown(socket.SHUT_RDWR)
     server.close()
-    thread.join()
+    thread.join(60.0)
 
 
 @pytest.mark.parametrize(

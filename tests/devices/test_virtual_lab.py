@@ -115,7 +115,7 @@ def test_a_lab_that_dies_is_a_lost_robot_and_comes_back() -> None:
         process = drivers_module.LAB._process
         assert process is not None
         process.kill()
-        process.wait()
+        process.wait(60.0)
 
         def is_lost() -> bool:
             try:
@@ -138,7 +138,9 @@ def test_a_follower_on_devices_imports_neither_scipy_nor_numba() -> None:
         "mmt.devices.adxl335.serial_driver"
     )
     program = f"import sys, {modules}; print(sorted({{'numba', 'scipy'}} & set(sys.modules)))"
-    ran = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True)
+    ran = subprocess.run(
+        [sys.executable, "-c", program], check=True, capture_output=True, timeout=150
+    )
     assert ran.stdout.strip() == b"[]"
 
 

@@ -96,7 +96,11 @@ def test_the_list_needs_no_numerics() -> None:
         "sys.exit(' '.join({'numba', 'scipy', 'matplotlib'} & set(sys.modules)))"
     )
     ended = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=False
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=150,
     )
     assert ended.stderr.strip() == ""
 

@@ -214,7 +214,7 @@ def test_events_scene_and_each_model_are_published_and_kept(running: Running) ->
 
 def test_a_process_that_ends_is_told_once_and_the_session_goes_on(running: Running) -> None:
     running.process.kill()
-    running.process.wait()
+    running.process.wait(60.0)
     running.send(made_frames(0, 5))
     assert running.part._thread is not None
     running.part._thread.join(LONGEST_S)

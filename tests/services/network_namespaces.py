@@ -75,7 +75,9 @@ def namespaces() -> Iterator[Namespaces]:
         yield made
     finally:
         for name in (made.leader, made.follower):
-            subprocess.run(["ip", "netns", "delete", name], check=False, capture_output=True)
+            subprocess.run(
+                ["ip", "netns", "delete", name], check=False, capture_output=True, timeout=150
+            )
 
 
 @contextmanager
@@ -117,7 +119,7 @@ def relay(delay_ms: float, jitter_ms: float) -> Iterator[Namespaces]:
             yield made
         finally:
             ended.set()
-            passing.join()
+            passing.join(60.0)
 
 
 def _bring_up(namespace: str, device: str, address: str) -> None:

@@ -60,7 +60,7 @@ class Service:
     def __exit__(self, *_: object) -> None:
         if self.process.poll() is None:
             self.process.kill()
-        self.process.wait()
+        self.process.wait(LONGEST_S)
         for reader in self._readers:
             reader.join(LONGEST_S)
 

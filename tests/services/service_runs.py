@@ -93,7 +93,8 @@ class Together:
         ready = asyncio.Event()
         self._leading = asyncio.create_task(self.leader.run(ready.set))
         waiting = asyncio.create_task(ready.wait())
-        await asyncio.wait([self._leading, waiting], return_when=asyncio.FIRST_COMPLETED)
+        first = asyncio.FIRST_COMPLETED
+        await asyncio.wait([self._leading, waiting], timeout=LONGEST_S, return_when=first)
         waiting.cancel()
 
     async def follow(

@@ -30,7 +30,7 @@ PROGRAMS = {
     "short_program": "raise SystemExit(3)\n",
     "lasting_program": (
         "import signal, sys, time\n"
-        "signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's job may ignore it\n"
+        "signal.signal(signal.SIGTERM, signal.default_int_handler)\n"
         "try:\n"
         '    print(\'{"kind": "ready", "argument": "\' + sys.argv[1] + \'"}\', flush=True)\n'
         "    time.sleep(60)\nexcept KeyboardInterrupt:\n    raise SystemExit(4)\n"

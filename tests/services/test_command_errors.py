@@ -294,6 +294,7 @@ def test_a_process_ends_like_that_too(folder: Path) -> None:
         cwd=folder,
         env={**os.environ, "COLUMNS": "80"},
         check=False,
+        timeout=150,
     )
     assert ended.returncode == 2
     assert ended.stderr == f"error: session {long_name}: No such file or directory\n"

@@ -307,7 +307,10 @@ def test_a_scene_without_one_imports_nothing_of_it(tmp_path: Path) -> None:
         "import sys; from mmt.leader import completing, modelling, parts, synthesizing, vibration;"
         "print([m for m in sys.modules if 'generat' in m and m.startswith('mmt.leader')])"
     )
-    assert subprocess.check_output([sys.executable, "-c", program], text=True).strip() == "[]"
+    assert (
+        subprocess.check_output([sys.executable, "-c", program], text=True, timeout=150).strip()
+        == "[]"
+    )
 
 
 def test_after_a_reset_it_learns_anew(tmp_path: Path, plugin: Path) -> None:

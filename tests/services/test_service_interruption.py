@@ -6,8 +6,9 @@ import time
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
-from service_processes import Service, follower_of, scene, session, streamed_s
+from service_processes import LONGEST_S, Service, follower_of, scene, session, streamed_s
 
 from mmt.core.errors import InputError
 from mmt.session import RecordedSession, read_session
@@ -16,6 +17,9 @@ from mmt.session.recover import recover
 SOON_S = 3.0
 """Loose bound of what takes a fraction of a second."""
 
+ENDING = [
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+]
 RECORDED = {"MMT_RECORDING__FILE": "session.mcap"}
 
 
@@ -44,10 +48,11 @@ def test_interrupting_both_ends_them_at_once_with_everything_kept(tmp_path: Path
 
 
 @pytest.mark.parametrize("first", ["leader", "follower"])
-def test_terminating_one_ends_the_other(tmp_path: Path, first: str) -> None:
+@pytest.mark.parametrize("number", ENDING[1:])
+def test_terminating_one_ends_the_other(tmp_path: Path, first: str, number: signal.Signals) -> None:
     with session(tmp_path, "stream-only", **RECORDED) as (leader, follower):
         leader.wait_for(lambda: streamed_s(leader) > 0.3)
-        terminated_s = (leader if first == "leader" else follower).signal(signal.SIGTERM)
+        terminated_s = (leader if first == "leader" else follower).signal(number)
         assert (leader.end(), follower.end()) == (0, 0), leader.stderr + follower.stderr
         assert time.monotonic() - terminated_s < SOON_S
     outcomes = (leader.summary()["outcome"], follower.summary()["outcome"])
@@ -191,14 +196,45 @@ def test_a_follower_of_another_scene_is_refused_and_the_leader_waits_on(tmp_path
     assert leader.summary()["outcome"] == "stopped"
 
 
-def test_interrupting_the_demo_ends_both_and_reports(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", ENDING)
+def test_interrupting_the_demo_ends_both_and_reports(
+    tmp_path: Path, number: signal.Signals
+) -> None:
     with Service("main", "demo", scene("stream-only"), cwd=tmp_path) as demo:
         demo.wait_for(lambda: "leader: follower connected" in demo.stderr)
         time.sleep(0.5)
-        demo.signal(signal.SIGINT)
+        demo.signal(number)
         assert demo.end() == 0, demo.stderr
     assert read_session(tmp_path / "mmt-demo" / "session.mcap").complete
     assert (tmp_path / "mmt-demo" / "report.html").exists()
+
+
+def test_a_demo_that_is_killed_leaves_a_whole_recording_and_no_service(tmp_path: Path) -> None:
+    with Service("main", "demo", scene("stream-only"), cwd=tmp_path) as demo:
+        demo.wait_for(lambda: "leader: follower connected" in demo.stderr)
+        services = psutil.Process(demo.process.pid).children()
+        assert len(services) == 2
+        time.sleep(0.5)
+        demo.signal(signal.SIGKILL)
+        _, left = psutil.wait_procs(services, timeout=LONGEST_S)
+        assert not left
+    assert read_session(tmp_path / "mmt-demo" / "session.mcap").complete
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="no terminal is closed here")
+def test_a_hangup_that_is_ignored_as_under_nohup_stays_ignored(tmp_path: Path) -> None:
+    with Service(
+        *("leader", scene("stream-only"), "--json-lines", "--port", 0),
+        cwd=tmp_path,
+        within=("sh", "-c", "trap '' HUP; exec \"$@\"", "sh"),
+    ) as leader:
+        leader.port()
+        statuses = len(leader.lines("status"))
+        leader.signal(signal.SIGHUP)
+        leader.wait_for(lambda: len(leader.lines("status")) > statuses + 3)
+        leader.signal(signal.SIGTERM)
+        assert leader.end() == 0, leader.stderr
+    assert leader.summary()["outcome"] == "stopped"
 
 
 @pytest.mark.parametrize("module", ["leader", "follower", "main"])

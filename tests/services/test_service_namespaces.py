@@ -74,7 +74,7 @@ def test_the_emulation_delays_as_a_network_below_tcp_does(tmp_path: Path, delaye
             pool.submit(stream, real, tmp_path),
             pool.submit(stream, plain, tmp_path, **emulation),
         )
-        ended, emulated = (run.result() for run in runs)
+        ended, emulated = (run.result(150.0) for run in runs)
         relay_ms = 1000.0 * float(np.quantile(real.late_s, 0.9)) if real.late_s else 0.0
     busy_ms = 2.0 * relay_ms + ended.late_ms + emulated.late_ms  # what this machine adds
     for side in ("leader", "follower"):

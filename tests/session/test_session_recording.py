@@ -116,7 +116,7 @@ def test_a_slow_disk_costs_the_oldest_frames_and_counts_them(tmp_path, monkeypat
     write = SessionWriter.write_frames
 
     def slow(self, frames, log_time_ns):
-        blocked.wait()
+        blocked.wait(60.0)
         write(self, frames, log_time_ns)
 
     monkeypatch.setattr(SessionWriter, "write_frames", slow)

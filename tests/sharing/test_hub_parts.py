@@ -196,7 +196,9 @@ def test_a_hub_needs_no_compiled_numerics() -> None:
         "import sys, mmt.cli.hub, mmt.sharing.hub.service;"
         "print(sorted({'numba', 'scipy'} & set(sys.modules)))"
     )
-    printed = subprocess.run([sys.executable, "-c", program], capture_output=True, check=True)
+    printed = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, check=True, timeout=150
+    )
     assert printed.stdout == b"[]\n"
 
 

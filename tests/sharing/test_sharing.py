@@ -353,6 +353,10 @@ def test_only_a_store_needs_the_compiled_numerics(
         "print(*sorted({'numba', 'scipy'} & set(sys.modules)))"
     )
     found = subprocess.run(
-        [sys.executable, "-c", program], check=True, capture_output=True, text=True
+        [sys.executable, "-c", program],
+        check=True,
+        capture_output=True,
+        text=True,
+        timeout=150,
     )
     assert found.stdout.strip() == imported

@@ -125,7 +125,7 @@ def test_without_the_table_the_selection_is_not_imported():
         "import sys; from mmt.texture.online.modeller import OnlineModeller; OnlineModeller();"
         "sys.exit(any(name.startswith('mmt.texture.selection') for name in sys.modules))"
     )
-    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
+    assert subprocess.run([sys.executable, "-c", program], check=False, timeout=150).returncode == 0
 
 
 def test_an_update_of_400_samples_costs_little_more_than_its_new_ones():

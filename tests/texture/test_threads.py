@@ -35,7 +35,12 @@ print(json.dumps([after[0] - before[0], after[1] - before[1], after[2]]))
 def test_an_update_uses_no_threads_of_blas() -> None:
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "4"}
     result = subprocess.run(
-        [sys.executable, "-c", UPDATE], env=environment, capture_output=True, text=True, check=True
+        [sys.executable, "-c", UPDATE],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=150,
     )
     own_ns, others_ns, others = json.loads(result.stdout.splitlines()[-1])
     if not others:

@@ -1,14 +1,22 @@
-"""A service as a child process that reports in JSON lines."""
+"""A service as a child process that reports in JSON lines.
+
+``python -m mmt.cli.child leader`` is ``mmt-leader`` that ends in order when its standard input
+does, which the system closes however its starter ends.
+"""
 
 import asyncio
 import json
 import os
 import signal
 import sys
+import threading
 import time
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import suppress
 from typing import Any, Final
+
+from mmt.cli.entry import start
+from mmt.core.children import python_command
 
 _LONGEST_LINE: Final = 2**20
 _KEPT_MESSAGES: Final = 2**16
@@ -37,6 +45,7 @@ class Child:
         self._started_s = started_s
         self._process = process
         self._kept = b""
+        self._interrupted = False
         self._reading = asyncio.create_task(self._read_messages())
 
     @classmethod
@@ -63,10 +72,8 @@ class Child:
         """
         started_s = time.perf_counter()
         process = await asyncio.create_subprocess_exec(
-            sys.executable,
-            "-m",
-            module,
-            *arguments,
+            *python_command("-m", module, *arguments),
+            stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.PIPE,
             limit=_LONGEST_LINE,
@@ -107,8 +114,10 @@ class Child:
         return self._process.pid
 
     def interrupt(self) -> None:
-        """Ask it to end, as Ctrl-C does; nothing happens to one that has ended."""
-        self.send(signal.SIGINT)
+        """Ask it to end in order, once: a second signal would end it at once."""
+        if not self._interrupted:
+            self._interrupted = True
+            self.send(signal.SIGTERM)  # SIGINT may be ignored, and is inherited so
 
     def send(self, number: signal.Signals) -> None:
         """Send it a signal; nothing happens to one that has ended."""
@@ -150,3 +159,14 @@ def _parsed(raw: bytes) -> dict[str, Any]:
     if isinstance(line, dict) and "kind" in line:
         return line
     return {"kind": "event", "event": raw.decode(errors="replace").strip()}
+
+
+def _end_with_starter() -> None:
+    while os.read(0, 1):
+        pass
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
+if __name__ == "__main__":
+    threading.Thread(target=_end_with_starter, name="starter", daemon=True).start()
+    start(sys.argv.pop(1))

@@ -2,7 +2,6 @@
 
 import asyncio
 import json
-import signal
 import sys
 from collections.abc import Callable, Coroutine, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -14,11 +13,13 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from mmt.core.end_signals import on_end_signal
 from mmt.core.errors import InputError, MmtError
 from mmt.core.extras import requiring
 from mmt.core.inventory import Inventory
 from mmt.core.labels import label
 from mmt.core.printable import printable
+from mmt.core.queued_output import finish_output, hurry_output, queue_output
 from mmt.core.version import __version__
 from mmt.scene import Scene, Service
 
@@ -87,6 +88,8 @@ def run_app(app: typer.Typer, program: str) -> None:
     except MmtError as error:
         print_error(str(error))
         sys.exit(error.exit_code)
+    finally:
+        finish_output()
 
 
 def print_error(sentence: str) -> None:
@@ -202,13 +205,21 @@ def print_parts(scene: Scene, service: Service) -> None:
 
 
 def stop_on_signals(stop: Callable[[], None]) -> None:
-    """End the running service on Ctrl-C and on termination, with its summary."""
+    """End the running service when it is asked to, with its summary; at once if asked again.
+
+    It is asked by Ctrl-C, by termination or by a terminal that is closed. Whoever reads what it
+    prints does not hold it up.
+    """
+    queue_output()
     loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        try:
-            loop.add_signal_handler(number, stop)
-        except NotImplementedError:  # Windows: asyncio raises KeyboardInterrupt instead
-            signal.signal(number, lambda *_: loop.call_soon_threadsafe(stop))
+
+    def asked() -> None:
+        hurry_output()
+        if loop.is_closed():
+            raise KeyboardInterrupt
+        loop.call_soon_threadsafe(stop)
+
+    on_end_signal(asked)
 
 
 def summary_table(title: str, summary: Mapping[str, Any]) -> Table:

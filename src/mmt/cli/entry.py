@@ -1,23 +1,34 @@
 """Start a command line; Ctrl-C ends it without a traceback, also while it is still being loaded.
 
 ``python -m mmt.cli.entry leader`` is ``mmt-leader``. Nothing but the standard library is
-imported here, so that Ctrl-C is handled almost from the start.
+imported for that, so that Ctrl-C is handled almost from the start.
 """
 
 import importlib
 import os
+import select
 import signal
 import sys
+from contextlib import suppress
 from types import FrameType
 from typing import Final
+
+from mmt.core.end_signals import handle_end_signals
 
 INTERRUPTED: Final = 130
 
 
 def _leave(_number: int, _frame: FrameType | None) -> None:
     """End at once: nothing runs yet that would have to be ended in order."""
-    os.write(sys.stderr.fileno(), b"stopped\n")
+    _say_stopped()
     os._exit(INTERRUPTED)
+
+
+def _say_stopped() -> None:
+    """Write it where standard error takes it without waiting."""
+    with suppress(OSError):
+        if sys.platform == "win32" or select.select([], [2], [], 0.0)[1]:
+            os.write(2, b"stopped\n")
 
 
 def _interrupted(error: BaseException | None) -> bool:
@@ -29,15 +40,17 @@ def _interrupted(error: BaseException | None) -> bool:
 
 def start(name: str) -> None:
     """Load the command line ``mmt.cli.<name>`` and run it."""
-    usual = signal.signal(signal.SIGINT, _leave)
+    usual = signal.getsignal(signal.SIGINT)
+    handle_end_signals(_leave)
     module = importlib.import_module(f"mmt.cli.{name}")
-    signal.signal(signal.SIGINT, usual)
+    handle_end_signals(signal.default_int_handler)
+    signal.signal(signal.SIGINT, usual)  # ignored in the background of a shell without job control
     try:
         module.run()
     except (KeyboardInterrupt, SystemExit) as error:  # typer's own code depends on its version
         if not _interrupted(error):
             raise
-        sys.stderr.write("stopped\n")
+        _say_stopped()
         sys.exit(INTERRUPTED)
     finally:  # a late Ctrl-C would kill the interpreter as it closes, and with it the exit code
         signal.signal(signal.SIGINT, signal.SIG_IGN)

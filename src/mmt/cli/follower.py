@@ -20,6 +20,7 @@ from mmt.cli.service import (
 )
 from mmt.core.errors import InputError
 from mmt.core.logs import Logs
+from mmt.core.queued_output import queue_output
 from mmt.follower.service import Follower
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
@@ -53,6 +54,7 @@ def follower(
         overrides = {"replay.speed": speed}
         scene = load_scene(scene_file, overrides, replay=replay, options=OPTIONS)
     options = ServiceOptions(json_file, json_lines, log, log_level, realtime, verbose)
+    queue_output()
     FollowerRun(scene, options, leader).run()
 
 

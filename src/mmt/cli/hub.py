@@ -22,6 +22,7 @@ from mmt.cli.common import (
 from mmt.cli.visiting import own_address
 from mmt.core.extras import require
 from mmt.core.logs import Logs
+from mmt.core.queued_output import queue_output
 from mmt.scene.files import load_hub_scene
 from mmt.scene.sharing_tables import HubScene, Sharing
 from mmt.sharing.hub.descriptors import make_room
@@ -53,6 +54,7 @@ def run_hub(
     require("redis")
     require_one_output(json_file, json_lines=json_lines)
     scene = load_hub_scene(scene_file, overrides, OPTIONS)
+    queue_output()
     with Logs("hub", None, None):
         summary = asyncio.run(_run(scene, duration_s, json_lines=json_lines))
     if json_lines:

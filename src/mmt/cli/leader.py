@@ -2,6 +2,7 @@
 
 import asyncio
 import signal
+import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
@@ -25,6 +26,7 @@ from mmt.core.errors import InputError
 from mmt.core.extras import require
 from mmt.core.kernel_cache import Compilation, compile_kernels
 from mmt.core.logs import Logs
+from mmt.core.queued_output import is_behind, queue_output
 from mmt.leader.parts import first_numerics_of, numerics_of
 from mmt.leader.summary import LeaderStatus
 from mmt.scene import Scene
@@ -138,6 +140,7 @@ class LeaderRun(ServiceRun["Leader"]):
 
     def run(self) -> None:
         """Compile the numerics at the first start, and run the leader; see `ServiceRun.run`."""
+        queue_output()
         if numerics := numerics_of(self.scene):
             self._compilation = compile_kernels(
                 numerics, super().on_event, first_numerics_of(self.scene)
@@ -187,11 +190,12 @@ class LeaderRun(ServiceRun["Leader"]):
 
     def on_status(self, status: LeaderStatus) -> None:
         """Report progress: a JSON line, or a line of the terminal that is written over."""
-        with self.reporting():
-            if self.options.json_lines:
-                write_line("status", **status.as_dict())
-            elif messages.is_terminal:
-                messages.print(_status_line(status), end="\r", highlight=False)
+        if is_behind(sys.stdout if self.options.json_lines else sys.stderr):
+            return
+        if self.options.json_lines:
+            write_line("status", **status.as_dict())
+        elif messages.is_terminal:
+            messages.print(_status_line(status), end="\r", highlight=False)
 
     def on_event(self, sentence: str) -> None:
         """Report an event, in a terminal below the line of status."""

@@ -1,9 +1,8 @@
 """A scene's services as two processes on loopback, until both have ended."""
 
 import asyncio
-import signal
+import sys
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Protocol
@@ -12,7 +11,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
 from mmt.cli.child import Child
-from mmt.cli.common import messages, shared_at
+from mmt.cli.common import messages, shared_at, stop_on_signals
+from mmt.core.queued_output import is_behind
 from mmt.scene import Scene
 
 _LAST_SECONDS: Final = 5.0
@@ -130,16 +130,14 @@ class _Demo:
             BarColumn(bar_width=None),
             console=console,
             expand=True,
+            auto_refresh=False,
         )
         self._bar = self._progress.add_task(
             "leader", total=scene.session.duration_s, status="starting"
         )
 
     async def run(self) -> DemoRun:
-        loop = asyncio.get_running_loop()
-        with suppress(NotImplementedError):  # Windows passes Ctrl-C to the children by itself
-            for number in (signal.SIGINT, signal.SIGTERM):
-                loop.add_signal_handler(number, self._interrupt)
+        stop_on_signals(self._interrupt)
         try:
             with self._progress:
                 leader = await self._start("leader", self._leader_arguments)
@@ -156,7 +154,7 @@ class _Demo:
     async def _start(self, name: str, arguments: list[str]) -> Child:
         child = await Child.start(
             name,
-            "mmt.cli.entry",
+            "mmt.cli.child",
             [name, *arguments],
             self._environment,
             lambda sentence: self._progress.console.print(f"{name}: {sentence}", highlight=False),
@@ -220,13 +218,16 @@ class _Demo:
         kind = line["kind"]
         if kind == "status":
             self._progress.update(self._bar, completed=line["time_s"], status=status_text(line))
+            if not is_behind(sys.stderr):
+                self._progress.refresh()
         elif kind == "event":
             self._progress.console.print(f"leader: {line['event']}", highlight=False)
             url = shared_at(line["event"])
             if self._visitors is not None and url is not None:
                 self._opening = asyncio.create_task(self._let_in(self._visitors, url))
         elif kind == "ready":
-            self._progress.update(self._bar, status=f"ready after {line['ready_s']} s")
+            ready = f"ready after {line['ready_s']} s"
+            self._progress.update(self._bar, status=ready, refresh=True)
         elif kind == "summary":
             self._run.leader = {key: value for key, value in line.items() if key != "kind"}
             self._progress.update(self._bar, completed=self._run.leader["session"]["duration_s"])

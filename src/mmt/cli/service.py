@@ -4,7 +4,6 @@ import asyncio
 import logging
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Generic, Protocol, TypeAlias, TypeVar
@@ -30,6 +29,7 @@ from mmt.cli.ending import ending_lines
 from mmt.core.errors import MmtError
 from mmt.core.extras import requiring
 from mmt.core.logs import Logs, details
+from mmt.core.queued_output import drain_output
 from mmt.core.realtime import be_real_time, require_real_time
 from mmt.core.version import __version__
 from mmt.scene import Scene, Service
@@ -128,15 +128,10 @@ class ServiceRun(ABC, Generic[AnyService]):
 
     def on_event(self, sentence: str) -> None:
         """Report an event."""
-        with self.reporting():
-            if self.options.json_lines:
-                write_line("event", event=sentence)
-            else:
-                messages.print(sentence, highlight=False)
-
-    def reporting(self) -> AbstractContextManager[None]:
-        """Note where progress cannot be written, such as to a full disk, and go on."""
-        return noting(self.problems, "progress cannot be written")
+        if self.options.json_lines:
+            write_line("event", event=sentence)
+        else:
+            messages.print(sentence, highlight=False)
 
     @property
     def report(self) -> Path | None:
@@ -163,14 +158,15 @@ class ServiceRun(ABC, Generic[AnyService]):
         if options.realtime:
             require_real_time()
         if not options.json_lines:
-            with self.reporting():
-                print_parts(self.scene, self.name)
+            print_parts(self.scene, self.name)
         with Logs(self.name, options.log, options.log_level) as logs, requiring():
             logger.info("started", extra=details(version=__version__, scene=self.scene.dump()))
             summary = asyncio.run(self._run(logs))
             content = summary.as_dict()
             logger.info("summary", extra=details(summary=content))
         self._end(content)
+        with noting(self.problems, "progress cannot be written"):
+            drain_output()
         if summary.problem is not None:
             self.problems.append(MmtError(summary.problem))
         raise_problems(self.problems)
@@ -178,20 +174,18 @@ class ServiceRun(ABC, Generic[AnyService]):
     def _end(self, content: dict[str, Any]) -> None:
         """Report a summary in every way that is wanted; what fails does not hold up the rest."""
         options, evaluation, report = self.options, dict[str, Any](), None
-        with self.reporting():
-            if options.json_lines:
-                write_line("summary", **content)
-            elif options.verbose:
-                output.print(summary_table(self.name, content))
+        if options.json_lines:
+            write_line("summary", **content)
+        elif options.verbose:
+            output.print(summary_table(self.name, content))
         with noting(self.problems):
             write_json(options.json_file, content)
         with noting(self.problems, "the report"):
             evaluation = self.evaluate(content)
             report = self.report
         if not options.json_lines:
-            with self.reporting():
-                for line in ending_lines({self.name: content}, evaluation, report):
-                    output.print(line, highlight=False, soft_wrap=True)
+            for line in ending_lines({self.name: content}, evaluation, report):
+                output.print(line, highlight=False, soft_wrap=True)
 
     async def _run(self, logs: Logs) -> Summary:
         service = self.build(logs)
@@ -199,8 +193,7 @@ class ServiceRun(ABC, Generic[AnyService]):
         def ready() -> None:
             if self.options.realtime:
                 be_real_time()
-            with self.reporting():
-                self.on_ready(service)
+            self.on_ready(service)
 
         stop_on_signals(service.stop)
         self.on_start(service)

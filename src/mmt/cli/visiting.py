@@ -7,17 +7,15 @@ started it is killed.
 
 import asyncio
 import os
-import signal
 import socket
 import subprocess
 import sys
 import tempfile
-import threading
 from contextlib import suppress
 from io import StringIO
 from typing import IO, Final
 
-from mmt.cli.entry import start
+from mmt.core.children import python_command
 from mmt.core.errors import InputError
 from mmt.link.access import Access
 from mmt.scene.sharing_tables import Sharing
@@ -54,7 +52,7 @@ class VisitorsPage:
         port = _free_port()
         self._process = subprocess.Popen(  # noqa: S603 - our own program; returns at once
             [
-                *(sys.executable, "-m", "mmt.cli.visiting", "play", "--from", url),
+                *python_command("-m", "mmt.cli.child", "main", "play", "--from", url),
                 *("--host", "0.0.0.0", "--port", str(port), "--open"),  # noqa: S104 - it is asked for
             ],
             stdin=subprocess.PIPE,
@@ -132,13 +130,6 @@ def qr_code(text: str) -> str:
     return f"\n{lines.getvalue().rstrip()}"
 
 
-def _end_with_starter() -> None:
-    """Interrupt this process as soon as its standard input is closed."""
-    while os.read(sys.stdin.fileno(), 1):
-        pass
-    os.kill(os.getpid(), signal.SIGINT)
-
-
 def _free_port() -> int:
     """Return the usual port, or any free one where it is taken."""
     for port in (_PORT, 0):
@@ -147,8 +138,3 @@ def _free_port() -> int:
             connection.bind(("", port))
             return int(connection.getsockname()[1])
     return _PORT
-
-
-if __name__ == "__main__":
-    threading.Thread(target=_end_with_starter, daemon=True).start()
-    start("main")

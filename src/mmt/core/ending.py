@@ -1,7 +1,10 @@
 """The end of a session: it comes once, with one outcome."""
 
 import asyncio
+import threading
 from collections.abc import Callable, Iterable
+from concurrent.futures import Future
+from contextlib import suppress
 from typing import Any, Final
 
 from mmt.core.errors import FAILED, MmtError
@@ -54,6 +57,57 @@ class Ending:
     async def wait(self) -> None:
         """Wait for the end."""
         await self._reached.wait()
+
+    async def wait_or_cancel(self, task: asyncio.Future[Any]) -> bool:
+        """Wait for a task, which the end cancels; return whether it was done before.
+
+        Raises
+        ------
+        Exception
+            What the task raises.
+        """
+        ended = asyncio.create_task(self.wait())
+        try:
+            await asyncio.wait([task, ended], return_when=asyncio.FIRST_COMPLETED)
+            if task.done():
+                task.result()
+            return task.done()
+        finally:
+            task.cancel()
+            ended.cancel()
+            await asyncio.gather(task, ended, return_exceptions=True)
+
+    async def call_in_thread(self, work: Callable[[], None], undo: Callable[[], object]) -> None:
+        """Call what may take long, such as connecting a device, in a thread; or wait for the end.
+
+        Parameters
+        ----------
+        work
+            What is done; at the end it is left to itself.
+        undo
+            Called in the thread if the end came before `work` returned.
+
+        Raises
+        ------
+        Exception
+            What `work` raises before the end.
+        """
+        outcome: Future[None] = Future()
+        outcome.set_running_or_notify_cancel()  # the end cancels those who wait, not this
+
+        def run() -> None:
+            try:
+                work()
+            except BaseException as error:  # noqa: BLE001 - raised for who waits
+                outcome.set_exception(error)
+            else:
+                outcome.set_result(None)
+            if self.reached:
+                with suppress(Exception):
+                    undo()
+
+        threading.Thread(target=run, name="connecting", daemon=True).start()
+        await self.wait_or_cancel(asyncio.wrap_future(outcome))
 
     def stop(self, outcome: str) -> None:
         """End the session."""

@@ -4,10 +4,10 @@ import gc
 import json
 import os
 import subprocess
-import sys
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Final
 
+from mmt.core.children import python_command
 from mmt.core.extras import requiring
 from mmt.core.process import release_compiler, step_back
 
@@ -123,7 +123,7 @@ def _start_processes(
         shares = max(shares - 1, 1)  # a processor is left to the ticks
     return [
         subprocess.Popen(  # noqa: S603 - this interpreter, and names of modules
-            [sys.executable, "-c", _PROGRAM, json.dumps([modules, first, share, shares])],
+            python_command("-c", _PROGRAM, json.dumps([modules, first, share, shares])),
             stdout=subprocess.PIPE if share == 0 else subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             start_new_session=True,  # Ctrl-C is for the program, which stops them

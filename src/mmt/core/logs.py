@@ -1,24 +1,24 @@
 """Structured logs: one JSON object a line, written by a thread of its own.
 
-The event loop formats a line and queues it; a disk that stalls holds up nothing, and when the
-queue is full lines are dropped and counted.
+A disk that stalls holds up nothing; lines that it does not take are dropped and counted, the
+oldest first.
 """
 
 import json
 import logging
-import queue
+import os
 import sys
 import time
 from collections.abc import Hashable
 from contextlib import suppress
 from datetime import UTC, datetime
-from logging.handlers import QueueHandler, QueueListener
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
 
 from mmt.core.errors import InputError, MmtError
 from mmt.core.printable import printable
+from mmt.core.queued_output import QueuedStream
 
 LEVELS: Final = ("debug", "info", "warning", "error")
 
@@ -26,7 +26,6 @@ REPEAT_PERIOD_S: Final = 1.0
 """Least time between two log lines of one kind."""
 
 _MAX_KINDS: Final = 64
-_MOST_WAITING: Final = 10_000
 _LONGEST_EVENT: Final = 4000
 
 
@@ -71,7 +70,7 @@ class Logs:
         terminal.setLevel(chosen if file is None else logging.WARNING)
         terminal.addFilter(lambda record: not getattr(record, "told", False))
         self._handlers: list[logging.Handler] = [terminal]
-        self._listener: QueueListener | None = None
+        self._file: QueuedStream | None = None
         if file is not None:
             self._open(Path(file), chosen)
         self._root, self._own = logging.getLogger(), logging.getLogger("mmt")
@@ -99,7 +98,7 @@ class Logs:
         trace: TracebackType | None,
     ) -> None:
         self._root.removeHandler(self._terminal)  # where the command line says it itself
-        if isinstance(error, Exception) and self._listener is not None:
+        if isinstance(error, Exception) and self._file is not None:
             trace_of = None if isinstance(error, MmtError) else error
             self._own.error("the service failed: %s", error, exc_info=trace_of)
         self.close()
@@ -109,23 +108,26 @@ class Logs:
         for handler in self._handlers:
             self._root.removeHandler(handler)
         self._own.setLevel(self._levels)
-        if self._listener is not None:
-            self._listener.stop()
-            for handler in self._listener.handlers:
-                handler.close()
+        if self._file is not None:
+            self._file.end()
+            if not self._file.behind:
+                os.close(self._file.fileno())
 
     def _open(self, file: Path, level: str) -> None:
         try:
             file.parent.mkdir(parents=True, exist_ok=True)
-            writer = _FileWriter(file, encoding="utf-8")
+            descriptor = os.open(file, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
         except OSError as error:
             raise InputError(f"--log {file}: {error.strerror or error}") from error
-        waiting: queue.Queue[logging.LogRecord] = queue.Queue(_MOST_WAITING)
-        handler = _BoundedQueue(waiting)
+
+        def warn(problem: OSError) -> None:
+            with suppress(OSError):  # it may go to the same full disk
+                sys.stderr.write(f"warning: log {file}: {problem}\n")
+
+        self._file = QueuedStream(descriptor, told_of_loss=_lost_lines, on_problem=warn)
+        handler = logging.StreamHandler(self._file)
         handler.setFormatter(self._lines)
         handler.setLevel(level)
-        self._listener = QueueListener(waiting, writer)
-        self._listener.start()
         self._handlers.append(handler)
 
 
@@ -181,40 +183,5 @@ class _TerminalLines(logging.Formatter):
         return printable(super().format(record), keep="\n")  # a traceback has lines
 
 
-class _BoundedQueue(QueueHandler):
-    """Drop and count lines when the queue is full."""
-
-    dropped = 0
-
-    def enqueue(self, record: logging.LogRecord) -> None:
-        record.dropped = self.dropped
-        try:
-            self.queue.put_nowait(record)
-        except queue.Full:
-            self.dropped += 1
-        else:
-            self.dropped = 0
-
-
-class _FileWriter(logging.FileHandler):
-    """Write lines that are already formatted; report the first error of writing only."""
-
-    _failed = False
-
-    def format(self, record: logging.LogRecord) -> str:
-        dropped = getattr(record, "dropped", 0)
-        return record.getMessage() + (
-            f'\n{{"level": "warning", "event": "log lines dropped", "count": {dropped}}}'
-            if dropped
-            else ""
-        )
-
-    def close(self) -> None:
-        with suppress(OSError):  # what is left in the buffer of a full disk
-            super().close()
-
-    def handleError(self, record: logging.LogRecord) -> None:  # noqa: ARG002, N802
-        if not self._failed:
-            self._failed = True
-            with suppress(OSError):  # which may go to the same full disk
-                sys.stderr.write(f"warning: log {self.baseFilename}: {sys.exc_info()[1]}\n")
+def _lost_lines(count: int) -> str:
+    return f'{{"level": "warning", "event": "log lines dropped", "count": {count}}}\n'

@@ -7,6 +7,7 @@ ends with the driver's end of the pipes, which the system closes however the ser
 import contextlib
 import json
 import os
+import signal
 import struct
 import subprocess
 import sys
@@ -16,6 +17,8 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Any, Final, NoReturn
 
+from mmt.core.children import python_command
+from mmt.core.end_signals import handle_end_signals
 from mmt.core.errors import MmtError, brief
 from mmt.core.process import prefer_even_ticks
 
@@ -31,6 +34,8 @@ _AT_ONCE: Final = 1 << 16
 _SILENT_READS: Final = 20
 """Reads without a message that a loss takes too: a host that was held up is no lost device."""
 _CLOSE_S: Final = 4.0
+_UNHEARD_CLOSE_S: Final = 0.5
+"""For a process that has told nothing yet: what it calls may not return for long."""
 
 Message = tuple[bytes, bytes]
 """Kind and body."""
@@ -66,11 +71,12 @@ class DriverProcess:
         self._lock = threading.Lock()
         self._arrival_ns = 0
         self._empty = 0
+        self._heard = False
 
     def start(self) -> None:
         """Start it."""
         self.child = subprocess.Popen(  # noqa: S603 - our own module
-            [sys.executable, "-m", self._module, json.dumps(self._arguments)],
+            python_command("-m", self._module, json.dumps(self._arguments)),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,  # libraries write there what the pipe tells already
@@ -97,7 +103,7 @@ class DriverProcess:
             if not data:
                 self.ended = self.ended or self._lost
                 return []
-            self._arrival_ns, self._empty = time.monotonic_ns(), 0
+            self._arrival_ns, self._empty, self._heard = time.monotonic_ns(), 0, True
             self._received += data
             return [message for message in _messages(self._received) if not self._keep(*message)]
 
@@ -130,7 +136,7 @@ class DriverProcess:
                 if pipe is not None:
                     pipe.close()
         try:
-            child.wait(_CLOSE_S)
+            child.wait(_CLOSE_S if self._heard else _UNHEARD_CLOSE_S)
         except subprocess.TimeoutExpired:
             child.kill()  # its connections end, by which a device stops as well
             child.wait()
@@ -188,6 +194,7 @@ def run_process(run: Callable[[dict[str, Any], DriverPipes], None], device: str)
     device
         What a person calls it.
     """
+    handle_end_signals(signal.SIG_IGN)  # the driver says when it ends
     prefer_even_ticks()
     messages = os.dup(1)
     os.dup2(2, 1)  # what a library prints is no message

@@ -4,6 +4,7 @@ import re
 import threading
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any, Final, Generic, Protocol, TypeVar
 
 from mmt.core.arrays import FloatArray
@@ -22,6 +23,7 @@ _LONGEST_RETRY_S: Final = 3.0
 _BACK_OFF: Final = 1.5
 """Factor from one pause between tries to the next: a device that is away for long is not asked
 twice a second, and one that was plugged in again is there within three seconds."""
+_LAST_S: Final = 0.5
 _MOST_REASONS: Final = 5
 """Told of one loss."""
 
@@ -51,12 +53,15 @@ class Reconnection(threading.Thread):
                 pause_s = min(_BACK_OFF * pause_s, _LONGEST_RETRY_S)
             else:
                 self.done.set()
-                return
+                break
+        if self._given_up.is_set():
+            with suppress(Exception):
+                self._device.close()
 
     def give_up(self) -> None:
-        """Try no more; a call that is under way has a few seconds to end."""
+        """Try no more; what a call that is under way connects is closed once it returns."""
         self._given_up.set()
-        self.join(3.0)
+        self.join(_LAST_S)
 
 
 class Reasons:

@@ -196,16 +196,8 @@ class Follower:
         patience_s = self._link.patience_s
         self._tell(f"looking for the leader at {self.url}, for {patience_s:g} s at most")
         connecting = asyncio.create_task(self.client.connect(patience_s))
-        ended = asyncio.create_task(self.ending.wait())
-        try:
-            await asyncio.wait([connecting, ended], return_when=asyncio.FIRST_COMPLETED)
-            if connecting.done():
-                connecting.result()
-                self._tell("connected to the leader")
-        finally:
-            connecting.cancel()
-            ended.cancel()
-            await asyncio.gather(connecting, ended, return_exceptions=True)
+        if await self.ending.wait_or_cancel(connecting):
+            self._tell("connected to the leader")
 
     async def _stream(self) -> None:
         """Stream until the end, or until the source fails."""
@@ -228,10 +220,7 @@ class Follower:
     async def _open_devices(self) -> None:
         """Connect devices in a thread: some take seconds, and the leader must be answered."""
         if isinstance(self.source, DeviceBackedSource):
-            from concurrent.futures import ThreadPoolExecutor
-
-            with ThreadPoolExecutor(1, "devices") as opening:
-                await asyncio.get_running_loop().run_in_executor(opening, self.source.open)
+            await self.ending.call_in_thread(self.source.open, self.source.close)
 
     def _close_source(self) -> None:
         """Close the source; a device that does not close must not hide what went before."""

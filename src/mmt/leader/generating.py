@@ -8,7 +8,6 @@ rendered until the generator is there, and once it has failed.
 import os
 import statistics
 import subprocess
-import sys
 import time
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
@@ -18,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import psutil
 
+from mmt.core.children import import_path, python_command
 from mmt.core.errors import InputError, MmtError
 from mmt.leader.generated_vibration import GeneratedVibration
 from mmt.leader.generator_process import FIT, RENDER, RESET
@@ -272,7 +272,7 @@ class GeneratingPart(Part):
             share = (seconds - self._ready[1]) / max(wall_s, 1e-3)
             self._cost = {"core_share": round(share, 3), "memory_mb": round(memory_mb, 1)}
         for process in self._processes.values():
-            process.terminate()
+            process.kill()
 
     def _measured(self) -> tuple[float, float]:
         """Return the processor time in seconds, and the memory in MB, of both processes."""
@@ -293,10 +293,10 @@ def _start(role: str, *connections: Connection) -> "subprocess.Popen[bytes]":
     """
     descriptors = [connection.fileno() for connection in connections]
     return subprocess.Popen(  # noqa: S603 - our own module
-        [sys.executable, "-P", "-m", "mmt.leader.generator_process", role, *map(str, descriptors)],
+        python_command("-m", "mmt.leader.generator_process", role, *map(str, descriptors)),
         stdin=subprocess.DEVNULL,
         stdout=2,  # the leader's own may be read by a program
         pass_fds=descriptors,
         process_group=0,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(path or "." for path in sys.path)},
+        env={**os.environ, "PYTHONPATH": import_path()},
     )

@@ -8,6 +8,7 @@ with the leader.
 
 import os
 import pickle
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -21,6 +22,7 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
+from mmt.core.end_signals import handle_end_signals
 from mmt.core.errors import MmtError
 from mmt.core.process import SWITCH_INTERVAL_S
 from mmt.leader.generated_vibration import BLOCK_SAMPLES, Rendered
@@ -166,6 +168,7 @@ def _restored(
 
 def main(role: str, leader: Connection, other: Connection) -> None:
     """Run one of the two until the leader ends, or tell it in a sentence why not."""
+    handle_end_signals(signal.SIG_IGN)
     try:
         (fit if role == FIT else render)(leader, other)
     except (EOFError, OSError):

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Final
 import msgpack
 import numpy as np
 
+from mmt.core.children import python_command
 from mmt.core.errors import InputError, MmtError
 from mmt.core.extras import require
 from mmt.leader.part import Session
@@ -149,8 +150,8 @@ class RosProcess:
     """
 
     def __init__(self, settings: Mapping[str, Any]) -> None:
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "mmt.leader.ros_process"],
+        self._process = subprocess.Popen(  # noqa: S603 - our own module
+            python_command("-m", "mmt.leader.ros_process"),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             start_new_session=sys.platform != "win32",

@@ -18,6 +18,7 @@ import msgpack
 import numpy as np
 from rosbags.typesys import Stores, get_typestore
 
+from mmt.core.end_signals import handle_end_signals
 from mmt.core.errors import brief
 from mmt.core.frames import Channel, frame_dtype
 from mmt.core.process import step_back
@@ -122,7 +123,7 @@ def _input() -> Iterator[Any]:
 
 def main() -> None:
     """Run the process."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the leader says when it ends
+    handle_end_signals(signal.SIG_IGN)  # the leader says when it ends
     step_back()  # the leader's ticks do not wait for what subscribers take
     with os.fdopen(os.dup(sys.stdout.fileno()), "w") as leader:
         os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a middleware prints is no answer

@@ -112,13 +112,14 @@ class Leader:
         tasks: list[asyncio.Task[None]] = []
         try:
             await self._open()
-            self._start_tasks(tasks)
-            if on_ready is not None:
-                on_ready()
-            await self._until_ended(tasks)
-            if self.ending.fault is None:
-                for finish in self.parts.verbs("finish"):
-                    await finish()
+            if not self.ending.reached:
+                self._start_tasks(tasks)
+                if on_ready is not None:
+                    on_ready()
+                await self._until_ended(tasks)
+                if self.ending.fault is None:
+                    for finish in self.parts.verbs("finish"):
+                        await finish()
         finally:
             duration_s = self.time_s
             self.ticker.stop()
@@ -179,7 +180,9 @@ class Leader:
     # --- lifetime
 
     async def _open(self) -> None:
-        self.parts.connect()
+        await self.ending.call_in_thread(self.parts.connect, self.parts.close)
+        if self.ending.reached:
+            return
         self._steps = self.parts.verbs("tick")
         if self.remote is not None:
             await self.remote.listen(self._pages())

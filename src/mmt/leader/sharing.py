@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import msgpack
 import numpy as np
 
+from mmt.core.children import python_command
 from mmt.core.errors import InputError, MmtError
 from mmt.leader.listeners import Listeners
 from mmt.leader.part import Part, Session, Tick
@@ -150,7 +151,7 @@ class SharingPart(Part):
             },
         }
         process = self._process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-m", "mmt.sharing.process", json.dumps(given)),
+            *python_command("-m", "mmt.sharing.process", json.dumps(given)),
             stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE,
             start_new_session=sys.platform != "win32",

@@ -16,6 +16,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.errors import FAILED, MmtError
+from mmt.core.queued_output import finish_output, queue_output
 from mmt.lerobot.settings import Settings, session_scene
 
 if TYPE_CHECKING:
@@ -31,8 +32,7 @@ _LAST_S: Final = 5.0
 
 def write(**line: Any) -> None:
     """Write a line for LeRobot, which may have ended."""
-    with suppress(OSError):
-        print(json.dumps(line), flush=True)
+    sys.stdout.write(json.dumps(line) + "\n")
 
 
 def _event(sentence: str) -> None:
@@ -111,7 +111,7 @@ class _Run:
         assert self._scene.link is not None and leader.port is not None  # noqa: S101, PT018
         url = self._scene.link.url(leader.port)
         arguments = ["follower", self._settings.scene, "--leader", url, "--json-lines"]
-        child = await Child.start("follower", "mmt.cli.entry", arguments, on_warning=_event)
+        child = await Child.start("follower", "mmt.cli.child", arguments, on_warning=_event)
         try:
             async for line in child.lines():
                 if line["kind"] == "event":
@@ -175,11 +175,13 @@ def _read(put: "Callable[[bytes], None]") -> None:
 
 def main() -> None:
     """Run the session of the settings that are given."""
+    queue_output()
     try:
         ended = run(Settings(**json.loads(sys.argv[1])))
     except MmtError as error:
         ended = str(error)
     write(ended=ended)
+    finish_output()
 
 
 if __name__ == "__main__":

@@ -6,7 +6,6 @@ import logging
 import os
 import queue
 import subprocess
-import sys
 import threading
 from collections.abc import Sequence
 from contextlib import suppress
@@ -14,6 +13,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
+from mmt.core.children import python_command
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.protocols import Vector
 from mmt.lerobot.settings import Settings, session_scene
@@ -135,7 +135,7 @@ class SharedSession:
         _ = self.scene  # what it lacks is said here
         self.given, self._lines = None, queue.Queue()
         self._process = subprocess.Popen(  # noqa: S603 - this interpreter, and settings
-            [sys.executable, "-m", "mmt.lerobot.process", json.dumps(asdict(self._settings))],
+            python_command("-m", "mmt.lerobot.process", json.dumps(asdict(self._settings))),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             start_new_session=os.name == "posix",  # Ctrl-C is for LeRobot, which disconnects

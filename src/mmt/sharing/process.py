@@ -20,8 +20,10 @@ from typing import Any, Final
 
 import msgpack
 
+from mmt.core.end_signals import handle_end_signals
 from mmt.core.errors import MmtError
 from mmt.core.process import step_back
+from mmt.core.queued_output import finish_output, queue_output
 from mmt.scene.sharing_tables import Control, Sharing
 from mmt.sharing.messages import LONGEST_MESSAGE
 from mmt.sharing.relay import Relay
@@ -44,7 +46,7 @@ async def _input() -> AsyncIterator[dict[str, Any]]:
 
 
 def _say(**line: object) -> None:
-    print(json.dumps(line), flush=True)
+    sys.stdout.write(json.dumps(line) + "\n")
 
 
 async def serve(settings: Sharing, welcome: dict[str, Any], control: Control | None = None) -> None:
@@ -98,10 +100,14 @@ async def _tell(server: SharingServer) -> None:
 def main() -> None:
     """Run the process; the first argument is the scene's table and the welcome as JSON."""
     given = json.loads(sys.argv[1])
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the leader says when it ends
+    handle_end_signals(signal.SIG_IGN)  # the leader says when it ends
     step_back()  # the leader's ticks do not wait for what listeners take
     control = None if given["control"] is None else Control.model_validate(given["control"])
-    asyncio.run(serve(Sharing.model_validate(given["sharing"]), given["welcome"], control))
+    queue_output()
+    try:
+        asyncio.run(serve(Sharing.model_validate(given["sharing"]), given["welcome"], control))
+    finally:
+        finish_output()
 
 
 if __name__ == "__main__":

@@ -10,7 +10,6 @@ in which something else had the processor spoils one turn, not the result. At th
 runs for a while at a higher rate.
 """
 
-import multiprocessing
 import statistics
 import time
 from collections.abc import Callable
@@ -25,6 +24,7 @@ from mmt_lab.bench.link_traffic import Kind, Measured, Turn
 from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.harness.experiment import Duration, Experiment, RealTime
 from mmt_lab.harness.findings import Findings
+from mmt_lab.harness.processes import spawn_context
 
 ROUND_S: Final = 1.0
 """Longest turn."""
@@ -152,7 +152,7 @@ def _order(number: int) -> tuple[Kind, ...]:
 
 def _run(rate_hz: int, turns: list[Turn], realtime: bool) -> tuple[Report, Report]:
     """Start the two processes, let them take the turns, and return what they noted."""
-    context = multiprocessing.get_context("spawn")
+    context = spawn_context()
     ends = [context.Pipe() for _ in range(2)]
     processes = [
         context.Process(target=target, args=(there, rate_hz, realtime))

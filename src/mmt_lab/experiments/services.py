@@ -1,7 +1,6 @@
 """Both services as processes: ticks, losses and cost, and what real-time scheduling brings."""
 
 import asyncio
-import multiprocessing
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,6 +12,7 @@ from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.harness.demo_services import run_demo_services
 from mmt_lab.harness.experiment import Duration, Experiment, RealTime
 from mmt_lab.harness.findings import Findings, Records, median_of_known
+from mmt_lab.harness.processes import spawn_context
 
 ROUND_S: Final = 5.0
 """Longest run of the services; the two ways take turns."""
@@ -116,7 +116,7 @@ def _figure(run: DemoRun, service: str, table: str, key: str) -> float | None:
 @contextmanager
 def _busy_processes(count: int) -> Iterator[None]:
     """Keep `count` processes busy at ordinary priority during the block."""
-    context = multiprocessing.get_context("spawn")
+    context = spawn_context()
     processes = [context.Process(target=_be_busy, daemon=True) for _ in range(count)]
     try:
         for process in processes:

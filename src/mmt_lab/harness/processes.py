@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from multiprocessing.context import SpawnContext
 from typing import Any, TypeVar
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -57,6 +58,15 @@ def each(
     return [results[number] for number in sorted(results)]
 
 
+def spawn_context() -> SpawnContext:
+    """Return the context of processes that import nothing from the current folder.
+
+    The variable stands for what `mmt.core.children.python_command` says: the command is not ours.
+    """
+    os.environ["PYTHONSAFEPATH"] = "1"
+    return multiprocessing.get_context("spawn")
+
+
 def in_processes(
     function: Callable[..., Result], calls: Mapping[int, tuple[Any, ...]], workers: int
 ) -> Iterator[tuple[int, Future[Result]]]:
@@ -78,7 +88,7 @@ def in_processes(
     """
     pool = ProcessPoolExecutor(
         max_workers=workers,
-        mp_context=multiprocessing.get_context("spawn"),
+        mp_context=spawn_context(),
         initializer=_leave_interrupts,
     )
     try:

@@ -5,7 +5,6 @@ import json
 import os
 import shutil
 import socket
-import sys
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ import numpy as np
 import psutil
 
 from mmt.cli.child import KILL, Child, send
+from mmt.core.children import python_command
 from mmt.core.errors import InputError, MmtError
 from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.harness.findings import Findings
@@ -183,7 +183,7 @@ async def _redis() -> AsyncIterator[str]:
 
 
 async def _child(stack: AsyncExitStack, command: list[str], **environment: str) -> Child:
-    child = await Child.start(command[0], "mmt.cli.entry", command, {**os.environ, **environment})
+    child = await Child.start(command[0], "mmt.cli.child", command, {**os.environ, **environment})
     stack.push_async_callback(child.kill)
     return child
 
@@ -221,7 +221,7 @@ async def _join(
             count = min(there, _CROWD)
             there -= count
             crowd = await asyncio.create_subprocess_exec(
-                *(sys.executable, "-m", "mmt_lab.sharing.counting", url),
+                *python_command("-m", "mmt_lab.sharing.counting", url),
                 *(str(count), str(duration_s + _LATEST_S)),
                 stdout=asyncio.subprocess.PIPE,
                 limit=1 << 26,

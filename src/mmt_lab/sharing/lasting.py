@@ -3,7 +3,6 @@
 import asyncio
 import json
 import os
-import sys
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from mmt.cli.child import Child
 from mmt.core.arrays import FloatArray
+from mmt.core.children import python_command
 from mmt.core.errors import MmtError
 from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.harness.findings import Findings
@@ -47,7 +47,7 @@ async def _session(
     common = [_SCENE, "--json-lines"]
     leader = await Child.start(
         "leader",
-        "mmt.cli.entry",
+        "mmt.cli.child",
         ["leader", *common, "--share", "--port", "0", "--duration", str(duration_s)],
         environment,
     )
@@ -62,7 +62,7 @@ async def _session(
                 where = f"http://127.0.0.1:{line['port']}"
             if len(children) == 1 and where and f", {first} listening" in event:
                 follower = ["follower", *common, "--leader", where]
-                children.append(await Child.start("follower", "mmt.cli.entry", follower))
+                children.append(await Child.start("follower", "mmt.cli.child", follower))
             if line["kind"] == "summary":
                 summary = line
             if event.startswith("shared at "):
@@ -83,7 +83,7 @@ async def _session(
 async def start_listeners(module: str, *arguments: str) -> asyncio.subprocess.Process:
     """Start a process of listeners in a session of its own, so that it may step back."""
     return await asyncio.create_subprocess_exec(
-        *(sys.executable, "-m", module, *arguments),
+        *python_command("-m", module, *arguments),
         stdout=asyncio.subprocess.PIPE,
         start_new_session=os.name == "posix",
     )

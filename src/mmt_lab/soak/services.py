@@ -143,7 +143,7 @@ class SoakServices:
 
     async def _start(self, name: str, arguments: list[str]) -> Child:
         arguments = [name, *arguments, "--json-lines"]
-        child = await Child.start(name, "mmt.cli.entry", arguments, self._environment)
+        child = await Child.start(name, "mmt.cli.child", arguments, self._environment)
         self._children.append(child)
         return child
 

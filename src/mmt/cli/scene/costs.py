@@ -12,7 +12,6 @@ import math
 import re
 import statistics
 import subprocess
-import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
@@ -20,6 +19,7 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 
+from mmt.core.children import python_command
 from mmt.core.errors import MmtError
 from mmt.scene import Scene
 
@@ -309,7 +309,7 @@ def import_times_s(modules: Sequence[str], repeats: int = REPEATS) -> dict[str, 
 def _importing(modules: Sequence[str]) -> str:
     try:
         ended = subprocess.run(  # noqa: S603 - this interpreter and the program above
-            [sys.executable, "-X", "importtime", "-c", _PROGRAM],
+            python_command("-X", "importtime", "-c", _PROGRAM),
             input=json.dumps(list(modules)),
             capture_output=True,
             text=True,

@@ -7,10 +7,10 @@ this process.
 import json
 import select
 import subprocess
-import sys
 import threading
 from typing import Any, Final
 
+from mmt.core.children import python_command
 from mmt.core.errors import MmtError
 
 _START_S: Final = 20.0
@@ -63,7 +63,7 @@ class LabProcess:
 
     def _start(self, arguments: tuple[str, ...]) -> None:
         self._process = subprocess.Popen(  # noqa: S603 - our own module
-            [sys.executable, "-m", self._module, *arguments],
+            python_command("-m", self._module, *arguments),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

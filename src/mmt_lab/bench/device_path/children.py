@@ -8,6 +8,7 @@ import threading
 import time
 from typing import Any, Final
 
+from mmt.core.children import python_command
 from mmt.core.errors import MmtError
 
 START_S: Final = 60.0
@@ -36,7 +37,7 @@ class Child:
     def __init__(self, module: str, *arguments: str) -> None:
         self._module = module
         self._process = subprocess.Popen(  # noqa: S603 - our own module
-            [sys.executable, "-m", module, *arguments],
+            python_command("-m", module, *arguments),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
