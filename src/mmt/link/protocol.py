@@ -76,8 +76,8 @@ Value = TypeVar("Value")
 
 _SEQUENCES: Final = 2**32
 
-MSGPACK_EVENT: Final = 2
-"""Type of a Socket.IO packet that carries an event."""
+CONNECT_PACKET, MSGPACK_EVENT = 0, 2
+"""Types of a Socket.IO packet that connects, and of one that carries an event."""
 EVENT_NAMESPACE: Final = "/"
 
 

@@ -10,6 +10,7 @@ from typing import Final
 import aiohttp
 import socketio
 
+from mmt.link.packets import Packet
 from mmt.link.protocol import MAX_MESSAGE_BYTES, MAX_SENTENCE, peer_text
 from mmt.link.rate_limit import RateLimit
 from mmt.link.websocket import Handlers, client_websocket, wire_logger
@@ -53,7 +54,7 @@ class SocketClient:
             ws_response_class=client_websocket(direct, rate_limit),
         )
         client = socketio.AsyncClient(
-            serializer="msgpack",
+            serializer=Packet,
             handle_sigint=False,
             http_session=session,
             request_timeout=CLOSE_TIMEOUT_S,
