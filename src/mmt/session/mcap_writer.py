@@ -228,7 +228,9 @@ class SessionWriter:
 
 def open_writer(stream: BinaryIO) -> Writer:
     """Return a started MCAP writer with the chunk size and compression of session files."""
-    writer = Writer(stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
+    writer = Writer(
+        stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD, enable_data_crcs=True
+    )
     pack_index(writer)
     writer.start(profile=PROFILE, library=LIBRARY)
     return writer
