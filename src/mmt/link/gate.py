@@ -54,9 +54,9 @@ class Gate(asyncio.Protocol):
         elif self._timer is None:
             self._feed()
 
-    def eof_received(self) -> bool:
+    def eof_received(self) -> None:
         """Hand on the end; what waits for its turn is of no use to a client that has left."""
-        return bool(self._protocol.eof_received())
+        self._protocol.eof_received()
 
     def pause_writing(self) -> None:
         """Hand on."""

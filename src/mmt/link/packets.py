@@ -13,7 +13,7 @@ _MOST_OF_STRANGER: Final = 32
 """Maps and arrays that a message may have before admission, and items that each may have."""
 
 
-class Packet(MsgPackPacket):
+class Packet(MsgPackPacket):  # type: ignore[misc]  # the library has no types
     """Socket.IO packet of the library, which decodes no message that is decoded already."""
 
     def decode(self, encoded_packet: bytes) -> None:
@@ -71,6 +71,7 @@ def binary_event(packet: Mapping[str, Any]) -> tuple[str, bytes] | None:
 
 def is_reserved(packet: Mapping[str, Any]) -> bool:
     """Whether this is an event by a name that the library calls its own handlers by."""
-    data = packet.get("data")
-    named = packet["type"] == MSGPACK_EVENT and isinstance(data, list) and data
-    return bool(named) and isinstance(data[0], str) and data[0] in _RESERVED
+    match packet:
+        case {"type": int(kind), "data": [str(name), *_]}:
+            return kind == MSGPACK_EVENT and name in _RESERVED
+    return False
