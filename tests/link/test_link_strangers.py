@@ -13,6 +13,7 @@ from pathlib import Path
 import aiohttp
 import pytest
 import trustme
+from aiohttp import web
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from link_samples import (
@@ -433,3 +434,24 @@ async def test_a_port_that_is_taken_on_one_of_two_addresses_is_an_error(
                 pass
     with socket.create_server(("127.0.0.2", port)):
         pass  # it was let go
+
+
+async def test_a_link_is_not_passed_on_to_another_leader(monkeypatch: pytest.MonkeyPatch) -> None:
+    notes = LeaderNotes()
+
+    async def pass_on(request: web.Request) -> web.Response:
+        raise web.HTTPTemporaryRedirect(f"http://127.0.0.1:{server.port}{request.path_qs}")
+
+    async with guarded_leader(monkeypatch, notes) as server:
+        application = web.Application()
+        application.router.add_get("/socket.io/", pass_on)
+        runner = web.AppRunner(application)
+        await runner.setup()
+        site = web.TCPSite(runner, "127.0.0.1", 0)
+        await site.start()
+        try:
+            with pytest.raises(MmtError, match="which is not followed"):
+                await connects_within(int(runner.addresses[0][1]), 1.0)
+        finally:
+            await runner.cleanup()
+    assert notes.hellos == []

@@ -48,7 +48,10 @@ class SocketClient:
         `direct` handlers bypass the library where possible; `rate_limit` limits the rate of all
         messages. Without `tls` an https URL is verified by the system's authorities.
         """
+        tracing = aiohttp.TraceConfig()
+        tracing.on_request_redirect.append(_refuse_redirect)
         session = aiohttp.ClientSession(
+            trace_configs=[tracing],
             connector=aiohttp.TCPConnector(ssl=tls or True),
             timeout=aiohttp.ClientTimeout(total=ATTEMPT_S, sock_connect=ATTEMPT_S),
             ws_response_class=client_websocket(direct, rate_limit),
@@ -100,6 +103,17 @@ class SocketClient:
                 task.cancel()
             await asyncio.gather(*self._dropping, return_exceptions=True)
             await self.session.close()
+
+
+async def _refuse_redirect(*_: object) -> None:
+    """Follow no redirect: who is told the token is whom the user named.
+
+    Raises
+    ------
+    aiohttp.ClientConnectionError
+        Always.
+    """
+    raise aiohttp.ClientConnectionError("it redirects to another address, which is not followed")
 
 
 def _first_cause(error: BaseException) -> str:
