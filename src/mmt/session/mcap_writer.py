@@ -15,6 +15,7 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
 from mmt.core.arrays import FloatArray, RecordArray
+from mmt.core.existing_files import replacing
 from mmt.core.frames import Channel, channels_of
 from mmt.core.version import __version__
 from mmt.session.data import (
@@ -24,7 +25,6 @@ from mmt.session.data import (
     event_time_s,
     to_json,
 )
-from mmt.session.files import replacing
 from mmt.session.messages import (
     EVENT,
     FRAME_BLOCK,

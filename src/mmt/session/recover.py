@@ -7,8 +7,8 @@ from typing import BinaryIO
 from mcap.records import Message
 
 from mmt.core.errors import InputError
+from mmt.core.existing_files import replacing
 from mmt.session.data import duration_s, missing_frames
-from mmt.session.files import replacing
 from mmt.session.mcap_reader import parse_event, parse_json, scanned_frames
 from mmt.session.mcap_scan import Scan, scan_mcap
 from mmt.session.mcap_writer import EVENTS_TOPIC, RECOVERY_METADATA, SCENE_METADATA, open_writer
