@@ -27,6 +27,7 @@ class RedisServer:
     """A Redis server that keeps nothing, as a process of its own."""
 
     port: int
+    options: tuple[str, ...] = ()
     process: subprocess.Popen[bytes] | None = None
 
     @property
@@ -38,7 +39,7 @@ class RedisServer:
         self.process = subprocess.Popen(
             [
                 *(REDIS_SERVER, "--port", str(self.port), "--bind", "127.0.0.1"),
-                *("--save", "", "--appendonly", "no"),
+                *("--save", "", "--appendonly", "no", *self.options),
             ],
             stdout=subprocess.DEVNULL,
         )
@@ -63,8 +64,8 @@ def free_port() -> int:
 
 
 @contextmanager
-def redis_server() -> Iterator[RedisServer]:
-    server = RedisServer(free_port())
+def redis_server(*options: str) -> Iterator[RedisServer]:
+    server = RedisServer(free_port(), options)
     server.start()
     try:
         yield server

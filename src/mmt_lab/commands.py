@@ -56,11 +56,15 @@ def _bench(
             help="Link and devices: by real-time scheduling. Services: with and without it.",
         ),
     ] = False,
+    strangers: Annotated[
+        bool, typer.Option("--strangers", help="Services: with and without strangers at the port.")
+    ] = False,
 ) -> None:
     """Measure error against run time on this machine, beside every peer that is installed."""
     from mmt_lab.bench.command import run_benches
 
-    _, figures = run_benches(what or [], report, duration=duration, realtime=realtime)
+    options = {"duration": duration, "realtime": realtime, "strangers": strangers}
+    _, figures = run_benches(what or [], report, **options)
     write_json(json_file, figures)
     messages.print("ratios within one run are to be trusted, absolute times are not")
     if "failed" in figures:

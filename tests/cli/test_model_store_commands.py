@@ -45,4 +45,4 @@ async def test_mistakes_are_sentences(tmp_path: Path) -> None:
     assert "not a texture model" in str(wrong.exception)
     nobody = await run("list", "--from", "http://127.0.0.1:9")
     assert isinstance(nobody.exception, MmtError)
-    assert "no store answers at http://127.0.0.1:9" in str(nobody.exception)
+    assert "http://127.0.0.1:9 does not answer" in str(nobody.exception)

@@ -22,9 +22,9 @@ from mmt.leader.summary import LeaderSummary
 from mmt.link.access import Access
 from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.handshake import admit
+from mmt.link.packets import binary_event, decode_packet
 from mmt.link.protocol import FollowerHello
 from mmt.link.reader import BlockReader
-from mmt.link.websocket import binary_event
 from mmt.scene.files import scene_from_tables
 
 LIMIT_M_S2 = 20.0
@@ -227,7 +227,8 @@ def test_whatever_arrives_is_read_or_counted() -> None:
     reader, now_ns = BlockReader(CHANNELS, "frames"), 10**10
 
     def example(message: bytes, arguments: list[Any], frames: bytes, silence_ns: int) -> None:
-        event = binary_event(message)
+        packet = decode_packet(message)
+        event = None if packet is None else binary_event(packet)
         assert event is None or (isinstance(event[0], str) and isinstance(event[1], bytes))
         nonlocal now_ns
         now_ns += silence_ns

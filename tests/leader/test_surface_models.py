@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mmt.core.existing_files import replacing
 from mmt.leader.completing import ModelOutput
 from mmt.leader.part import Part, Session
 from mmt.leader.recording import RecordingPart
@@ -33,7 +34,8 @@ class Model:
         return str(self.level).encode()
 
     def save(self, path: Path) -> None:
-        path.write_bytes(self.to_bytes())
+        with replacing(path) as part:
+            part.write_bytes(self.to_bytes())
 
 
 class Sounding:

@@ -1,6 +1,7 @@
 """Who may connect: tokens, certificates, and what is listened on without them."""
 
 import logging
+import os
 import re
 import ssl
 from collections.abc import AsyncIterator
@@ -423,3 +424,16 @@ async def test_a_handshake_that_fails_leaves_the_leader_alone(
             await refusal(url, strangers.follows(authority=files.authority))
             await stream_one(url, files.follows(), notes)
     assert "Traceback" not in caplog.text
+
+
+@pytest.mark.skipif(os.name != "posix", reason="files have other rights")
+@pytest.mark.parametrize(("mode", "warned"), [(0o600, False), (0o644, True), (0o640, True)])
+def test_a_token_file_that_others_can_read_is_told_of(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, mode: int, warned: bool
+) -> None:
+    file = tmp_path / "token"
+    file.write_text(TOKEN)
+    file.chmod(mode)
+    assert Access.of(Link(token_file=file), environment={}).token == TOKEN
+    assert ("can be read by others" in caplog.text) is warned
+    assert TOKEN not in caplog.text

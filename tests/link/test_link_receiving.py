@@ -27,27 +27,24 @@ from socketio.msgpack_packet import MsgPackPacket
 
 import mmt.link.socket_client
 import mmt.link.websocket
+from mmt.link.packets import Decoded, Packet, binary_event, decode_packet
 from mmt.link.protocol import MAX_MESSAGE_BYTES, encode_event
 from mmt.link.rate_limit import HANDSHAKE_MESSAGES, HandshakeLimit, RateLimit
 from mmt.link.server import LeaderServer
-from mmt.link.websocket import (
-    _receive_rest,
-    binary_event,
-    receive_directly,
-)
+from mmt.link.websocket import _receive_rest, receive_directly
 
 
 @pytest.fixture
 def decoded(monkeypatch: pytest.MonkeyPatch) -> Counter[int]:
-    """Count by type the packets that the library decodes, on both sides together."""
+    """Count by type the packets that reach the library, on both sides together."""
     counted: Counter[int] = Counter()
-    usual = MsgPackPacket.decode
+    usual = Packet.decode
 
-    def decode(self: MsgPackPacket, encoded: bytes) -> None:
+    def decode(self: Packet, encoded: bytes) -> None:
         usual(self, encoded)
         counted[self.packet_type] += 1
 
-    monkeypatch.setattr(MsgPackPacket, "decode", decode)
+    monkeypatch.setattr(Packet, "decode", decode)
     return counted
 
 
@@ -57,6 +54,15 @@ def open_gate() -> RateLimit:
 
 async def stays_open(**_: object) -> None:
     pytest.fail("the WebSocket was closed")
+
+
+async def no_pong(_: bytes) -> None:
+    pytest.fail("nobody has pinged")
+
+
+def event_in(message: bytes) -> tuple[str, bytes] | None:
+    packet = decode_packet(message)
+    return None if packet is None else binary_event(packet)
 
 
 async def exchange(count: int) -> tuple[LeaderNotes, FollowerNotes]:
@@ -194,7 +200,10 @@ async def test_a_flood_leaves_the_loop_its_turns() -> None:
             turns += 1
 
     counting = asyncio.create_task(count_turns())
-    assert await _receive_rest(receive, stays_open, open_gate(), {"frames": taken.append}) is last
+    assert (
+        await _receive_rest(receive, no_pong, stays_open, open_gate(), {"frames": taken.append})
+        is last
+    )
     await counting
     assert taken == [b"x"] * 1000
     assert turns >= 10
@@ -211,7 +220,7 @@ async def test_what_does_not_pass_the_gate_is_thrown_away_until_it_shuts() -> No
     async def close(**reason: object) -> None:
         closed.append(reason["code"])
 
-    last = await _receive_rest(receive, close, HandshakeLimit(), {"frames": taken.append})
+    last = await _receive_rest(receive, no_pong, close, HandshakeLimit(), {"frames": taken.append})
     assert last.type is WSMsgType.CLOSED
     assert closed == [WSCloseCode.POLICY_VIOLATION]
     assert taken == [b"x"] * HANDSHAKE_MESSAGES
@@ -243,31 +252,88 @@ async def test_what_is_not_binary_is_the_librarys(kind: WSMsgType, data: str | b
     async def receive() -> WSMessage:
         return message
 
-    assert await _receive_rest(receive, stays_open, open_gate(), {"frames": pytest.fail}) is message
+    assert (
+        await _receive_rest(receive, no_pong, stays_open, open_gate(), {"frames": pytest.fail})
+        is message
+    )
 
 
 @pytest.mark.parametrize(
-    "data", [encode_event("end", b"x"), encode_event("frames", bytes(MAX_MESSAGE_BYTES))]
+    ("data", "decoded_here"),
+    [(encode_event("end", b"x"), True), (encode_event("frames", bytes(MAX_MESSAGE_BYTES)), False)],
 )
-async def test_other_events_and_those_too_long_are_the_librarys(data: bytes) -> None:
+async def test_other_events_and_those_too_long_are_the_librarys(
+    data: bytes, decoded_here: bool
+) -> None:
     message = WSMessage(WSMsgType.BINARY, data, None)
 
     async def receive() -> WSMessage:
         return message
 
-    assert await _receive_rest(receive, stays_open, open_gate(), {"frames": pytest.fail}) is message
+    rest = await _receive_rest(receive, no_pong, stays_open, open_gate(), {"frames": pytest.fail})
+    assert (rest.type, rest.data) == (WSMsgType.BINARY, data)
+    assert isinstance(rest.data, Decoded) is decoded_here
 
 
 @given(st.text(max_size=10), st.binary(max_size=300))
 @settings(max_examples=50, deadline=None)
 def test_an_event_of_the_library_is_read_back(name: str, argument: bytes) -> None:
     packet = MsgPackPacket(socketio.packet.EVENT, data=[name, argument], namespace="/")
-    assert binary_event(packet.encode()) == (name, argument)
+    assert event_in(packet.encode()) == (name, argument)
+
+
+SCALARS = st.none() | st.booleans() | st.integers(-(2**63), 2**64 - 1) | st.text() | st.binary()
+SMALL = st.recursive(
+    SCALARS,
+    lambda inner: st.lists(inner, max_size=32) | st.dictionaries(st.text(), inner, max_size=32),
+    max_leaves=20,
+)
+
+
+def containers(value: object) -> int:
+    """How many maps and arrays a value has."""
+    inner = [*value.values()] if isinstance(value, dict) else value
+    return 1 + sum(map(containers, inner)) if isinstance(inner, list) else 0
+
+
+@given(SMALL)
+@settings(max_examples=100, deadline=None)
+def test_a_strangers_packet_is_decoded_as_anyones_if_it_is_small(auth: object) -> None:
+    packet = {"type": 0, "data": auth, "nsp": "/"}
+    small = containers(packet) <= 32
+    assert decode_packet(msgpack.packb(packet), stranger=True) == (packet if small else None)
+
+
+@pytest.mark.parametrize(
+    "auth",
+    [[{}] * 130_000, [[]] * 33, [None] * 33, dict.fromkeys(map(str, range(33))), [[[{}] * 11] * 3]],
+)
+def test_what_takes_long_to_decode_is_no_strangers_packet(auth: object) -> None:
+    packet = {"type": 0, "data": auth, "nsp": "/"}
+    assert decode_packet(msgpack.packb(packet)) == packet
+    assert decode_packet(msgpack.packb(packet), stranger=True) is None
+
+
+async def test_pings_and_pongs_of_strangers_are_among_what_is_limited() -> None:
+    answered: list[bytes] = []
+
+    async def receive() -> WSMessage:
+        return WSMessage(WSMsgType.PING if len(answered) < 2 else WSMsgType.PONG, b"p", None)
+
+    async def pong(message: bytes) -> None:
+        answered.append(message)
+
+    async def close(**_: object) -> None:
+        answered.append(b"closed")
+
+    last = await _receive_rest(receive, pong, close, HandshakeLimit(), {})
+    assert last.type is WSMsgType.CLOSED
+    assert answered == [b"p", b"p", b"closed"]
 
 
 def test_the_order_of_keys_and_further_ones_do_not_matter() -> None:
     packet = {"nsp": "/", "options": {"compress": True}, "data": ["frames", b"x"], "type": 2}
-    assert binary_event(msgpack.packb(packet)) == ("frames", b"x")
+    assert event_in(msgpack.packb(packet)) == ("frames", b"x")
 
 
 @pytest.mark.parametrize(
@@ -287,7 +353,7 @@ def test_the_order_of_keys_and_further_ones_do_not_matter() -> None:
 )
 def test_all_else_is_the_librarys(changes: dict[str, object]) -> None:
     packet = {"type": 2, "data": ["frames", b"x"], "nsp": "/", **changes}
-    assert binary_event(msgpack.packb(packet)) is None
+    assert event_in(msgpack.packb(packet)) is None
 
 
 _EVENT = encode_event("frames", bytes(20))
@@ -305,5 +371,5 @@ _EVENT = encode_event("frames", bytes(20))
 )
 @settings(max_examples=300, deadline=None)
 def test_no_message_whatever_raises(message: bytes) -> None:
-    event = binary_event(message)
+    event = event_in(message)
     assert event is None or (isinstance(event[0], str) and isinstance(event[1], bytes))

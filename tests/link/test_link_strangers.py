@@ -7,11 +7,15 @@ import socket
 import time
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import aiohttp
 import pytest
 import trustme
+from aiohttp import web
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from link_samples import (
     CHANNELS,
     FollowerNotes,
@@ -28,8 +32,12 @@ import mmt.link.websocket
 from mmt.core.errors import MmtError
 from mmt.link.access import Access
 from mmt.link.client import FollowerClient
+from mmt.link.gate import BYTES as GATE_BYTES
+from mmt.link.gate import Gate
+from mmt.link.protocol import MAX_ANNOTATIONS_BYTES
 from mmt.link.server import LeaderServer
 from mmt.scene import Link
+from mmt_lab.bench import strangers as disturbing
 
 TOKEN = "a token that nobody guesses"
 Stream = tuple[asyncio.StreamReader, asyncio.StreamWriter]
@@ -219,6 +227,108 @@ async def test_a_crowd_comes_in_slowly_while_a_session_goes_on() -> None:
         assert alone_s < 19 * 0.02
 
 
+UPGRADE = (
+    b"GET /socket.io/?EIO=4&transport=websocket HTTP/1.1\r\nHost: 127.0.0.1\r\n"
+    b"Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+    b"Sec-WebSocket-Key: MTIzNDU2Nzg5MDEyMzQ1Ng==\r\n\r\n"
+)
+
+
+@pytest.mark.parametrize("kind", list(disturbing.KINDS))
+async def test_no_stranger_sends_more_than_a_hello_needs(
+    monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    async with guarded_leader(monkeypatch) as server:
+        said = asyncio.to_thread(disturbing.disturb, "127.0.0.1", server.port, kind)
+        async with asyncio.timeout(10):
+            await said
+        await connects_within(server.port, 5.0)
+
+
+async def closes(stream: Stream) -> bool:
+    """Whether the leader closes a connection within five seconds, after whatever it says."""
+    try:
+        async with asyncio.timeout(5):
+            await stream[0].read()
+    except ConnectionError:
+        return True
+    except TimeoutError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize(
+    "says",
+    [
+        b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 900000\r\n\r\n" + bytes(GATE_BYTES),
+        UPGRADE + b"\x01\x80\0\0\0\0" + b"\x00\x80\0\0\0\0" * (GATE_BYTES // 6),
+        UPGRADE + b"\x89\x80\0\0\0\0" * 5,
+        b"GET /health HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n" * 20,
+    ],
+    ids=["bytes", "pieces", "pings", "requests"],
+)
+async def test_who_sends_more_than_a_hello_needs_is_closed_before_the_time_is_over(
+    monkeypatch: pytest.MonkeyPatch, says: bytes
+) -> None:
+    monkeypatch.setattr(mmt.link.websocket, "HANDSHAKE_S", 30.0)
+    async with guarded_leader(monkeypatch) as server, strangers(server.port, 1, says) as (one,):
+        assert await closes(one)
+
+
+async def test_the_longest_hello_fits_through_the_gate(monkeypatch: pytest.MonkeyPatch) -> None:
+    notes = LeaderNotes()
+    async with guarded_leader(monkeypatch, notes) as server:
+        longest = replace(hello(), annotations=bytes(MAX_ANNOTATIONS_BYTES))
+        client = FollowerClient(
+            f"http://127.0.0.1:{server.port}",
+            longest,
+            FollowerNotes().events(),
+            access=Access(TOKEN),
+        )
+        await client.connect(5.0)
+        for first in range(0, 4000, 100):  # and what it sends then is not limited
+            client.send_frames(frames(first, 100))
+            await asyncio.sleep(0.005)
+        await until(lambda: notes.sequences == list(range(4000)))
+        await client.disconnect()
+    assert notes.hellos[0].annotations == longest.annotations
+
+
+@given(data=st.lists(st.binary(min_size=1, max_size=20_000), max_size=8), opens=st.booleans())
+@settings(max_examples=30, deadline=None)
+def test_a_gate_hands_on_all_bytes_in_order_and_in_slices(data: list[bytes], opens: bool) -> None:
+    handed: list[bytes] = []
+
+    class Taking(asyncio.Protocol):
+        def data_received(self, data: bytes) -> None:
+            handed.append(data)
+
+    async def run() -> None:
+        loop = asyncio.get_running_loop()
+        ours, other = socket.socketpair()
+        gate = Gate(Taking())  # type: ignore[arg-type]
+        transport, _ = await loop.connect_accepted_socket(lambda: gate, ours)
+        whole = b"".join(data)[:GATE_BYTES]
+        with other:
+            other.setblocking(False)
+            sending = asyncio.create_task(loop.sock_sendall(other, whole))
+            if opens:
+                await asyncio.sleep(0.002)
+                assert max(map(len, handed), default=0) <= 4096
+                gate.open()
+            async with asyncio.timeout(5):
+                while sum(map(len, handed)) < len(whole):
+                    await asyncio.sleep(0.001)
+            await sending
+            transport.abort()
+            await asyncio.sleep(0)
+        assert b"".join(handed) == whole
+        if not opens:
+            assert max(map(len, handed), default=0) <= 4096
+
+    asyncio.run(run())
+
+
 async def test_a_page_that_shows_the_token_keeps_its_connection(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -324,3 +434,24 @@ async def test_a_port_that_is_taken_on_one_of_two_addresses_is_an_error(
                 pass
     with socket.create_server(("127.0.0.2", port)):
         pass  # it was let go
+
+
+async def test_a_link_is_not_passed_on_to_another_leader(monkeypatch: pytest.MonkeyPatch) -> None:
+    notes = LeaderNotes()
+
+    async def pass_on(request: web.Request) -> web.Response:
+        raise web.HTTPTemporaryRedirect(f"http://127.0.0.1:{server.port}{request.path_qs}")
+
+    async with guarded_leader(monkeypatch, notes) as server:
+        application = web.Application()
+        application.router.add_get("/socket.io/", pass_on)
+        runner = web.AppRunner(application)
+        await runner.setup()
+        site = web.TCPSite(runner, "127.0.0.1", 0)
+        await site.start()
+        try:
+            with pytest.raises(MmtError, match="which is not followed"):
+                await connects_within(int(runner.addresses[0][1]), 1.0)
+        finally:
+            await runner.cleanup()
+    assert notes.hellos == []

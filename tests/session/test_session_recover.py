@@ -18,6 +18,7 @@ from mmt.session import OutputBlock, read_session, write_session
 from mmt.session.info import info
 from mmt.session.mcap_writer import SessionWriter
 from mmt.session.recover import recover
+from mmt.session.stream import blocks_of, open_recording
 
 FLUSH_FRAMES = 500
 
@@ -69,23 +70,95 @@ def test_a_cut_costs_at_most_one_flush(tmp_path_factory, whole, data):
     assert cut.read_bytes() == content[:length]
 
 
-@example(place=0.0, value=4)  # the header becomes a message on no topic that is known
-@given(place=st.floats(0, 1), value=st.integers(1, 255))
-@settings(max_examples=40, deadline=None)
-def test_a_flipped_byte_never_gives_a_wrong_frame(tmp_path_factory, whole, place, value):
+LONGEST_BLOCK = 64 * 1024
+PLACES = st.one_of(st.floats(0, 1), st.floats(0, 0.005), st.floats(0.985, 1))
+"""Most of the records beside the chunks are near both ends."""
+
+
+def kept_frames(path, damage):
+    """The frames' places in a file's chunks that a damaged range does not touch."""
+    with path.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    kept = []
+    for first, chunk in enumerate(summary.chunk_indexes):
+        begin, end = chunk.chunk_start_offset, chunk.chunk_start_offset + chunk.chunk_length
+        if end <= damage.start or begin >= damage.stop:
+            kept += range(first * FLUSH_FRAMES, (first + 1) * FLUSH_FRAMES)
+    return set(kept)
+
+
+@example(place=0.0, damage=b"\x04", flips=True)
+@example(place=0.0, damage=bytes(LONGEST_BLOCK), flips=False)
+@example(place=1.0, damage=bytes(LONGEST_BLOCK), flips=False)
+@given(
+    place=PLACES,
+    damage=st.one_of(
+        st.integers(1, 255).map(lambda value: bytes([value])),
+        st.tuples(st.integers(2, LONGEST_BLOCK), st.integers(0, 2**32)).map(
+            lambda size_seed: np.random.default_rng(size_seed[1]).bytes(size_seed[0])
+        ),
+        st.integers(2, LONGEST_BLOCK).map(bytes),
+    ),
+    flips=st.booleans(),
+)
+@settings(max_examples=100, deadline=None)
+def test_damage_costs_what_it_touches_and_is_never_called_whole(
+    tmp_path_factory, whole, place, damage, flips
+):
     path, frames, _ = whole
     content = bytearray(path.read_bytes())
-    content[8 + int(place * (len(content) - 9))] ^= value
-    folder = tmp_path_factory.mktemp("flip")
-    flipped = folder / "flipped.mcap"
-    flipped.write_bytes(content)
-    try:
-        saved = recover(flipped, folder / "saved.mcap")
-    except InputError:
-        return  # the damage made it another kind of file, and the person is told so
-    read = read_session(saved.path).frames
-    sequence = read["sequence"].astype(int)
-    np.testing.assert_array_equal(read, frames[sequence])
+    start = int(place * (len(content) - 1))
+    stop = min(len(content), start + len(damage))
+    before = np.frombuffer(content[start:stop], np.uint8)
+    change = np.frombuffer(damage[: stop - start], np.uint8)
+    content[start:stop] = (before ^ change if flips else change).tobytes()
+    folder = tmp_path_factory.mktemp("damaged")
+    damaged = folder / "damaged.mcap"
+    damaged.write_bytes(content)
+    if content == path.read_bytes():
+        return
+    with pytest.raises(InputError):
+        read_session(damaged)
+    with pytest.raises(InputError):
+        sum(len(block) for block in blocks_of(open_recording(damaged)))
+    saved = recover(damaged, folder / "saved.mcap")
+    assert saved.problem
+    session = read_session(saved.path)
+    assert not session.complete
+    sequence = session.frames["sequence"].astype(int)
+    np.testing.assert_array_equal(session.frames, frames[sequence])
+    touched = range(start, stop)
+    assert kept_frames(path, touched) <= set(sequence)
+    assert saved.missing_frames + len(sequence) <= len(frames)
+    with path.open("rb") as stream:
+        models = [
+            index.offset + index.length <= start or index.offset >= stop
+            for index in make_reader(stream).get_summary().attachment_indexes
+        ]
+    assert len(session.models) + bool(session.annotations) >= sum(models)
+    assert {model for _, model in session.models} <= {b"npz"}
+    assert session.annotations in {b"", b"truth"}
+
+
+@pytest.mark.parametrize("value", [0x07, 0x0C, 0x46, 0x80])
+def test_a_chunk_that_passes_for_another_record_is_found(tmp_path, whole, monkeypatch, value):
+    path, frames, _ = whole
+    for checksum in (True, False):  # files of earlier versions have none over all
+        content = bytearray(path.read_bytes())
+        with path.open("rb") as stream:
+            summary = make_reader(stream).get_summary()
+        if not checksum:
+            end = content.rindex(b"\x0f\x04\0\0\0\0\0\0\0")
+            content[end + 9 : end + 13] = bytes(4)
+        content[summary.chunk_indexes[4].chunk_start_offset] = value
+        damaged = tmp_path / "damaged.mcap"
+        damaged.write_bytes(content)
+        with pytest.raises(InputError, match="damaged at 1 place"):
+            read_session(damaged)
+        with pytest.raises(InputError, match="damaged at 1 place"):
+            list(blocks_of(open_recording(damaged)))
+        saved = recover(damaged, tmp_path / "saved.mcap")
+        np.testing.assert_array_equal(read_session(saved.path).frames, frames)
 
 
 def test_a_damaged_chunk_costs_its_own_frames_only(tmp_path, whole):
@@ -112,7 +185,7 @@ def test_a_damaged_scene_does_not_cost_the_frames(tmp_path, whole):
     path, frames, _ = whole
     damaged = tmp_path / "damaged.mcap"
     damaged.write_bytes(path.read_bytes().replace(b'"wood"', b'"wood?', 1))
-    with pytest.raises(InputError, match="the scene is not valid JSON"):
+    with pytest.raises(InputError, match="its checksum does not fit"):
         read_session(damaged)
     saved = recover(damaged, tmp_path / "saved.mcap")
     assert read_session(saved.path).scene is None

@@ -87,6 +87,19 @@ async def test_an_operator_asks_is_given_control_and_its_motion_arrives() -> Non
     assert kinds(told)[-1] == "gone"
 
 
+async def test_operators_of_one_name_or_none_are_told_apart() -> None:
+    async with controlled() as (sharing, told):
+        for name in ("ann", "ann 2", "", "ann"):
+            async with operating(sharing, name=name):
+                await until(lambda: kinds(told)[-1:] == ["ask"])
+            await until(lambda: kinds(told)[-1:] == ["gone"])
+        async with operating(sharing, name="ann"), operating(sharing, name="ann"):
+            await until(lambda: kinds(told).count("ask") == 6)
+    names = [line["name"] for line in told if line["control"] == "ask"]
+    assert names[:4] == ["ann", "ann 2", "operator 3", "ann 4"]
+    assert len(set(names)) == 6
+
+
 async def test_who_has_no_right_or_no_token_does_not_operate() -> None:
     async with controlled() as (sharing, told):
         for access in (Access("0123456789abcdef" * 3), Access()):

@@ -7,15 +7,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from sharing_samples import about, model_of
 
 from mmt.core.errors import InputError
+from mmt.core.printable import without_secrets
 from mmt.link.rate_limit import PeriodLimit
 from mmt.scene.files import load_hub_scene, load_scene
 from mmt.scene.sharing_tables import Listening
 from mmt.sharing.client import ListenerClient
 from mmt.sharing.hub.copy import HubCopy
 from mmt.sharing.hub.descriptors import make_room
+from mmt.sharing.hub.manager import HubManager
 from mmt.sharing.hub.peers import FIRST_S, LOST_S, Beat, Peers
 from mmt.sharing.messages import CHANGE, MODEL, WELCOME
 from mmt.sharing.publishing import ModelPublisher
@@ -250,3 +254,32 @@ def test_as_many_files_may_be_open_as_listeners_need(
     assert now[1:] == ([] if raised is None else [(raised, limits[1])])
     assert bool(said) == bool(says)
     assert re.search(says, "".join(said))
+
+
+SECRETS = st.text(st.sampled_from("abcXYZ019:@/%!$&=?"), min_size=6, max_size=20).map(
+    "5ecret".__add__
+)
+
+
+@given(secret=SECRETS, scheme=st.sampled_from(["redis", "rediss", "http", "unix"]))
+@settings(max_examples=60, deadline=None)
+def test_a_password_of_redis_is_never_printed(secret: str, scheme: str) -> None:
+    for url in (f"{scheme}://:{secret}@host:port", f"{scheme}://ann:{secret}@host:port/0"):
+        assert secret not in without_secrets(f"{url!r}: it is wrong")
+        assert without_secrets(url).startswith(f"{scheme}://***@host")
+        said = ""
+        try:
+            scene = load_hub_scene(None, {"hub.redis": url}, {})
+            said = repr(scene)
+            HubManager(scene.hub.redis, "group", pytest.fail)
+        except InputError as error:
+            said += str(error)
+        assert "5ecret" not in said
+
+
+@pytest.mark.parametrize("address", ["javascript:alert(1)", "ftp://host", "", "//host", "data:x"])
+def test_a_hub_whose_address_no_listener_could_open_is_not_heard(address: str) -> None:
+    beat = Beat("a", "http://host:1").as_dict()
+    assert Beat.from_message(beat).address == "http://host:1"
+    with pytest.raises(InputError, match="none of http or https"):
+        Beat.from_message({**beat, "address": address})

@@ -14,6 +14,7 @@ from sharing_samples import Heard, about, listening, model_of, shared, until
 
 from mmt.core.errors import InputError, MmtError
 from mmt.sharing.hub import peers
+from mmt.sharing.hub.manager import HubManager
 from mmt.sharing.messages import SHARING_VERSION, About
 from mmt.texture.model.difference import apply, digest
 from mmt.texture.model.file import arrays_of
@@ -283,3 +284,17 @@ async def test_a_slow_listener_holds_up_nobody_and_gets_what_is_newest(alone: Re
             listeners[0].give()
             await until(lambda: is_model_of(slow, 13))
             assert slow.models == [1, 4]
+
+
+async def test_a_wrong_password_of_redis_is_called_so() -> None:
+    with redis_server("--requirepass", "right") as guarded:
+        address = guarded.url.removeprefix("redis://")
+        for url in (guarded.url, f"redis://:wr0ng@{address}", f"redis://ann:wr0ng@{address}"):
+            manager = HubManager(url, "group", pytest.fail)
+            with pytest.raises(MmtError, match="refuses the user or the password") as caught:
+                await manager.require()
+            assert "wr0ng" not in str(caught.value)
+            await manager.close()
+        manager = HubManager(f"redis://:right@{address}", "group", pytest.fail)
+        await manager.require()
+        await manager.close()

@@ -3,6 +3,9 @@
 import asyncio
 import hashlib
 import json
+import socket
+import threading
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -110,6 +113,77 @@ async def test_a_fetch_that_broke_off_goes_on(tmp_path: Path) -> None:
             assert target.read_bytes() == data
 
 
+class Server:
+    """An HTTP server that gives one answer to all requests, and notes what they show."""
+
+    def __init__(self, answer: bytes, endless: bytes = b"") -> None:
+        self.shown: list[bytes] = []
+        self._answer, self._endless = answer, endless
+        self._socket = socket.create_server(("127.0.0.1", 0))
+        self.url = f"http://127.0.0.1:{self._socket.getsockname()[1]}"
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def _serve(self) -> None:
+        with suppress(OSError):
+            while True:
+                connection, _ = self._socket.accept()
+                with connection, suppress(OSError):
+                    self.shown.append(connection.recv(65_536))
+                    connection.sendall(self._answer)
+                    while self._endless:
+                        connection.sendall(self._endless)
+
+    def __enter__(self) -> "Server":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._socket.close()
+
+
+@pytest.mark.parametrize("status", [301, 302, 303, 307, 308])
+def test_a_token_goes_to_nobody_but_whom_it_is_for(status: int, tmp_path: Path) -> None:
+    with Server(b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\n[]") as other:
+        there = f"HTTP/1.1 {status} Go\r\nLocation: {other.url}/models\r\n\r\n"
+        with Server(there.encode()) as server:
+            remote = RemoteStore(server.url, Access(TOKEN))
+            with pytest.raises(MmtError, match=f"go to {other.url}/models, which is not followed"):
+                remote.entries()
+            with pytest.raises(MmtError, match="which is not followed"):
+                remote.fetch("a" * 64, tmp_path / "oak.npz")
+            with pytest.raises(MmtError, match="which is not followed"):
+                remote.push(b"", Entry("oak"))
+            assert all(TOKEN.encode() in shown for shown in server.shown)
+        assert other.shown == []
+
+
+def test_a_proxy_of_the_environment_sees_no_token(monkeypatch: pytest.MonkeyPatch) -> None:
+    with (
+        Server(b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\n[]") as proxy,
+        Server(b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\n[]") as server,
+    ):
+        monkeypatch.setenv("http_proxy", proxy.url)
+        assert RemoteStore(server.url, Access(TOKEN)).entries() == []
+        assert (len(server.shown), proxy.shown) == (1, [])
+
+
+@pytest.mark.parametrize("head", [b"", b"Content-Length: 999999999999\r\n"])
+def test_an_endless_listing_or_model_is_not_read_to_its_end(head: bytes, tmp_path: Path) -> None:
+    with Server(b"HTTP/1.1 200 OK\r\n" + head + b"\r\n[", b" " * 65_536) as server:
+        remote = RemoteStore(server.url, Access())
+        with pytest.raises(MmtError, match="sends more than it should"):
+            remote.entries()
+        with pytest.raises(MmtError, match="sends more than it should"):
+            remote.fetch("a" * 64, tmp_path / "oak.npz")
+        assert (tmp_path / "oak.npz.part").stat().st_size <= store_module.LARGEST_BYTES
+
+
+def test_a_listing_of_too_many_models_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    listing = json.dumps([ENTRY] * (store_module.MOST_MODELS + 1)).encode()
+    monkeypatch.setattr(RemoteStore, "_request", lambda *_, **__: listing)
+    with pytest.raises(MmtError, match="has no store of models that this program reads"):
+        RemoteStore("http://127.0.0.1:1", Access()).entries()
+
+
 ENTRY = {"name": "oak", "hash": "a" * 64, "samples": 10}
 
 
@@ -156,7 +230,7 @@ async def test_without_leave_nothing_is_added_and_without_a_store_nothing_is_the
         with pytest.raises(MmtError, match="Not Found"):
             await asyncio.to_thread(RemoteStore(sharing.url, Access()).entries)
         port = sharing.server.port
-    with pytest.raises(MmtError, match="no store answers"):
+    with pytest.raises(MmtError, match="does not answer"):
         await asyncio.to_thread(RemoteStore(f"http://127.0.0.1:{port}", Access()).entries)
 
 
@@ -179,7 +253,7 @@ async def test_the_newest_of_each_name_is_fetched_once_and_kept(
     folder, store = tmp_path / "cache", ModelStore(tmp_path / "store")
     async with shared(store=str(tmp_path / "store")) as sharing:
         remote = RemoteStore(sharing.url, Access())
-        with pytest.raises(MmtError, match="no store answers"):
+        with pytest.raises(MmtError, match="does not answer"):
             await asyncio.to_thread(RemoteStore("http://127.0.0.1:1", Access()).newest, folder)
         older = store.add(model_of(10).to_bytes(), Entry("oak"))
         known = tmp_path / "store" / f"{older.hash}.json"
@@ -200,5 +274,5 @@ async def test_the_newest_of_each_name_is_fetched_once_and_kept(
     assert "its models as they were the last time are used" in caplog.text
     (listing,) = folder.rglob("listing.json")
     listing.write_text("[{")
-    with pytest.raises(MmtError, match="no store answers"):
+    with pytest.raises(MmtError, match="does not answer"):
         await asyncio.to_thread(remote.newest, folder)

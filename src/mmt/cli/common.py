@@ -1,6 +1,7 @@
 """What the command lines share: errors, JSON, progress as lines, interruption."""
 
 import asyncio
+import errno
 import json
 import sys
 from collections.abc import Callable, Coroutine, Iterator, Mapping
@@ -88,6 +89,14 @@ def run_app(app: typer.Typer, program: str) -> None:
     except MmtError as error:
         print_error(str(error))
         sys.exit(error.exit_code)
+    except OSError as error:
+        if error.errno not in {errno.EMFILE, errno.ENFILE}:
+            raise
+        print_error(
+            "too many files are open: raise the limit before the start (`ulimit -n 256`), or end "
+            "other programs"
+        )
+        sys.exit(MmtError.exit_code)
     finally:
         finish_output()
 

@@ -8,7 +8,7 @@ import typer
 from mmt.cli.common import Force, json_option, messages, output, summary_table, write_json
 from mmt.cli.models import SUFFIX, describe, save
 from mmt.core.errors import InputError
-from mmt.core.existing_files import require_absent
+from mmt.core.existing_files import replacing, require_absent
 
 if TYPE_CHECKING:
     from mmt.core.arrays import FloatArray
@@ -180,9 +180,10 @@ def _write_xml(model: "TextureModel", target: Path, material: str, friction: flo
     content = export_hatt(model, material, friction)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        target.write_bytes(content)
     except OSError as error:
         raise InputError(f"model {target}: {error.strerror or error}") from error
+    with replacing(target) as part:
+        part.write_bytes(content)
     messages.print(f"model: {target}", highlight=False)
 
 

@@ -194,9 +194,9 @@ def _remark(recording: "Recording", settings: "ModellingSettings") -> str:
 
 
 def save(model: "TextureModel", path: Path) -> None:
-    """Write a model file; raises `InputError` where that is not possible."""
+    """Write a model file, and its folder; raises `MmtError` if that is not possible."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        model.save(path)
     except OSError as error:
         raise InputError(f"model {path}: {error.strerror or error}") from error
+    model.save(path)

@@ -14,7 +14,8 @@ from mmt.evaluation.results import Evaluation, evaluations_as_dict
 from mmt.evaluation.table import evaluation_table
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
-from mmt.session.mcap_reader import scan_mcap, scanned_session
+from mmt.session.mcap_reader import scanned_session
+from mmt.session.mcap_scan import scan_mcap
 from mmt.session.stream import Recording
 
 

@@ -2,7 +2,7 @@
 
 import asyncio
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Protocol
@@ -58,6 +58,7 @@ async def run_services(
     environment: Mapping[str, str] | None = None,
     realtime: bool = False,
     visitors: Visitors | None = None,
+    on_link: Callable[[str], None] = lambda _: None,
 ) -> DemoRun:
     """Run the services of a scene as processes until both have ended.
 
@@ -75,6 +76,8 @@ async def run_services(
         Whether they tick by real-time scheduling.
     visitors
         Let in as soon as the leader shares its model.
+    on_link
+        Called with the URL of the leader's link when it listens.
     """
     return await _Demo(
         scene_file,
@@ -85,6 +88,7 @@ async def run_services(
         environment,
         realtime=realtime,
         visitors=visitors,
+        on_link=on_link,
     ).run()
 
 
@@ -100,9 +104,11 @@ class _Demo:
         *,
         realtime: bool,
         visitors: Visitors | None,
+        on_link: Callable[[str], None],
     ) -> None:
         self._scene = scene
         self._visitors = visitors
+        self._on_link = on_link
         self._opening: asyncio.Task[None] | None = None
         self._environment = environment
         self._run = DemoRun()
@@ -176,6 +182,7 @@ class _Demo:
             self._take_leader(line)
             if line["kind"] == "ready" and self._scene.link is not None:
                 url = self._scene.link.url(line["port"])
+                self._on_link(url)
                 if self._scene.monitor is not None:
                     self._progress.console.print(f"monitor: {url}/monitor/", highlight=False)
                 follower = await self._start("follower", [*self._arguments, "--leader", url])

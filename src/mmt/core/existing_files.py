@@ -1,10 +1,11 @@
-"""Files that exist already: none is replaced unless a person asks for it."""
+"""Files that exist already: none is replaced unless a person asks for it, and by a whole one."""
 
 from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from itertools import count
 from pathlib import Path
 
-from mmt.core.errors import InputError
+from mmt.core.errors import InputError, MmtError
 
 
 def require_absent(path: Path, *, force: bool) -> None:
@@ -34,3 +35,29 @@ def numbered(path: Path) -> Iterator[Path]:
     yield path
     for number in count(2):
         yield path.with_name(f"{path.stem}-{number}{path.suffix}")
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Give a file next to `path` to write to; it replaces `path` when the block succeeds.
+
+    Raises
+    ------
+    InputError
+        The folder does not exist or may not be written to.
+    MmtError
+        Writing failed, for instance because the disk is full; nothing is left behind.
+    """
+    part = path.with_name(path.name + ".part")
+    try:
+        part.touch()
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror or error}") from error
+    try:
+        yield part
+        part.replace(path)
+    except OSError as error:
+        raise MmtError(f"writing {path} failed: {error.strerror or error}") from error
+    finally:
+        with suppress(OSError):
+            part.unlink(missing_ok=True)

@@ -4,9 +4,7 @@ They lie in the user's data directory (``~/.local/share/mmt-haptics/calibrations
 since a calibration belongs to a device on a bench and not to a scene.
 """
 
-import contextlib
 import json
-import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,6 +13,7 @@ from typing import Any
 import platformdirs
 
 from mmt.core.errors import InputError, MmtError
+from mmt.core.existing_files import replacing
 
 
 def calibration_file(device: str, serial: str, directory: Path | None = None) -> Path:
@@ -80,14 +79,11 @@ def save_calibration(
     """
     path = calibration_file(device, serial, directory)
     content = {**values, "device": device, "serial": serial}
-    unfinished = path.with_suffix(f".{os.getpid()}.tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        unfinished.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-        unfinished.replace(path)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            unfinished.unlink(missing_ok=True)
+        with replacing(path) as part:
+            part.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    except (OSError, MmtError) as error:
         raise MmtError(f"the calibration {path} cannot be written: {error}") from error
     return path
 

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from mmt.core.errors import MmtError
 from mmt.scene.recording_tables import Replay
 from mmt.texture.online.modeller import ModelUpdate
 from mmt.texture.surfaces import SaidSurface, SurfaceChange, said_surfaces
@@ -181,6 +182,6 @@ def write_surface_models(recording: Path, models: "Mapping[int, TextureModel]") 
         path = model_file(recording, number)
         try:
             model.save(path)
-        except OSError as error:
-            problems.append(f"the model of surface {number}, {path}: {error.strerror or error}")
+        except MmtError as error:
+            problems.append(f"the model of surface {number}: {error}")
     return problems

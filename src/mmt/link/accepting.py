@@ -10,20 +10,21 @@ accepts a hundred in a row and, when descriptors run out, logs as many errors.
 """
 
 import asyncio
-import errno
 import logging
 import socket
 import ssl
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Final
 
 from aiohttp import web
 from aiohttp.typedefs import Handler
 
 from mmt.core.logs import RepeatLimit
+from mmt.link.gate import Gate
+from mmt.link.listening import descriptors, listening_sockets
 
 LOG: Final = logging.getLogger("mmt.link")
 
@@ -34,10 +35,8 @@ MOST_STRANGERS: Final = 64
 MOST_OF_ADDRESS: Final = 32
 """Strangers of one address: more than a browser opens, and a follower that is tried again."""
 
-_WAITING: Final = 128
-"""Connections that the system holds until they are accepted."""
-_NO_SUCH_ADDRESS: Final = {errno.EADDRNOTAVAIL, errno.EAFNOSUPPORT}
-"""A machine without IPv6 may still have a name with such an address, beside one that it has."""
+_MOST_REQUESTS: Final = 20
+"""Requests on a connection that is not admitted where it could be; a browser opens another."""
 _SPACING_S: Final = 0.02
 """Time between two of them while there is something to disturb: each costs half a tick."""
 _PAUSE_S: Final = 0.1
@@ -48,10 +47,12 @@ _PAUSE_S: Final = 0.1
 class _Connection:
     address: str
     protocol: web.RequestHandler
+    gate: Gate | None
     opening: "asyncio.Task[None] | None" = None
     heard: asyncio.Event = field(default_factory=asyncio.Event)
     """Set when its first request has come."""
     admitted: bool = False
+    requests: int = 0
 
     @property
     def gone(self) -> bool:
@@ -60,6 +61,10 @@ class _Connection:
             return False
         transport = self.protocol.transport
         return transport is None or transport.is_closing()
+
+    def make(self) -> asyncio.BaseProtocol:
+        """Return the protocol that its transport is given."""
+        return self.gate or self.protocol
 
     def close(self) -> None:
         """Close it at once."""
@@ -90,6 +95,8 @@ class Acceptor:
         self._sockets: list[socket.socket] = []
         self._accepting: list[asyncio.Task[None]] = []
         self._told = RepeatLimit()
+        self.guarded = False
+        """Whether clients must show who they are, and may send little before."""
 
     @property
     def port(self) -> int:
@@ -97,7 +104,11 @@ class Acceptor:
         return int(self._sockets[0].getsockname()[1]) if self._sockets else 0
 
     async def start(
-        self, host: str, port: int, runner: web.AppRunner, tls: ssl.SSLContext | None
+        self,
+        host: str,
+        port: int,
+        runner: web.AppRunner,
+        tls: ssl.SSLContext | None,
     ) -> None:
         """Listen.
 
@@ -120,7 +131,7 @@ class Acceptor:
         found = await loop.getaddrinfo(
             host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )
-        self._sockets = _listening_sockets((info[0], info[4]) for info in dict.fromkeys(found))
+        self._sockets = listening_sockets((info[0], info[4]) for info in dict.fromkeys(found))
         self._accepting = [
             loop.create_task(self._accept(listening, make, tls)) for listening in self._sockets
         ]
@@ -135,16 +146,24 @@ class Acceptor:
             listening.close()
         self._sockets.clear()
 
-    def hear(self, protocol: web.RequestHandler) -> None:
-        """Note that a request has come on this protocol's connection."""
+    def hear(self, protocol: web.RequestHandler) -> bool:
+        """Note that a request has come; return whether its connection is to stay for another."""
         connection = self._connections.get(protocol)
-        if connection is not None:
-            connection.heard.set()
+        if connection is None:
+            return True
+        connection.heard.set()
+        connection.requests += 1
+        return connection.gate is None or connection.requests < _MOST_REQUESTS
 
     def admit(self, protocol: web.RequestHandler) -> None:
         """Keep this protocol's connection whatever strangers do, as far as there is room."""
         connection = self._connections.get(protocol)
-        if connection is not None and len(self._having(admitted=True)) < self._most:
+        if connection is None:
+            return
+        if connection.gate is not None:
+            connection.gate.open()
+            connection.gate = None
+        if len(self._having(admitted=True)) < self._most:
             connection.admitted = True
 
     def _having(self, *, admitted: bool) -> list[_Connection]:
@@ -153,7 +172,10 @@ class Acceptor:
         return [c for c in self._connections.values() if c.admitted is admitted]
 
     async def _accept(
-        self, listening: socket.socket, make: web.Server, tls: ssl.SSLContext | None
+        self,
+        listening: socket.socket,
+        make: web.Server,
+        tls: ssl.SSLContext | None,
     ) -> None:
         loop = asyncio.get_running_loop()
         while True:
@@ -166,7 +188,9 @@ class Acceptor:
                 self._make_room(self._having(admitted=False)[:1])
                 await asyncio.sleep(_PAUSE_S)
                 continue
-            connection = _Connection(str(address[0]), make())
+            protocol = make()
+            gate = Gate(protocol) if self.guarded else None
+            connection = _Connection(str(address[0]), protocol, gate)
             self._make_room(self._supernumerary(connection.address))
             self._connections[connection.protocol] = connection
             connection.opening = loop.create_task(self._open(connection, arrived, tls))
@@ -199,9 +223,7 @@ class Acceptor:
         try:
             with suppress(OSError):  # a TLS handshake that fails
                 async with asyncio.timeout(HANDSHAKE_S):
-                    await loop.connect_accepted_socket(
-                        lambda: connection.protocol, arrived, ssl=tls
-                    )
+                    await loop.connect_accepted_socket(connection.make, arrived, ssl=tls)
                     if tls is not None and tls.verify_mode is ssl.CERT_REQUIRED:
                         self.admit(connection.protocol)
                     await connection.heard.wait()
@@ -218,33 +240,6 @@ class Acceptor:
             LOG.warning("%s%s", sentence, more)
 
 
-def _listening_sockets(addresses: Iterable[tuple[int, Any]]) -> list[socket.socket]:
-    """Return a socket that listens on each address, by family and address, that there is.
-
-    Raises
-    ------
-    OSError
-        One is taken, or may not be had, or there is none of them.
-    """
-    sockets: list[socket.socket] = []
-    problem: OSError | None = None
-    for family, address in addresses:
-        try:
-            listening = socket.create_server(address, family=family, backlog=_WAITING)
-        except OSError as error:
-            problem = error
-            if error.errno not in _NO_SUCH_ADDRESS:
-                break
-        else:
-            listening.setblocking(False)
-            sockets.append(listening)
-    if problem is not None and (not sockets or problem.errno not in _NO_SUCH_ADDRESS):
-        for listening in sockets:
-            listening.close()
-        raise problem
-    return sockets
-
-
 _ACCEPTOR: Final = web.AppKey("acceptor", Acceptor)
 
 
@@ -253,7 +248,8 @@ def watch_connections(application: web.Application, acceptor: Acceptor) -> None:
 
     @web.middleware
     async def hear(request: web.Request, handler: Handler) -> web.StreamResponse:
-        acceptor.hear(request.protocol)
+        if not acceptor.hear(request.protocol):
+            request.protocol.close()
         try:
             return await handler(request)
         except ConnectionError:  # it left before its answer, which is no error here
@@ -268,13 +264,3 @@ def admit_connection(request: web.Request) -> None:
     acceptor = request.app.get(_ACCEPTOR)
     if acceptor is not None:
         acceptor.admit(request.protocol)
-
-
-def descriptors() -> int:
-    """Return how many files and sockets this process may open."""
-    try:
-        import resource
-    except ImportError:
-        return 4 * MOST_STRANGERS  # Windows has no such limit
-    soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
-    return 4 * MOST_STRANGERS if soft == resource.RLIM_INFINITY else soft

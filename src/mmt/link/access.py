@@ -6,6 +6,7 @@ it comes from the environment or from a file of its own.
 
 import hmac
 import ipaddress
+import logging
 import os
 import socket
 import ssl
@@ -16,6 +17,8 @@ from typing import Final, Self
 
 from mmt.core.errors import InputError
 from mmt.scene.secured_table import SecuredTable
+
+LOG: Final = logging.getLogger("mmt.link")
 
 TOKEN_VARIABLE: Final = "MMT_LINK_TOKEN"  # noqa: S105 - the variable's name
 SHORTEST_TOKEN: Final = 16
@@ -227,6 +230,8 @@ def check_scheme(url: str, access: Access) -> None:
 def _read_token(path: Path) -> str:
     try:
         with path.open(encoding="utf-8") as stream:
+            if os.name == "posix" and os.fstat(stream.fileno()).st_mode & 0o044:
+                LOG.warning("token_file %s can be read by others: chmod 600 it", path)
             return stream.read(_LONGEST_FILE).strip()
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"token_file {path}: {_why(error)}") from error

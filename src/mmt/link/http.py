@@ -13,6 +13,7 @@ from aiohttp.typedefs import Handler, Middleware
 from mmt.core.errors import MmtError
 from mmt.link.accepting import Acceptor, admit_connection, watch_connections
 from mmt.link.access import FOLLOWERS, Access, Entrance, check_listening, is_address, is_loopback
+from mmt.link.packets import Packet
 from mmt.link.protocol import MAX_MESSAGE_BYTES, PING_INTERVAL_S, PING_TIMEOUT_S
 from mmt.link.websocket import LINK_PATH, ServerSockets, wire_logger
 from mmt.scene.secured_table import ServedTable
@@ -26,10 +27,8 @@ Page = Callable[[web.Application, Access], None]
 CLOSE_TIMEOUT_S: Final = 1.0
 """How long open connections may take to end."""
 
-
 _KEEP_ALIVE_S: Final = 10.0
 """How long a connection without a request stays open."""
-
 _HEALTH_PATH: Final = "/health"
 """Without the token it reveals only whether all is well."""
 _MONITOR_PATH: Final = "/monitor"
@@ -162,6 +161,7 @@ class Listener:
         )
         await runner.setup()
         try:
+            self._acceptor.guarded = access.authenticates_peer
             await self._acceptor.start(host, port, runner, context)
         except OSError as error:
             await runner.cleanup()
@@ -220,7 +220,7 @@ class LinkServer:
         self.server = socketio.AsyncServer(
             client_manager=manager,
             async_mode="aiohttp",
-            serializer="msgpack",
+            serializer=Packet,
             transports=["websocket"],
             async_handlers=False,
             max_http_buffer_size=MAX_MESSAGE_BYTES,

@@ -74,8 +74,8 @@ _LOSSES: Final = {
 
 Value = TypeVar("Value")
 
-MSGPACK_EVENT: Final = 2
-"""Type of a Socket.IO packet that carries an event."""
+CONNECT_PACKET, MSGPACK_EVENT = 0, 2
+"""Types of a Socket.IO packet that connects, and of one that carries an event."""
 EVENT_NAMESPACE: Final = "/"
 
 

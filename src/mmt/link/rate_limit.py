@@ -13,8 +13,8 @@ BURST_S: Final = 10.0
 """Size of the token bucket, in time: a network that stalled may deliver this burst at once."""
 GRACE_S: Final = 2.0
 """A peer that exceeds the limit for longer than this is cut off."""
-HANDSHAKE_MESSAGES: Final = 50
-"""Messages that a connection may send before it is admitted; it needs two or three."""
+HANDSHAKE_MESSAGES: Final = 4
+"""Messages, and pings, that a connection may send before it is admitted; it needs one."""
 
 
 class RateLimit:

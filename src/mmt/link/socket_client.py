@@ -10,6 +10,7 @@ from typing import Final
 import aiohttp
 import socketio
 
+from mmt.link.packets import Packet
 from mmt.link.protocol import MAX_MESSAGE_BYTES, MAX_SENTENCE, peer_text
 from mmt.link.rate_limit import RateLimit
 from mmt.link.websocket import Handlers, client_websocket, wire_logger
@@ -47,13 +48,16 @@ class SocketClient:
         `direct` handlers bypass the library where possible; `rate_limit` limits the rate of all
         messages. Without `tls` an https URL is verified by the system's authorities.
         """
+        tracing = aiohttp.TraceConfig()
+        tracing.on_request_redirect.append(_refuse_redirect)
         session = aiohttp.ClientSession(
+            trace_configs=[tracing],
             connector=aiohttp.TCPConnector(ssl=tls or True),
             timeout=aiohttp.ClientTimeout(total=ATTEMPT_S, sock_connect=ATTEMPT_S),
             ws_response_class=client_websocket(direct, rate_limit),
         )
         client = socketio.AsyncClient(
-            serializer="msgpack",
+            serializer=Packet,
             handle_sigint=False,
             http_session=session,
             request_timeout=CLOSE_TIMEOUT_S,
@@ -99,6 +103,17 @@ class SocketClient:
                 task.cancel()
             await asyncio.gather(*self._dropping, return_exceptions=True)
             await self.session.close()
+
+
+async def _refuse_redirect(*_: object) -> None:
+    """Follow no redirect: who is told the token is whom the user named.
+
+    Raises
+    ------
+    aiohttp.ClientConnectionError
+        Always.
+    """
+    raise aiohttp.ClientConnectionError("it redirects to another address, which is not followed")
 
 
 def _first_cause(error: BaseException) -> str:

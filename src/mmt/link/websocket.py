@@ -19,16 +19,16 @@ import time
 import weakref
 from collections.abc import Awaitable, Callable, Mapping
 from functools import partial
-from typing import Any, Final
+from typing import Final
 
-import msgpack
 import socketio
 from aiohttp import ClientWebSocketResponse, WSCloseCode, WSMessage, WSMsgType, web
 from aiohttp.http_exceptions import HttpProcessingError
 
 from mmt.core.logs import RepeatLimit
 from mmt.link.accepting import HANDSHAKE_S, admit_connection
-from mmt.link.protocol import EVENT_NAMESPACE, MAX_MESSAGE_BYTES, MSGPACK_EVENT
+from mmt.link.packets import Decoded, binary_event, decode_packet, is_reserved
+from mmt.link.protocol import MAX_MESSAGE_BYTES
 from mmt.link.queue import Sending, UnbufferedSend
 from mmt.link.rate_limit import HandshakeLimit, RateLimit
 
@@ -44,51 +44,13 @@ Receive = Callable[[], Awaitable[WSMessage]]
 Close = Callable[..., Awaitable[object]]
 AnyRateLimit = RateLimit | HandshakeLimit
 
-_RESERVED: Final = {"connect", "connect_error", "disconnect"}
 _PACKETS: Final = tuple("0123456")
 """What a text of Engine.IO begins with; at any other the library gives up reading, unnoticed."""
 _BURST: Final = 64
 """Messages handled in a row before the event loop runs its other tasks."""
+_LIMITED: Final = {WSMsgType.BINARY, WSMsgType.TEXT, WSMsgType.PING, WSMsgType.PONG}
+"""What a peer may send too much of."""
 _CLOSED: Final = WSMessage(WSMsgType.CLOSED, None, None)
-
-
-def binary_event(message: bytes) -> tuple[str, bytes] | None:
-    """Decode an event that may bypass the library; return its name and argument.
-
-    Parameters
-    ----------
-    message
-        Any binary WebSocket message, which is not trusted.
-
-    Returns
-    -------
-    name, argument
-        None unless it is an event of our namespace with one binary argument that asks for no
-        acknowledgement.
-    """
-    packet = _event(message)
-    if packet is None or packet.get("nsp") != EVENT_NAMESPACE or packet.get("id") is not None:
-        return None
-    data = packet["data"]
-    return (data[0], data[1]) if len(data) == 2 and isinstance(data[1], bytes) else None
-
-
-def is_reserved(message: bytes) -> bool:
-    """Whether this is an event by a name that the library calls its own handlers by."""
-    packet = _event(message)
-    return packet is not None and packet["data"][0] in _RESERVED
-
-
-def _event(message: bytes) -> dict[str, Any] | None:
-    """Decode the packet of an event, None where it is none."""
-    try:
-        packet = msgpack.unpackb(message)
-    except (ValueError, TypeError, OverflowError, RecursionError):
-        return None
-    if not isinstance(packet, dict) or packet.get("type") != MSGPACK_EVENT:
-        return None
-    data = packet.get("data")
-    return packet if isinstance(data, list) and data and isinstance(data[0], str) else None
 
 
 def client_websocket(handlers: Handlers, rate_limit: RateLimit) -> type[ClientWebSocketResponse]:
@@ -97,20 +59,30 @@ def client_websocket(handlers: Handlers, rate_limit: RateLimit) -> type[ClientWe
     class DirectWebSocket(ClientWebSocketResponse):
         async def receive(self, timeout: float | None = None) -> WSMessage:
             return await _receive_rest(
-                partial(super().receive, timeout), self.close, rate_limit, handlers
+                partial(super().receive, timeout), self.pong, self.close, rate_limit, handlers
             )
 
     return DirectWebSocket
 
 
 def receive_directly(
-    websocket: web.WebSocketResponse, handlers: Handlers, rate_limit: AnyRateLimit
+    websocket: web.WebSocketResponse,
+    handlers: Handlers,
+    rate_limit: AnyRateLimit,
+    close: Close | None = None,
 ) -> None:
-    """Have a server's WebSocket handle these events itself, rate-limited, from now on."""
+    """Have a server's WebSocket handle these events itself, rate-limited, from now on.
+
+    Pings are among what is limited. `close` ends the connection of a client that exceeds the limit,
+    None for a goodbye that it may answer.
+    """
     receive = partial(type(websocket).receive, websocket)
-    rest = partial(_receive_rest, receive, websocket.close, rate_limit, handlers)
+    rest = partial(
+        _receive_rest, receive, websocket.pong, close or websocket.close, rate_limit, handlers
+    )
     try:
         websocket.receive = rest  # type: ignore[method-assign]
+        websocket._autoping = False
     except AttributeError:
         LOG.info(
             "this version of aiohttp cannot replace its receive: all events go through the library"
@@ -118,7 +90,11 @@ def receive_directly(
 
 
 async def _receive_rest(
-    receive: Receive, close: Close, rate_limit: AnyRateLimit, handlers: Handlers
+    receive: Receive,
+    pong: Callable[[bytes], Awaitable[None]],
+    close: Close,
+    rate_limit: AnyRateLimit,
+    handlers: Handlers,
 ) -> WSMessage:
     """Return the next message within the rate limit that none of the handlers handles.
 
@@ -128,7 +104,7 @@ async def _receive_rest(
     while True:
         message = await receive()
         kind = message.type
-        if kind is not WSMsgType.BINARY and kind is not WSMsgType.TEXT:
+        if kind not in _LIMITED:
             return message
         if rate_limit.passes(len(message.data), time.monotonic_ns()):
             # the library itself rejects what is too long
@@ -136,22 +112,39 @@ async def _receive_rest(
                 kind is WSMsgType.TEXT and message.data.startswith(_PACKETS)
             ):
                 return message
-            event = binary_event(message.data) if kind is WSMsgType.BINARY else None
-            handler = handlers.get(event[0]) if event is not None else None
-            if event is not None and handler is not None:
-                handler(event[1])
+            if kind is WSMsgType.BINARY:
+                rest = _dispatch(message.data, rate_limit, handlers)
+                if rest is not None:
+                    return message._replace(data=rest)
+            elif kind is WSMsgType.PING:
+                await pong(message.data)
             elif kind is WSMsgType.TEXT:
                 rate_limit.drop("malformed packet")
-            elif is_reserved(message.data):
-                rate_limit.drop("reserved event")
-            else:
-                return message
         elif rate_limit.shut:
             await close(code=WSCloseCode.POLICY_VIOLATION, message=b"too many messages")
             return _CLOSED
         turn += 1
         if turn % _BURST == 0:
             await asyncio.sleep(0)
+
+
+def _dispatch(message: bytes, rate_limit: AnyRateLimit, handlers: Handlers) -> Decoded | None:
+    """Hand an event to its handler; return what is the library's, decoded."""
+    packet = decode_packet(message, stranger=isinstance(rate_limit, HandshakeLimit))
+    if packet is None:
+        rate_limit.drop("malformed packet")
+        return None
+    event = binary_event(packet)
+    handler = handlers.get(event[0]) if event is not None else None
+    if event is not None and handler is not None:
+        handler(event[1])
+    elif is_reserved(packet):
+        rate_limit.drop("reserved event")
+    else:
+        rest = Decoded(message)
+        rest.packet = packet
+        return rest
+    return None
 
 
 Send = Callable[[bytes], Sending]
@@ -175,7 +168,12 @@ class ServerSockets:
     async def _remember(self, request: web.Request, response: web.StreamResponse) -> None:
         if isinstance(response, web.WebSocketResponse) and request.path == LINK_PATH:
             self._of_request[id(request)] = response
-            receive_directly(response, {}, HandshakeLimit())
+
+            async def cut(**_: object) -> None:
+                if request.transport is not None:
+                    request.transport.abort()  # what it has sent in the meantime is not read
+
+            receive_directly(response, {}, HandshakeLimit(), cut)
             loop = asyncio.get_running_loop()
             loop.call_later(HANDSHAKE_S, self._expire, loop, weakref.ref(response))
 

@@ -6,6 +6,8 @@ from typing import Any, Final, get_args
 
 from pydantic import BaseModel, ValidationError
 
+from mmt.core.printable import without_secrets
+
 _UNKNOWN_KEY: Final = ("extra_forbidden", "unexpected_keyword_argument")
 """Pydantic's type of the error for a table that is a model, and for one that is a dataclass."""
 _ALTERNATIVE: Final = re.compile(r"int|float|constrained-\w+|\w+\[.*\]")
@@ -32,7 +34,7 @@ def explain_problems(error: ValidationError, model: type[BaseModel] | None = Non
                 sentences[-1] += f", or {message.removeprefix('Input should be ')}"
             else:
                 sentences.append(value + message)
-    return "; ".join(sentences)
+    return without_secrets("; ".join(sentences))
 
 
 def _allowed(location: tuple[int | str, ...], model: type[BaseModel]) -> str:

@@ -41,7 +41,9 @@ class Listening(SecuredTable):
 class Hub(Table):
     """``[hub]``: hubs that share one leader's model find each other at a Redis server."""
 
-    redis: str = Field("redis://127.0.0.1:6379", pattern=r"^(rediss?|unix)://", max_length=1024)
+    redis: str = Field(
+        "redis://127.0.0.1:6379", pattern=r"^(rediss?|unix)://", max_length=1024, repr=False
+    )
     group: str | None = Field(None, min_length=1, max_length=256)
     address: str | None = Field(None, pattern=r"^https?://", max_length=256)
     states_hz: float = Field(20.0, gt=0, le=20)

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from mmt.core.existing_files import replacing
 from mmt.core.extras import require
 from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL
 from mmt.session.data import RecordedSession, to_json
-from mmt.session.files import replacing
 
 
 def write_csv(path: Path, session: RecordedSession) -> None:

@@ -6,13 +6,12 @@ A new format to write is one function and one line in the table here, a new one 
 
 import importlib
 import logging
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 from mmt.core.arrays import RecordArray
-from mmt.core.errors import InputError, MmtError
+from mmt.core.errors import InputError
 from mmt.session.data import JsonObject, OutputBlock, RecordedSession
 
 _log = logging.getLogger(__name__)
@@ -171,29 +170,3 @@ def write_session(
     path = Path(path)
     session = RecordedSession(frames, scene, annotations, models, events, outputs, path)
     export_session(session, path)
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """Give a file next to `path` to write to; it replaces `path` when the block succeeds.
-
-    Raises
-    ------
-    InputError
-        The folder does not exist or may not be written to.
-    MmtError
-        Writing failed, for instance because the disk is full; nothing is left behind.
-    """
-    part = path.with_name(path.name + ".part")
-    try:
-        part.touch()
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror or error}") from error
-    try:
-        yield part
-        part.replace(path)
-    except OSError as error:
-        raise MmtError(f"writing {path} failed: {error.strerror or error}") from error
-    finally:
-        with suppress(OSError):
-            part.unlink(missing_ok=True)

@@ -8,7 +8,8 @@ from mmt.core.frames import Channel
 from mmt.core.printable import printable
 from mmt.session.data import JsonObject, RecordedSession, duration_s, missing_frames
 from mmt.session.files import read_session
-from mmt.session.mcap_reader import scan_mcap, scanned_session
+from mmt.session.mcap_reader import scanned_session
+from mmt.session.mcap_scan import scan_mcap
 from mmt.session.operators import ControlPeriod, control_periods
 
 

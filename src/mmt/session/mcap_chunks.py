@@ -1,22 +1,23 @@
 """The frames of an MCAP session file in the order of its chunks, without its index in memory."""
 
-import os
 import struct
 from collections.abc import Iterator, Sequence
 from io import BytesIO
 from pathlib import Path
-from typing import IO, Final, NamedTuple
+from typing import Final, NamedTuple
 
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.records import Channel, Chunk
-from mcap.stream_reader import MAGIC_SIZE, get_chunk_data_stream
+from mcap.stream_reader import get_chunk_data_stream
 
 from mmt.core.errors import InputError
 from mmt.session.data import JsonObject
-from mmt.session.mcap_reader import DAMAGE, checked_frame_schema, parse_event, parse_json
+from mmt.session.mcap_reader import checked_frame_schema, parse_event, parse_json
+from mmt.session.mcap_records import HEAD, Records, open_records
+from mmt.session.mcap_scan import DAMAGE
 from mmt.session.mcap_writer import (
     ANNOTATIONS_ATTACHMENT,
     BACKFILL_TOPIC,
@@ -29,7 +30,6 @@ from mmt.session.mcap_writer import (
 
 _CHUNKS_TOGETHER: Final = 8
 """Chunks that are decoded at once, some seconds of a session."""
-_HEAD: Final = struct.Struct("<BQ")
 _CHANNEL_ID: Final = struct.Struct("<H")
 _MESSAGE_HEAD: Final = 22
 """Bytes of a message's channel, number and times, before its data."""
@@ -93,45 +93,37 @@ def frame_payloads(path: Path) -> Iterator[list[bytes]]:
         The file cannot be read to its end.
     """
     try:
-        with path.open("rb") as stream:
-            yield from _payloads(stream)
+        with path.open("rb") as stream, open_records(stream) as records:
+            yield from _payloads(records)
+            problems = records.problems
     except (*DAMAGE, EndOfFile, OSError) as error:
+        problems = [f"a record cannot be read ({error})"]
+    if problems:
         raise InputError(
-            f"session {path}: a record cannot be read ({error}); save what is readable with: "
+            f"session {path}: {', '.join(problems)}; save what is readable with: "
             f"mmt session recover {path}"
-        ) from error
+        )
 
 
-def _payloads(stream: IO[bytes]) -> Iterator[list[bytes]]:
-    ids: set[int] = set()
-    payloads: list[bytes] = []
-    for number, chunk in enumerate(_chunks(stream), start=1):
-        payloads += _frame_messages(chunk, ids)
-        if number % _CHUNKS_TOGETHER == 0:
-            yield payloads
-            payloads = []
-    yield payloads
+def _payloads(records: Records) -> Iterator[list[bytes]]:
+    """Yield the messages; the indexes of a chunk's messages are not looked at.
 
-
-def _chunks(stream: IO[bytes]) -> Iterator[Chunk]:
-    """Yield the chunks of a file; the indexes of their messages are not looked at.
-
-    Here and below, records are taken apart by their lengths: the library reads each number by
+    Below, a chunk's records are taken apart by their lengths: the library reads each number by
     number, which takes as long as much of what is done with a session.
     """
-    left = os.fstat(stream.fileno()).st_size - stream.seek(MAGIC_SIZE)
-    while True:
-        head = stream.read(_HEAD.size)
-        opcode, size = _HEAD.unpack(head)
-        left -= len(head) + size
-        if left < 0:
-            raise EndOfFile
-        if opcode == Opcode.DATA_END:
-            return
+    ids: set[int] = set()
+    payloads: list[bytes] = []
+    chunks = 0
+    for opcode, content, _ in records:
         if opcode == Opcode.CHUNK:
-            yield Chunk.read(ReadDataStream(BytesIO(stream.read(size))))
-        else:
-            stream.seek(size, os.SEEK_CUR)
+            chunks += 1
+            payloads += _frame_messages(Chunk.read(ReadDataStream(BytesIO(content))), ids)
+            if chunks % _CHUNKS_TOGETHER == 0:
+                yield payloads
+                payloads = []
+    yield payloads
+    if records.statistics is not None and records.statistics.chunk_count != chunks:
+        raise EndOfFile
 
 
 def _frame_messages(chunk: Chunk, ids: set[int]) -> Iterator[bytes]:
@@ -139,8 +131,8 @@ def _frame_messages(chunk: Chunk, ids: set[int]) -> Iterator[bytes]:
     reader, length = get_chunk_data_stream(chunk, validate_crc=True)
     data, at = reader.read(length), 0
     while at < length:
-        opcode, size = _HEAD.unpack_from(data, at)
-        at += _HEAD.size
+        opcode, size = HEAD.unpack_from(data, at)
+        at += HEAD.size
         if at + size > length:
             raise EndOfFile
         if opcode == Opcode.CHANNEL:

@@ -1,37 +1,23 @@
-"""Read a session file, whole or cut off, in one pass from its beginning.
-
-Reading does not need the index at the end of the file, so a file that lacks it is read as
-far as it goes: `scan_mcap` says how far that is, and what is wrong.
-"""
+"""Read a session out of a scanned MCAP file, whole, cut off or damaged."""
 
 import json
-import os
 import re
-import struct
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any, BinaryIO, Final
+from typing import Any
 
 import numpy as np
-import zstandard
-from mcap.data_stream import ReadDataStream
-from mcap.exceptions import EndOfFile, McapError, UnsupportedCompressionError
 from mcap.records import (
-    Attachment,
     Channel,
-    Chunk,
-    McapRecord,
     Message,
-    Metadata,
     Schema,
 )
-from mcap.stream_reader import StreamReader, breakup_chunk, read_magic
 from mcap.well_known import MessageEncoding
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.session.data import JsonObject, OutputBlock, RecordedSession
+from mmt.session.mcap_scan import Scan, scan_mcap
 from mmt.session.mcap_writer import (
     ANNOTATIONS_ATTACHMENT,
     BACKFILL_TOPIC,
@@ -47,142 +33,6 @@ from mmt.session.mcap_writer import (
 )
 from mmt.session.messages import FRAME_BLOCK, FrameCodec, OutputCodec, event_codec
 
-DAMAGE: Final = (McapError, struct.error, ValueError, zstandard.ZstdError)
-"""What the MCAP library raises on damaged bytes; its CRC and Unicode errors are ValueErrors."""
-
-
-@dataclass
-class Scan:
-    """Everything that could be read from an MCAP file, in the order of the file."""
-
-    path: Path
-    schemas: dict[int, Schema] = field(default_factory=dict)
-    channels: dict[int, Channel] = field(default_factory=dict)
-    messages: list[Message] = field(default_factory=list)
-    attachments: list[Attachment] = field(default_factory=list)
-    metadata: list[Metadata] = field(default_factory=list)
-    chunks: int = 0
-    """Chunks that were read."""
-    damaged: int = 0
-    """Chunks that are whole in length but not in content."""
-    problem: str = ""
-    """Why the file could not be read to its end; empty where it could."""
-
-    @property
-    def whole(self) -> bool:
-        """Whether nothing is missing."""
-        return not self.problem and not self.damaged
-
-    def on_topic(self, topic: str) -> list[Message]:
-        """Return the messages of a topic, in the order in which they were written."""
-        ids = {channel.id for channel in self.channels.values() if channel.topic == topic}
-        return [message for message in self.messages if message.channel_id in ids]
-
-    def schema_of(self, topic: str) -> Schema | None:
-        """Return the schema of a topic, None where the file has no such topic."""
-        for channel in self.channels.values():
-            if channel.topic == topic:
-                return self.schemas.get(channel.schema_id)
-        return None
-
-    def metadata_of(self, name: str) -> dict[str, str]:
-        """Return the last metadata record of a name, empty where there is none."""
-        found: dict[str, str] = {}
-        for record in self.metadata:
-            if record.name == name:
-                found = record.metadata
-        return found
-
-
-class _WholeReads:
-    """A file whose reads return all that was asked for or end the file.
-
-    The MCAP library takes a short read for a short record; a length from damaged bytes
-    must not allocate more than the file holds.
-    """
-
-    def __init__(self, stream: BinaryIO) -> None:
-        self._stream = stream
-        self._left = os.fstat(stream.fileno()).st_size - stream.tell()
-
-    def read(self, length: int = -1) -> bytes:
-        if length > self._left:
-            raise EndOfFile
-        data = self._stream.read(length)
-        self._left -= len(data)
-        return data
-
-
-def scan_mcap(path: Path) -> Scan:
-    """Read everything that is readable in an MCAP file.
-
-    Raises
-    ------
-    InputError
-        The file is missing, empty, or not an MCAP file.
-    """
-    try:
-        with path.open("rb") as stream:
-            _check_start(path, stream)
-            return _scan(Scan(path), stream)
-    except OSError as error:
-        raise InputError(f"session {path}: {error.strerror or error}") from error
-
-
-def _check_start(path: Path, stream: BinaryIO) -> None:
-    if os.fstat(stream.fileno()).st_size == 0:
-        raise InputError(f"session {path}: the file is empty")
-    try:
-        read_magic(ReadDataStream(stream))
-    except (McapError, struct.error) as error:
-        raise InputError(f"session {path}: this is not an MCAP file") from error
-    stream.seek(0)
-
-
-def _scan(scan: Scan, stream: BinaryIO) -> Scan:
-    whole: IO[bytes] = _WholeReads(stream)  # type: ignore[assignment]  # it only calls read
-    try:
-        for record in StreamReader(whole, emit_chunks=True).records:
-            if isinstance(record, Chunk):
-                _scan_chunk(scan, record)
-            else:
-                _add_record(scan, record)
-    except EndOfFile:
-        scan.problem = "it ends before it was finished"
-    except DAMAGE as error:
-        scan.problem = f"a record cannot be read ({error})"
-    return scan
-
-
-def _scan_chunk(scan: Scan, chunk: Chunk) -> None:
-    try:
-        records = breakup_chunk(chunk, validate_crc=True)
-    except UnsupportedCompressionError as error:
-        raise InputError(
-            f"session {scan.path}: {error}; install the Python package lz4 to read it"
-        ) from error
-    except DAMAGE:
-        scan.damaged += 1
-        return
-    scan.chunks += 1
-    for record in records:
-        _add_record(scan, record)
-
-
-def _add_record(scan: Scan, record: McapRecord) -> None:
-    # Schemas and channels stand in a chunk, under its checksum, and again in the index at the
-    # end, under none: the first counts.
-    if isinstance(record, Message):
-        scan.messages.append(record)
-    elif isinstance(record, Channel):
-        scan.channels.setdefault(record.id, record)
-    elif isinstance(record, Schema):
-        scan.schemas.setdefault(record.id, record)
-    elif isinstance(record, Attachment):
-        scan.attachments.append(record)
-    elif isinstance(record, Metadata):
-        scan.metadata.append(record)
-
 
 def read_mcap(path: Path) -> RecordedSession:
     """Read a session file.
@@ -197,9 +47,9 @@ def read_mcap(path: Path) -> RecordedSession:
     """
     scan = scan_mcap(path)
     if not scan.whole:
-        damage = scan.problem or f"{scan.damaged} damaged chunks"
         raise InputError(
-            f"session {path}: {damage}; save what is readable with: mmt session recover {path}"
+            f"session {path}: {scan.problem}; save what is readable with: "
+            f"mmt session recover {path}"
         )
     return scanned_session(scan)
 
@@ -253,9 +103,7 @@ def scanned_frames(scan: Scan) -> RecordArray:
 
 def _check_kind(scan: Scan) -> None:
     if not scan.channels and not scan.whole:
-        raise InputError(
-            f"session {scan.path}: nothing in it can be read: {scan.problem or 'it is damaged'}"
-        )
+        raise InputError(f"session {scan.path}: nothing in it can be read: {scan.problem}")
     schemas = {c.topic: scan.schemas.get(c.schema_id) for c in scan.channels.values()}
     checked_frame_schema(scan.path, schemas, scan.metadata_of(SESSION_METADATA))
 

@@ -19,14 +19,13 @@ from mmt.core.errors import InputError
 from mmt.core.frames import Channel
 from mmt.session.data import JsonObject, OutputBlock
 from mmt.session.mcap_reader import (
-    DAMAGE,
     checked_frame_schema,
     parse_event,
     parse_json,
-    scan_mcap,
     scanned_session,
     utc_offset_ns,
 )
+from mmt.session.mcap_scan import DAMAGE, scan_mcap
 from mmt.session.mcap_writer import (
     BACKFILL_TOPIC,
     EVENTS_TOPIC,

@@ -15,6 +15,7 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
 from mmt.core.arrays import FloatArray, RecordArray
+from mmt.core.existing_files import replacing
 from mmt.core.frames import Channel, channels_of
 from mmt.core.version import __version__
 from mmt.session.data import (
@@ -24,7 +25,6 @@ from mmt.session.data import (
     event_time_s,
     to_json,
 )
-from mmt.session.files import replacing
 from mmt.session.messages import (
     EVENT,
     FRAME_BLOCK,
@@ -228,7 +228,9 @@ class SessionWriter:
 
 def open_writer(stream: BinaryIO) -> Writer:
     """Return a started MCAP writer with the chunk size and compression of session files."""
-    writer = Writer(stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
+    writer = Writer(
+        stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD, enable_data_crcs=True
+    )
     pack_index(writer)
     writer.start(profile=PROFILE, library=LIBRARY)
     return writer

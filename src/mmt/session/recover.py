@@ -7,9 +7,10 @@ from typing import BinaryIO
 from mcap.records import Message
 
 from mmt.core.errors import InputError
+from mmt.core.existing_files import replacing
 from mmt.session.data import duration_s, missing_frames
-from mmt.session.files import replacing
-from mmt.session.mcap_reader import Scan, parse_event, parse_json, scan_mcap, scanned_frames
+from mmt.session.mcap_reader import parse_event, parse_json, scanned_frames
+from mmt.session.mcap_scan import Scan, scan_mcap
 from mmt.session.mcap_writer import EVENTS_TOPIC, RECOVERY_METADATA, SCENE_METADATA, open_writer
 
 
@@ -32,9 +33,9 @@ class Recovery:
 def recover(path: str | Path, out: str | Path) -> Recovery:
     """Write every readable record of a session file into a whole one.
 
-    Complete chunks are saved; a chunk that was cut off is lost, since it is compressed as one
+    Whole chunks are saved; one that was cut off or damaged is lost, since it is compressed as one
     block. A recorder ends its chunk every 0.5 s or less, so a crash costs at most that
-    much. The file that was cut off is not changed.
+    much. The file that is read is not changed.
 
     Raises
     ------
@@ -49,7 +50,6 @@ def recover(path: str | Path, out: str | Path) -> Recovery:
         raise InputError(f"recover {path}: name another file to write to, this one is kept")
     scan = scan_mcap(path)
     frames = scanned_frames(scan)
-    problem = scan.problem or (f"{scan.damaged} damaged chunks" if scan.damaged else "")
     recovery = Recovery(
         path=out,
         frames=len(frames),
@@ -57,7 +57,7 @@ def recover(path: str | Path, out: str | Path) -> Recovery:
         duration_s=duration_s(frames),
         chunks=scan.chunks,
         damaged_chunks=scan.damaged,
-        problem=problem,
+        problem=scan.problem,
     )
     with replacing(out) as part, part.open("wb") as stream:
         _copy(scan, recovery, stream)

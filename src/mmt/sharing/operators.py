@@ -41,6 +41,7 @@ class Operators:
         self._tell = tell
         self._numbers: dict[str, int] = {}
         self._names: dict[str, str] = {}
+        self._used: set[str] = set()
         self._listeners: dict[int, Listener] = {}
         self._asks = RepeatLimit()
         self._waiting: dict[str, asyncio.TimerHandle] = {}  # who has asked again within a second
@@ -49,6 +50,13 @@ class Operators:
         """Messages of motion that were not handed on."""
         server.on(ASK, self._on_ask)
         server.on(RELEASE, self._on_release)
+
+    def distinct(self, name: str, number: int) -> str:
+        """Return the name by which everybody knows an operator: no other has had it."""
+        while not name or name in self._used:
+            name = f"{name or 'operator'} {number}"
+        self._used.add(name)
+        return name
 
     def join(
         self, sid: str, number: int, name: str, listener: Listener

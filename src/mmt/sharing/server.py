@@ -204,9 +204,11 @@ class SharingServer:
             data = [{HUBS: elsewhere}] if elsewhere else []
             raise socketio.exceptions.ConnectionRefusedError(str(error), *data) from error
         self._joined += 1
+        operators = self.operators if hello.operates else None
+        name = hello.name if operators is None else operators.distinct(hello.name, self._joined)
         guest = self._guests[sid] = Guest(
             self._joined,
-            hello.name,
+            name,
             self._host.sockets.send(sid, environ),
             Listener(self._relay, hello.states_hz),
         )
@@ -216,9 +218,9 @@ class SharingServer:
 
         messages_hz = _MESSAGES_HZ
         handlers: dict[str, Callable[[bytes], None]] = {HAVE: partial(self._on_have, sid)}
-        if hello.operates and self.operators is not None:
-            handlers |= self.operators.join(sid, guest.number, hello.name, guest.listener)
-            messages_hz += self.operators.messages_hz
+        if operators is not None:
+            handlers |= operators.join(sid, guest.number, name, guest.listener)
+            messages_hz += operators.messages_hz
         limit = RateLimit(messages_hz, guest.reject, let_go)
         self._host.sockets.admit(environ, handlers, limit)
         self._start(self._host.server.emit(WELCOME, self._welcome, to=sid, ignore_queue=True))

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Final, Self
 
 from mmt.core.errors import InputError
+from mmt.core.existing_files import replacing
 from mmt.core.printable import printable
 from mmt.texture.model.file import unpack
 
@@ -144,7 +145,7 @@ class ModelStore:
         ------
         InputError
             It is no model, is too large, or the store is full.
-        OSError
+        MmtError, OSError
             It cannot be written.
         """
         if len(data) > LARGEST_BYTES:
@@ -169,8 +170,10 @@ class ModelStore:
             rate_hz=contents.rate_hz,
         )
         self.folder.mkdir(parents=True, exist_ok=True)
-        _write(self.folder / f"{digest}.npz", data)
-        _write(about, json.dumps(entry.as_dict(), indent=1).encode())
+        with replacing(self.folder / f"{digest}.npz") as part:
+            part.write_bytes(data)
+        with replacing(about) as part:
+            part.write_text(json.dumps(entry.as_dict(), indent=1), encoding="utf-8")
         return entry
 
 
@@ -184,10 +187,3 @@ def _read(path: Path) -> Entry | None:
         return Entry.listed(json.loads(path.read_text(encoding="utf-8")))
     except (OSError, ValueError, InputError):
         return None
-
-
-def _write(path: Path, data: bytes) -> None:
-    """Write a file, which is there whole or not at all."""
-    part = path.with_suffix(f"{path.suffix}.part")
-    part.write_bytes(data)
-    part.replace(path)

@@ -3,27 +3,25 @@
 import hashlib
 import json
 import logging
-import ssl
-import urllib.error
 import urllib.parse
-import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
 from http import HTTPStatus
-from http.client import HTTPException
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from mmt.core.errors import InputError, MmtError
-from mmt.core.printable import printable
+from mmt.core.requests import Answer, AnswerError, open_answer
 from mmt.link.access import Access, check_scheme
 from mmt.link.connection import check_url
 from mmt.scene.sharing_tables import Listening
 from mmt.sharing.messages import TOKEN_VARIABLE
-from mmt.sharing.store import Entry
+from mmt.sharing.store import LARGEST_BYTES, MOST_MODELS, Entry
 
 LOG: Final = logging.getLogger("mmt.sharing")
 
-_TIMEOUT_S: Final = 20.0
-_CHUNK: Final = 65_536
+_LARGEST_ENTRY: Final = 10_000
+"""Most bytes of what is listed of a model."""
 
 
 class RemoteStore:
@@ -106,7 +104,7 @@ class RemoteStore:
             It does not answer, or has no store.
         """
         try:
-            return _entries(self._request("/models"))
+            return _entries(self._request("/models", MOST_MODELS * _LARGEST_ENTRY))
         except InputError as error:
             raise MmtError(f"{self._url} has no store of models that this program reads") from error
 
@@ -139,18 +137,27 @@ class RemoteStore:
         """
         part = target.with_name(f"{target.name}.part")
         try:
-            begun = part.stat().st_size if part.is_file() else 0
-            with self._open(f"/models/{digest}", begun=begun) as answer:
-                goes_on = answer.status == HTTPStatus.PARTIAL_CONTENT
-                with part.open("ab" if goes_on else "wb") as file:
-                    while chunk := _read(answer, self._url):
-                        file.write(chunk)
+            try:
+                self._fetch_rest(digest, part)
+            except AnswerError as error:
+                if error.status != HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE:
+                    raise
+                part.unlink()  # what was begun is not shorter than the model: it is of another
+                self._fetch_rest(digest, part)
             if hashlib.sha256(part.read_bytes()).hexdigest() != digest:
                 part.unlink()
                 raise MmtError(f"what came from {self._url} is not model {digest[:12]}: try again")
             part.replace(target)
         except OSError as error:
             raise InputError(f"model {target}: {error.strerror or error}") from error
+
+    def _fetch_rest(self, digest: str, part: Path) -> None:
+        begun = part.stat().st_size if part.is_file() else 0
+        with self._open(f"/models/{digest}", begun=begun) as answer:
+            goes_on = answer.status == HTTPStatus.PARTIAL_CONTENT
+            with part.open("ab" if goes_on else "wb") as file:
+                for chunk in answer.chunks(LARGEST_BYTES - (begun if goes_on else 0)):
+                    file.write(chunk)
 
     def push(self, data: bytes, said: Entry) -> Entry:
         """Add a model; return what the store says of it. One that is there already stays.
@@ -161,39 +168,24 @@ class RemoteStore:
             The store does not answer, or does not take it; the message says why.
         """
         about = {key: value for key, value in said.as_dict().items() if value not in {"", 0, None}}
-        answer = self._request(f"/models?{urllib.parse.urlencode(about)}", data=data)
+        path = f"/models?{urllib.parse.urlencode(about)}"
+        answer = self._request(path, _LARGEST_ENTRY, data=data)
         try:
             return Entry.listed(json.loads(answer))
         except (ValueError, RecursionError, InputError) as error:
             raise MmtError(f"what {self._url} says of the model cannot be read") from error
 
-    def _request(self, path: str, *, data: bytes | None = None) -> bytes:
+    def _request(self, path: str, most_bytes: int, *, data: bytes | None = None) -> bytes:
         with self._open(path, data=data) as answer:
-            parts = []
-            while chunk := _read(answer, self._url):
-                parts.append(chunk)
-            return b"".join(parts)
+            return answer.content(most_bytes)
 
-    def _open(self, path: str, *, data: bytes | None = None, begun: int = 0) -> Any:
+    @contextmanager
+    def _open(self, path: str, *, data: bytes | None = None, begun: int = 0) -> Iterator[Answer]:
         headers = {"Authorization": f"Bearer {self._token}"} if self._token else {}
         if begun:
             headers["Range"] = f"bytes={begun}-"
-        request = urllib.request.Request(self._url + path, data=data, headers=headers)  # noqa: S310
-        context = self._tls or ssl.create_default_context()
-        try:
-            return urllib.request.urlopen(  # noqa: S310 - the scheme is checked
-                request, timeout=_TIMEOUT_S, context=context
-            )
-        except urllib.error.HTTPError as error:
-            if begun and error.code == HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE:
-                error.close()  # what was begun is not shorter than the model: it is of another
-                return self._open(path)
-            with error:
-                said = error.read(1024).decode(errors="replace").strip().partition("\n")[0]
-            raise MmtError(f"{self._url} answers: {printable(said or error.reason)}") from error
-        except (OSError, ValueError) as error:
-            reason = getattr(error, "reason", error)
-            raise MmtError(f"no store answers at {self._url} ({reason})") from error
+        with open_answer(self._url, path, data=data, headers=headers, tls=self._tls) as answer:
+            yield answer
 
 
 def _entries(text: str | bytes) -> list[Entry]:
@@ -208,8 +200,8 @@ def _entries(text: str | bytes) -> list[Entry]:
         listed = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise InputError(f"a list of models is not valid JSON: {error}") from error
-    if not isinstance(listed, list):
-        raise InputError("a list of models is no list")
+    if not isinstance(listed, list) or len(listed) > MOST_MODELS:
+        raise InputError(f"a list of models is no list of at most {MOST_MODELS}")
     return [Entry.listed(each) for each in listed]
 
 
@@ -219,10 +211,3 @@ def _kept(listing: Path) -> list[Entry] | None:
         return _entries(listing.read_bytes())
     except (OSError, InputError):
         return None
-
-
-def _read(answer: Any, url: str) -> bytes:
-    try:
-        return bytes(answer.read(_CHUNK))
-    except (OSError, HTTPException) as error:
-        raise MmtError(f"{url} broke off: the same command goes on from there") from error

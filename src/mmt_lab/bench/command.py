@@ -29,7 +29,8 @@ def run_benches(
     report
         Folder of the report, None for none.
     options
-        Options of the stages, each for those that have it: ``duration``, ``realtime``.
+        Options of the stages, each for those that have it: ``duration``, ``realtime``,
+        ``strangers``.
 
     Returns
     -------

@@ -1,13 +1,24 @@
-"""Both services as processes: ticks, losses and cost, and what real-time scheduling brings."""
+"""Both services as processes: ticks, losses and cost, and what may disturb or help them.
+
+With ``--realtime`` they run with and without real-time scheduling, with ``--strangers`` with and
+without someone who has no token and keeps the leader's port busy.
+"""
 
 import asyncio
 import os
+import secrets
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Final
+from typing import Annotated, Final
+
+import typer
 
 from mmt.cli.scene_services import DemoRun
+from mmt.core.errors import InputError
 from mmt.core.realtime import require_real_time
+from mmt_lab.bench import strangers as disturbing
 from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.harness.demo_services import run_demo_services
 from mmt_lab.harness.experiment import Duration, Experiment, RealTime
@@ -16,6 +27,9 @@ from mmt_lab.harness.processes import spawn_context
 
 ROUND_S: Final = 5.0
 """Longest run of the services; the two ways take turns."""
+
+_FEW_LATE: Final = 0.001
+"""Share of late ticks that says nothing: one in a second."""
 
 _FIGURES: Final = (
     ("leader", "ticks", "period_p99_ms", "leader's tick, p99 period (ms)"),
@@ -29,8 +43,19 @@ _FIGURES: Final = (
 )
 
 
-def run(duration: Duration = 20.0, realtime: RealTime = False) -> Findings:
-    """Run the demo's services; with --realtime, with and without real-time scheduling in turns."""
+Strangers = Annotated[
+    bool, typer.Option("--strangers", help="Measure with and without strangers at the port.")
+]
+
+
+def run(
+    duration: Duration = 20.0, realtime: RealTime = False, strangers: Strangers = False
+) -> Findings:
+    """Run the demo's services; with --realtime or --strangers with and without them in turns."""
+    if realtime and strangers:
+        raise InputError("give --realtime or --strangers, not both")
+    if strangers:
+        return disturbed(duration)
     return compare(duration) if realtime else measure(duration)
 
 
@@ -106,6 +131,57 @@ def compare(duration_s: float) -> Findings:
     title = "Services by ordinary and by real-time scheduling"
     records = (Records("realtime", title, tuple(rows)),)
     return Findings(title, about, records=records, figures=figures)
+
+
+def disturbed(duration_s: float) -> Findings:
+    """Run the demo's services with a token, alone and beside strangers of each kind, in turns.
+
+    Parameters
+    ----------
+    duration_s
+        How long each way runs, over all turns.
+
+    Raises
+    ------
+    MmtError
+        A service failed.
+    """
+    rounds = max(1, round(duration_s / ROUND_S))
+    late: dict[str, list[float]] = {kind: [] for kind in ("nobody", *disturbing.KINDS)}
+    for _ in range(rounds):
+        for kind, shares in late.items():
+            ticks = asyncio.run(_beside(kind, duration_s / rounds)).leader["ticks"]
+            shares.append(ticks["late_share_1ms"])
+    about = (
+        f"The demo's scene with a token, {rounds} runs of {duration_s / rounds:g} s each way in "
+        "turns: ticks over 1 ms late, share of all, beside a stranger who connects anew whenever "
+        "the leader closes the connection."
+    )
+    means = {kind: sum(shares) / rounds for kind, shares in late.items()}
+    rows: dict[str, Figure] = {"nobody": ("without a stranger", means["nobody"])}
+    for kind, what in disturbing.KINDS.items():
+        rows[kind] = (what, means[kind], "at most", max(_FEW_LATE, 2 * means["nobody"]))
+    return single_figures("Late ticks beside strangers", about, rows)
+
+
+async def _beside(kind: str, duration_s: float) -> DemoRun:
+    """Run the services beside a stranger of this kind, "nobody" for none."""
+    disturbers: list[subprocess.Popen[bytes]] = []
+
+    def disturb(url: str) -> None:
+        if kind in disturbing.KINDS:
+            command = (sys.executable, "-m", disturbing.__name__, url, kind)
+            disturbers.append(
+                subprocess.Popen(command, start_new_session=os.name == "posix")  # noqa: S603
+            )
+
+    environment = {**os.environ, "MMT_LINK_TOKEN": secrets.token_hex()}
+    try:
+        return await run_demo_services(duration_s, environment=environment, on_link=disturb)
+    finally:
+        for disturber in disturbers:
+            disturber.kill()
+            disturber.wait()
 
 
 def _figure(run: DemoRun, service: str, table: str, key: str) -> float | None:

@@ -1,7 +1,7 @@
 """The demo's services as processes, for the experiments that measure them."""
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ async def run_demo_services(
     realtime: bool = False,
     environment: Mapping[str, str] | None = None,
     visitors: Visitors | None = None,
+    on_link: Callable[[str], None] = lambda _: None,
 ) -> DemoRun:
     """Run the services of the demo's scene, which record to a temporary file.
 
@@ -23,7 +24,7 @@ async def run_demo_services(
     ----------
     duration_s
         How long the session lasts.
-    realtime, environment
+    realtime, environment, on_link
         See `mmt.cli.scene_services.run_services`.
     visitors
         Let in as soon as the leader shares its model; None where it shares none.
@@ -48,6 +49,7 @@ async def run_demo_services(
             environment=environment,
             realtime=realtime,
             visitors=visitors,
+            on_link=on_link,
         )
     if run.failed:
         raise MmtError("the services did not end well: " + "; ".join(run.errors))

@@ -14,11 +14,11 @@ from urllib.parse import urlsplit
 
 import msgpack
 
-from mmt.link.protocol import EVENT_NAMESPACE, MSGPACK_EVENT, encode_event
+from mmt.link.protocol import CONNECT_PACKET, EVENT_NAMESPACE, MSGPACK_EVENT, encode_event
 from mmt.link.websocket import LINK_PATH
 
-_CONNECT, _CONNECT_ERROR = 0, 4
-"""Types of Socket.IO packets."""
+_CONNECT_ERROR: Final = 4
+"""Type of a Socket.IO packet that refuses a connection."""
 _TEXT, _BINARY, _CLOSE = 1, 2, 8
 """WebSocket opcodes."""
 _PING, _PONG = b"2", b"3"
@@ -111,7 +111,7 @@ class PlainSocket(asyncio.Protocol):
             packet = msgpack.unpackb(payload)
             if packet["type"] == MSGPACK_EVENT:
                 self._on_event(*packet["data"])
-            elif packet["type"] == _CONNECT and not self._opened.done():
+            elif packet["type"] == CONNECT_PACKET and not self._opened.done():
                 self._opened.set_result("")
             elif packet["type"] == _CONNECT_ERROR:
                 self._refuse(str(packet["data"]["message"]))
@@ -120,7 +120,7 @@ class PlainSocket(asyncio.Protocol):
         elif payload == _PING:
             self._send(_TEXT, _PONG)
         elif payload.startswith(b"0"):  # Engine.IO is open
-            packet = {"type": _CONNECT, "data": dict(self._auth), "nsp": EVENT_NAMESPACE}
+            packet = {"type": CONNECT_PACKET, "data": dict(self._auth), "nsp": EVENT_NAMESPACE}
             self._send(_BINARY, msgpack.packb(packet))
 
     def _refuse(self, why: str) -> None:

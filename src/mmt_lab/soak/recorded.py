@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
-from mmt.session.mcap_reader import scan_mcap, scanned_frames, utc_offset_ns
+from mmt.session.mcap_reader import scanned_frames, utc_offset_ns
+from mmt.session.mcap_scan import scan_mcap
 from mmt.session.mcap_writer import FRAMES_TOPIC, SESSION_METADATA
 
 

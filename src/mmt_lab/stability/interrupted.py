@@ -21,7 +21,8 @@ from mmt.leader.force_ramp import RAMP_TICKS
 from mmt.leader.service import Leader
 from mmt.scene import Hand, Link
 from mmt.scene.files import scene_from_tables
-from mmt.session.mcap_reader import scan_mcap, scanned_frames
+from mmt.session.mcap_reader import scanned_frames
+from mmt.session.mcap_scan import scan_mcap
 from mmt_lab.soak.services import SoakServices
 from mmt_lab.stability.cases import Case, Outcome
 

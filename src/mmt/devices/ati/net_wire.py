@@ -1,6 +1,5 @@
 """Bytes of the Net F/T: the page of settings, and the records that it streams."""
 
-import http.client
 import re
 import struct
 from collections.abc import Mapping
@@ -8,6 +7,7 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from mmt.core.errors import MmtError
+from mmt.core.requests import AnswerError, open_answer
 from mmt.devices.ati.calibration import Calibration, force_in_newton, torque_in_newton_mm
 from mmt.devices.protocols import Vector
 from mmt.devices.wrench import Matrix, diagonal
@@ -206,24 +206,21 @@ class NetPages:
         self._get(f"/setting.cgi?{query}")
 
     def _get(self, path: str) -> str:
-        connection = http.client.HTTPConnection(self._host, self._port, timeout=TIMEOUT_S)
+        server = f"http://{self._host}:{self._port}"
         try:
-            connection.request("GET", path)
-            answer = connection.getresponse()
-            content = answer.read(_LARGEST_PAGE)
-        except (OSError, http.client.HTTPException, ValueError) as error:
+            with open_answer(server, path, timeout_s=TIMEOUT_S) as answer:
+                content = answer.content(_LARGEST_PAGE)
+        except AnswerError as error:
             raise MmtError(
-                f"{self._device}: its web page http://{self._host}:{self._port}{path} does not "
-                f"answer ({error}); check power, cable, 'host', and that this machine has an "
+                f"{self._device}: its web page {path} answers {error.status} {error.said}; "
+                "check that 'host' is a Net F/T box"
+            ) from error
+        except MmtError as error:
+            raise MmtError(
+                f"{self._device}: its web page {server}{path} does not answer ({error}); "
+                "check power, cable, 'host', and that this machine has an "
                 "address in the box's network (192.168.1.x as it is shipped)"
             ) from error
-        finally:
-            connection.close()
-        if answer.status >= http.client.BAD_REQUEST:
-            raise MmtError(
-                f"{self._device}: its web page {path} answers {answer.status} {answer.reason}; "
-                "check that 'host' is a Net F/T box"
-            )
         return content.decode("latin-1")
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Final
 
-from mmt.link.accepting import descriptors
+from mmt.link.listening import descriptors
 
 _SHARE: Final = 8
 """A server of so many listeners admits twice as many connections, in a quarter of what it may

@@ -9,10 +9,11 @@ import redis.asyncio
 import socketio
 from redis.asyncio.retry import Retry
 from redis.backoff import ConstantBackoff, NoBackoff
-from redis.exceptions import RedisError
+from redis.exceptions import AuthenticationError, RedisError
 
 from mmt.core.ending import cancel_until_ended
 from mmt.core.errors import InputError, MmtError
+from mmt.core.printable import without_secrets
 
 HUBS_NAMESPACE: Final = "/hubs"
 """Of what hubs tell each other; no listener can connect to it."""
@@ -21,6 +22,8 @@ START_IT: Final = (
     "start one there (`apt install redis-server`, or `redis-server --port 6379`), "
     "and check --redis, or redis of [hub]"
 )
+
+REFUSED: Final = "the Redis server refuses the user or the password"
 
 _ANSWER_S: Final = 1.0
 """How long Redis may take to answer, and to take a message."""
@@ -75,8 +78,11 @@ class HubManager(socketio.AsyncRedisManager, _LocalDelivery):  # type: ignore[mi
         once: dict[str, Any] = {"retry": Retry(NoBackoff(), 0)}
         try:
             self._probe = redis.asyncio.Redis.from_url(url, **options, **once)
-        except ValueError as error:
-            raise InputError(f"--redis: {error}; allowed is redis://HOST:PORT") from error
+        except ValueError:  # which may quote a part of the password
+            raise InputError(
+                "--redis: this is no URL of Redis; allowed is redis://USER:PASSWORD@HOST:PORT, "
+                "with the characters / ? # of a password as %2F %3F %23"
+            ) from None
         self.reached = False
         """Whether Redis answered when it was last asked."""
 
@@ -93,7 +99,9 @@ class HubManager(socketio.AsyncRedisManager, _LocalDelivery):  # type: ignore[mi
                 await self._probe.ping()
         except (RedisError, OSError, TimeoutError) as error:
             self.reached = False
-            return str(error).rstrip(".") or "no answer"
+            if _is_refusal(error):
+                return REFUSED
+            return without_secrets(str(error)).rstrip(".") or "no answer"
         self.reached = True
         return None
 
@@ -106,6 +114,8 @@ class HubManager(socketio.AsyncRedisManager, _LocalDelivery):  # type: ignore[mi
             It is not.
         """
         problem = await self.check()
+        if problem == REFUSED:
+            raise MmtError(f"{problem}: check redis of [hub], redis://USER:PASSWORD@HOST:PORT")
         if problem is not None:
             raise MmtError(f"no Redis server answers ({problem}): {START_IT}")
 
@@ -125,3 +135,9 @@ class HubManager(socketio.AsyncRedisManager, _LocalDelivery):  # type: ignore[mi
             if each is not None:
                 with suppress(RedisError, OSError):
                     await each.aclose()
+
+
+def _is_refusal(error: Exception) -> bool:
+    """Whether Redis does not know the user, or the password, or asks for one."""
+    said = str(error)
+    return isinstance(error, AuthenticationError) or said.startswith(("NOAUTH", "WRONGPASS"))

@@ -65,7 +65,7 @@ class Beat:
             It is malformed.
         """
         try:
-            return cls(
+            beat = cls(
                 id=printable(str(message["id"])[:LONGEST_NAME]),
                 address=printable(str(message["address"])[:LONGEST_ADDRESS]),
                 listeners=int(message["listeners"]),
@@ -76,6 +76,9 @@ class Beat:
             )
         except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise InputError(f"a hub's beat is malformed: {error}") from error
+        if not beat.address.startswith(("http://", "https://")):
+            raise InputError(f"a hub's address is {beat.address!r}: none of http or https")
+        return beat
 
 
 class Peers:

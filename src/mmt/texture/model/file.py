@@ -12,11 +12,13 @@ from mmt.core.errors import InputError
 from mmt.texture.field.cells import FELT_POWER, FieldCells
 from mmt.texture.model.file_arrays import Arrays, file_arrays, pack_arrays
 from mmt.texture.model.inputs import InputSpace
-from mmt.texture.model.samples import LARGEST_POWER, TextureSamples
+from mmt.texture.model.samples import TextureSamples
 from mmt.texture.settings import Method
 
 _LARGEST_WHOLE: Final = 2**31
 
+_LARGEST_POWER: Final = 1e12
+"""Largest power of a file, in (m/s2)^2: 1e6 m/s2, a thousand times what accelerometers measure."""
 FORMAT_VERSION: Final = 7
 """Version of a file. Versions 1 to 6, which name the parts of a method, are read as the method that
 comes nearest; their blocks, gathered by place, as if each place were a moment."""
@@ -93,6 +95,7 @@ def contents_of(arrays: Arrays) -> ModelContents:
             _number(content, "noise_power", 0.0),
             _numbers(content, "segment_samples"),
         )
+        _check_powers(samples)
         field = _field(content, directed=space.directed) if has_blocks else None
         return ModelContents(samples, method, _number(content, "rate_hz"), field)
     except InputError:  # one of a setting is a ValueError too
@@ -124,6 +127,12 @@ def _method(content: Arrays) -> tuple[Method, bool]:
     if parts == ("variance", own) and measured:
         return "published", False
     return "field", "field_cells" in content and not measured
+
+
+def _check_powers(samples: TextureSamples) -> None:
+    for name in ("variance", "power"):
+        if not (getattr(samples, name) <= _LARGEST_POWER).all():
+            raise InputError(f"{name} must be finite, at most {_LARGEST_POWER:g} (m/s2)^2")
 
 
 def _numbers(content: Arrays, name: str) -> FloatArray | None:
@@ -178,8 +187,8 @@ def _field(content: Arrays, *, directed: bool) -> FieldCells:
     blocks = _whole("field_moment_blocks", _number(content, "field_moment_blocks", 1))
     field = FieldCells(directed, keys, sums, int(blocks))
     field.check()
-    if not (field.sums[:, 1] <= LARGEST_POWER * np.minimum(field.sums[:, 0], 1e6)).all():
-        raise InputError(f"field_sums holds a mean power above {LARGEST_POWER:g} (m/s2)^2")
+    if not (field.sums[:, 1] <= _LARGEST_POWER * np.minimum(field.sums[:, 0], 1e6)).all():
+        raise InputError(f"field_sums holds a mean power above {_LARGEST_POWER:g} (m/s2)^2")
     return field
 
 

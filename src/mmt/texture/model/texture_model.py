@@ -18,6 +18,7 @@ import numpy.typing as npt
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.bounds import RateHz, check
 from mmt.core.errors import InputError
+from mmt.core.existing_files import replacing
 from mmt.models import find_model
 from mmt.texture.autoregression.spectra import lsf_spectrum
 from mmt.texture.field.level_table import TABLE, TABLE_SIZES
@@ -232,8 +233,19 @@ class TextureModel:
         return lsf_spectrum(lsf, variance, frequencies_hz, self.rate_hz)
 
     def save(self, path: str | Path) -> None:
-        """Write the model as ``.npz``; the layout is in ``docs/reference/model-file.md``."""
-        Path(path).write_bytes(self.to_bytes())
+        """Write the model as ``.npz``; the layout is in ``docs/reference/model-file.md``.
+
+        A file that exists is replaced when the new one is whole.
+
+        Raises
+        ------
+        InputError
+            The folder does not exist or may not be written to.
+        MmtError
+            Writing failed, for instance because the disk is full.
+        """
+        with replacing(Path(path)) as part:
+            part.write_bytes(self.to_bytes())
 
     def to_bytes(self) -> bytes:
         """Return what `save` writes."""

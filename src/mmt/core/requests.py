@@ -1,0 +1,146 @@
+"""HTTP requests to servers that are not trusted: straight, bounded, and never passed on.
+
+A redirect is not followed, so that a token goes to nobody else. What is asked for by ``https`` may
+go through the proxy that the environment names (``HTTPS_PROXY``, ``NO_PROXY``), which cannot read
+it; what is asked for by ``http`` goes straight, as the link between the services does.
+"""
+
+import ssl
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from http.client import HTTPException, HTTPResponse
+from typing import Any, Final
+
+from mmt.core.errors import MmtError
+from mmt.core.printable import printable
+
+TIMEOUT_S: Final = 20.0
+"""How long a server may say nothing."""
+_LONGEST_S: Final = 300.0
+"""How long one answer may take."""
+_CHUNK: Final = 65_536
+_MOST_SAID: Final = 1024
+
+
+class AnswerError(MmtError):
+    """A server answers that it does not do what is asked.
+
+    Attributes
+    ----------
+    status
+        Of HTTP.
+    said
+        The first line of the answer, or what the status stands for; it can be printed.
+    """
+
+    def __init__(self, url: str, status: int, said: str) -> None:
+        super().__init__(f"{url} answers: {said}")
+        self.status, self.said = status, said
+
+
+class _NoRedirect(urllib.request.HTTPRedirectHandler):
+    """Takes a redirect for an error."""
+
+    def redirect_request(self, *_: Any, **__: Any) -> None:
+        """Make no further request."""
+
+
+class Answer:
+    """A server's answer, whose content is still to come."""
+
+    def __init__(self, url: str, response: HTTPResponse) -> None:
+        self._url, self._response = url, response
+        self.status = response.status
+
+    def chunks(self, most_bytes: int) -> Iterator[bytes]:
+        """Yield the content.
+
+        Raises
+        ------
+        MmtError
+            The server breaks off, takes too long, or sends more than so much.
+        """
+        until_s = time.monotonic() + _LONGEST_S
+        while True:
+            try:
+                chunk = self._response.read1(_CHUNK)
+            except (OSError, ValueError, HTTPException) as error:
+                raise MmtError(f"{self._url} broke off: try again") from error
+            most_bytes -= len(chunk)
+            if most_bytes < 0 or time.monotonic() > until_s:
+                raise MmtError(f"{self._url} sends more than it should: it was not read to its end")
+            if not chunk:
+                break
+            yield chunk
+        if self._response.length:
+            raise MmtError(f"{self._url} broke off: try again")
+
+    def content(self, most_bytes: int) -> bytes:
+        """Return the content; see `chunks`."""
+        return b"".join(self.chunks(most_bytes))
+
+
+@contextmanager
+def open_answer(
+    server: str,
+    path: str,
+    *,
+    data: bytes | None = None,
+    headers: Mapping[str, str] | None = None,
+    tls: ssl.SSLContext | None = None,
+    timeout_s: float = TIMEOUT_S,
+) -> Iterator[Answer]:
+    """Ask a server for something, or post `data`; the answer can be read during the block.
+
+    Parameters
+    ----------
+    server, path
+        ``http://HOST:PORT`` or ``https://HOST:PORT``, which errors name, and what is asked for.
+    data
+        Content of a POST, None for a GET.
+    headers
+        Further headers, such as ``Authorization``.
+    tls
+        None for the system's authorities.
+    timeout_s
+        How long the server may say nothing.
+
+    Raises
+    ------
+    AnswerError
+        The server refuses, or redirects.
+    MmtError
+        It does not answer.
+    """
+    handlers: list[urllib.request.BaseHandler] = [_NoRedirect()]
+    if server.startswith("https:"):
+        context = tls or ssl.create_default_context()
+        handlers.append(urllib.request.HTTPSHandler(context=context))
+    else:
+        handlers.append(urllib.request.ProxyHandler({}))
+    opener = urllib.request.build_opener(*handlers)
+    try:
+        asked = urllib.request.Request(server + path, data=data, headers=dict(headers or {}))  # noqa: S310 - the scheme is checked
+        response = opener.open(asked, timeout=timeout_s)
+    except urllib.error.HTTPError as error:
+        raise AnswerError(server, error.code, _said(error)) from error
+    except (OSError, ValueError, HTTPException) as error:
+        raise MmtError(f"{server} does not answer ({getattr(error, 'reason', error)})") from error
+    with response:
+        yield Answer(server, response)
+
+
+def _said(error: urllib.error.HTTPError) -> str:
+    """Return the first line of a refusal."""
+    with error:
+        if error.code in range(300, 400):
+            other = printable(str(error.headers.get("Location"))[:_MOST_SAID])
+            return f"go to {other}, which is not followed: give that address if you trust it"
+        try:
+            said = error.read(_MOST_SAID).decode(errors="replace").strip().partition("\n")[0]
+        except (OSError, HTTPException):
+            said = ""
+        return printable(said or str(error.reason))

@@ -1,0 +1,77 @@
+"""Socket.IO packets: decoded once, and those of strangers within narrow bounds."""
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+import msgpack
+from socketio.msgpack_packet import MsgPackPacket
+
+from mmt.link.protocol import EVENT_NAMESPACE, MSGPACK_EVENT
+
+_RESERVED: Final = {"connect", "connect_error", "disconnect"}
+_MOST_OF_STRANGER: Final = 32
+"""Maps and arrays that a message may have before admission, and items that each may have."""
+
+
+class Packet(MsgPackPacket):  # type: ignore[misc]  # the library has no types
+    """Socket.IO packet of the library, which decodes no message that is decoded already."""
+
+    def decode(self, encoded_packet: bytes) -> None:
+        """Take what the message says; see the library."""
+        if isinstance(encoded_packet, Decoded):
+            packet = encoded_packet.packet
+            self.packet_type, self.namespace = packet["type"], packet["nsp"]
+            self.data, self.id = packet.get("data"), packet.get("id")
+        else:
+            super().decode(encoded_packet)
+
+
+class Decoded(bytes):
+    """A message with the packet that it decodes to."""
+
+    packet: dict[str, Any]
+
+
+def decode_packet(message: bytes, *, stranger: bool = False) -> dict[str, Any] | None:
+    """Decode a Socket.IO packet, which is not trusted; None if it is malformed.
+
+    A stranger's has as few maps, arrays and items as a hello needs, which is found out while it is
+    decoded: 100 kB of empty maps would take milliseconds.
+    """
+    limits: dict[str, Any] = {}
+    if stranger:
+        left = iter(range(_MOST_OF_STRANGER))
+
+        def count(container: Any) -> Any:
+            if next(left, None) is None:
+                raise ValueError("too many maps and arrays")
+            return container
+
+        limits = dict.fromkeys(("max_map_len", "max_array_len"), _MOST_OF_STRANGER)
+        limits |= {"object_hook": count, "list_hook": count}
+    try:
+        packet = msgpack.unpackb(message, **limits)
+    except (ValueError, TypeError, OverflowError, RecursionError):
+        return None
+    return packet if isinstance(packet, dict) and {"type", "nsp"} <= packet.keys() else None
+
+
+def binary_event(packet: Mapping[str, Any]) -> tuple[str, bytes] | None:
+    """Return name and argument of an event that may bypass the library, None if it is none.
+
+    It is of our namespace, has one binary argument, and asks for no acknowledgement.
+    """
+    if packet["nsp"] != EVENT_NAMESPACE or packet.get("id") is not None:
+        return None
+    match packet:
+        case {"type": int(kind), "data": [str(name), bytes(argument)]}:
+            return (name, argument) if kind == MSGPACK_EVENT else None
+    return None
+
+
+def is_reserved(packet: Mapping[str, Any]) -> bool:
+    """Whether this is an event by a name that the library calls its own handlers by."""
+    match packet:
+        case {"type": int(kind), "data": [str(name), *_]}:
+            return kind == MSGPACK_EVENT and name in _RESERVED
+    return False

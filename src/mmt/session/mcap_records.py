@@ -1,0 +1,203 @@
+"""The records of an MCAP file one after the other, past what is damaged.
+
+A record whose head or lengths do not fit is skipped: with the index at the end of the file to the
+next record that it knows, else to the next bytes that are a record in all their lengths. What
+the index says of a record counts before the record's own head, if the index has its checksum.
+"""
+
+import mmap
+import re
+import struct
+import zlib
+from bisect import bisect_left
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import BytesIO
+from typing import BinaryIO, Final, NamedTuple
+
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import AttachmentIndex, ChunkIndex, MetadataIndex, Statistics
+from mcap.stream_reader import MAGIC_SIZE
+from mcap.writer import MCAP0_MAGIC
+
+HEAD: Final = struct.Struct("<BQ")
+"""Opcode and length of a record."""
+
+_CHECKSUM: Final = struct.Struct("<I")
+_FOOTER: Final = struct.Struct("<QQI")
+_FOOTER_BYTES: Final = HEAD.size + _FOOTER.size
+_SIZES: Final = {"B": 1, "H": 2, "I": 4, "Q": 8, "s": 4, "S": 8}
+_LAYOUTS: Final = {
+    Opcode.HEADER: "ss",
+    Opcode.FOOTER: "QQI",
+    Opcode.SCHEMA: "Hsss",
+    Opcode.CHANNEL: "HHsss",
+    Opcode.CHUNK: "QQQIsS",
+    Opcode.MESSAGE: "HIQQ*",
+    Opcode.MESSAGE_INDEX: "Hs",
+    Opcode.CHUNK_INDEX: "QQQQsQsQQ",
+    Opcode.ATTACHMENT: "QQssSI",
+    Opcode.ATTACHMENT_INDEX: "QQQQQss",
+    Opcode.STATISTICS: "QHIIIIQQs",
+    Opcode.METADATA: "ss",
+    Opcode.METADATA_INDEX: "QQs",
+    Opcode.SUMMARY_OFFSET: "BQQ",
+    Opcode.DATA_END: "I",
+}
+"""Fields of a record: numbers, what a length of four (s) or eight bytes (S) stands before, and
+all else (*)."""
+_PRIVATE: Final = 0x80
+"""The first opcode of records that other programs define."""
+_MAY_BEGIN: Final = re.compile(rb"(?=[\x01-\x0f].{4}\0{4})", re.DOTALL)
+"""Where a record of less than 4 GB may begin."""
+
+
+class Record(NamedTuple):
+    """A record, and where it begins."""
+
+    opcode: int
+    content: bytes
+    at: int
+
+
+class Records:
+    """Walk through the records of an MCAP file.
+
+    Parameters
+    ----------
+    data
+        The file, which may be mapped into memory.
+
+    Attributes
+    ----------
+    statistics
+        How many records the file has by its index, None if that cannot be read.
+    problems
+        What is wrong with the file, once all records were walked through.
+    """
+
+    def __init__(self, data: memoryview) -> None:
+        self._data = data
+        self.statistics: Statistics | None = None
+        self.problems: list[str] = []
+        self._known = self._index()
+        self._places = sorted(self._known)
+
+    def __iter__(self) -> Iterator[Record]:
+        at, ended = MAGIC_SIZE, False
+        damaged = int(self._data[:MAGIC_SIZE] != MCAP0_MAGIC)
+        while not ended and at + HEAD.size <= len(self._data):
+            record = self._record(at)
+            if record is None:
+                damaged += 1
+                at = self._next(at + 1)
+                continue
+            yield record
+            damaged += self._head(at) != (record.opcode, len(record.content))
+            if record.opcode == Opcode.DATA_END:
+                self._check_data(record)
+            ended = record.opcode == Opcode.FOOTER
+            at += HEAD.size + len(record.content)
+        if damaged:
+            self.problems.append(f"it is damaged at {damaged} places or more")
+        if not ended or self._data[at:] != MCAP0_MAGIC:
+            self.problems.append("it ends before it was finished")
+        elif not self._known:
+            self.problems.append("its index is damaged")
+
+    def _head(self, at: int) -> tuple[int, int]:
+        opcode, length = HEAD.unpack_from(self._data, at)
+        return opcode, length
+
+    def _record(self, at: int) -> Record | None:
+        """Return the record that begins there, None if none does."""
+        opcode, length = self._known.get(at) or self._head(at)
+        begin = at + HEAD.size
+        after = bisect_left(self._places, begin)
+        end = self._places[after] if after < len(self._places) else len(self._data)
+        if length > end - begin or (at == MAGIC_SIZE and opcode != Opcode.HEADER):
+            return None
+        content = self._data[begin : begin + length]
+        return Record(opcode, bytes(content), at) if _fits(opcode, content) else None
+
+    def _next(self, at: int) -> int:
+        """Return where the next record begins, the file's length if there is none."""
+        after = bisect_left(self._places, at)
+        if after < len(self._places):
+            return self._places[after]
+        for found in _MAY_BEGIN.finditer(self._data, at):
+            place = found.start()
+            # of other records too many bytes would do
+            if self._data[place] != Opcode.MESSAGE and self._record(place) is not None:
+                return place
+        return len(self._data)
+
+    def _check_data(self, end: Record) -> None:
+        (checksum,) = _CHECKSUM.unpack(end.content)
+        if checksum not in {0, zlib.crc32(self._data[: end.at])}:
+            self.problems.append("its checksum does not fit")
+
+    def _index(self) -> dict[int, tuple[int, int]]:
+        """Return opcode and length by place of all that the index knows; empty if it is damaged."""
+        footer = len(self._data) - MAGIC_SIZE - _FOOTER_BYTES
+        if footer < MAGIC_SIZE or self._head(footer) != (Opcode.FOOTER, _FOOTER.size):
+            return {}
+        start, _, checksum = _FOOTER.unpack_from(self._data, footer + HEAD.size)
+        covered = self._data[start : footer + _FOOTER_BYTES - _CHECKSUM.size]
+        if not MAGIC_SIZE < start <= footer or checksum != zlib.crc32(covered):
+            return {}
+        known = {
+            MAGIC_SIZE: (int(Opcode.HEADER), self._head(MAGIC_SIZE)[1]),
+            start - HEAD.size - _CHECKSUM.size: (int(Opcode.DATA_END), _CHECKSUM.size),
+        }
+        at = start
+        while at <= footer:
+            opcode, length = known[at] = self._head(at)
+            stream = ReadDataStream(BytesIO(self._data[at + HEAD.size :][:length]))
+            at += HEAD.size + length
+            if opcode == Opcode.STATISTICS:
+                self.statistics = Statistics.read(stream)
+            elif opcode == Opcode.CHUNK_INDEX:
+                chunk = ChunkIndex.read(stream)
+                known[chunk.chunk_start_offset] = (Opcode.CHUNK, chunk.chunk_length - HEAD.size)
+            elif opcode == Opcode.ATTACHMENT_INDEX:
+                attachment = AttachmentIndex.read(stream)
+                known[attachment.offset] = (Opcode.ATTACHMENT, attachment.length - HEAD.size)
+            elif opcode == Opcode.METADATA_INDEX:
+                metadata = MetadataIndex.read(stream)
+                known[metadata.offset] = (Opcode.METADATA, metadata.length - HEAD.size)
+        return known
+
+
+@contextmanager
+def open_records(stream: BinaryIO) -> Iterator[Records]:
+    """Map a file that is not empty into memory, for its records, during the block."""
+    with (
+        mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as mapped,
+        memoryview(mapped) as data,
+    ):
+        yield Records(data)
+
+
+def intact(attachment: bytes) -> bool:
+    """Whether the content of an attachment fits its checksum, if it has one."""
+    (checksum,) = _CHECKSUM.unpack(attachment[-_CHECKSUM.size :])
+    return checksum in {0, zlib.crc32(attachment[: -_CHECKSUM.size])}
+
+
+def _fits(opcode: int, content: memoryview) -> bool:
+    """Whether the lengths of a record's fields add up to that of the record."""
+    if opcode not in _LAYOUTS:
+        return opcode >= _PRIVATE
+    at = 0
+    for field in _LAYOUTS[Opcode(opcode)]:
+        if field == "*":
+            return at <= len(content)
+        size = _SIZES[field]
+        if at + size > len(content):
+            return False
+        if field in "sS":
+            size += int.from_bytes(content[at : at + size], "little")
+        at += size
+    return at == len(content)

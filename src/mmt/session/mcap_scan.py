@@ -1,0 +1,194 @@
+"""Everything that can be read from an MCAP file, whole, cut off or damaged.
+
+Reading does not need the index at the end of the file, so a file that lacks it, or is damaged, is
+read as far as it goes: `scan_mcap` says what is wrong.
+"""
+
+import os
+import struct
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import BinaryIO, Final
+
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError, UnsupportedCompressionError
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    Channel,
+    Chunk,
+    McapRecord,
+    Message,
+    Metadata,
+    Schema,
+)
+from mcap.stream_reader import MAGIC_SIZE, breakup_chunk
+from mcap.writer import MCAP0_MAGIC
+
+from mmt.core.errors import InputError
+from mmt.session.mcap_records import Records, intact, open_records
+
+DAMAGE: Final = (
+    McapError,
+    struct.error,
+    ValueError,
+    OverflowError,
+    MemoryError,
+    zstandard.ZstdError,
+)
+"""What the MCAP library raises on damaged bytes; its CRC and Unicode errors are ValueErrors."""
+
+
+@dataclass
+class Scan:
+    """Everything that could be read from an MCAP file, in the order of the file."""
+
+    path: Path
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    messages: list[Message] = field(default_factory=list)
+    attachments: list[Attachment] = field(default_factory=list)
+    metadata: list[Metadata] = field(default_factory=list)
+    chunks: int = 0
+    """Chunks that were read."""
+    damaged: int = 0
+    """Chunks that cannot be read."""
+    damaged_records: int = 0
+    """Attachments and other records that are damaged."""
+    problem: str = ""
+    """What is wrong with the file; empty if nothing is."""
+
+    @property
+    def whole(self) -> bool:
+        """Whether nothing is missing."""
+        return not self.problem
+
+    def on_topic(self, topic: str) -> list[Message]:
+        """Return the messages of a topic, in the order in which they were written."""
+        ids = {channel.id for channel in self.channels.values() if channel.topic == topic}
+        return [message for message in self.messages if message.channel_id in ids]
+
+    def schema_of(self, topic: str) -> Schema | None:
+        """Return the schema of a topic, None where the file has no such topic."""
+        for channel in self.channels.values():
+            if channel.topic == topic:
+                return self.schemas.get(channel.schema_id)
+        return None
+
+    def metadata_of(self, name: str) -> dict[str, str]:
+        """Return the last metadata record of a name, empty where there is none."""
+        found: dict[str, str] = {}
+        for record in self.metadata:
+            if record.name == name:
+                found = record.metadata
+        return found
+
+
+def scan_mcap(path: Path) -> Scan:
+    """Read everything that is readable in an MCAP file.
+
+    Raises
+    ------
+    InputError
+        The file is missing, empty, or not an MCAP file.
+    """
+    try:
+        with path.open("rb") as stream:
+            check_start(path, stream)
+            with open_records(stream) as records:
+                return _scan(Scan(path), records)
+    except OSError as error:
+        raise InputError(f"session {path}: {error.strerror or error}") from error
+
+
+def check_start(path: Path, stream: BinaryIO) -> None:
+    """Refuse what is no MCAP file: one begins or ends with its magic bytes.
+
+    Raises
+    ------
+    InputError
+        It is none, or empty.
+    """
+    size = os.fstat(stream.fileno()).st_size
+    if size == 0:
+        raise InputError(f"session {path}: the file is empty")
+    begins = stream.read(MAGIC_SIZE)
+    stream.seek(max(0, size - MAGIC_SIZE))
+    if MCAP0_MAGIC not in {begins, stream.read()}:
+        raise InputError(f"session {path}: this is not an MCAP file")
+    stream.seek(0)
+
+
+def _scan(scan: Scan, records: Records) -> Scan:
+    attachments = metadata = 0
+    for opcode, content, _ in records:
+        attachments += opcode == Opcode.ATTACHMENT
+        metadata += opcode == Opcode.METADATA
+        try:
+            if opcode == Opcode.CHUNK:
+                _scan_chunk(scan, Chunk.read(ReadDataStream(BytesIO(content))))
+            elif opcode == Opcode.ATTACHMENT and not intact(content):
+                scan.damaged_records += 1
+            elif opcode in _READERS:
+                _add_record(scan, _READERS[opcode](content))
+        except DAMAGE:
+            scan.damaged_records += 1
+    problems: list[str] = []
+    count = records.statistics
+    if count is not None:
+        scan.damaged = max(scan.damaged, count.chunk_count - scan.chunks)
+        lost = count.attachment_count - attachments + count.metadata_count - metadata
+        scan.damaged_records = max(scan.damaged_records, lost)
+        if not scan.damaged and count.message_count != len(scan.messages):
+            problems.append(f"it has {len(scan.messages)} messages of {count.message_count}")
+    if scan.damaged:
+        problems.append(f"{scan.damaged} damaged chunks")
+    if scan.damaged_records:
+        problems.append(f"{scan.damaged_records} other damaged records")
+    scan.problem = ", ".join([*problems, *records.problems])
+    return scan
+
+
+def _scan_chunk(scan: Scan, chunk: Chunk) -> None:
+    try:
+        records = breakup_chunk(chunk, validate_crc=True)
+    except UnsupportedCompressionError as error:
+        if chunk.compression == "lz4":
+            raise InputError(
+                f"session {scan.path}: {error}; install the Python package lz4 to read it"
+            ) from error
+        scan.damaged += 1
+        return
+    except DAMAGE:
+        scan.damaged += 1
+        return
+    scan.chunks += 1
+    for record in records:
+        _add_record(scan, record)
+
+
+_READERS: Final[Mapping[int, Callable[[bytes], McapRecord]]] = {
+    Opcode.SCHEMA: lambda content: Schema.read(ReadDataStream(BytesIO(content))),
+    Opcode.CHANNEL: lambda content: Channel.read(ReadDataStream(BytesIO(content))),
+    Opcode.MESSAGE: lambda content: Message.read(ReadDataStream(BytesIO(content)), len(content)),
+    Opcode.ATTACHMENT: lambda content: Attachment.read(ReadDataStream(BytesIO(content))),
+    Opcode.METADATA: lambda content: Metadata.read(ReadDataStream(BytesIO(content))),
+}
+
+
+def _add_record(scan: Scan, record: McapRecord) -> None:
+    # Schemas and channels stand in a chunk, under its checksum, and again in the index at the
+    # end, under none: the first counts.
+    if isinstance(record, Message):
+        scan.messages.append(record)
+    elif isinstance(record, Channel):
+        scan.channels.setdefault(record.id, record)
+    elif isinstance(record, Schema):
+        scan.schemas.setdefault(record.id, record)
+    elif isinstance(record, Attachment):
+        scan.attachments.append(record)
+    elif isinstance(record, Metadata):
+        scan.metadata.append(record)

@@ -1,0 +1,111 @@
+"""A stranger without the token, who keeps a leader's port as busy as it lets one connection.
+
+``python -m mmt_lab.bench.strangers URL KIND`` connects, sends what `KINDS` says, and connects anew
+when it is closed, until the process is ended.
+"""
+
+import itertools
+import socket
+import struct
+import sys
+from collections.abc import Iterable
+from typing import Final
+from urllib.parse import urlsplit
+
+import msgpack
+
+from mmt.core.process import step_back
+from mmt.link.protocol import CONNECT_PACKET, EVENT_NAMESPACE
+from mmt.link.websocket import LINK_PATH
+
+_PATIENCE_S: Final = 1.0
+"""How long a leader may take nothing before the stranger connects anew."""
+_CONTINUATION, _TEXT, _BINARY, _PING, _PONG = 0, 1, 2, 9, 10
+"""WebSocket opcodes."""
+_UNMASKED: Final = bytes(4)
+"""A client must mask what it sends; this mask changes nothing."""
+_UPGRADE: Final = (
+    f"GET {LINK_PATH}?EIO=4&transport=websocket HTTP/1.1\r\nHost: 127.0.0.1\r\n"
+    "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+    "Sec-WebSocket-Key: MTIzNDU2Nzg5MDEyMzQ1Ng==\r\n\r\n"
+).encode()
+
+
+def _frame(opcode: int, payload: bytes) -> bytes:
+    """Return a WebSocket frame."""
+    length = len(payload)
+    if length < 126:
+        head = bytes((0x80 | opcode, 0x80 | length))
+    elif length < 2**16:
+        head = struct.pack(">BBH", 0x80 | opcode, 0x80 | 126, length)
+    else:
+        head = struct.pack(">BBQ", 0x80 | opcode, 0x80 | 127, length)
+    return head + _UNMASKED + payload
+
+
+def _piece(opcode: int) -> bytes:
+    """Return an empty WebSocket frame that others follow."""
+    return bytes((opcode, 0x80)) + _UNMASKED
+
+
+def _hello(auth: object) -> bytes:
+    """Return the WebSocket frame of a Socket.IO connection with this ``auth``."""
+    packet = {"type": CONNECT_PACKET, "data": auth, "nsp": EVENT_NAMESPACE}
+    return _frame(_BINARY, msgpack.packb(packet))
+
+
+KINDS: Final = {
+    "maps": "messages of 130,000 empty maps",
+    "hellos": "hellos of 60,000 empty maps",
+    "tokens": "hellos with a wrong token, a connection each",
+    "texts": "messages of one byte",
+    "pings": "pings of the WebSocket",
+    "pongs": "pongs of the WebSocket",
+    "pieces": "a message in empty pieces",
+    "requests": "requests of a page, in a row",
+}
+"""Strangers by name, and what each sends."""
+
+
+def _said(kind: str) -> Iterable[bytes]:
+    """Return what a stranger of one of `KINDS` sends on a connection."""
+    if kind == "tokens":
+        return (_UPGRADE, _hello({"token": "wrong"}))
+    first, repeated = {
+        "maps": (_UPGRADE, _frame(_BINARY, msgpack.packb([{}] * 130_000))),
+        "hellos": (_UPGRADE, _hello({"token": "wrong", "maps": [{}] * 60_000})),
+        "texts": (_UPGRADE, _frame(_TEXT, b"3") * 1000),
+        "pings": (_UPGRADE, _frame(_PING, b"") * 1000),
+        "pongs": (_UPGRADE, _frame(_PONG, b"") * 1000),
+        "pieces": (_UPGRADE + _piece(_TEXT), _piece(_CONTINUATION) * 1000),
+        "requests": (b"", b"GET /health HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n" * 1000),
+    }[kind]
+    return itertools.chain((first,), itertools.repeat(repeated))
+
+
+def disturb(host: str, port: int, kind: str) -> int:
+    """Open one connection and say all that it takes; return how many bytes that was."""
+    said = 0
+    try:
+        with socket.create_connection((host, port), _PATIENCE_S) as connection:
+            for chunk in _said(kind):
+                connection.sendall(chunk)
+                said += len(chunk)
+            connection.shutdown(socket.SHUT_WR)
+            while connection.recv(65_536):
+                pass
+    except OSError:
+        pass  # it was closed, or nothing is taken any more
+    return said
+
+
+def main() -> None:
+    """Be the stranger of the command line, who is on another machine: it steps back."""
+    step_back()
+    address, kind = urlsplit(sys.argv[1]), sys.argv[2]
+    while True:
+        disturb(address.hostname or "", address.port or 80, kind)
+
+
+if __name__ == "__main__":
+    main()
