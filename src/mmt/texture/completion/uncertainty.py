@@ -26,7 +26,6 @@ A moment of stroking is spread over the nodes around it by Gaussians in the loga
 force and in heading; moments beyond the grid count at its edge.
 """
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
@@ -36,9 +35,9 @@ from mmt.core.arrays import FloatArray, IntArray
 from mmt.texture.completion.criterion import Criterion, Progress
 from mmt.texture.completion.distance import DIVISIONS, cells_of
 from mmt.texture.completion.plane import forces_n, speeds_mm_s
-from mmt.texture.field.covariance import Coordinates, grid_nodes, warped
+from mmt.texture.field.covariance import Coordinates, grid_nodes, points_at, warped
 from mmt.texture.field.posterior import DB, LevelField, right_probability
-from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
+from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
@@ -61,8 +60,9 @@ class CompletionGrid:
     ----------
     speed, force, heading
         Axes: normalised speeds and forces, and headings.
-    points
-        The nodes, normalised, shape (g, d), in the order of `covariance.grid_nodes`.
+    strokes, points
+        The nodes, in the order of `covariance.grid_nodes`: in the field's coordinates, (g,) each,
+        and normalised, (g, d).
     """
 
     def __init__(self, space: InputSpace) -> None:
@@ -72,12 +72,9 @@ class CompletionGrid:
         self.speed = speeds_mm_s(speeds) / space.maximum_speed_mm_s
         self.force = forces_n(forces) / space.maximum_force_n
         self.heading = turn if space.directed else 0.0 * turn
-        around, speed, force = (
-            axis.ravel()
-            for axis in np.meshgrid(self.heading, self.speed, self.force, indexing="ij")
-        )
-        columns = [speed * np.cos(around), speed * np.sin(around), force]
-        self.points: FloatArray = np.column_stack(columns if space.directed else [speed, force])
+        axes = Coordinates(warped(self.speed), warped(self.force), self.heading)
+        self.strokes = grid_nodes(axes)
+        self.points = points_at(self.strokes, directed=space.directed)
 
     def __len__(self) -> int:
         return len(self.points)
@@ -102,11 +99,6 @@ class CompletionGrid:
         count = len(cells_of(self.space.dimensions).centres)
         total = np.bincount(self.cells, values, minlength=count)
         return np.asarray(total / np.bincount(self.cells, minlength=count))
-
-
-def completion_grid(dimensions: int) -> CompletionGrid:
-    """Return the grid of the space of 2 or 3 inputs."""
-    return CompletionGrid(ISOTROPIC if dimensions == 2 else ANISOTROPIC)
 
 
 PRIOR_S: Final = 10.0
@@ -192,40 +184,33 @@ _LEAST: Final = 1e-12
 """Variances in nepers^2 count as no smaller: 4e-6 dB."""
 
 
-@dataclass(frozen=True, eq=False)
-class Outlook:
-    """Expected accuracy at every node of a grid, arrays of shape (g,).
+def outlook(
+    field: LevelField, grid: CompletionGrid, weights: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return what is expected at the nodes of a grid, arrays of shape (g,).
 
-    Attributes
+    Parameters
     ----------
-    deviation_db
-        Standard deviation of the level's error.
-    right
-        Probability that it is within one JND.
-    gain
-        Increase of the weighted share by a further second of stroking at that node.
+    field
+        The posterior.
+    grid
+        Strokes.
+    weights
+        Of the nodes, (g,), with the sum 1.
+
+    Returns
+    -------
+    right, gain
+        The probability that the level is within one JND, and the increase of the weighted share by
+        a further second of stroking at that node.
     """
-
-    deviation_db: FloatArray
-    right: FloatArray
-    gain: FloatArray
-
-    def share(self, weights: FloatArray) -> float:
-        """Return the expected share, weighted by (g,) weights whose sum is 1."""
-        return float(np.clip(self.right @ weights, 0.0, 1.0))
-
-
-def outlook(field: LevelField, grid: CompletionGrid, weights: FloatArray) -> Outlook:
-    """Return the `Outlook` of a posterior over a grid whose nodes have weights (g,)."""
-    axes = Coordinates(warped(grid.speed), warped(grid.force), grid.heading)
-    covariance = field.covariance_on_grid(axes)
-    variance = np.maximum(np.einsum("ii->i", covariance), _LEAST)
+    covariance = field.covariance_among(grid.strokes)
+    variance = np.maximum(np.diagonal(covariance), _LEAST)
     gained = np.square(covariance) / (variance + field.second_variance)[:, None]
     nepers = JND_DB / DB
     after = right_probability(nepers, np.maximum(variance - gained, _LEAST))
     gain = after @ weights - right_probability(nepers, variance) @ weights
-    found = field.predict(grid_nodes(axes))
-    return Outlook(DB * found.deviation, found.within(nepers), np.asarray(gain))
+    return field.predict(grid.strokes).within(nepers), np.asarray(gain)
 
 
 class UncertaintyCriterion(Criterion):
@@ -239,7 +224,7 @@ class UncertaintyCriterion(Criterion):
 
     def __init__(self, settings: ModellingSettings) -> None:
         super().__init__(settings.scale)
-        self.grid = completion_grid(3 if settings.inputs == "anisotropic" else 2)
+        self.grid = CompletionGrid(InputSpace(settings.inputs))
         self.density = StrokingDensity(
             self.grid, settings.least_speed_mm_s, settings.least_force_n, settings.rate_hz
         )
@@ -264,11 +249,11 @@ class UncertaintyCriterion(Criterion):
             return
         self._evaluated_s = self.density.total_s
         weights = self.density.weights
-        found = outlook(field, self.grid, weights)
+        right, gain = outlook(field, self.grid, weights)
         self.progress = Progress(
             scale=self.scale,
-            value=found.share(weights),
-            cells=tuple(self.grid.mean_of_cells(found.right).tolist()),
-            advice=tuple(self.grid.inputs[int(np.argmax(found.gain))].tolist()),
+            value=float(np.clip(right @ weights, 0.0, 1.0)),
+            cells=tuple(self.grid.mean_of_cells(right).tolist()),
+            advice=tuple(self.grid.inputs[int(np.argmax(gain))].tolist()),
         )
         self.meet(self.progress.value, time_s)

@@ -27,7 +27,6 @@ from mmt.texture.field.covariance import (
     Between,
     Coordinates,
     coordinates,
-    grid_nodes,
     mean_on_grid,
     settings,
     variance,
@@ -155,17 +154,15 @@ class LevelField:
         found = self.predict(coordinates(points))
         return DB * _rendered(found.mean), DB * found.deviation
 
-    def covariance_on_grid(self, axes: Coordinates) -> FloatArray:
-        """Return the posterior covariance among a grid's nodes, (g, g), nepers^2.
+    def covariance_among(self, at: Coordinates) -> FloatArray:
+        """Return the posterior covariance among g strokes, (g, g), nepers^2.
 
-        That of the setting with the largest weight; the nodes are in the order of
-        `covariance.grid_nodes`.
+        That of the setting with the largest weight.
         """
         likeliest = max(self._members, key=lambda member: member.weight)
-        nodes = grid_nodes(axes)
-        prior = Between(nodes, self._at, directed=self.directed).covariance(likeliest.setting)
+        prior = Between(at, self._at, directed=self.directed).covariance(likeliest.setting)
         explained = solve_forward(likeliest.factor, prior)
-        within = Between(nodes, nodes, directed=self.directed).covariance(likeliest.setting)
+        within = Between(at, at, directed=self.directed).covariance(likeliest.setting)
         return np.asarray(within - product(explained, explained.T))
 
     @property
