@@ -63,10 +63,6 @@ def _constantly(value: Any) -> Replace:
     return lambda _: value
 
 
-def _around_alone(table: Callable[..., Any]) -> Callable[..., Any]:
-    return lambda *given, **_: table(*given)
-
-
 def _without_columns(*columns: int) -> Replace:
     """Return what sets hyperparameters of every setting to zero: no such departure."""
 
@@ -138,13 +134,6 @@ INGREDIENTS: Final[Mapping[str, Ingredient]] = MappingProxyType(
         "nap": Ingredient(
             "the departure that is not",
             {f"{_FIELD}.posterior:settings": _without_columns(6)},
-        ),
-        "inner": Ingredient(
-            "the points inside, to which the shapes' process is continued",
-            {
-                f"{_FIELD}.shape_smoothing:boundary": _around_alone,
-                "mmt.texture.model.rendered:vertex_table": _around_alone,
-            },
         ),
         "lengths": Ingredient(
             "the choice of the shapes' lengths by their evidence: the middle ones",

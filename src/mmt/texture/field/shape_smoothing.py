@@ -97,10 +97,9 @@ def smoothed_shapes(samples: TextureSamples) -> FloatArray:
     """Return the smoothed frequencies of a model's samples and of its boundary, (n + b, order).
 
     Samples are weighted by their lengths; where these are not known all count alike.
-    The boundary is that with points inside.
     """
     weights = np.ones(len(samples)) if samples.counts is None else samples.counts
-    around = boundary(samples.space.dimensions, inside=True).points
+    around = boundary(samples.space.dimensions).points
     return smoothed(samples.points, samples.lsf, weights, around)
 
 

@@ -1,8 +1,5 @@
 """Points around a model's samples, so that the interpolation covers all that a hand can reach.
 
-And points inside, for models whose shape is a process: between a few samples it bends more than the
-interpolation does.
-
 In the plane of speed and force they lie on the four edges (paper A, section V.B); around the
 cylinder of velocity vector and force on its faces and beside its wall.
 """
@@ -29,10 +26,6 @@ RIM: Final = 1.0 / math.cos(math.pi / HEADINGS)
 _FACE_RADIUS: Final = 0.85
 _GOLDEN_ANGLE: Final = math.pi * (3.0 - math.sqrt(5.0))
 
-_SPEEDS: Final = 7
-_RADII: Final = 0.2, 0.45, 0.7, 0.9
-_OFF: Final = 0.02
-
 
 class Boundary(NamedTuple):
     """Points, shape (b, d), and whether the level there is zero, shape (b,)."""
@@ -41,14 +34,9 @@ class Boundary(NamedTuple):
     silent: BoolArray
 
 
-def boundary(dimensions: int, *, inside: bool = False) -> Boundary:
-    """Return the boundary of the space of 2 or 3 inputs; the points inside come last."""
-    around = _square() if dimensions == 2 else _cylinder()
-    if not inside:
-        return around
-    within = _lattice() if dimensions == 2 else _shells()
-    silent = np.concatenate([around.silent, np.zeros(len(within), np.bool_)])
-    return Boundary(np.vstack([around.points, within]), silent)
+def boundary(dimensions: int) -> Boundary:
+    """Return the boundary of the space of 2 or 3 inputs."""
+    return _square() if dimensions == 2 else _cylinder()
 
 
 def _square() -> Boundary:
@@ -76,30 +64,6 @@ def _cylinder() -> Boundary:
     faces = [_at(radius, turn * _GOLDEN_ANGLE, force) for force in (0.0, 1.0)]
     points = np.vstack([*rings, *faces])
     return Boundary(points, np.zeros(len(points), np.bool_))
-
-
-def _lattice() -> FloatArray:
-    """Return points inside the plane, (21, 2): finer in speed, which lines follow."""
-    steps = (np.arange(_SPEEDS) + 0.5) / _SPEEDS
-    return np.array([(speed, force) for speed in steps for force in steps[1::2]])
-
-
-def _shells() -> FloatArray:
-    """Return points inside the space, (144, 3): about four speeds and three forces.
-
-    Around each in turn, off it by no more than `_OFF`: points on one sphere have no one
-    triangulation.
-    """
-    headings = np.linspace(0.0, 2.0 * np.pi, HEADINGS, endpoint=False)
-    points = np.vstack(
-        [
-            _at(radius, headings + number * np.pi / HEADINGS, force)
-            for number, radius in enumerate(_RADII)
-            for force in (0.2, 0.5, 0.8)
-        ]
-    )
-    turn = _GOLDEN_ANGLE * np.arange(len(points))[:, None]
-    return np.asarray(points + _OFF * np.cos(turn * np.array([1.0, 2.0, 3.0])))
 
 
 def _at(radius: float | FloatArray, heading: FloatArray, force: float | FloatArray) -> FloatArray:

@@ -41,9 +41,7 @@ class Vertices(NamedTuple):
         return self.table[:, self.dimensions :]
 
 
-def vertex_table(
-    points: FloatArray, level: FloatArray, lsf: FloatArray, *, inside: bool = False
-) -> Vertices:
+def vertex_table(points: FloatArray, level: FloatArray, lsf: FloatArray) -> Vertices:
     """Return points, level and LSF of samples and boundary points.
 
     Coincident samples become one vertex with the mean of their filters (a convex
@@ -58,8 +56,6 @@ def vertex_table(
     level, lsf
         Level and LSF of the samples, shapes (n,) and (n, order), or (n + b, order) where those
         of all points of `mmt.texture.interpolation.boundary.boundary` follow.
-    inside
-        Whether its points inside the space are vertices, too.
     """
     count, dimensions = points.shape
     rows = np.column_stack([_on_edges(points), level, lsf[:count]])
@@ -69,7 +65,7 @@ def vertex_table(
     np.add.at(merged, vertex, rows)
     merged /= counts[:, None]
 
-    around = boundary(dimensions, inside=inside)
+    around = boundary(dimensions)
     distance = cdist(around.points, merged[:, :dimensions])
     extension = merged[distance.argmin(axis=1)]
     extension[:, :dimensions] = around.points

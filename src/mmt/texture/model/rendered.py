@@ -73,7 +73,7 @@ class FieldRendered:
 
         samples = self._samples
         lsf = smoothed_shapes(samples)
-        return vertex_table(samples.points, samples.power, lsf, inside=True)
+        return vertex_table(samples.points, samples.power, lsf)
 
     @cached_property
     def interpolant(self) -> Interpolant:
