@@ -2,9 +2,9 @@
 
 Awan et al., section V.C: once a period the newest samples are filtered and cut into segments
 (`SegmentingStage`), fitted (`FittingStage`), and a new model is triangulated (`BuildingStage`),
-which a criterion of completion judges (`CompletionStage`). `OnlineModeller` holds the four stages
-of one model. The evaluation of recorded sessions runs them one after the other (`update`); the
-live leader runs each in a task of its own, and comes to the same model to the bit.
+which a criterion of completion judges. `OnlineModeller` holds the stages of one model. The
+evaluation of recorded sessions runs them one after the other (`update`); the live leader runs each
+in a task of its own, and comes to the same model to the bit.
 
 The model has `LARGEST_MODEL` samples at most, so that neither memory nor the cost of an update
 grows without end where the criteria are never met.
@@ -12,17 +12,19 @@ grows without end where the criteria are never met.
 
 from collections.abc import Callable, Iterator
 
+import numpy as np
+
 from mmt.core.arrays import RecordArray
 from mmt.texture.completion.criterion import Criterion
-from mmt.texture.model.fits import Fit
+from mmt.texture.completion.distance import distance_sum
+from mmt.texture.model.fits import Fit, points_of
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.building import BuildingStage
-from mmt.texture.online.completing import CompletionStage
 from mmt.texture.online.fitting import LARGEST_MODEL, FittingStage
 from mmt.texture.online.methods import method_of
 from mmt.texture.online.segmenting import SegmentingStage
-from mmt.texture.online.work import ModelUpdate, SegmentRange, Work
+from mmt.texture.online.work import ModelUpdate, SegmentRange, Stopwatch, Work
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
 
@@ -62,7 +64,7 @@ class OnlineModeller:
         self._method = method_of(self.settings, deferred=deferred)
         self._fitting = FittingStage(self.settings, self._method)
         self._building = BuildingStage(self.settings, self._method, deferred=deferred)
-        self._completing = CompletionStage(self.settings, self._method, until_start=until_start)
+        self._until_start = until_start
 
     @property
     def completion(self) -> Criterion:
@@ -144,8 +146,39 @@ class OnlineModeller:
         self._building.build(work)
 
     def judge(self, work: Work) -> None:
-        """Judge the model and set ``work.update``."""
-        self._completing.judge(work, self._segmenting.first_sequence or 0)
+        """Judge the model, and set ``work.update``: what has come of the update.
+
+        A criterion that only samples of another surface have met is no longer met.
+        """
+        clock = Stopwatch(work.durations_s)
+        criterion = self.completion
+        points = np.empty((0, self.space.dimensions))
+        if work.chosen:
+            points = points_of(work.chosen, self.space)
+        revoked = work.forget_from is not None and work.removed_count > 0
+        if not (self._until_start and criterion.started):
+            self._method.judge(work, points, anew=revoked or work.forget_from is None)
+        if revoked and work.forget_from is not None:
+            criterion.revoke_since(self._segmenting.time_of(work.forget_from))
+        clock.lap("completion")
+        work.update = ModelUpdate(
+            time_s=work.time_s if work.session_time_s is None else work.session_time_s,
+            samples=len(work.chosen),
+            added=len(work.added),
+            removed=work.removed_count,
+            distance=distance_sum(points),
+            progress=criterion.progress,
+            order=work.order,
+            started=criterion.started,
+            stopped=criterion.stopped,
+            source=work.source,
+            durations_s=work.durations_s,
+            outliers=work.outliers,
+            redundant=work.redundant,
+            surface=work.surface,
+            changes=work.changes,
+            left=work.left,
+        )
 
 
 def carry_out(steps: Iterator[Work | None]) -> ModelUpdate | None:

@@ -1,14 +1,18 @@
 """The first stage of an update: frames are filtered, and cut into segments."""
 
 from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
 
 from mmt.core.arrays import RecordArray
-from mmt.texture.online.work import Stopwatch, UpdateSteps, Work
+from mmt.texture.online.work import Stopwatch, Work
 from mmt.texture.segmentation.segmenter import OnlineSegmenter, segmentation_settings
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.signals.noise_floor import NoiseFloor
+
+if TYPE_CHECKING:
+    from mmt.texture.online.modeller import OnlineModeller
 
 
 class SegmentingStage:
@@ -34,10 +38,13 @@ class SegmentingStage:
             segmentation_settings(settings), overlap_samples=settings.overlap_samples
         )
         self._noise = NoiseFloor()
-        self.first_sequence: int | None = None
-        """Number of the first frame, None before it."""
+        self._first_sequence: int | None = None
         self.time_s = 0.0
         """Session time of the newest frame."""
+
+    def time_of(self, sequence: int) -> float:
+        """Return the session time (s) of a frame by its number."""
+        return (sequence - (self._first_sequence or 0)) / self._rate_hz
 
     @property
     def delay_samples(self) -> int:
@@ -49,7 +56,7 @@ class SegmentingStage:
         """The sensor's noise in (m/s2)^2, 0 as long as it is not known."""
         return self._noise.power
 
-    def segment(self, modeller: UpdateSteps, frames: RecordArray) -> Iterator[Work | None]:
+    def segment(self, modeller: "OnlineModeller", frames: RecordArray) -> Iterator[Work | None]:
         """Filter and segment frames (n,); None after the filters, the work for an update last.
 
         A service that must keep its ticks runs the steps one by one, so that the interpreter
@@ -57,10 +64,9 @@ class SegmentingStage:
         """
         clock = Stopwatch()
         if len(frames):
-            if self.first_sequence is None:
-                self.first_sequence = int(frames["sequence"][0])
-            elapsed = int(frames["sequence"][-1]) + 1 - self.first_sequence
-            self.time_s = elapsed / self._rate_hz
+            if self._first_sequence is None:
+                self._first_sequence = int(frames["sequence"][0])
+            self.time_s = self.time_of(int(frames["sequence"][-1]) + 1)
         aligned = self._filter.process(frames)
         self._noise.update(aligned)
         clock.lap("filter")
