@@ -79,7 +79,7 @@ def grid_of(dimensions: int) -> CompletionGrid:
 
 
 def density(dimensions: int) -> StrokingDensity:
-    return StrokingDensity(grid_of(dimensions), 10.0, 0.1, 1000.0)
+    return StrokingDensity(grid_of(dimensions), ModellingSettings())
 
 
 def share(field: LevelField, grid: CompletionGrid) -> float:
@@ -125,7 +125,7 @@ def test_motion_counts_where_it_was_against_seconds_of_any_stroke(dimensions):
     heading = math.radians(75.0) if dimensions == 3 else 0.0
     seen.add(motion(PRIOR_S, 150.0, 1.5, heading))
     assert seen.weights.sum() == pytest.approx(1.0)
-    assert seen.seconds.sum() == pytest.approx(PRIOR_S)
+    assert seen.total_s == pytest.approx(PRIOR_S)
     least = 0.5 / len(grid) - 1e-12
     assert (seen.weights >= least).all()
     most = grid.inputs[int(np.argmax(seen.weights))]

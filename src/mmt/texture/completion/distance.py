@@ -25,7 +25,7 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.texture.completion.criterion import Criterion, Progress
 from mmt.texture.model.inputs import InputSpace
-from mmt.texture.settings import ModellingSettings
+from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S, ModellingSettings
 
 DIVISIONS: Final = 3
 NEIGHBOURS: Final = 3
@@ -42,6 +42,11 @@ CELL_CENTRES: Final[FloatArray] = np.array(
     ]
 )
 """Normalised (speed, force) of the nine centres, shape (9, 2)."""
+
+SPEED_RANGE_MM_S: Final = (ModellingSettings.least_speed_mm_s, MAXIMUM_SPEED_MM_S)
+FORCE_RANGE_N: Final = (ModellingSettings.least_force_n, MAXIMUM_FORCE_N)
+"""The part of the plane that counts, where models are scored and expected: from the least speed and
+force that are modelled to the largest."""
 
 _QUADRATURE: Final = 200
 
@@ -63,11 +68,6 @@ class Cells:
     centres: FloatArray
     neighbours: int
     farthest: float
-
-    @property
-    def empty(self) -> float:
-        """The sum without any sample."""
-        return len(self.centres) * self.neighbours * self.farthest
 
 
 def _reachable_centres() -> FloatArray:
@@ -154,3 +154,19 @@ class CompletionMonitor(Criterion):
             cells=tuple(distances.tolist()),
             advice=tuple(centres[int(np.argmax(distances))].tolist()) if len(points) else None,
         )
+
+
+def speeds_mm_s(count: int) -> FloatArray:
+    """Return the speeds in the middles of so many cells, shape (count,)."""
+    return middles(SPEED_RANGE_MM_S, count)
+
+
+def forces_n(count: int) -> FloatArray:
+    """Return the forces in the middles of so many cells, shape (count,)."""
+    return middles(FORCE_RANGE_N, count)
+
+
+def middles(ends: tuple[float, float], count: int) -> FloatArray:
+    """Return the middles of so many equal parts of a range, shape (count,)."""
+    low, high = ends
+    return low + (high - low) * (np.arange(count) + 0.5) / count

@@ -16,7 +16,7 @@ variance at every x by ``cov(x, c)^2 / (var(c) + r)``, whatever it measures (a r
 Rasmussen and Williams 2006, eq. 2.26). This gives the gain in the expected share for every c at
 once, in O(g^2) for g nodes, by the likeliest setting.
 
-*Strokes.* The grid is of the whole plane (`mmt.texture.completion.plane`), which evaluations
+*Strokes.* The grid is of the whole plane (`mmt.texture.completion.distance`), which evaluations
 compare as well. The next stroke is taken to come from a Dirichlet process
 whose base measure is uniform over the grid with the weight of `PRIOR_S` of stroking: after t
 seconds it repeats an earlier stroke with probability t / (t + `PRIOR_S`) (Ferguson, "A Bayesian
@@ -33,8 +33,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.texture.completion.criterion import Criterion, Progress
-from mmt.texture.completion.distance import DIVISIONS, cells_of
-from mmt.texture.completion.plane import forces_n, speeds_mm_s
+from mmt.texture.completion.distance import DIVISIONS, cells_of, forces_n, speeds_mm_s
 from mmt.texture.field.covariance import Coordinates, grid_nodes, points_at, warped
 from mmt.texture.field.posterior import DB, LevelField, right_probability
 from mmt.texture.model.inputs import InputSpace
@@ -116,24 +115,19 @@ class StrokingDensity:
     ----------
     grid
         Grid of strokes.
-    least_speed_mm_s, least_force_n
-        Slower and lighter motion is no stroking.
-    rate_hz
-        Sampling rate of the stream.
+    settings
+        Least speed and force of a stroke, and the stream's rate.
     """
 
-    def __init__(
-        self, grid: CompletionGrid, least_speed_mm_s: float, least_force_n: float, rate_hz: float
-    ) -> None:
-        self._grid = grid
-        self._least = least_speed_mm_s, least_force_n
-        self._moment_s = _STEP / rate_hz
+    def __init__(self, grid: CompletionGrid, settings: ModellingSettings) -> None:
+        self._grid, self._settings = grid, settings
+        self._moment_s = _STEP / settings.rate_hz
         self._seconds = np.zeros(len(grid))
 
     def add(self, block: AlignedBlock) -> None:
         """Add the newest block of aligned samples."""
-        stroking = block.valid & (block.speed_mm_s >= self._least[0])
-        stroking &= block.normal_force_n >= self._least[1]
+        stroking = block.valid & (block.speed_mm_s >= self._settings.least_speed_mm_s)
+        stroking &= block.normal_force_n >= self._settings.least_force_n
         chosen = np.flatnonzero(stroking)[::_STEP]
         if not len(chosen):
             return
@@ -143,15 +137,12 @@ class StrokingDensity:
         force = np.log(block.normal_force_n[chosen] / space.maximum_force_n)
         velocity = block.velocity_mm_s[chosen]
         turn = np.subtract.outer(grid.heading, np.arctan2(velocity[:, 1], velocity[:, 0]))
-        across = _near(speeds, np.clip(speed, speeds[0], speeds[-1]), _WIDTHS[0])
-        along = _near(forces, np.clip(force, forces[0], forces[-1]), _WIDTHS[1])
+        across, along = (
+            _shares(np.subtract.outer(axis, np.clip(values, axis[0], axis[-1])), width)
+            for axis, values, width in ((speeds, speed, _WIDTHS[0]), (forces, force, _WIDTHS[1]))
+        )
         around = _shares(2.0 * np.sin(0.5 * turn), _WIDTHS[2])  # one heading: it alone
         self._seconds += self._moment_s * np.einsum("hk,sk,fk->hsf", around, across, along).ravel()
-
-    @property
-    def seconds(self) -> FloatArray:
-        """Seconds of stroking at each node, shape (g,)."""
-        return self._seconds.copy()
 
     @property
     def total_s(self) -> float:
@@ -163,10 +154,6 @@ class StrokingDensity:
         """The probability of each node, shape (g,), all above zero, with the sum 1."""
         seconds = self._seconds + PRIOR_S / len(self._seconds)
         return np.asarray(seconds / seconds.sum())
-
-
-def _near(axis: FloatArray, values: FloatArray, width: float) -> FloatArray:
-    return _shares(np.subtract.outer(axis, values), width)
 
 
 def _shares(apart: FloatArray, width: float) -> FloatArray:
@@ -225,9 +212,7 @@ class UncertaintyCriterion(Criterion):
     def __init__(self, settings: ModellingSettings) -> None:
         super().__init__(settings.scale)
         self.grid = CompletionGrid(InputSpace(settings.inputs))
-        self.density = StrokingDensity(
-            self.grid, settings.least_speed_mm_s, settings.least_force_n, settings.rate_hz
-        )
+        self.density = StrokingDensity(self.grid, settings)
         nothing = self.grid.mean_of_cells(np.zeros(len(self.grid)))
         self.progress = self._nothing = Progress(self.scale, 0.0, tuple(nothing.tolist()))
         self._evaluated_s = 0.0

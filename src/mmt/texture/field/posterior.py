@@ -32,9 +32,9 @@ from mmt.texture.field.covariance import (
     variance,
     warped,
 )
-from mmt.texture.field.level_table import table_grid
 from mmt.texture.field.observations import BLOCK_VARIANCE, observe
 from mmt.texture.linear_algebra import cholesky, product, solve_backward, solve_forward
+from mmt.texture.model.kernel_parameters import table_grid
 from mmt.texture.model.samples import TextureSamples
 
 DB: Final = 10.0 / np.log(10.0)
@@ -172,7 +172,7 @@ class LevelField:
 
     @cached_property
     def table(self) -> FloatArray:
-        """The mean, in nepers, on the grid of `mmt.texture.field.level_table`.
+        """The mean, in nepers, on the grid of `mmt.texture.model.kernel_parameters`.
 
         Shape (headings, speeds, forces). Below the slowest and the lightest cell it falls
         towards zero at least as speed^0.2 and force^0.2, whatever the blocks say.

@@ -1,14 +1,13 @@
 """The ``.npz`` file of a texture model; the layout is in ``docs/reference/model-file.md``."""
 
-from dataclasses import dataclass
-from typing import Final, cast
+from typing import Final, NamedTuple, cast
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.errors import InputError
 from mmt.texture.field.cells import FELT_POWER, FieldCells
-from mmt.texture.model.file_arrays import Arrays, file_arrays, pack_arrays
+from mmt.texture.model.file_arrays import Arrays, file_arrays
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.samples import LARGEST_POWER, TextureSamples
 from mmt.texture.settings import Method
@@ -18,8 +17,7 @@ FORMAT_VERSION: Final = 7
 comes nearest; their blocks, gathered by place, as if each place were a moment."""
 
 
-@dataclass(frozen=True)
-class ModelContents:
+class ModelContents(NamedTuple):
     """What a model file holds: the parameters of `TextureModel`, which are not checked here."""
 
     samples: TextureSamples
@@ -28,13 +26,8 @@ class ModelContents:
     field: FieldCells | None = None
 
 
-def pack(contents: ModelContents) -> bytes:
-    """Return a model as the content of a file."""
-    return pack_arrays(arrays_of(contents))
-
-
 def unpack(data: bytes) -> ModelContents:
-    """Return the contents of a model from what `pack` returned, now or in an earlier version.
+    """Return the contents of a model from its file, written now or in an earlier version.
 
     Raises
     ------
