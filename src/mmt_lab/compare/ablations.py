@@ -136,12 +136,8 @@ INGREDIENTS: Final[Mapping[str, Ingredient]] = MappingProxyType(
             {f"{_FIELD}.posterior:settings": _without_columns(6)},
         ),
         "lengths": Ingredient(
-            "the choice of the shapes' lengths by their evidence: the middle ones",
+            "the choice of the shapes' lengths by their evidence: 0.5 and 0.7",
             {f"{_FIELD}.shape_smoothing:_SCALES": _constantly(((0.5,), (0.7,)))},
-        ),
-        "shape-noise": Ingredient(
-            "each line's own ratio of noise to departure: the usual one for all",
-            {f"{_FIELD}.shape_smoothing:_NOISE": _constantly(np.array([0.1]))},
         ),
         "weights": Ingredient(
             "the weight of a segment's filter by its length: all alike",

@@ -10,7 +10,7 @@ themselves, for the interpolation to go on with, and at the points around them, 
 line that follows the speed goes on instead of standing still as a copy of the nearest sample's.
 
 The lengths of the departures are shared, those of the largest evidence on a grid; each frequency's
-scale is integrated out by its best value, and the ratio of noise to departure is the usual one.
+scale is integrated out by its best value, and the ratio of noise to departure is one for all.
 Over the velocity a stroke and its return count as nearly alike (`_RETURN`), since ridges are the
 same from both sides.
 
@@ -18,7 +18,7 @@ A set of frequencies that would come closer than half as near to each other as t
 around the samples as the nearest one's were, is brought back towards these: convex combinations of
 ordered frequencies are ordered.
 
-Cost: ten Cholesky factors, nine of at most `_CHOICE` samples and one of at most `LARGEST`; where
+Cost: five Cholesky factors, four of at most `_CHOICE` samples and one of at most `LARGEST`; where
 there are more samples they are pooled by cells first.
 """
 
@@ -37,11 +37,11 @@ LARGEST: Final = 128
 """Nodes of the process; more samples are pooled."""
 
 LEAST_SAMPLES: Final = 4
-"""Least number of samples from which the noise is estimated."""
+"""Least number of samples that are smoothed."""
 
 _CHOICE: Final = 64
-_SCALES: Final = ((0.25, 0.5, 1.0), (0.35, 0.7, 1.4))  # of speed or velocity, of force
-_NOISE: Final = 0.1  # deviation of a sample of mean weight, over that of the departure
+_SCALES: Final = ((0.25, 1.0), (0.35, 1.4))  # of speed or velocity, of force
+_NOISE: Final = 0.4  # deviation of a sample of mean weight, over that of the departure
 _FREE: Final = 4.0
 _RETURN: Final = 0.9
 _TINY: Final = 1e-12
