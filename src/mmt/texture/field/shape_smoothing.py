@@ -36,9 +36,6 @@ from mmt.texture.model.samples import TextureSamples
 LARGEST: Final = 128
 """Nodes of the process; more samples are pooled."""
 
-LEAST_SAMPLES: Final = 4
-"""Least number of samples that are smoothed."""
-
 _CHOICE: Final = 64
 _SCALES: Final = ((0.25, 1.0), (0.35, 1.4))  # of speed or velocity, of force
 _NOISE: Final = 0.4  # deviation of a sample of mean weight, over that of the departure
@@ -67,8 +64,6 @@ def smoothed(
     if around is not None:
         asked = np.vstack([points, around])
         fitted = np.vstack([lsf, lsf[cKDTree(points).query(around)[1]]])
-    if len(points) < LEAST_SAMPLES:
-        return fitted.copy()
     nodes, values, known = _pooled(points, lsf, weights)
     noise = _NOISE**2 * known.mean() / known
     middle = (known @ values) / known.sum()

@@ -51,8 +51,7 @@ def arrays_of(contents: ModelContents) -> Arrays:
         "maximum_speed_mm_s": np.float64(space.maximum_speed_mm_s),
         "maximum_force_n": np.float64(space.maximum_force_n),
         "rate_hz": np.float64(contents.rate_hz),
-        **_known_of_powers(samples),
-        **_field_arrays(contents.field),
+        **{name: array for name, array in _known(contents).items() if array is not None},
     }
 
 
@@ -119,24 +118,16 @@ def _numbers(content: Arrays, name: str) -> FloatArray | None:
     return np.asarray(content[name], dtype=np.float64) if name in content else None
 
 
-def _known_of_powers(samples: TextureSamples) -> Arrays:
-    arrays: Arrays = {}
-    if samples.effective is not None:
-        arrays["effective_samples"] = samples.effective
-    if samples.counts is not None:
-        arrays["segment_samples"] = samples.counts
-    if samples.noise_power > 0.0:
-        arrays["noise_power"] = np.array(samples.noise_power)
-    return arrays
-
-
-def _field_arrays(field: FieldCells | None) -> Arrays:
-    if field is None:
-        return {}
+def _known(contents: ModelContents) -> Arrays:
+    """Return the arrays that not every model has, None for those that this one has not."""
+    samples, field = contents.samples, contents.field
     return {
-        "field_cells": field.keys.astype(np.int32),
-        "field_sums": field.sums,
-        "field_moment_blocks": np.int64(field.moment_blocks),
+        "effective_samples": samples.effective,
+        "segment_samples": samples.counts,
+        "noise_power": np.array(samples.noise_power) if samples.noise_power > 0.0 else None,
+        "field_cells": None if field is None else field.keys.astype(np.int32),
+        "field_sums": None if field is None else field.sums,
+        "field_moment_blocks": None if field is None else np.int64(field.moment_blocks),
     }
 
 

@@ -1,10 +1,10 @@
 """The online update of a texture model: stream in, immutable models out.
 
 Awan et al., section V.C: once a period the newest samples are filtered and cut into segments
-(`SegmentingStage`), fitted (`FittingStage`), and a new model is triangulated (`BuildingStage`),
-which a criterion of completion judges. `OnlineModeller` holds the stages of one model. The
-evaluation of recorded sessions runs them one after the other (`update`); the live leader runs each
-in a task of its own, and comes to the same model to the bit.
+(`mmt.texture.signals`, `mmt.texture.segmentation`), fitted (`FittingStage`), and a new model is
+triangulated (`BuildingStage`), which a criterion of completion judges. `OnlineModeller` holds the
+stages of one model. The evaluation of recorded sessions runs them one after the other (`update`);
+the live leader runs each in a task of its own, and comes to the same model to the bit.
 
 The model has `LARGEST_MODEL` samples at most, so that neither memory nor the cost of an update
 grows without end where the criteria are never met.
@@ -24,10 +24,12 @@ from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.building import BuildingStage
 from mmt.texture.online.fitting import LARGEST_MODEL, FittingStage
 from mmt.texture.online.methods import method_of
-from mmt.texture.online.segmenting import SegmentingStage
 from mmt.texture.online.work import ModelUpdate, SegmentRange, Stopwatch, Work
+from mmt.texture.segmentation.segmenter import OnlineSegmenter, segmentation_settings
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
+from mmt.texture.signals.filtering import StreamFilter
+from mmt.texture.signals.noise_floor import NoiseFloor
 
 if TYPE_CHECKING:
     from mmt.texture.surfaces.changes import SaidSurface
@@ -65,7 +67,14 @@ class OnlineModeller:
     ) -> None:
         self.settings = settings or ModellingSettings()
         self.space = InputSpace(self.settings.inputs)
-        self._segmenting = SegmentingStage(self.settings, accept)
+        self._accept = accept
+        self._filter = StreamFilter.of(self.settings)
+        self._segmenter = OnlineSegmenter(
+            segmentation_settings(self.settings), overlap_samples=self.settings.overlap_samples
+        )
+        self._noise = NoiseFloor()
+        self._first_sequence: int | None = None
+        self._time_s = 0.0
         self._method = method_of(self.settings, deferred=deferred)
         self._fitting = FittingStage(self.settings, self._method)
         self._building = BuildingStage(self.settings, self._method, deferred=deferred)
@@ -94,7 +103,7 @@ class OnlineModeller:
     @property
     def delay_samples(self) -> int:
         """Samples by which segments lag behind the newest frame, from the filters."""
-        return self._segmenting.delay_samples
+        return self._filter.delay_samples
 
     @property
     def fits_by_verdict(self) -> bool:
@@ -122,8 +131,36 @@ class OnlineModeller:
     # --- the stages; the work goes through them in this order
 
     def segment(self, frames: RecordArray) -> Iterator[Work | None]:
-        """Filter and segment frames (n,); see `SegmentingStage.segment`."""
-        return self._segmenting.segment(self, frames)
+        """Filter and segment frames (n,); None after the filters, the work for an update last.
+
+        A service that must keep its ticks runs the steps one by one, so that the interpreter
+        lock is never contended for longer than one of them. Cost: O(n).
+        """
+        clock = Stopwatch()
+        if len(frames):
+            if self._first_sequence is None:
+                self._first_sequence = int(frames["sequence"][0])
+            self._time_s = self._session_time_s(int(frames["sequence"][-1]) + 1)
+        aligned = self._filter.process(frames)
+        self._noise.update(aligned)
+        clock.lap("filter")
+        yield None
+        clock.resume()
+        change = self._segmenter.update(aligned)
+        accept = self._accept
+        added = [s for s in change.added if accept is None or accept(s)]
+        held_out = [s for s in change.added if accept is not None and not accept(s)]
+        clock.lap("segment")
+        yield Work(
+            modeller=self,
+            time_s=self._time_s,
+            observed=[aligned],
+            added=added,
+            removed=[(s.start, s.stop) for s in change.removed],
+            noise_power=self._noise.power,
+            held_out=[(s.start, s.stop) for s in held_out],
+            durations_s=clock.laps,
+        )
 
     def forget(self, from_sample: int) -> Work:
         """Return the work of taking out what reaches beyond a sample, which is of another surface.
@@ -135,8 +172,10 @@ class OnlineModeller:
         from_sample
             The first sequence number that is not of this surface.
         """
-        stage = self._segmenting
-        return Work(self, stage.time_s, [], [], [], stage.noise_power, forget_from=from_sample)
+        return Work(self, self._time_s, [], [], [], self._noise.power, forget_from=from_sample)
+
+    def _session_time_s(self, sequence: int) -> float:
+        return (sequence - (self._first_sequence or 0)) / self.settings.rate_hz
 
     def fit(self, work: Work) -> None:
         """Fit the new segments."""
@@ -164,7 +203,7 @@ class OnlineModeller:
         if not (self._until_start and criterion.started):
             self._method.judge(work, points, anew=revoked or work.forget_from is None)
         if revoked and work.forget_from is not None:
-            criterion.revoke_since(self._segmenting.time_of(work.forget_from))
+            criterion.revoke_since(self._session_time_s(work.forget_from))
         clock.lap("completion")
         work.update = ModelUpdate(
             time_s=work.time_s if work.session_time_s is None else work.session_time_s,
