@@ -9,39 +9,51 @@ inverse proportion to its length. What is returned are the posterior means at th
 themselves, for the interpolation to go on with, and at the points around them, where a
 line that follows the speed goes on instead of standing still as a copy of the nearest sample's.
 
-The lengths of the departures are shared, those of the largest evidence on a grid; each frequency's
-scale is integrated out by its best value, and the ratio of noise to departure is one for all.
-Over the velocity a stroke and its return count as nearly alike (`_RETURN`), since ridges are the
-same from both sides.
+The lengths of the departures are shared, and the ratio of noise to departure is each frequency's
+own, both of the largest evidence on a grid, with the scale integrated out by its best value: lines
+that follow the speed are hardly smoothed, resonances are. Over the velocity a stroke and its
+return count as nearly alike (`_RETURN`), since ridges are the same from both sides.
 
 A set of frequencies that would come closer than half as near to each other as they were fitted,
 around the samples as the nearest one's were, is brought back towards these: convex combinations of
 ordered frequencies are ordered.
 
-Cost: five Cholesky factors, four of at most `_CHOICE` samples and one of at most `LARGEST`; where
-there are more samples they are pooled by cells first.
+Cost: five symmetric eigenproblems, four of at most `_CHOICE` samples and one of at most `LARGEST`;
+where there are more samples they are pooled by cells first.
 """
 
 from itertools import product
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
+from scipy.linalg import eigh
 from scipy.spatial import cKDTree
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.texture.interpolation.boundary import boundary
-from mmt.texture.linear_algebra import cholesky, solve_backward, solve_forward
 from mmt.texture.model.samples import TextureSamples
 
 LARGEST: Final = 128
 """Nodes of the process; more samples are pooled."""
 
+LEAST_SAMPLES: Final = 4
+"""Least number of samples from which the noise is estimated."""
+
 _CHOICE: Final = 64
 _SCALES: Final = ((0.25, 1.0), (0.35, 1.4))  # of speed or velocity, of force
-_NOISE: Final = 0.4  # deviation of a sample of mean weight, over that of the departure
+_NOISE: Final = np.geomspace(0.01, 3.0, 16)
+_USUAL_NOISE: Final = (np.log(0.1), 1.2)  # mean and deviation of the logarithm
 _FREE: Final = 4.0
 _RETURN: Final = 0.9
 _TINY: Final = 1e-12
+
+
+class _Spectrum(NamedTuple):
+    """Eigenvalues (k,) and vectors (k, k) of the whitened covariance, root weights (k,)."""
+
+    values: FloatArray
+    vectors: FloatArray
+    roots: FloatArray
 
 
 def smoothed(
@@ -64,15 +76,20 @@ def smoothed(
     if around is not None:
         asked = np.vstack([points, around])
         fitted = np.vstack([lsf, lsf[cKDTree(points).query(around)[1]]])
+    if len(points) < LEAST_SAMPLES:
+        return fitted.copy()
     nodes, values, known = _pooled(points, lsf, weights)
-    noise = _NOISE**2 * known.mean() / known
+    known = known / known.mean()
     middle = (known @ values) / known.sum()
     values = values - middle
     chosen = np.unique(np.linspace(0, len(nodes) - 1, min(len(nodes), _CHOICE)).round().astype(int))
-    scales = _best_scales(nodes[chosen], values[chosen], noise[chosen])
-    factor, whitened = _whitened(_Between(nodes, nodes).covariance(*scales), values, noise)
-    gains = solve_backward(factor, whitened)
-    result = _Between(asked, nodes).covariance(*scales) @ gains.T + middle
+    scales = _best_scales(nodes[chosen], values[chosen], known[chosen])
+    spectrum = _decompose(_covariance(nodes, nodes, scales), known)
+    rotated = _rotate(spectrum, values)
+    noise = _costs(spectrum, rotated).argmin(axis=0)
+    filtered = rotated / (spectrum.values[:, None] + np.square(_NOISE[noise]))
+    gains = spectrum.roots[:, None] * (spectrum.vectors @ filtered)
+    result = _covariance(asked, nodes, scales) @ gains + middle
     return _kept_apart(result, fitted)
 
 
@@ -106,34 +123,61 @@ class _Between:
             for side in (1.0, -1.0)
         )
 
-    def covariance(self, along: float, force: float) -> FloatArray:
-        """Return the prior covariance (k, l) for two lengths, in units of the departure's."""
-        departure = _matern(self._away, along)
-        if self._back is not None:
-            departure += _RETURN * _matern(self._back, along)
-        return np.asarray(self._linear + departure * _matern(self._force, force))
+    def along(self, scale: float) -> FloatArray:
+        """Return the covariance (k, l) of the departure over speed or velocity."""
+        along = _matern(self._away, scale)
+        return along if self._back is None else along + _RETURN * _matern(self._back, scale)
+
+    def force(self, scale: float) -> FloatArray:
+        """Return the covariance (k, l) of the departure over the force."""
+        return _matern(self._force, scale)
+
+    def covariance(self, along: FloatArray, force: FloatArray) -> FloatArray:
+        """Return the prior covariance (k, l), in units of the departure's variance."""
+        return np.asarray(self._linear + along * force)
 
 
-def _whitened(
-    covariance: FloatArray, values: FloatArray, noise: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the factor of the covariance of samples, and their whitened values (order, k)."""
-    covariance[np.diag_indices_from(covariance)] += noise
-    factor = cholesky(covariance)
-    return factor, solve_forward(factor, values.T)
+def _covariance(a: FloatArray, b: FloatArray, scales: tuple[float, float]) -> FloatArray:
+    """Return the prior covariance (k, l) of points, in units of the departure's variance."""
+    between = _Between(a, b)
+    return between.covariance(between.along(scales[0]), between.force(scales[1]))
 
 
-def _best_scales(points: FloatArray, values: FloatArray, noise: FloatArray) -> tuple[float, float]:
-    """Return the lengths of the largest evidence."""
+def _decompose(covariance: FloatArray, weights: FloatArray) -> _Spectrum:
+    roots = np.sqrt(weights)
+    values, vectors = eigh(
+        covariance * np.multiply.outer(roots, roots),
+        overwrite_a=True,
+        check_finite=False,
+        driver="evd",
+    )
+    return _Spectrum(np.maximum(values, 0.0), vectors, roots)
+
+
+def _rotate(spectrum: _Spectrum, values: FloatArray) -> FloatArray:
+    return np.asarray(spectrum.vectors.T @ (spectrum.roots[:, None] * values))
+
+
+def _costs(spectrum: _Spectrum, rotated: FloatArray) -> FloatArray:
+    """Return minus the log evidence of each noise for each frequency, shape (16, order)."""
+    damped = spectrum.values + np.square(_NOISE)[:, None]
+    squares = (1.0 / damped) @ np.square(rotated)
+    middle, spread = _USUAL_NOISE
+    off = (np.log(_NOISE) - middle) / spread
+    half = 0.5 * len(rotated) * np.log(squares + _TINY)
+    return np.asarray(half + (0.5 * np.log(damped).sum(axis=1) + 0.5 * off * off)[:, None])
+
+
+def _best_scales(
+    points: FloatArray, values: FloatArray, weights: FloatArray
+) -> tuple[float, float]:
     between = _Between(points, points)
-
-    def cost(scales: tuple[float, float]) -> float:
-        factor, whitened = _whitened(between.covariance(*scales), values, noise)
-        squares = np.log(np.square(whitened).sum(axis=1) + _TINY)
-        volume = len(squares) * np.log(np.diagonal(factor)).sum()
-        return float(0.5 * len(points) * squares.sum() + volume)
-
-    return min(product(*_SCALES), key=cost)
+    alongs, forces = map(between.along, _SCALES[0]), list(map(between.force, _SCALES[1]))
+    costs = []
+    for along, force in product(alongs, forces):
+        spectrum = _decompose(between.covariance(along, force), weights)
+        costs.append(float(_costs(spectrum, _rotate(spectrum, values)).min(axis=0).sum()))
+    return list(product(*_SCALES))[int(np.argmin(costs))]
 
 
 def _pooled(
