@@ -121,7 +121,7 @@ INGREDIENTS: Final[Mapping[str, Ingredient]] = MappingProxyType(
         ),
         "steady": Ingredient(
             "that speed and force change by a factor of two at most within a block",
-            {f"{_FIELD}.blocks:_LARGEST_CHANGE": _constantly(np.inf)},
+            {f"{_FIELD}.blocks:_LARGEST_CHANGE": _constantly(1e9)},
         ),
         "fall": Ingredient(
             "the fall of the level below the slowest and the lightest stroke",
