@@ -128,7 +128,7 @@ def test_motion_counts_where_it_was_against_seconds_of_any_stroke(dimensions):
     assert seen.total_s == pytest.approx(PRIOR_S)
     least = 0.5 / len(grid) - 1e-12
     assert (seen.weights >= least).all()
-    most = grid.inputs[int(np.argmax(seen.weights))]
+    most = grid.points[int(np.argmax(seen.weights))] * grid.space.scale
     assert math.hypot(*most[:-1]) == pytest.approx(150.0, abs=20.0)
     assert most[-1] == pytest.approx(1.5, abs=0.2)
     if dimensions == 3:

@@ -78,11 +78,6 @@ class CompletionGrid:
     def __len__(self) -> int:
         return len(self.points)
 
-    @property
-    def inputs(self) -> FloatArray:
-        """The nodes with units, shape (g, d)."""
-        return self.points * self.space.scale
-
     @cached_property
     def cells(self) -> IntArray:
         """Index of the cell of `distance.cells_of` that holds each node, shape (g,)."""
@@ -239,6 +234,6 @@ class UncertaintyCriterion(Criterion):
             scale=self.scale,
             value=float(np.clip(right @ weights, 0.0, 1.0)),
             cells=tuple(self.grid.mean_of_cells(right).tolist()),
-            advice=tuple(self.grid.inputs[int(np.argmax(gain))].tolist()),
+            advice=tuple((self.grid.points[int(np.argmax(gain))] * self.grid.space.scale).tolist()),
         )
         self.meet(self.progress.value, time_s)

@@ -30,7 +30,7 @@ from scipy.linalg import eigh
 from scipy.spatial import cKDTree
 
 from mmt.core.arrays import FloatArray, IntArray
-from mmt.texture.interpolation.boundary import boundary
+from mmt.texture.interpolation.vertices import boundary
 from mmt.texture.model.samples import TextureSamples
 
 LARGEST: Final = 128
