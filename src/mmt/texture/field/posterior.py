@@ -177,15 +177,15 @@ class LevelField:
         Shape (headings, speeds, forces). Below the slowest and the lightest cell it falls
         towards zero at least as speed^0.2 and force^0.2, whatever the blocks say.
         """
-        grid = table_grid(directed=self.directed)
-        axes = Coordinates(warped(np.exp(grid.speed)), warped(np.exp(grid.force)), grid.heading)
+        speed, force, heading = table_grid(directed=self.directed)
+        axes = Coordinates(warped(np.exp(speed)), warped(np.exp(force)), heading)
         weights = np.array([member.weight * member.cell_weights for member in self._members])
         every = np.array([member.setting for member in self._members])
         total = mean_on_grid(axes, self._at, weights, every)
         law = Coordinates(axes.u[:, None], axes.v[None, :], axes.heading).law
         levels = _rendered(np.asarray(total + self._middle + law))
-        _fall(np.moveaxis(levels, 1, 0), axes.u, grid.speed, float(self._at.u.min()))
-        _fall(np.moveaxis(levels, 2, 0), axes.v, grid.force, float(self._at.v.min()))
+        _fall(np.moveaxis(levels, 1, 0), axes.u, speed, float(self._at.u.min()))
+        _fall(np.moveaxis(levels, 2, 0), axes.v, force, float(self._at.v.min()))
         return np.clip(levels, _LEAST, self._loudest + _RISE)
 
     @staticmethod

@@ -7,7 +7,7 @@ lightest force of the grid the level falls to zero linearly: a hand at rest feel
 costs two logarithms and an exponential, and an arctangent more where the heading counts.
 """
 
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -39,23 +39,12 @@ _PER_LOGARITHM: Final = -1.0 / np.log(SLOWEST)
 _PER_RADIAN: Final = 0.5 / np.pi
 
 
-class TableGrid(NamedTuple):
-    """Axes of the table: logarithms of speeds and of forces, and headings."""
-
-    speed: FloatArray
-    force: FloatArray
-    heading: FloatArray
-
-
-def table_grid(*, directed: bool) -> TableGrid:
-    """Return the table's axes."""
+def table_grid(*, directed: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the table's axes: logarithms of speeds and of forces, and headings."""
     headings, speeds, forces = DIRECTED_SHAPE if directed else PLANAR_SHAPE
     lowest = np.log(SLOWEST)
-    return TableGrid(
-        np.linspace(lowest, 0.0, speeds),
-        np.linspace(lowest, 0.0, forces),
-        np.linspace(0.0, 2.0 * np.pi, headings, endpoint=False),
-    )
+    turn = np.linspace(0.0, 2.0 * np.pi, headings, endpoint=False)
+    return np.linspace(lowest, 0.0, speeds), np.linspace(lowest, 0.0, forces), turn
 
 
 @kernel("f8(f8[::1], f8, f8, f8)")

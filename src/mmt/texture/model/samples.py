@@ -91,8 +91,9 @@ class TextureSamples:
     def frozen(self) -> Self:
         """Return a copy whose arrays cannot be written."""
         names = ("inputs", "lsf", "variance", "power", "effective", "counts")
-        arrays = {name: getattr(self, name) for name in names}
-        return replace(self, **{n: _read_only(a) for n, a in arrays.items() if a is not None})
+        given = {name: getattr(self, name) for name in names}
+        arrays: Any = {name: _read_only(a) for name, a in given.items() if a is not None}
+        return replace(self, **arrays)
 
     def check(self) -> None:
         """Raise `InputError` where a model cannot be built from these.

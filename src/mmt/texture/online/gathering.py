@@ -78,7 +78,7 @@ class _Sums:
 
     def __init__(self, none: Blocks, length: int, kept_samples: int) -> None:
         self._recent = none
-        self._settled = FieldCells.empty(directed=none.points.shape[1] == 3)
+        self._settled = self._cells(none)
         self._length, self._kept_samples = length, kept_samples
 
     def add(self, step: _Step) -> bool:

@@ -101,11 +101,6 @@ class OnlineModeller:
         return self._building.model
 
     @property
-    def delay_samples(self) -> int:
-        """Samples by which segments lag behind the newest frame, from the filters."""
-        return self._filter.delay_samples
-
-    @property
     def fits_by_verdict(self) -> bool:
         """Whether fitting must wait until the update before is judged.
 
