@@ -18,6 +18,7 @@ samples go with ``n^(-1/d)``: 7.5 is reached with 0.32 of the samples that 4.243
 import math
 from dataclasses import dataclass
 from functools import reduce
+from itertools import product
 from typing import Final
 
 import numpy as np
@@ -35,11 +36,7 @@ FARTHEST: Final = math.sqrt(2.0)
 defined for any number of samples and an added sample can only lower it."""
 
 CELL_CENTRES: Final[FloatArray] = np.array(
-    [
-        ((column + 0.5) / DIVISIONS, (row + 0.5) / DIVISIONS)
-        for row in range(DIVISIONS)
-        for column in range(DIVISIONS)
-    ]
+    [((x + 0.5) / DIVISIONS, (y + 0.5) / DIVISIONS) for y, x in product(range(DIVISIONS), repeat=2)]
 )
 """Normalised (speed, force) of the nine centres, shape (9, 2)."""
 
@@ -74,14 +71,10 @@ def _reachable_centres() -> FloatArray:
     """Return the centres (27, 3) of the part of each box inside the cylinder of speeds."""
     fine = (np.arange(_QUADRATURE) + 0.5) / _QUADRATURE
     rows = []
-    for force in range(DIVISIONS):
-        for row in range(DIVISIONS):
-            for column in range(DIVISIONS):
-                x, y = np.meshgrid(
-                    *(2.0 * (place + fine) / DIVISIONS - 1.0 for place in (column, row))
-                )
-                inside = np.hypot(x, y) <= 1.0
-                rows.append((x[inside].mean(), y[inside].mean(), (force + 0.5) / DIVISIONS))
+    for force, row, column in product(range(DIVISIONS), repeat=3):
+        x, y = np.meshgrid(*(2.0 * (place + fine) / DIVISIONS - 1.0 for place in (column, row)))
+        inside = np.hypot(x, y) <= 1.0
+        rows.append((x[inside].mean(), y[inside].mean(), (force + 0.5) / DIVISIONS))
     return np.array(rows)
 
 
