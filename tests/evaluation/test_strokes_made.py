@@ -19,7 +19,7 @@ from mmt.scene import Scene
 from mmt.session import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import get_surface
-from mmt.texture.completion.plane import middles
+from mmt.texture.completion.distance import middles
 from mmt.texture.online.history import build, update_blocks
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter

@@ -18,7 +18,7 @@ from mmt.scene import Texture
 from mmt.scene.files import scene_from_tables
 from mmt.texture.completion.criterion import Progress
 from mmt.texture.completion.distance import CompletionMonitor, cell_distances, distance_sum
-from mmt.texture.interpolation.boundary import RIM
+from mmt.texture.interpolation.vertices import RIM
 from mmt.texture.model.inputs import ANISOTROPIC
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.settings import ModellingSettings

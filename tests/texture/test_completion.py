@@ -107,7 +107,8 @@ def test_in_space_too_it_agrees_with_a_search_tree() -> None:
     points = strokes(50)
     distances, _ = cKDTree(points).query(VELOCITY_CELLS.centres, k=4)
     np.testing.assert_allclose(cell_distances(points), distances.sum(axis=1))
-    assert distance_sum(np.empty((0, 3))) == pytest.approx(VELOCITY_CELLS.empty)
+    farthest = len(VELOCITY_CELLS.centres) * VELOCITY_CELLS.neighbours * VELOCITY_CELLS.farthest
+    assert distance_sum(np.empty((0, 3))) == pytest.approx(farthest)
 
 
 def test_in_space_too_an_added_sample_never_raises_the_sum() -> None:

@@ -294,7 +294,7 @@ def test_more_blocks_make_it_surer_and_one_is_enough():
 def test_how_blocks_come_changes_no_sum():
     points, power, number = unsteady(500, 0.5, 3)
     whole = FieldCells.of(points, power, number)
-    parts = FieldCells.empty(directed=False)
+    parts = FieldCells.of(points[:0], power[:0], number[:0])
     for start in range(0, 500, 70):
         part = slice(start, start + 70)
         parts = parts.joined(FieldCells.of(points[part], power[part], number[part]))

@@ -32,7 +32,7 @@ def test_a_model_holds_what_its_method_renders() -> None:
     samples = drawn(15)
     field = TextureModel(samples, rate_hz=800.0, at_once=False)
     lsf = smoothed_shapes(samples)
-    expected = vertex_table(field.points, samples.power, lsf, inside=True).table
+    expected = vertex_table(field.points, samples.power, lsf).table
     np.testing.assert_array_equal(field.vertices, expected)
     published = TextureModel(samples, method="published", rate_hz=800.0, at_once=False)
     expected = vertex_table(published.points, samples.variance, samples.lsf).table

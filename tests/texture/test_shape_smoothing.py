@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from mmt.texture.autoregression.effective_sample_size import effective_samples
 from mmt.texture.autoregression.forms import reflection_to_lsf
 from mmt.texture.field.shape_smoothing import LARGEST, smoothed, smoothed_shapes
-from mmt.texture.interpolation.boundary import boundary
+from mmt.texture.interpolation.vertices import boundary
 from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC
 from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel
@@ -135,23 +135,3 @@ def test_a_model_of_smoothed_spectra_keeps_its_samples_and_comes_back_from_its_f
     assert again.samples.noise_power == 0.01
     np.testing.assert_array_equal(again.vertices, model.vertices)
     np.testing.assert_array_equal(again.kernel_parameters, model.kernel_parameters)
-
-
-@pytest.mark.parametrize("space", [ISOTROPIC, ANISOTROPIC], ids=lambda space: space.name)
-def test_where_level_and_shape_are_processes_the_shape_is_the_process_between_samples_too(space):
-    points = scattered(12, space.directed)
-    lsf = truth(points) + np.random.default_rng(8).normal(0.0, 0.02, (12, 4))
-    power, effective = np.ones(12), np.full(12, 60.0)
-    samples = TextureSamples(
-        points * space.scale, lsf, 0.2 * power, power, space, effective, counts=3.0 * effective
-    )
-    around = boundary(space.dimensions).points
-    inside = boundary(space.dimensions, inside=True).points[len(around) :]
-    radius = np.hypot(*inside[:, :-1].T) if space.directed else inside[:, 0]
-    assert ((radius < 1.0) & (inside[:, -1] > 0.0) & (inside[:, -1] < 1.0)).all()
-    model = TextureModel(samples)
-    found = model.at(*(inside * space.scale).T)[0]
-    expected = smoothed_shapes(samples)[12 + len(around) :]
-    np.testing.assert_allclose(found, expected, atol=1e-7)
-    assert len(model.vertices) == 12 + len(around) + len(inside)
-    assert len(TextureModel(samples, method="published").vertices) == 12 + len(around)

@@ -1,6 +1,6 @@
 """Strokes at which a model is compared with a known texture, and its errors there.
 
-The whole plane is that of `mmt.texture.completion.plane`; the strokes that were made in a session
+The whole plane is that of `mmt.texture.completion.distance`; the strokes made in a session
 are those of `mmt.evaluation.strokes_made`.
 """
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
 from mmt.evaluation.levels import root_mean_square
-from mmt.texture.completion.plane import forces_n, speeds_mm_s
+from mmt.texture.completion.distance import forces_n, speeds_mm_s
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.signals.metrics import within_jnd
 

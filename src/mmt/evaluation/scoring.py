@@ -12,7 +12,7 @@ from mmt.evaluation.held_out import Approximation, HeldOutRecording
 from mmt.evaluation.levels import level_error_db, root_mean_square
 from mmt.evaluation.results import HeldOutSegment, Levels, PowerMap, Score, Worst
 from mmt.evaluation.truth import DENSITY_HZ, KnownTexture, TruthAt
-from mmt.texture.completion.distance import cells_of
+from mmt.texture.completion.distance import distance_sum
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import ModelHistory
@@ -99,7 +99,7 @@ class Scorer:
         self._scores: dict[int, Score] = {}
         self._grids: dict[int, GridErrors | None] = {}
         self._approximations: dict[int, list[Approximation]] = {}
-        self._empty_distance = cells_of(self._space.dimensions).empty
+        self._empty_distance = distance_sum(np.empty((0, self._space.dimensions)))
         self._empty = method_of(settings).criterion.progress.value
 
     def score(self, time_s: float) -> Score:

@@ -63,6 +63,26 @@ def _constantly(value: Any) -> Replace:
     return lambda _: value
 
 
+def _without_columns(*columns: int) -> Replace:
+    """Return what sets hyperparameters of every setting to zero: no such departure."""
+
+    def replace(settings: Callable[..., Any]) -> Callable[..., Any]:
+        def left(count: int, *, directed: bool) -> Any:
+            every = settings(count, directed=directed)
+            every[:, [column for column in columns if column < every.shape[1]]] = 0.0
+            return every
+
+        return left
+
+    return replace
+
+
+def _alike(smoothed: Callable[..., Any]) -> Callable[..., Any]:
+    return lambda points, lsf, weights, *around: smoothed(
+        points, lsf, np.ones(len(weights)), *around
+    )
+
+
 _FIELD: Final = "mmt.texture.field"
 
 INGREDIENTS: Final[Mapping[str, Ingredient]] = MappingProxyType(
@@ -86,6 +106,46 @@ INGREDIENTS: Final[Mapping[str, Ingredient]] = MappingProxyType(
         "slopes": Ingredient(
             "the prior of the slopes: 0 +- 2 for both",
             {f"{_FIELD}.covariance:SLOPES": _constantly(((0.0, 2.0), (0.0, 2.0)))},
+        ),
+        "settings": Ingredient(
+            "half of the 16 settings",
+            {f"{_FIELD}.posterior:SETTINGS": _constantly(8)},
+        ),
+        "rounds": Ingredient(
+            "all rounds of trust and prediction but the first",
+            {f"{_FIELD}.observations:ROUNDS": _constantly(1)},
+        ),
+        "blocks": Ingredient(
+            "the scatter between blocks as it was met: that of a homogeneous surface",
+            {f"{_FIELD}.observations:_block_variance": _constantly(lambda _: 0.15)},
+        ),
+        "steady": Ingredient(
+            "that speed and force change by a factor of two at most within a block",
+            {f"{_FIELD}.blocks:_LARGEST_CHANGE": _constantly(1e9)},
+        ),
+        "fall": Ingredient(
+            "the fall of the level below the slowest and the lightest stroke",
+            {f"{_FIELD}.posterior:_fall": _constantly(lambda *_: None)},
+        ),
+        "ridges": Ingredient(
+            "the departure that is the same for a stroke and its return",
+            {f"{_FIELD}.posterior:settings": _without_columns(4)},
+        ),
+        "nap": Ingredient(
+            "the departure that is not",
+            {f"{_FIELD}.posterior:settings": _without_columns(6)},
+        ),
+        "lengths": Ingredient(
+            "the choice of the shapes' lengths by their evidence: 0.5 and 0.7",
+            {f"{_FIELD}.shape_smoothing:_SCALES": _constantly(((0.5,), (0.7,)))},
+        ),
+        "weights": Ingredient(
+            "the weight of a segment's filter by its length: all alike",
+            {f"{_FIELD}.shape_smoothing:smoothed": _alike},
+        ),
+        "return": Ingredient(
+            "that the shapes of a stroke and of its return are alike",
+            {f"{_FIELD}.shape_smoothing:_RETURN": _constantly(0.0)},
         ),
         "smoothing": Ingredient(
             "the smoothing of the spectra's shapes",

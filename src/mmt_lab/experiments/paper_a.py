@@ -24,7 +24,7 @@ from mmt.scene import Hand, Scene
 from mmt.session import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.completion.distance import DIVISIONS, NEIGHBOURS
-from mmt.texture.interpolation.boundary import boundary
+from mmt.texture.interpolation.vertices import boundary
 from mmt.texture.online.history import build_model
 from mmt.texture.settings import (
     DISTANCES,

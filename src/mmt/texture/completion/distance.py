@@ -18,6 +18,7 @@ samples go with ``n^(-1/d)``: 7.5 is reached with 0.32 of the samples that 4.243
 import math
 from dataclasses import dataclass
 from functools import reduce
+from itertools import product
 from typing import Final
 
 import numpy as np
@@ -25,7 +26,7 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.texture.completion.criterion import Criterion, Progress
 from mmt.texture.model.inputs import InputSpace
-from mmt.texture.settings import ModellingSettings
+from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S, ModellingSettings
 
 DIVISIONS: Final = 3
 NEIGHBOURS: Final = 3
@@ -35,13 +36,14 @@ FARTHEST: Final = math.sqrt(2.0)
 defined for any number of samples and an added sample can only lower it."""
 
 CELL_CENTRES: Final[FloatArray] = np.array(
-    [
-        ((column + 0.5) / DIVISIONS, (row + 0.5) / DIVISIONS)
-        for row in range(DIVISIONS)
-        for column in range(DIVISIONS)
-    ]
+    [((x + 0.5) / DIVISIONS, (y + 0.5) / DIVISIONS) for y, x in product(range(DIVISIONS), repeat=2)]
 )
 """Normalised (speed, force) of the nine centres, shape (9, 2)."""
+
+SPEED_RANGE_MM_S: Final = (ModellingSettings.least_speed_mm_s, MAXIMUM_SPEED_MM_S)
+FORCE_RANGE_N: Final = (ModellingSettings.least_force_n, MAXIMUM_FORCE_N)
+"""The part of the plane that counts, where models are scored and expected: from the least speed and
+force that are modelled to the largest."""
 
 _QUADRATURE: Final = 200
 
@@ -64,24 +66,15 @@ class Cells:
     neighbours: int
     farthest: float
 
-    @property
-    def empty(self) -> float:
-        """The sum without any sample."""
-        return len(self.centres) * self.neighbours * self.farthest
-
 
 def _reachable_centres() -> FloatArray:
     """Return the centres (27, 3) of the part of each box inside the cylinder of speeds."""
     fine = (np.arange(_QUADRATURE) + 0.5) / _QUADRATURE
     rows = []
-    for force in range(DIVISIONS):
-        for row in range(DIVISIONS):
-            for column in range(DIVISIONS):
-                x, y = np.meshgrid(
-                    *(2.0 * (place + fine) / DIVISIONS - 1.0 for place in (column, row))
-                )
-                inside = np.hypot(x, y) <= 1.0
-                rows.append((x[inside].mean(), y[inside].mean(), (force + 0.5) / DIVISIONS))
+    for force, row, column in product(range(DIVISIONS), repeat=3):
+        x, y = np.meshgrid(*(2.0 * (place + fine) / DIVISIONS - 1.0 for place in (column, row)))
+        inside = np.hypot(x, y) <= 1.0
+        rows.append((x[inside].mean(), y[inside].mean(), (force + 0.5) / DIVISIONS))
     return np.array(rows)
 
 
@@ -154,3 +147,19 @@ class CompletionMonitor(Criterion):
             cells=tuple(distances.tolist()),
             advice=tuple(centres[int(np.argmax(distances))].tolist()) if len(points) else None,
         )
+
+
+def speeds_mm_s(count: int) -> FloatArray:
+    """Return the speeds in the middles of so many cells, shape (count,)."""
+    return middles(SPEED_RANGE_MM_S, count)
+
+
+def forces_n(count: int) -> FloatArray:
+    """Return the forces in the middles of so many cells, shape (count,)."""
+    return middles(FORCE_RANGE_N, count)
+
+
+def middles(ends: tuple[float, float], count: int) -> FloatArray:
+    """Return the middles of so many equal parts of a range, shape (count,)."""
+    low, high = ends
+    return low + (high - low) * (np.arange(count) + 0.5) / count

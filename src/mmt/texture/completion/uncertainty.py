@@ -16,7 +16,7 @@ variance at every x by ``cov(x, c)^2 / (var(c) + r)``, whatever it measures (a r
 Rasmussen and Williams 2006, eq. 2.26). This gives the gain in the expected share for every c at
 once, in O(g^2) for g nodes, by the likeliest setting.
 
-*Strokes.* The grid is of the whole plane (`mmt.texture.completion.plane`), which evaluations
+*Strokes.* The grid is of the whole plane (`mmt.texture.completion.distance`), which evaluations
 compare as well. The next stroke is taken to come from a Dirichlet process
 whose base measure is uniform over the grid with the weight of `PRIOR_S` of stroking: after t
 seconds it repeats an earlier stroke with probability t / (t + `PRIOR_S`) (Ferguson, "A Bayesian
@@ -26,7 +26,6 @@ A moment of stroking is spread over the nodes around it by Gaussians in the loga
 force and in heading; moments beyond the grid count at its edge.
 """
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
@@ -34,11 +33,10 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.texture.completion.criterion import Criterion, Progress
-from mmt.texture.completion.distance import DIVISIONS, cells_of
-from mmt.texture.completion.plane import forces_n, speeds_mm_s
-from mmt.texture.field.covariance import Coordinates, grid_nodes, warped
+from mmt.texture.completion.distance import DIVISIONS, cells_of, forces_n, speeds_mm_s
+from mmt.texture.field.covariance import Coordinates, grid_nodes, points_at, warped
 from mmt.texture.field.posterior import DB, LevelField, right_probability
-from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
+from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
@@ -61,8 +59,9 @@ class CompletionGrid:
     ----------
     speed, force, heading
         Axes: normalised speeds and forces, and headings.
-    points
-        The nodes, normalised, shape (g, d), in the order of `covariance.grid_nodes`.
+    strokes, points
+        The nodes, in the order of `covariance.grid_nodes`: in the field's coordinates, (g,) each,
+        and normalised, (g, d).
     """
 
     def __init__(self, space: InputSpace) -> None:
@@ -72,20 +71,12 @@ class CompletionGrid:
         self.speed = speeds_mm_s(speeds) / space.maximum_speed_mm_s
         self.force = forces_n(forces) / space.maximum_force_n
         self.heading = turn if space.directed else 0.0 * turn
-        around, speed, force = (
-            axis.ravel()
-            for axis in np.meshgrid(self.heading, self.speed, self.force, indexing="ij")
-        )
-        columns = [speed * np.cos(around), speed * np.sin(around), force]
-        self.points: FloatArray = np.column_stack(columns if space.directed else [speed, force])
+        axes = Coordinates(warped(self.speed), warped(self.force), self.heading)
+        self.strokes = grid_nodes(axes)
+        self.points = points_at(self.strokes, directed=space.directed)
 
     def __len__(self) -> int:
         return len(self.points)
-
-    @property
-    def inputs(self) -> FloatArray:
-        """The nodes with units, shape (g, d)."""
-        return self.points * self.space.scale
 
     @cached_property
     def cells(self) -> IntArray:
@@ -104,11 +95,6 @@ class CompletionGrid:
         return np.asarray(total / np.bincount(self.cells, minlength=count))
 
 
-def completion_grid(dimensions: int) -> CompletionGrid:
-    """Return the grid of the space of 2 or 3 inputs."""
-    return CompletionGrid(ISOTROPIC if dimensions == 2 else ANISOTROPIC)
-
-
 PRIOR_S: Final = 10.0
 """Weight of the uniform base measure, in seconds of stroking: about the time that the published
 criterion takes to stop, by when half of the density is still uniform."""
@@ -124,24 +110,19 @@ class StrokingDensity:
     ----------
     grid
         Grid of strokes.
-    least_speed_mm_s, least_force_n
-        Slower and lighter motion is no stroking.
-    rate_hz
-        Sampling rate of the stream.
+    settings
+        Least speed and force of a stroke, and the stream's rate.
     """
 
-    def __init__(
-        self, grid: CompletionGrid, least_speed_mm_s: float, least_force_n: float, rate_hz: float
-    ) -> None:
-        self._grid = grid
-        self._least = least_speed_mm_s, least_force_n
-        self._moment_s = _STEP / rate_hz
+    def __init__(self, grid: CompletionGrid, settings: ModellingSettings) -> None:
+        self._grid, self._settings = grid, settings
+        self._moment_s = _STEP / settings.rate_hz
         self._seconds = np.zeros(len(grid))
 
     def add(self, block: AlignedBlock) -> None:
         """Add the newest block of aligned samples."""
-        stroking = block.valid & (block.speed_mm_s >= self._least[0])
-        stroking &= block.normal_force_n >= self._least[1]
+        stroking = block.valid & (block.speed_mm_s >= self._settings.least_speed_mm_s)
+        stroking &= block.normal_force_n >= self._settings.least_force_n
         chosen = np.flatnonzero(stroking)[::_STEP]
         if not len(chosen):
             return
@@ -151,15 +132,12 @@ class StrokingDensity:
         force = np.log(block.normal_force_n[chosen] / space.maximum_force_n)
         velocity = block.velocity_mm_s[chosen]
         turn = np.subtract.outer(grid.heading, np.arctan2(velocity[:, 1], velocity[:, 0]))
-        across = _near(speeds, np.clip(speed, speeds[0], speeds[-1]), _WIDTHS[0])
-        along = _near(forces, np.clip(force, forces[0], forces[-1]), _WIDTHS[1])
+        across, along = (
+            _shares(np.subtract.outer(axis, np.clip(values, axis[0], axis[-1])), width)
+            for axis, values, width in ((speeds, speed, _WIDTHS[0]), (forces, force, _WIDTHS[1]))
+        )
         around = _shares(2.0 * np.sin(0.5 * turn), _WIDTHS[2])  # one heading: it alone
         self._seconds += self._moment_s * np.einsum("hk,sk,fk->hsf", around, across, along).ravel()
-
-    @property
-    def seconds(self) -> FloatArray:
-        """Seconds of stroking at each node, shape (g,)."""
-        return self._seconds.copy()
 
     @property
     def total_s(self) -> float:
@@ -171,10 +149,6 @@ class StrokingDensity:
         """The probability of each node, shape (g,), all above zero, with the sum 1."""
         seconds = self._seconds + PRIOR_S / len(self._seconds)
         return np.asarray(seconds / seconds.sum())
-
-
-def _near(axis: FloatArray, values: FloatArray, width: float) -> FloatArray:
-    return _shares(np.subtract.outer(axis, values), width)
 
 
 def _shares(apart: FloatArray, width: float) -> FloatArray:
@@ -192,40 +166,33 @@ _LEAST: Final = 1e-12
 """Variances in nepers^2 count as no smaller: 4e-6 dB."""
 
 
-@dataclass(frozen=True, eq=False)
-class Outlook:
-    """Expected accuracy at every node of a grid, arrays of shape (g,).
+def outlook(
+    field: LevelField, grid: CompletionGrid, weights: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return what is expected at the nodes of a grid, arrays of shape (g,).
 
-    Attributes
+    Parameters
     ----------
-    deviation_db
-        Standard deviation of the level's error.
-    right
-        Probability that it is within one JND.
-    gain
-        Increase of the weighted share by a further second of stroking at that node.
+    field
+        The posterior.
+    grid
+        Strokes.
+    weights
+        Of the nodes, (g,), with the sum 1.
+
+    Returns
+    -------
+    right, gain
+        The probability that the level is within one JND, and the increase of the weighted share by
+        a further second of stroking at that node.
     """
-
-    deviation_db: FloatArray
-    right: FloatArray
-    gain: FloatArray
-
-    def share(self, weights: FloatArray) -> float:
-        """Return the expected share, weighted by (g,) weights whose sum is 1."""
-        return float(np.clip(self.right @ weights, 0.0, 1.0))
-
-
-def outlook(field: LevelField, grid: CompletionGrid, weights: FloatArray) -> Outlook:
-    """Return the `Outlook` of a posterior over a grid whose nodes have weights (g,)."""
-    axes = Coordinates(warped(grid.speed), warped(grid.force), grid.heading)
-    covariance = field.covariance_on_grid(axes)
-    variance = np.maximum(np.einsum("ii->i", covariance), _LEAST)
+    covariance = field.covariance_among(grid.strokes)
+    variance = np.maximum(np.diagonal(covariance), _LEAST)
     gained = np.square(covariance) / (variance + field.second_variance)[:, None]
     nepers = JND_DB / DB
     after = right_probability(nepers, np.maximum(variance - gained, _LEAST))
     gain = after @ weights - right_probability(nepers, variance) @ weights
-    found = field.predict(grid_nodes(axes))
-    return Outlook(DB * found.deviation, found.within(nepers), np.asarray(gain))
+    return field.predict(grid.strokes).within(nepers), np.asarray(gain)
 
 
 class UncertaintyCriterion(Criterion):
@@ -239,10 +206,8 @@ class UncertaintyCriterion(Criterion):
 
     def __init__(self, settings: ModellingSettings) -> None:
         super().__init__(settings.scale)
-        self.grid = completion_grid(3 if settings.inputs == "anisotropic" else 2)
-        self.density = StrokingDensity(
-            self.grid, settings.least_speed_mm_s, settings.least_force_n, settings.rate_hz
-        )
+        self.grid = CompletionGrid(InputSpace(settings.inputs))
+        self.density = StrokingDensity(self.grid, settings)
         nothing = self.grid.mean_of_cells(np.zeros(len(self.grid)))
         self.progress = self._nothing = Progress(self.scale, 0.0, tuple(nothing.tolist()))
         self._evaluated_s = 0.0
@@ -264,11 +229,11 @@ class UncertaintyCriterion(Criterion):
             return
         self._evaluated_s = self.density.total_s
         weights = self.density.weights
-        found = outlook(field, self.grid, weights)
+        right, gain = outlook(field, self.grid, weights)
         self.progress = Progress(
             scale=self.scale,
-            value=found.share(weights),
-            cells=tuple(self.grid.mean_of_cells(found.right).tolist()),
-            advice=tuple(self.grid.inputs[int(np.argmax(found.gain))].tolist()),
+            value=float(np.clip(right @ weights, 0.0, 1.0)),
+            cells=tuple(self.grid.mean_of_cells(right).tolist()),
+            advice=tuple((self.grid.points[int(np.argmax(gain))] * self.grid.space.scale).tolist()),
         )
         self.meet(self.progress.value, time_s)

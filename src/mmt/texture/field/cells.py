@@ -96,11 +96,6 @@ class FieldCells:
         return cls._gathered(points.shape[1] == 3, keys, sums, MOMENT_BLOCKS)
 
     @classmethod
-    def empty(cls, *, directed: bool) -> Self:
-        """Return cells without any block."""
-        return cls(directed, np.zeros((0, 4), np.int64), np.zeros((0, 4)))
-
-    @classmethod
     def _gathered(
         cls, directed: bool, keys: IntArray, sums: FloatArray, moment_blocks: int
     ) -> Self:

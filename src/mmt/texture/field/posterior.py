@@ -27,15 +27,14 @@ from mmt.texture.field.covariance import (
     Between,
     Coordinates,
     coordinates,
-    grid_nodes,
     mean_on_grid,
     settings,
     variance,
     warped,
 )
-from mmt.texture.field.level_table import table_grid
 from mmt.texture.field.observations import BLOCK_VARIANCE, observe
 from mmt.texture.linear_algebra import cholesky, product, solve_backward, solve_forward
+from mmt.texture.model.kernel_parameters import table_grid
 from mmt.texture.model.samples import TextureSamples
 
 DB: Final = 10.0 / np.log(10.0)
@@ -155,17 +154,15 @@ class LevelField:
         found = self.predict(coordinates(points))
         return DB * _rendered(found.mean), DB * found.deviation
 
-    def covariance_on_grid(self, axes: Coordinates) -> FloatArray:
-        """Return the posterior covariance among a grid's nodes, (g, g), nepers^2.
+    def covariance_among(self, at: Coordinates) -> FloatArray:
+        """Return the posterior covariance among g strokes, (g, g), nepers^2.
 
-        That of the setting with the largest weight; the nodes are in the order of
-        `covariance.grid_nodes`.
+        That of the setting with the largest weight.
         """
         likeliest = max(self._members, key=lambda member: member.weight)
-        nodes = grid_nodes(axes)
-        prior = Between(nodes, self._at, directed=self.directed).covariance(likeliest.setting)
+        prior = Between(at, self._at, directed=self.directed).covariance(likeliest.setting)
         explained = solve_forward(likeliest.factor, prior)
-        within = Between(nodes, nodes, directed=self.directed).covariance(likeliest.setting)
+        within = Between(at, at, directed=self.directed).covariance(likeliest.setting)
         return np.asarray(within - product(explained, explained.T))
 
     @property
@@ -175,20 +172,20 @@ class LevelField:
 
     @cached_property
     def table(self) -> FloatArray:
-        """The mean, in nepers, on the grid of `mmt.texture.field.level_table`.
+        """The mean, in nepers, on the grid of `mmt.texture.model.kernel_parameters`.
 
         Shape (headings, speeds, forces). Below the slowest and the lightest cell it falls
         towards zero at least as speed^0.2 and force^0.2, whatever the blocks say.
         """
-        grid = table_grid(directed=self.directed)
-        axes = Coordinates(warped(np.exp(grid.speed)), warped(np.exp(grid.force)), grid.heading)
+        speed, force, heading = table_grid(directed=self.directed)
+        axes = Coordinates(warped(np.exp(speed)), warped(np.exp(force)), heading)
         weights = np.array([member.weight * member.cell_weights for member in self._members])
         every = np.array([member.setting for member in self._members])
         total = mean_on_grid(axes, self._at, weights, every)
         law = Coordinates(axes.u[:, None], axes.v[None, :], axes.heading).law
         levels = _rendered(np.asarray(total + self._middle + law))
-        _fall(np.moveaxis(levels, 1, 0), axes.u, grid.speed, float(self._at.u.min()))
-        _fall(np.moveaxis(levels, 2, 0), axes.v, grid.force, float(self._at.v.min()))
+        _fall(np.moveaxis(levels, 1, 0), axes.u, speed, float(self._at.u.min()))
+        _fall(np.moveaxis(levels, 2, 0), axes.v, force, float(self._at.v.min()))
         return np.clip(levels, _LEAST, self._loudest + _RISE)
 
     @staticmethod

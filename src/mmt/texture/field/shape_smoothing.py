@@ -18,7 +18,7 @@ A set of frequencies that would come closer than half as near to each other as t
 around the samples as the nearest one's were, is brought back towards these: convex combinations of
 ordered frequencies are ordered.
 
-Cost: ten symmetric eigenproblems, nine of at most `_CHOICE` samples and one of at most `LARGEST`;
+Cost: five symmetric eigenproblems, four of at most `_CHOICE` samples and one of at most `LARGEST`;
 where there are more samples they are pooled by cells first.
 """
 
@@ -30,7 +30,7 @@ from scipy.linalg import eigh
 from scipy.spatial import cKDTree
 
 from mmt.core.arrays import FloatArray, IntArray
-from mmt.texture.interpolation.boundary import boundary
+from mmt.texture.interpolation.vertices import boundary
 from mmt.texture.model.samples import TextureSamples
 
 LARGEST: Final = 128
@@ -40,7 +40,7 @@ LEAST_SAMPLES: Final = 4
 """Least number of samples from which the noise is estimated."""
 
 _CHOICE: Final = 64
-_SCALES: Final = ((0.25, 0.5, 1.0), (0.35, 0.7, 1.4))  # of speed or velocity, of force
+_SCALES: Final = ((0.25, 1.0), (0.35, 1.4))  # of speed or velocity, of force
 _NOISE: Final = np.geomspace(0.01, 3.0, 16)
 _USUAL_NOISE: Final = (np.log(0.1), 1.2)  # mean and deviation of the logarithm
 _FREE: Final = 4.0
@@ -97,10 +97,9 @@ def smoothed_shapes(samples: TextureSamples) -> FloatArray:
     """Return the smoothed frequencies of a model's samples and of its boundary, (n + b, order).
 
     Samples are weighted by their lengths; where these are not known all count alike.
-    The boundary is that with points inside.
     """
     weights = np.ones(len(samples)) if samples.counts is None else samples.counts
-    around = boundary(samples.space.dimensions, inside=True).points
+    around = boundary(samples.space.dimensions).points
     return smoothed(samples.points, samples.lsf, weights, around)
 
 

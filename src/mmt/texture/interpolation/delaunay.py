@@ -51,10 +51,12 @@ class Triangulation:
         """
         low, high = self.points.min(axis=0), self.points.max(axis=0)
         located = np.ascontiguousarray(np.clip(queries, low, high), dtype=np.float64)
-        corners = np.empty((len(located), located.shape[1] + 1), dtype=np.int64)
-        weights = np.empty(corners.shape)
-        locate_many(self.points, self.triangles, located, corners, weights)
-        return corners, weights
+        weights = np.empty((len(located), located.shape[1] + 1))
+        found, simplex = np.empty(len(located), dtype=np.int64), 0
+        for row, point in enumerate(located):
+            simplex = locate(self.points, self.triangles, simplex, point, weights[row])
+            found[row] = simplex
+        return self.triangles[found, : weights.shape[1]], weights
 
 
 def triangulate(points: FloatArray) -> Triangulation:
@@ -186,22 +188,6 @@ def locate(
     for corner in range(corners):
         weights[corner] /= total
     return simplex
-
-
-@kernel("void(f8[:, ::1], i8[:, ::1], f8[:, ::1], i8[:, ::1], f8[:, ::1])")
-def locate_many(
-    points: FloatArray,
-    simplices: IntArray,
-    queries: FloatArray,
-    corners: IntArray,
-    weights: FloatArray,
-) -> None:
-    """Locate queries (k, d) one after the other; write corners and weights, each (k, d + 1)."""
-    simplex = 0
-    for index in range(queries.shape[0]):
-        simplex = locate(points, simplices, simplex, queries[index], weights[index])
-        for corner in range(corners.shape[1]):
-            corners[index, corner] = simplices[simplex, corner]
 
 
 @kernel("i8(f8[:, ::1], i8[:, ::1], i8, f8[::1], f8[::1], f8[::1])")

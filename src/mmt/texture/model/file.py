@@ -1,7 +1,6 @@
 """The ``.npz`` file of a texture model; the layout is in ``docs/reference/model-file.md``."""
 
-from dataclasses import dataclass
-from typing import Final, cast
+from typing import Final, NamedTuple, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -10,7 +9,7 @@ from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.bounds import real_numbers
 from mmt.core.errors import InputError
 from mmt.texture.field.cells import FELT_POWER, FieldCells
-from mmt.texture.model.file_arrays import Arrays, file_arrays, pack_arrays
+from mmt.texture.model.file_arrays import Arrays, file_arrays
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.samples import TextureSamples
 from mmt.texture.settings import Method
@@ -24,8 +23,7 @@ FORMAT_VERSION: Final = 7
 comes nearest; their blocks, gathered by place, as if each place were a moment."""
 
 
-@dataclass(frozen=True)
-class ModelContents:
+class ModelContents(NamedTuple):
     """What a model file holds: the parameters of `TextureModel`, which are not checked here."""
 
     samples: TextureSamples
@@ -34,13 +32,8 @@ class ModelContents:
     field: FieldCells | None = None
 
 
-def pack(contents: ModelContents) -> bytes:
-    """Return a model as the content of a file."""
-    return pack_arrays(arrays_of(contents))
-
-
 def unpack(data: bytes) -> ModelContents:
-    """Return the contents of a model from what `pack` returned, now or in an earlier version.
+    """Return the contents of a model from its file, written now or in an earlier version.
 
     Raises
     ------
@@ -64,8 +57,7 @@ def arrays_of(contents: ModelContents) -> Arrays:
         "maximum_speed_mm_s": np.float64(space.maximum_speed_mm_s),
         "maximum_force_n": np.float64(space.maximum_force_n),
         "rate_hz": np.float64(contents.rate_hz),
-        **_known_of_powers(samples),
-        **_field_arrays(contents.field),
+        **{name: array for name, array in _known(contents).items() if array is not None},
     }
 
 
@@ -153,24 +145,16 @@ def _whole(name: str, values: npt.ArrayLike) -> IntArray:
     return numbers.astype(np.int64)
 
 
-def _known_of_powers(samples: TextureSamples) -> Arrays:
-    arrays: Arrays = {}
-    if samples.effective is not None:
-        arrays["effective_samples"] = samples.effective
-    if samples.counts is not None:
-        arrays["segment_samples"] = samples.counts
-    if samples.noise_power > 0.0:
-        arrays["noise_power"] = np.array(samples.noise_power)
-    return arrays
-
-
-def _field_arrays(field: FieldCells | None) -> Arrays:
-    if field is None:
-        return {}
+def _known(contents: ModelContents) -> Arrays:
+    """Return the arrays that not every model has, None for those that this one has not."""
+    samples, field = contents.samples, contents.field
     return {
-        "field_cells": field.keys.astype(np.int32),
-        "field_sums": field.sums,
-        "field_moment_blocks": np.int64(field.moment_blocks),
+        "effective_samples": samples.effective,
+        "segment_samples": samples.counts,
+        "noise_power": np.array(samples.noise_power) if samples.noise_power > 0.0 else None,
+        "field_cells": None if field is None else field.keys.astype(np.int32),
+        "field_sums": None if field is None else field.sums,
+        "field_moment_blocks": None if field is None else np.int64(field.moment_blocks),
     }
 
 

@@ -1,20 +1,91 @@
 """A model's kernel parameters: what compiled code needs beside an interpolant to give filters.
 
-One array: a few numbers at the places below, then a table of the level where there is one
-(`mmt.texture.field.level_table`).
+One array: a few numbers at the places below, then a table of the level where there is one, read at
+the rate of the rendering: logarithms of the level on a grid that is even in ln(speed), ln(force)
+and the heading, and interpolated linearly: exact for a power law. Below the slowest speed and the
+lightest force of the grid the level falls to zero linearly: a hand at rest feels nothing. A reading
+costs two logarithms and an exponential, and an arctangent more where the heading counts.
 """
+
+from typing import Final
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.compiled import kernel
 from mmt.texture.autoregression.lsf import lsf_inverse_gain
-from mmt.texture.field.level_table import TABLE_SIZES, tabulated_level
 from mmt.texture.interpolation.interpolant import SCRATCH, interpolate_into
 
 PER_SPEED, PER_FORCE, DIMENSIONS, MODEL_ORDER = range(4)
 """Places in `TextureModel.kernel_parameters`: one array costs a compiled call less than four
-numbers. A table of the level follows, see `mmt.texture.field.level_table`."""
+numbers."""
+
+SLOWEST: Final = 0.01
+"""Least speed and force of the table, as a share of the largest."""
+
+PLANAR_SHAPE: Final = (1, 41, 41)
+"""Headings, speeds and forces of a table without headings."""
+
+DIRECTED_SHAPE: Final = (48, 17, 17)
+"""Headings (over a whole turn), speeds and forces of a table with headings."""
+
+TABLE_SIZES: Final = 4
+"""Place of the table's shape in `TextureModel.kernel_parameters`; zeros where there is none."""
+
+TABLE: Final = TABLE_SIZES + 3
+"""Index of the table's first value."""
+
+_PER_LOGARITHM: Final = -1.0 / np.log(SLOWEST)
+_PER_RADIAN: Final = 0.5 / np.pi
+
+
+def table_grid(*, directed: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the table's axes: logarithms of speeds and of forces, and headings."""
+    headings, speeds, forces = DIRECTED_SHAPE if directed else PLANAR_SHAPE
+    lowest = np.log(SLOWEST)
+    turn = np.linspace(0.0, 2.0 * np.pi, headings, endpoint=False)
+    return np.linspace(lowest, 0.0, speeds), np.linspace(lowest, 0.0, forces), turn
+
+
+@kernel("f8(f8[::1], f8, f8, f8)")
+def tabulated_level(parameters: FloatArray, x: float, y: float, force: float) -> float:
+    """Return the level at a normalised point.
+
+    Parameters
+    ----------
+    parameters
+        `TextureModel.kernel_parameters`, with a table.
+    x, y
+        Velocity; in the plane the speed and zero.
+    force
+        Normalised, as x and y.
+    """
+    headings, speeds = int(parameters[TABLE_SIZES]), int(parameters[TABLE_SIZES + 1])
+    forces = int(parameters[TABLE_SIZES + 2])
+    speed = np.sqrt(x * x + y * y)
+    fall = min(speed / SLOWEST, 1.0) * min(force / SLOWEST, 1.0)
+    if fall <= 0.0:
+        return 0.0
+    across = (1.0 + np.log(max(speed, SLOWEST)) * _PER_LOGARITHM) * (speeds - 1)
+    along = (1.0 + np.log(max(force, SLOWEST)) * _PER_LOGARITHM) * (forces - 1)
+    row, column = min(int(across), speeds - 2), min(int(along), forces - 2)
+    across -= row
+    along -= column
+    turn, below, above = 0.0, 0, 0
+    if headings > 1:
+        turn = np.arctan2(y, x) * _PER_RADIAN
+        turn = (turn - np.floor(turn)) * headings
+        below = min(int(turn), headings - 1)
+        turn -= below
+        above = below + 1 if below + 1 < headings else 0
+    value = 0.0
+    for heading, share in ((below, 1.0 - turn), (above, turn)):
+        place = TABLE + (heading * speeds + row) * forces + column
+        lower = parameters[place] + along * (parameters[place + 1] - parameters[place])
+        place += forces
+        upper = parameters[place] + along * (parameters[place + 1] - parameters[place])
+        value += share * (lower + across * (upper - lower))
+    return float(np.exp(value) * fall)
 
 
 @kernel("void(f8[:, ::1], i8[:, ::1], f8[:, ::1], f8[::1], f8[:, ::1], f8[:, ::1], f8[::1])")

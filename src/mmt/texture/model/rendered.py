@@ -1,7 +1,7 @@
-"""What a model renders from its samples, by either method."""
+"""What a model renders from its samples, by either method, computed when it is asked for."""
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -18,71 +18,47 @@ if TYPE_CHECKING:
     from mmt.texture.field.posterior import LevelField
 
 
-class Rendered(Protocol):
-    """What a model renders from, each part computed when it is first asked for."""
-
-    def __init__(
-        self, samples: TextureSamples, cells: "FieldCells | None", rate_hz: float
-    ) -> None: ...
-
-    @property
-    def vertices(self) -> Vertices:
-        """Samples and boundary points."""
-
-    @property
-    def interpolant(self) -> Interpolant:
-        """Level and filter over the inputs."""
-
-    @property
-    def level(self) -> "LevelField | None":
-        """Posterior of the level in place of the interpolant's level, None for the latter."""
-
-
 class PublishedRendered:
     """Papers A and B: LSF and variance linear over speed and force, a network over velocity."""
 
-    level = None
-
-    def __init__(self, samples: TextureSamples, cells: "FieldCells | None", rate_hz: float) -> None:
-        del cells, rate_hz
-        self._samples = samples
-
-    @cached_property
-    def vertices(self) -> Vertices:
-        """See `Rendered`."""
-        samples = self._samples
-        return vertex_table(samples.points, samples.variance, samples.lsf)
-
-    @cached_property
-    def interpolant(self) -> Interpolant:
-        """See `Rendered`."""
-        interpolate = networked if self._samples.space.directed else triangulated
-        return interpolate(self.vertices)
-
-
-class FieldRendered:
-    """LSF linear between smoothed ones, and the level of the blocks, or without of the samples."""
+    level: "LevelField | None" = None
+    """Posterior of the level in place of the interpolant's level, None for the latter."""
 
     def __init__(self, samples: TextureSamples, cells: "FieldCells | None", rate_hz: float) -> None:
         self._samples, self._cells, self._rate_hz = samples, cells, rate_hz
 
     @cached_property
     def vertices(self) -> Vertices:
-        """See `Rendered`."""
-        from mmt.texture.field.shape_smoothing import smoothed_shapes
-
+        """Samples and boundary points."""
         samples = self._samples
-        lsf = smoothed_shapes(samples)
-        return vertex_table(samples.points, samples.power, lsf, inside=True)
+        return vertex_table(samples.points, samples.variance, samples.lsf)
 
     @cached_property
     def interpolant(self) -> Interpolant:
-        """See `Rendered`."""
+        """Level and filter over the inputs."""
+        interpolate = networked if self._samples.space.directed else triangulated
+        return interpolate(self.vertices)
+
+
+class FieldRendered(PublishedRendered):
+    """LSF linear between smoothed ones, and the level of the blocks, or without of the samples."""
+
+    @cached_property
+    def vertices(self) -> Vertices:
+        """Samples and boundary points."""
+        from mmt.texture.field.shape_smoothing import smoothed_shapes
+
+        samples = self._samples
+        return vertex_table(samples.points, samples.power, smoothed_shapes(samples))
+
+    @cached_property
+    def interpolant(self) -> Interpolant:
+        """Level, which is not used, and filter over the inputs."""
         return triangulated(self.vertices)
 
     @cached_property
-    def level(self) -> "LevelField | None":
-        """See `Rendered`."""
+    def level(self) -> "LevelField | None":  # type: ignore[override] # computed when asked for
+        """Posterior of the level."""
         from mmt.texture.field.posterior import LevelField, field_of_samples
 
         samples, cells = self._samples, self._cells
@@ -103,7 +79,7 @@ class FieldRendered:
         return np.asarray(gain[cKDTree(samples.points).query(points)[1]])
 
 
-RENDERED: Final[dict[Method, type[Rendered]]] = {
+RENDERED: Final[dict[Method, type[PublishedRendered]]] = {
     "field": FieldRendered,
     "published": PublishedRendered,
 }

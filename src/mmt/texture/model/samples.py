@@ -90,15 +90,10 @@ class TextureSamples:
 
     def frozen(self) -> Self:
         """Return a copy whose arrays cannot be written."""
-        return replace(
-            self,
-            inputs=_read_only(self.inputs),
-            lsf=_read_only(self.lsf),
-            variance=_read_only(self.variance),
-            power=_read_only(self.power),
-            effective=None if self.effective is None else _read_only(self.effective),
-            counts=None if self.counts is None else _read_only(self.counts),
-        )
+        names = ("inputs", "lsf", "variance", "power", "effective", "counts")
+        given = {name: getattr(self, name) for name in names}
+        arrays: Any = {name: _read_only(a) for name, a in given.items() if a is not None}
+        return replace(self, **arrays)
 
     def check(self) -> None:
         """Raise `InputError` where a model cannot be built from these.

@@ -21,16 +21,18 @@ from mmt.core.errors import InputError
 from mmt.core.existing_files import replacing
 from mmt.models import find_model
 from mmt.texture.autoregression.spectra import lsf_spectrum
-from mmt.texture.field.level_table import TABLE, TABLE_SIZES
 from mmt.texture.interpolation.delaunay import Triangulation, triangulate
 from mmt.texture.interpolation.interpolant import Interpolant
-from mmt.texture.model.file import ModelContents, pack, unpack
+from mmt.texture.model.file import ModelContents, arrays_of, unpack
+from mmt.texture.model.file_arrays import pack_arrays
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.kernel_parameters import (
     DIMENSIONS,
     MODEL_ORDER,
     PER_FORCE,
     PER_SPEED,
+    TABLE,
+    TABLE_SIZES,
     filters_into,
 )
 from mmt.texture.model.rendered import RENDERED
@@ -249,7 +251,7 @@ class TextureModel:
 
     def to_bytes(self) -> bytes:
         """Return what `save` writes."""
-        return pack(self.contents)
+        return pack_arrays(arrays_of(self.contents))
 
     @property
     def contents(self) -> ModelContents:
@@ -280,12 +282,7 @@ class TextureModel:
     @classmethod
     def from_contents(cls, contents: ModelContents) -> Self:
         """Rebuild a model from `contents`; raises `InputError` as the constructor does."""
-        return cls(
-            contents.samples,
-            method=contents.method,
-            field=contents.field,
-            rate_hz=contents.rate_hz,
-        )
+        return cls(**contents._asdict())
 
 
 def load_model(source: str | Path) -> TextureModel:

@@ -33,7 +33,8 @@ class Gathering:
     settings
         Settings of the modelling.
     deferred
-        Whether the sums of an update may be asked for later: every block is kept then.
+        Whether the sums of an update may be asked for later: every step is kept then, and carried
+        out again; who asks in the order of the stream pays for each once.
     """
 
     def __init__(self, settings: ModellingSettings, *, deferred: bool = False) -> None:
@@ -44,43 +45,32 @@ class Gathering:
             settings.rate_hz,
         )
         kept_samples = round(WITHDRAWN_S * settings.rate_hz)
-        new = partial(_Sums, self._cutter.cut([]), self._cutter.length, kept_samples)
-        self._sums = new()
-        self._past = _Past(new) if deferred else None
+        self._new = partial(_Sums, self._cutter.cut([]), self._cutter.length, kept_samples)
+        self._sums = self._new()
+        self._steps: list[_Step] | None = [] if deferred else None
+        self._done, self._again = 0, self._new()
 
     def add(self, work: Work) -> bool:
         """Add what an update has observed; return whether that changes anything."""
         step = _Step(self._cutter.cut(work.observed), tuple(work.held_out), work.forget_from)
-        if self._past is not None:
-            self._past.steps.append(step)
+        if self._steps is not None:
+            self._steps.append(step)
         return self._sums.add(step)
 
     def cells(self) -> Callable[[], FieldCells]:
         """Return what gives the sums of all blocks up to now: at once, or if deferred whenever."""
-        if self._past is None:
+        if self._steps is None:
             return self._sums.cells
-        return partial(self._past.cells, len(self._past.steps))
+        return partial(self._after, self._steps, len(self._steps))
 
-
-class _Past:
-    """Every step of a stream; sums of the first ones cost a call of `_Sums.add` for each.
-
-    Who asks in the order of the stream pays for each step once.
-    """
-
-    def __init__(self, new: "Callable[[], _Sums]") -> None:
-        self.steps: list[_Step] = []
-        self._new = new
-        self._done, self._sums = 0, new()
-
-    def cells(self, count: int) -> FieldCells:
+    def _after(self, steps: list[_Step], count: int) -> FieldCells:
         """Return the sums after the first steps."""
         if count < self._done:
-            self._done, self._sums = 0, self._new()
-        for step in self.steps[self._done : count]:
-            self._sums.add(step)
+            self._done, self._again = 0, self._new()
+        for step in steps[self._done : count]:
+            self._again.add(step)
         self._done = count
-        return self._sums.cells()
+        return self._again.cells()
 
 
 class _Sums:
@@ -88,7 +78,7 @@ class _Sums:
 
     def __init__(self, none: Blocks, length: int, kept_samples: int) -> None:
         self._recent = none
-        self._settled = FieldCells.empty(directed=none.points.shape[1] == 3)
+        self._settled = self._cells(none)
         self._length, self._kept_samples = length, kept_samples
 
     def add(self, step: _Step) -> bool:

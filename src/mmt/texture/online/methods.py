@@ -5,10 +5,11 @@ Segments become fitted samples (`add`), these a model (`model`), which says the 
 modelling does is the same for both.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from mmt.core.arrays import FloatArray
 from mmt.texture.completion.criterion import Criterion
@@ -26,19 +27,30 @@ if TYPE_CHECKING:
 ModelMaker = Callable[[], TextureModel]
 
 
-class ModellingMethod(Protocol):
+class ModellingMethod(ABC):
     """A way to model a texture, with what it keeps of one model's stream.
 
     The calls belong to different stages of an update, which may run at the same time.
+
+    Parameters
+    ----------
+    settings
+        Settings of the modelling.
     """
 
-    @property
-    def criterion(self) -> Criterion:
-        """How complete the model is, as of the newest update."""
+    criterion: Criterion
+    """How complete the model is, as of the newest update."""
+    _behind_high_pass = False
+
+    def __init__(self, settings: ModellingSettings) -> None:
+        self._settings = settings
 
     def add(self, segments: Sequence[Segment], order: int, numbers: Iterator[int]) -> list[Fit]:
         """Return segments as fitted samples of an order, each with its own number."""
+        behind = self._behind_high_pass
+        return fit_segments(segments, order, numbers, self._settings, behind_high_pass=behind)
 
+    @abstractmethod
     def model(self, work: Work, chosen: Sequence[Fit], *, changed: bool) -> ModelMaker | None:
         """Return what makes the model of an update, None where it is the one before.
 
@@ -52,6 +64,7 @@ class ModellingMethod(Protocol):
             Whether these are other ones than before.
         """
 
+    @abstractmethod
     def judge(self, work: Work, points: FloatArray, *, anew: bool) -> None:
         """Evaluate the criterion, where ``anew``, after an update.
 
@@ -76,22 +89,14 @@ def method_of(settings: ModellingSettings, *, deferred: bool = False) -> Modelli
     return FieldMethod(settings, deferred=deferred)
 
 
-class PublishedMethod:
-    """The model of papers A and B: what was measured, interpolated, until it is densely sampled.
+class PublishedMethod(ModellingMethod):
+    """The model of papers A and B: what was measured, interpolated, until it is densely sampled."""
 
-    Parameters
-    ----------
-    settings
-        Settings of the modelling.
-    """
+    _behind_high_pass = True
 
     def __init__(self, settings: ModellingSettings) -> None:
-        self._settings = settings
-        self.criterion = CompletionMonitor(settings)
-
-    def add(self, segments: Sequence[Segment], order: int, numbers: Iterator[int]) -> list[Fit]:
-        """See `ModellingMethod`."""
-        return fit_segments(segments, order, numbers, self._settings, behind_high_pass=True)
+        super().__init__(settings)
+        self.criterion: CompletionMonitor = CompletionMonitor(settings)
 
     def model(self, work: Work, chosen: Sequence[Fit], *, changed: bool) -> ModelMaker | None:
         """See `ModellingMethod`."""
@@ -103,7 +108,7 @@ class PublishedMethod:
             self.criterion.update(points, work.time_s)
 
 
-class FieldMethod:
+class FieldMethod(ModellingMethod):
     """The model whose level is a field that knows its error, until enough strokes are right.
 
     Parameters
@@ -118,14 +123,10 @@ class FieldMethod:
         from mmt.texture.completion.uncertainty import UncertaintyCriterion
         from mmt.texture.online.gathering import Gathering
 
-        self._settings = settings
+        super().__init__(settings)
         self.criterion: UncertaintyCriterion = UncertaintyCriterion(settings)
         selects = settings.selection is not None  # its samples tell the level, without outliers
         self._gathering = None if selects else Gathering(settings, deferred=deferred)
-
-    def add(self, segments: Sequence[Segment], order: int, numbers: Iterator[int]) -> list[Fit]:
-        """See `ModellingMethod`."""
-        return fit_segments(segments, order, numbers, self._settings, behind_high_pass=False)
 
     def model(self, work: Work, chosen: Sequence[Fit], *, changed: bool) -> ModelMaker | None:
         """See `ModellingMethod`."""

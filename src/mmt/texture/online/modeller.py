@@ -1,31 +1,42 @@
 """The online update of a texture model: stream in, immutable models out.
 
 Awan et al., section V.C: once a period the newest samples are filtered and cut into segments
-(`SegmentingStage`), fitted (`FittingStage`), and a new model is triangulated (`BuildingStage`),
-which a criterion of completion judges (`CompletionStage`). `OnlineModeller` holds the four stages
-of one model. The evaluation of recorded sessions runs them one after the other (`update`); the
-live leader runs each in a task of its own, and comes to the same model to the bit.
+(`mmt.texture.signals`, `mmt.texture.segmentation`), fitted (`FittingStage`), and a new model is
+triangulated (`BuildingStage`), which a criterion of completion judges. `OnlineModeller` holds the
+stages of one model. The evaluation of recorded sessions runs them one after the other (`update`);
+the live leader runs each in a task of its own, and comes to the same model to the bit.
 
 The model has `LARGEST_MODEL` samples at most, so that neither memory nor the cost of an update
 grows without end where the criteria are never met.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.bounds import check
+from mmt.core.frames import check_frames
 from mmt.texture.completion.criterion import Criterion
-from mmt.texture.model.fits import Fit
+from mmt.texture.completion.distance import distance_sum
+from mmt.texture.model.fits import Fit, points_of
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.building import BuildingStage
-from mmt.texture.online.completing import CompletionStage
 from mmt.texture.online.fitting import LARGEST_MODEL, FittingStage
 from mmt.texture.online.methods import method_of
-from mmt.texture.online.segmenting import SegmentingStage
-from mmt.texture.online.work import ModelUpdate, SegmentRange, Work
+from mmt.texture.online.work import ModelUpdate, SegmentRange, Stopwatch, Work
+from mmt.texture.segmentation.segmenter import OnlineSegmenter, segmentation_settings
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
+from mmt.texture.signals.filtering import StreamFilter
+from mmt.texture.signals.noise_floor import NoiseFloor
+from mmt.texture.signals.numbering import StreamNumbering
+
+if TYPE_CHECKING:
+    from mmt.texture.surfaces.changes import SaidSurface
+    from mmt.texture.surfaces.modeller import SurfaceModeller
 
 __all__ = ["LARGEST_MODEL", "ModelUpdate", "OnlineModeller", "carry_out"]
 
@@ -60,11 +71,19 @@ class OnlineModeller:
         check("settings", settings, ModellingSettings | None)
         self.settings = settings or ModellingSettings()
         self.space = InputSpace(self.settings.inputs)
-        self._segmenting = SegmentingStage(self.settings, accept)
+        self._accept = accept
+        self._filter = StreamFilter.of(self.settings)
+        self._segmenter = OnlineSegmenter(
+            segmentation_settings(self.settings), overlap_samples=self.settings.overlap_samples
+        )
+        self._numbering = StreamNumbering()
+        self._noise = NoiseFloor()
+        self._first_sequence: int | None = None
+        self._time_s = 0.0
         self._method = method_of(self.settings, deferred=deferred)
         self._fitting = FittingStage(self.settings, self._method)
         self._building = BuildingStage(self.settings, self._method, deferred=deferred)
-        self._completing = CompletionStage(self.settings, self._method, until_start=until_start)
+        self._until_start = until_start
 
     @property
     def completion(self) -> Criterion:
@@ -85,11 +104,6 @@ class OnlineModeller:
     def model(self) -> TextureModel | None:
         """The newest model, None before the first fit."""
         return self._building.model
-
-    @property
-    def delay_samples(self) -> int:
-        """Samples by which segments lag behind the newest frame, from the filters."""
-        return self._segmenting.delay_samples
 
     @property
     def fits_by_verdict(self) -> bool:
@@ -123,8 +137,39 @@ class OnlineModeller:
     # --- the stages; the work goes through them in this order
 
     def segment(self, frames: RecordArray) -> Iterator[Work | None]:
-        """Filter and segment frames (n,); see `SegmentingStage.segment`."""
-        return self._segmenting.segment(self, frames)
+        """Filter and segment frames (n,); None after the filters, the work for an update last.
+
+        A service that must keep its ticks runs the steps one by one, so that the interpreter
+        lock is never contended for longer than one of them. Cost: O(n).
+        """
+        clock = Stopwatch()
+        check_frames(frames)
+        frames = self._numbering.number(frames)
+        if len(frames):
+            if self._first_sequence is None:
+                self._first_sequence = int(frames["sequence"][0])
+            newest = int(frames["sequence"].max())
+            self._time_s = max(self._time_s, self._session_time_s(newest + 1))
+        aligned = self._filter.process(frames)
+        self._noise.update(aligned)
+        clock.lap("filter")
+        yield None
+        clock.resume()
+        change = self._segmenter.update(aligned)
+        accept = self._accept
+        added = [s for s in change.added if accept is None or accept(s)]
+        held_out = [s for s in change.added if accept is not None and not accept(s)]
+        clock.lap("segment")
+        yield Work(
+            modeller=self,
+            time_s=self._time_s,
+            observed=[aligned],
+            added=added,
+            removed=[(s.start, s.stop) for s in change.removed],
+            noise_power=self._noise.power,
+            held_out=[(s.start, s.stop) for s in held_out],
+            durations_s=clock.laps,
+        )
 
     def forget(self, from_sample: int) -> Work:
         """Return the work of taking out what reaches beyond a sample, which is of another surface.
@@ -136,8 +181,10 @@ class OnlineModeller:
         from_sample
             The first sequence number that is not of this surface.
         """
-        stage = self._segmenting
-        return Work(self, stage.time_s, [], [], [], stage.noise_power, forget_from=from_sample)
+        return Work(self, self._time_s, [], [], [], self._noise.power, forget_from=from_sample)
+
+    def _session_time_s(self, sequence: int) -> float:
+        return (sequence - (self._first_sequence or 0)) / self.settings.rate_hz
 
     def fit(self, work: Work) -> None:
         """Fit the new segments."""
@@ -152,8 +199,39 @@ class OnlineModeller:
         self._building.build(work)
 
     def judge(self, work: Work) -> None:
-        """Judge the model and set ``work.update``."""
-        self._completing.judge(work, self._segmenting.first_sequence or 0)
+        """Judge the model, and set ``work.update``: what has come of the update.
+
+        A criterion that only samples of another surface have met is no longer met.
+        """
+        clock = Stopwatch(work.durations_s)
+        criterion = self.completion
+        points = np.empty((0, self.space.dimensions))
+        if work.chosen:
+            points = points_of(work.chosen, self.space)
+        revoked = work.forget_from is not None and work.removed_count > 0
+        if not (self._until_start and criterion.started):
+            self._method.judge(work, points, anew=revoked or work.forget_from is None)
+        if revoked and work.forget_from is not None:
+            criterion.revoke_since(self._session_time_s(work.forget_from))
+        clock.lap("completion")
+        work.update = ModelUpdate(
+            time_s=work.time_s if work.session_time_s is None else work.session_time_s,
+            samples=len(work.chosen),
+            added=len(work.added),
+            removed=work.removed_count,
+            distance=distance_sum(points),
+            progress=criterion.progress,
+            order=work.order,
+            started=criterion.started,
+            stopped=criterion.stopped,
+            source=work.source,
+            durations_s=work.durations_s,
+            outliers=work.outliers,
+            redundant=work.redundant,
+            surface=work.surface,
+            changes=work.changes,
+            left=work.left,
+        )
 
 
 def carry_out(steps: Iterator[Work | None]) -> ModelUpdate | None:
@@ -169,3 +247,46 @@ def carry_out(steps: Iterator[Work | None]) -> ModelUpdate | None:
         modeller.judge(work)
         update = work.update if work.announced else update
     return update
+
+
+class ModellerFactory:
+    """Makes modellers: of one model, or of one for each surface.
+
+    Parameters
+    ----------
+    settings
+        Settings of the modelling; with ``surfaces`` a model is kept for each surface.
+    period_s
+        Time between two updates of a model.
+    """
+
+    def __init__(self, settings: ModellingSettings, period_s: float) -> None:
+        self._settings = settings
+        self._update_frames = max(1, round(period_s * settings.rate_hz))
+        self.frames_at_once = self._update_frames
+        """How many frames a modeller wants at a time."""
+        if settings.surfaces is not None:
+            from mmt.texture.surfaces.modeller import LOOK_S
+
+            self.frames_at_once = min(self._update_frames, round(LOOK_S * settings.rate_hz))
+
+    def make(self, said: "Iterable[SaidSurface]" = ()) -> "OnlineModeller | SurfaceModeller":
+        """Return one that has seen nothing yet.
+
+        Parameters
+        ----------
+        said
+            What persons say of the surface, if several are told apart.
+        """
+        if self._settings.surfaces is None:
+            return OnlineModeller(self._settings)
+        from mmt.texture.surfaces.modeller import SurfaceModeller
+
+        modeller = SurfaceModeller(self._settings, self._update_frames)
+        for word in said:
+            modeller.say(word)
+        return modeller
+
+    def done(self, update: ModelUpdate) -> bool:
+        """Say whether no update will follow: another surface may always come."""
+        return update.stopped and self._settings.surfaces is None

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from mmt.texture.completion.criterion import Progress
 from mmt.texture.model.fits import Fit
@@ -12,28 +12,8 @@ from mmt.texture.segmentation.segments import Segment
 from mmt.texture.signals.aligned import AlignedBlock
 
 if TYPE_CHECKING:
+    from mmt.texture.online.modeller import OnlineModeller
     from mmt.texture.surfaces.changes import SurfaceChange
-
-
-class UpdateSteps(Protocol):
-    """The steps of one update; see `mmt.texture.online.modeller.OnlineModeller`."""
-
-    @property
-    def fits_by_verdict(self) -> bool:
-        """Whether fitting must wait until the update before is judged."""
-
-    def fit(self, work: "Work") -> None:
-        """Fit the new segments."""
-
-    def choose(self, work: "Work") -> None:
-        """Choose the fits of the model."""
-
-    def build(self, work: "Work") -> None:
-        """Build the model of the chosen fits."""
-
-    def judge(self, work: "Work") -> None:
-        """Judge the model and set ``work.update``."""
-
 
 SegmentRange = tuple[int, int]
 """Sequence numbers of a segment's first sample and of the one after its last."""
@@ -129,7 +109,7 @@ class Work:
         What has come of it, once it is judged.
     """
 
-    modeller: UpdateSteps
+    modeller: "OnlineModeller"
     time_s: float
     observed: list[AlignedBlock]
     added: list[Segment]

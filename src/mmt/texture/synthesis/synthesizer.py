@@ -26,7 +26,6 @@ from mmt.core.errors import InputError
 from mmt.texture.autoregression.lattice import lattice_step, lsf_to_lattice_into
 from mmt.texture.autoregression.order_limit import LARGEST_ORDER
 from mmt.texture.autoregression.split import separate
-from mmt.texture.field.level_table import TABLE_SIZES, tabulated_level
 from mmt.texture.interpolation.interpolant import SCRATCH, interpolate_into
 from mmt.texture.model.inputs import normalise_into
 from mmt.texture.model.kernel_parameters import (
@@ -34,6 +33,8 @@ from mmt.texture.model.kernel_parameters import (
     MODEL_ORDER,
     PER_FORCE,
     PER_SPEED,
+    TABLE_SIZES,
+    tabulated_level,
 )
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.synthesis.generation import (
