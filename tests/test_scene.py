@@ -162,19 +162,14 @@ def test_flags_override_the_environment_which_overrides_the_file(
 
 
 def test_lists_come_from_the_environment_as_toml(monkeypatch: pytest.MonkeyPatch) -> None:
-    files = "[\"http://lab:8766\", 'b.npz']"
-    monkeypatch.setenv("MMT_RENDERING__LIBRARY", files)
-    monkeypatch.setenv("MMT_RENDERING__BEFORE", "warm")
     monkeypatch.setenv("MMT_SIMULATED__WORKSPACE_MM", "[[-1, -2, -3], [1, 2, 3]]")
     scene = load_scene(Path("demo"))
-    assert scene.rendering is not None
     assert scene.simulated is not None
-    assert scene.rendering.library == ["http://lab:8766", "b.npz"]
     assert scene.simulated.workspace_mm == ((-1, -2, -3), (1, 2, 3))
     for text in ("[::1]", "[1, 2", "[" * 100_000):  # a host, and what is no list
         assert environment_overrides({"MMT_LINK__HOST": text}) == {"link.host": text}
-    monkeypatch.setenv("MMT_RENDERING__LIBRARY", "a.npz")
-    with pytest.raises(InputError, match=r"MMT_RENDERING__LIBRARY: .*'a.npz': .* list"):
+    monkeypatch.setenv("MMT_SIMULATED__WORKSPACE_MM", "a.npz")
+    with pytest.raises(InputError, match=r"MMT_SIMULATED__WORKSPACE_MM: .*'a.npz': "):
         load_scene(Path("demo"))
 
 

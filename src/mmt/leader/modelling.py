@@ -262,7 +262,6 @@ class Modelling(Part):
             "completion": update.progress.as_dict() if update else None,
             "start_s": log.start_s,
             "stop_s": log.stop_s,
-            **({"warm": log.warm.as_dict()} if log.warm is not None else {}),
             **({"surfaces": log.surfaces.as_dict(duration_s)} if log.surfaces is not None else {}),
             "updates": len(seconds),
             "update_median_ms": round(1e3 * statistics.median(seconds), 2) if seconds else None,
