@@ -18,7 +18,6 @@ from mmt.texture.model.samples import LARGEST_POWER, TextureSamples
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import (
     ModellingSettings,
-    OnlineSelectionSettings,
     SurfaceSettings,
     TextureSettings,
 )
@@ -27,7 +26,7 @@ NUMBERS = [math.nan, math.inf, -math.inf, -1.0, -1, 0, 0.0, 1, 0.5, 2.5, 7, 64, 
 OTHERS = ["auto", "delaunay", "no such thing", None, True, []]
 
 
-@pytest.mark.parametrize("owner", [TextureSettings, OnlineSelectionSettings, SurfaceSettings])
+@pytest.mark.parametrize("owner", [TextureSettings, SurfaceSettings])
 def test_a_value_is_allowed_exactly_where_pydantic_allows_it(owner: type[Any]) -> None:
     for name, hint in get_type_hints(owner, include_extras=True).items():
         adapter: TypeAdapter[Any] = TypeAdapter(hint)

@@ -62,6 +62,10 @@ def test_a_part_runs_in_the_services_that_its_values_ask_for() -> None:
             ['interpolator = "rbf" and method = "custom": no', 'write method = "field"'],
         ),
         (
+            {**SIMULATED, "texture": {"selection": {"largest": 50}}},
+            ["selection: no longer a table", "leave it out"],
+        ),
+        (
             {**SIMULATED, "texture": {"method": "published", "start_share": 0.5}},
             ['start_share is of method "field"', "write start_distance and stop_distance"],
         ),
@@ -316,6 +320,11 @@ def test_the_scene_of_an_earlier_recording_is_read_by_the_nearest_method(
     assert scene_of_recording(scene.dump(), "a recording") == scene
     with pytest.raises(InputError, match="no longer a choice"):
         scene_from_tables(tables)
+
+
+def test_a_recorded_scene_that_selected_samples_is_read_without() -> None:
+    tables = {**SIMULATED, "texture": {"order": 7, "selection": {"largest": 50}}}
+    assert scene_of_recording(tables, "a recording").texture == Texture(order=7)
 
 
 def test_a_recorded_scene_that_is_wrong_is_named() -> None:

@@ -17,7 +17,7 @@ def _fit(work: "Work") -> None:
 class FittingTask(StageTask):
     """Fit the segments of one update after the other.
 
-    As long as the order of the filters follows the data, or a selection sends fits away, an update
+    As long as the order of the filters follows the data, an update
     waits until the one before it is judged; so the model is that of an offline pass.
 
     Parameters

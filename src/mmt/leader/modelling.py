@@ -255,8 +255,6 @@ class Modelling(Part):
         update, seconds = log.update, log.update_seconds
         table = {
             "samples": update.samples if update else 0,
-            "outliers": update.outliers if update else 0,
-            "redundant": update.redundant if update else 0,
             "order": update.order if update else None,
             "distance": round(update.distance, 3) if update else None,
             "completion": update.progress.as_dict() if update else None,

@@ -91,23 +91,6 @@ class CriterionScale:
 
 
 @dataclass(frozen=True)
-class OnlineSelectionSettings:
-    """``[texture.selection]``: keep outliers out of a growing model, and its size below a limit.
-
-    See `mmt.texture.selection.online`.
-    """
-
-    false_alarms: Annotated[float, Ge(0.001), Le(0.2)] = 0.01
-    """Share of the good samples that may be taken for outliers."""
-
-    largest: Annotated[int, Ge(10), Le(1000)] = 200
-    """Number of samples above which redundant ones are left out of the model."""
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-
-
-@dataclass(frozen=True)
 class SurfaceSettings:
     """``[texture.surfaces]``: a model for each of several surfaces; see `mmt.texture.surfaces`."""
 
@@ -183,9 +166,6 @@ class TextureSettings:
     stop_share: Share = "auto"
     """Expected share at which modelling ends; not below `start_share`."""
 
-    selection: OnlineSelectionSettings | None = None
-    """Selection of samples; None keeps them all."""
-
     surfaces: SurfaceSettings | None = None
     """A model for each of several surfaces; None for a single model."""
 
@@ -216,11 +196,6 @@ class TextureSettings:
                         f'{key} is of method "{method}", and method is "{self.method}": leave it '
                         f"out, or write {own}"
                     )
-        if self.method == "published" and self.selection is not None:
-            raise SettingError(
-                'method is "published" and there is a table selection: what is published selects '
-                "from whole trials, by `mmt model select --method published`; leave the table out"
-            )
 
     @property
     def distances(self) -> StartStop:

@@ -46,8 +46,8 @@ class CompletionStage:
         clock = Stopwatch(work.durations_s)
         criterion = self._method.criterion
         points = np.empty((0, self._space.dimensions))
-        if work.chosen:
-            points = points_of(work.chosen, self._space)
+        if work.fits:
+            points = points_of(work.fits, self._space)
         revoked = work.forget_from is not None and work.removed_count > 0
         if not (self._until_start and criterion.started):
             self._method.judge(work, points, anew=revoked or work.forget_from is None)
@@ -56,7 +56,7 @@ class CompletionStage:
         clock.lap("completion")
         work.update = ModelUpdate(
             time_s=work.time_s if work.session_time_s is None else work.session_time_s,
-            samples=len(work.chosen),
+            samples=len(work.fits),
             added=len(work.added),
             removed=work.removed_count,
             distance=distance_sum(points),
@@ -66,8 +66,6 @@ class CompletionStage:
             stopped=criterion.stopped,
             source=work.source,
             durations_s=work.durations_s,
-            outliers=work.outliers,
-            redundant=work.redundant,
             surface=work.surface,
             changes=work.changes,
             left=work.left,

@@ -61,7 +61,7 @@ class OnlineModeller:
         self._segmenting = SegmentingStage(self.settings, accept)
         self._method = method_of(self.settings, deferred=deferred)
         self._fitting = FittingStage(self.settings, self._method)
-        self._building = BuildingStage(self.settings, self._method, deferred=deferred)
+        self._building = BuildingStage(self._method, deferred=deferred)
         self._completing = CompletionStage(self.settings, self._method, until_start=until_start)
 
     @property
@@ -93,11 +93,9 @@ class OnlineModeller:
     def fits_by_verdict(self) -> bool:
         """Whether fitting must wait until the update before is judged.
 
-        So it is as long as an automatic order follows the data until the start criterion is
-        met, and where a selection sends fits away.
+        So it is as long as an automatic order follows the data until the start criterion is met.
         """
-        follows = self.settings.order == "auto" and not self.completion.started
-        return follows or self._building.selects
+        return self.settings.order == "auto" and not self.completion.started
 
     def update(self, frames: RecordArray) -> ModelUpdate:
         """Add the newest frames and return the new state.
@@ -135,12 +133,8 @@ class OnlineModeller:
         """Fit the new segments."""
         self._fitting.fit(work, started=self.completion.started)
 
-    def choose(self, work: Work) -> None:
-        """Choose the fits of the model."""
-        self._fitting.remove(self._building.choose(work))
-
     def build(self, work: Work) -> None:
-        """Build the model of the chosen fits."""
+        """Build the model of the fits."""
         self._building.build(work)
 
     def judge(self, work: Work) -> None:
@@ -156,7 +150,6 @@ def carry_out(steps: Iterator[Work | None]) -> ModelUpdate | None:
             continue
         modeller = work.modeller
         modeller.fit(work)
-        modeller.choose(work)
         modeller.build(work)
         modeller.judge(work)
         update = work.update if work.announced else update

@@ -1,7 +1,7 @@
 """One update of a model on its way through the stages, and what comes of it."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
@@ -25,11 +25,8 @@ class UpdateSteps(Protocol):
     def fit(self, work: "Work") -> None:
         """Fit the new segments."""
 
-    def choose(self, work: "Work") -> None:
-        """Choose the fits of the model."""
-
     def build(self, work: "Work") -> None:
-        """Build the model of the chosen fits."""
+        """Build the model of the fits."""
 
     def judge(self, work: "Work") -> None:
         """Judge the model and set ``work.update``."""
@@ -60,7 +57,6 @@ class ModelUpdate:
 
     ``time_s`` is the session time of the newest frame, ``distance`` the completion sum,
     ``progress`` what the criterion in use says, ``durations_s`` the seconds spent on each stage.
-    ``outliers`` counts fits that a selection keeps out, ``redundant`` those that left for good.
     Where surfaces are told apart, ``surface`` is the number of the one that all this is of,
     ``changes`` says which changes this update brings to light, in order, and ``left`` what
     has become of the models of the surfaces that were left by them. ``source`` gives ``model``.
@@ -77,8 +73,6 @@ class ModelUpdate:
     stopped: bool
     source: ModelSource
     durations_s: dict[str, float]
-    outliers: int = 0
-    redundant: int = 0
     surface: int | None = None
     changes: "tuple[SurfaceChange, ...]" = ()
     left: "tuple[ModelUpdate, ...]" = ()
@@ -117,9 +111,8 @@ class Work:
         By the fitting: all fits of the model as they are now, and their order.
     removed_count
         By the fitting: how many fits have left.
-    chosen, outliers, redundant, source
-        By the building: the fits that the model is made of, how many a selection has kept out and
-        sent away, and what gives the model.
+    source
+        By the building: what gives the model.
     announced
         Whether the update is one that others hear of; where the tool leaves a surface, its model is
         also updated in between.
@@ -141,9 +134,6 @@ class Work:
     fits: tuple[Fit, ...] = ()
     order: int | None = None
     removed_count: int = 0
-    chosen: Sequence[Fit] = ()
-    outliers: int = 0
-    redundant: int = 0
     source: ModelSource = Made()
     announced: bool = True
     surface: int | None = None
