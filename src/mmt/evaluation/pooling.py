@@ -17,7 +17,7 @@ from mmt.texture.model.fits import automatic_order
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.segmentation.segmenter import segment, segmentation_settings
+from mmt.texture.segmentation.segmenter import segment
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.selection import ModelPoints
 from mmt.texture.selection.points import amplitude_of, spectral_error
@@ -67,10 +67,9 @@ def pool_sessions(sessions: Sequence[RecordedSession], settings: ModellingSettin
     space = InputSpace(settings.inputs)
     segments: list[Segment] = []
     origin: list[str] = []
-    cut = segmentation_settings(settings)
     for session in sessions:
         stream = StreamFilter.of(settings)
-        found = segment(stream.process(session.frames), cut)
+        found = segment(stream.process(session.frames), settings)
         found = [part for part in found if part.vibration_m_s2.any()]
         segments += found
         origin += [str(session.path)] * len(found)

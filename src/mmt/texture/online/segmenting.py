@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 
 from mmt.core.arrays import RecordArray
 from mmt.texture.online.work import Stopwatch, UpdateSteps, Work
-from mmt.texture.segmentation.segmenter import OnlineSegmenter, segmentation_settings
+from mmt.texture.segmentation.segmenter import OnlineSegmenter
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
@@ -30,9 +30,7 @@ class SegmentingStage:
         self._rate_hz = settings.rate_hz
         self._accept = accept
         self._filter = StreamFilter.of(settings)
-        self._segmenter = OnlineSegmenter(
-            segmentation_settings(settings), overlap_samples=settings.overlap_samples
-        )
+        self._segmenter = OnlineSegmenter(settings)
         self._noise = NoiseFloor()
         self.first_sequence: int | None = None
         """Number of the first frame, None before it."""
