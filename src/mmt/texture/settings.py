@@ -4,6 +4,7 @@ A key of a scene's ``[texture]`` is one field here, with its default, its bounds
 `mmt.core.bounds`) and its meaning, and one line in ``docs/reference/scene.md``.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Annotated, Final, Literal, NamedTuple
 
@@ -61,6 +62,9 @@ Distance = Annotated[float, Gt(0)] | Literal["auto"]
 
 Share = Annotated[float, Gt(0), Lt(1)] | Literal["auto"]
 """An expected share, or `START_SHARE` or `STOP_SHARE`."""
+
+JND_DB: Final = 20.0 * math.log10(1.17)
+"""Just noticeable difference of vibration, 17 % in amplitude (Awan et al., section VII.A)."""
 
 START_SHARE: Final = 0.75
 """Expected share at which rendering starts: about that which the published method leaves right at

@@ -78,7 +78,7 @@ def burg(x: FloatArray, order: int) -> ReflectionFit:
     segment = np.ascontiguousarray(x, dtype=np.float64)
     _check(segment, order, "x")
     reflection, variances = np.empty(order), np.empty(order + 1)
-    if not burg_into(segment, reflection, variances, np.empty(3 * len(segment))):
+    if not burg_into(segment, reflection, variances, np.empty(2 * len(segment))):
         raise InputError("x has a sample that is not finite: leave it out")
     return ReflectionFit(reflection, variances)
 
