@@ -40,7 +40,8 @@ async def test_silence_before_the_start_criterion_plays_no_stream(tmp_path: Path
         ({"before": "silent", "model": "felt"}, "renders its model from the start"),
         ({"before": "later"}, "stream"),
         ({"before": "warm"}, "no longer a choice.* write start_share = 0.5"),
-        ({"library": ["felt"]}, "no longer a choice.* leave them out"),
+        ({"library": ["felt"]}, "library: no longer a key.* leave it out"),
+        ({"update_fade_ms": 500.0}, "update_fade_ms: no longer a key.* leave it out"),
     ],
 )
 def test_what_cannot_be_before_is_refused(
@@ -50,7 +51,9 @@ def test_what_cannot_be_before_is_refused(
         small_scene(tmp_path, rendering=rendering, texture={})
 
 
-@pytest.mark.parametrize("former", [{"before": "warm"}, {"before": "warm", "library": ["felt"]}])
+@pytest.mark.parametrize(
+    "former", [{"before": "warm", "library": ["felt"]}, {"update_fade_ms": 1.0}]
+)
 def test_a_recorded_scene_with_known_textures_is_still_read(former: dict[str, Any]) -> None:
     tables = {"link": {}, "simulated": {}, "hand": {}, "texture": {}, "actuator": {}, "playout": {}}
     rendering = scene_of_recording({**tables, "rendering": {**former, "crossfade_ms": 20.0}}, "x")

@@ -48,8 +48,6 @@ def test_an_excitation_that_does_not_fit_is_refused(excitation) -> None:
         ("renewal_samples", 1.5),
         ("limit_m_s2", np.nan),
         ("limit_m_s2", -1.0),
-        ("fade_samples", -1),
-        ("fade_samples", np.nan),
     ],
 )
 def test_numbers_of_a_synthesizer_are_checked(name, value) -> None:

@@ -71,7 +71,6 @@ class SynthesizingPart(Part):
                 seed=seed,
                 renewal_samples=table.renewal_samples,
                 limit_m_s2=limit_m_s2,
-                fade_samples=round(table.update_fade_ms * session.rate_hz / 1000),
             )
 
         first = made(scene.session.seed)
