@@ -302,7 +302,6 @@ async def test_a_frozen_model_takes_no_frames_until_it_may_grow(
 TEXTURES: dict[str, dict[str, Any]] = {
     "demo": {},
     "fixed order": {"order": 10},
-    "selection": {"selection": {}},
     "published": {"method": "published"},
     "surfaces": {"surfaces": {}},
 }
