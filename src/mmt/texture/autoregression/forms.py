@@ -29,7 +29,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
-from mmt.texture.autoregression.burg import ReflectionFit, ReflectionFits, burg, burg_batch
+from mmt.texture.autoregression.burg import ReflectionFits, burg, burg_batch
 from mmt.texture.autoregression.lsf import (
     ar_to_reflection_each_into,
     lsf_to_ar_each_into,
@@ -44,10 +44,8 @@ from mmt.texture.autoregression.split import (
 )
 
 __all__ = [
-    "ReflectionFit",
     "ReflectionFits",
     "ar_spectrum",
-    "ar_to_lsf",
     "ar_to_reflection",
     "burg",
     "burg_batch",
@@ -136,19 +134,6 @@ def lsf_to_ar(lsf: FloatArray) -> FloatArray:
         The frequencies do not ascend strictly inside (0, pi), or the order is out of range.
     """
     return _convert(_checked_lsf(lsf), lsf_to_ar_each_into)
-
-
-def ar_to_lsf(ar: FloatArray) -> FloatArray:
-    """Return the line spectral frequencies of filter coefficients.
-
-    By way of the reflection coefficients, with the error of `ar_to_reflection`.
-
-    Raises
-    ------
-    InputError
-        As `ar_to_reflection`.
-    """
-    return reflection_to_lsf(ar_to_reflection(ar))
 
 
 def output_power(variance: float | FloatArray, reflection: FloatArray) -> FloatArray:
