@@ -81,7 +81,7 @@ def test_a_module_that_fails_as_it_is_imported_is_told(tmp_path, monkeypatch):
             "generator mine: generate raised ValueError: no stroke",
         ),
         (KeyError(), "generator mine: generate raised KeyError$"),
-        (np.zeros(9), r"gave the shape \(9,\) for inputs of 10 samples, \(10,\) is due"),
+        (np.zeros(9), r"gave the shape \(9,\) for inputs of 10 samples: \(10,\) is due"),
         (np.zeros((10, 1)), r"gave the shape \(10, 1\)"),
         (0.0, r"gave the shape \(\)"),
         (None, r"gave the shape \(\)"),

@@ -110,11 +110,6 @@ def fit_segments(
     return [fit for fit in fitted if _is_filter(fit)]
 
 
-def samples_of(fits: Sequence[Fit], space: InputSpace) -> TextureSamples:
-    """Return fits, at least one, as the samples of a model."""
-    return unpacked([fit.packed for fit in fits], space)
-
-
 def unpacked(packed: Sequence[bytes], space: InputSpace) -> TextureSamples:
     """Return the samples of a model from what `Fit.packed` is of each, at least one."""
     rows = _rows(packed)
