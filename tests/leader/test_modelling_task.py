@@ -28,7 +28,6 @@ class SlowModeller:
     """Notes what it is given; waits for leave to end an update."""
 
     in_step = False
-    fits_by_verdict = True
 
     def __init__(self) -> None:
         self.updates: list[RecordArray] = []
@@ -57,7 +56,7 @@ class SlowModeller:
             removed=0,
             distance=9.0,
             progress=CompletionMonitor(ModellingSettings(method="published")).progress,
-            order=None,
+            order=16,
             started=False,
             stopped=self.stops,
             source=Made(),

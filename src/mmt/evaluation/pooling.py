@@ -13,7 +13,6 @@ from mmt.core.errors import InputError, MmtError
 from mmt.session import RecordedSession
 from mmt.texture.autoregression.burg import burg_batch
 from mmt.texture.autoregression.forms import reflection_to_lsf
-from mmt.texture.model.fits import automatic_order
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel
@@ -76,8 +75,7 @@ def pool_sessions(sessions: Sequence[RecordedSession], settings: ModellingSettin
     if not segments:
         raise MmtError("too few steady strokes: there is no segment to select from")
     vibration = [part.vibration_m_s2 for part in segments]
-    order = automatic_order(segments, settings) if settings.order == "auto" else settings.order
-    fits = burg_batch(vibration, order)
+    fits = burg_batch(vibration, settings.order)
     samples = TextureSamples(
         np.array([part.inputs(space) for part in segments]),
         reflection_to_lsf(fits.reflection),

@@ -128,8 +128,8 @@ class TextureSettings:
     normal: Axis = "z"
     """The surface's normal axis; speed is taken in the plane across it, force along it."""
 
-    order: Order | Literal["auto"] = "auto"
-    """Order of all autoregressive filters, 1 to 64, or chosen from the data."""
+    order: Order = 16
+    """Order of all autoregressive filters, 1 to 64."""
 
     overlap_samples: Annotated[int, Ge(0), Le(2000)] = 200
     """Newest samples into which a segment must not reach to be final."""

@@ -36,7 +36,6 @@ from mmt.texture.autoregression.lsf import (
     reflection_to_ar_each_into,
 )
 from mmt.texture.autoregression.order_limit import LARGEST_ORDER
-from mmt.texture.autoregression.order_selection import choose_order
 from mmt.texture.autoregression.spectra import ar_spectrum, lsf_spectrum
 from mmt.texture.autoregression.split import (
     lsf_to_reflection_each_into,
@@ -49,7 +48,6 @@ __all__ = [
     "ar_to_reflection",
     "burg",
     "burg_batch",
-    "choose_order",
     "lsf_spectrum",
     "lsf_to_ar",
     "lsf_to_reflection",

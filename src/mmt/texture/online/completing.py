@@ -29,6 +29,7 @@ class CompletionStage:
         self._until_start = until_start
         self._space = InputSpace(settings.inputs)
         self._rate_hz = settings.rate_hz
+        self._order = settings.order
         self._method = method
 
     def judge(self, work: Work, first_sequence: int) -> None:
@@ -61,7 +62,7 @@ class CompletionStage:
             removed=work.removed_count,
             distance=distance_sum(points),
             progress=criterion.progress,
-            order=work.order,
+            order=self._order,
             started=criterion.started,
             stopped=criterion.stopped,
             source=work.source,

@@ -36,8 +36,8 @@ class ModellingMethod(Protocol):
     def criterion(self) -> Criterion:
         """How complete the model is, as of the newest update."""
 
-    def add(self, segments: Sequence[Segment], order: int, numbers: Iterator[int]) -> list[Fit]:
-        """Return segments as fitted samples of an order, each with its own number."""
+    def add(self, segments: Sequence[Segment], numbers: Iterator[int]) -> list[Fit]:
+        """Return segments as fitted samples, each with its own number."""
 
     def model(self, work: Work, *, changed: bool) -> ModelMaker | None:
         """Return what makes the model of an update, None where it is the one before.
@@ -87,9 +87,9 @@ class PublishedMethod:
         self._settings = settings
         self.criterion = CompletionMonitor(settings)
 
-    def add(self, segments: Sequence[Segment], order: int, numbers: Iterator[int]) -> list[Fit]:
+    def add(self, segments: Sequence[Segment], numbers: Iterator[int]) -> list[Fit]:
         """See `ModellingMethod`."""
-        return fit_segments(segments, order, numbers, self._settings, behind_high_pass=True)
+        return fit_segments(segments, numbers, self._settings, behind_high_pass=True)
 
     def model(self, work: Work, *, changed: bool) -> ModelMaker | None:
         """See `ModellingMethod`."""
@@ -120,9 +120,9 @@ class FieldMethod:
         self.criterion: UncertaintyCriterion = UncertaintyCriterion(settings)
         self._gathering = Gathering(settings, deferred=deferred)
 
-    def add(self, segments: Sequence[Segment], order: int, numbers: Iterator[int]) -> list[Fit]:
+    def add(self, segments: Sequence[Segment], numbers: Iterator[int]) -> list[Fit]:
         """See `ModellingMethod`."""
-        return fit_segments(segments, order, numbers, self._settings, behind_high_pass=False)
+        return fit_segments(segments, numbers, self._settings, behind_high_pass=False)
 
     def model(self, work: Work, *, changed: bool) -> ModelMaker | None:
         """See `ModellingMethod`."""

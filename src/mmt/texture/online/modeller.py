@@ -75,11 +75,6 @@ class OnlineModeller:
         return self._fitting.fits
 
     @property
-    def order(self) -> int | None:
-        """The common order of the fits, None before an automatic one is chosen."""
-        return self._fitting.order
-
-    @property
     def model(self) -> TextureModel | None:
         """The newest model, None before the first fit."""
         return self._building.model
@@ -88,14 +83,6 @@ class OnlineModeller:
     def delay_samples(self) -> int:
         """Samples by which segments lag behind the newest frame, from the filters."""
         return self._segmenting.delay_samples
-
-    @property
-    def fits_by_verdict(self) -> bool:
-        """Whether fitting must wait until the update before is judged.
-
-        So it is as long as an automatic order follows the data until the start criterion is met.
-        """
-        return self.settings.order == "auto" and not self.completion.started
 
     def update(self, frames: RecordArray) -> ModelUpdate:
         """Add the newest frames and return the new state.
@@ -131,7 +118,7 @@ class OnlineModeller:
 
     def fit(self, work: Work) -> None:
         """Fit the new segments."""
-        self._fitting.fit(work, started=self.completion.started)
+        self._fitting.fit(work)
 
     def build(self, work: Work) -> None:
         """Build the model of the fits."""

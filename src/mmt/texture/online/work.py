@@ -18,10 +18,6 @@ if TYPE_CHECKING:
 class UpdateSteps(Protocol):
     """The steps of one update; see `mmt.texture.online.modeller.OnlineModeller`."""
 
-    @property
-    def fits_by_verdict(self) -> bool:
-        """Whether fitting must wait until the update before is judged."""
-
     def fit(self, work: "Work") -> None:
         """Fit the new segments."""
 
@@ -68,7 +64,7 @@ class ModelUpdate:
     removed: int
     distance: float
     progress: Progress
-    order: int | None
+    order: int
     started: bool
     stopped: bool
     source: ModelSource
@@ -107,8 +103,8 @@ class Work:
     forget_from
         The first sequence number of another surface: what reaches beyond leaves the model; None
         in a usual update.
-    fits, order
-        By the fitting: all fits of the model as they are now, and their order.
+    fits
+        By the fitting: all fits of the model as they are now.
     removed_count
         By the fitting: how many fits have left.
     source
@@ -132,7 +128,6 @@ class Work:
     held_out: list[SegmentRange] = field(default_factory=list)
     durations_s: dict[str, float] = field(default_factory=dict)
     fits: tuple[Fit, ...] = ()
-    order: int | None = None
     removed_count: int = 0
     source: ModelSource = Made()
     announced: bool = True
