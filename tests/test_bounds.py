@@ -18,7 +18,6 @@ from mmt.texture.model.samples import LARGEST_POWER, TextureSamples
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import (
     ModellingSettings,
-    OnlineSelectionSettings,
     SurfaceSettings,
     TextureSettings,
 )
@@ -40,7 +39,7 @@ def test_real_numbers_are_taken_in_their_shape(values: Any) -> None:
     assert found.dtype == np.float64
 
 
-@pytest.mark.parametrize("owner", [TextureSettings, OnlineSelectionSettings, SurfaceSettings])
+@pytest.mark.parametrize("owner", [TextureSettings, SurfaceSettings])
 def test_a_value_is_allowed_exactly_where_pydantic_allows_it(owner: type[Any]) -> None:
     for name, hint in get_type_hints(owner, include_extras=True).items():
         adapter: TypeAdapter[Any] = TypeAdapter(hint)

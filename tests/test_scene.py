@@ -45,9 +45,10 @@ def test_a_part_runs_in_the_services_that_its_values_ask_for() -> None:
         ({"session": {"duration_s": float("nan")}}, ["session.duration_s", "finite"]),
         (
             {**SIMULATED, "texture": {"order": 99}},
-            ["order is 99", "equal to 64", "'auto'"],
+            ["order", "99", "equal to 64"],
         ),
         ({**SIMULATED, "texture": {"order": "some"}}, ["texture.order", "'some'"]),
+        ({**SIMULATED, "texture": {"order": "auto"}}, ['order = "auto": no longer a choice']),
         ({**SIMULATED, "texture": {"axis": "w"}}, ["texture.axis", "dft321"]),
         (
             {**SIMULATED, "texture": {"method": "published", "stop_distance": 9.0}},
@@ -62,16 +63,16 @@ def test_a_part_runs_in_the_services_that_its_values_ask_for() -> None:
             ['interpolator = "rbf" and method = "custom": no', 'write method = "field"'],
         ),
         (
+            {**SIMULATED, "texture": {"selection": {"largest": 50}}},
+            ["selection: no longer a table", "leave it out"],
+        ),
+        (
             {**SIMULATED, "texture": {"method": "published", "start_share": 0.5}},
             ['start_share is of method "field"', "write start_distance and stop_distance"],
         ),
         (
             {**SIMULATED, "texture": {"start_distance": 9.0}},
             ['start_distance is of method "published", and method is "field"'],
-        ),
-        (
-            {**SIMULATED, "texture": {"method": "published", "selection": {}}},
-            ["mmt model select --method published", "leave the table out"],
         ),
         ({**SIMULATED, "texture": {"stop_share": 0.5}}, ["stop_share is 0.5", "start_share 0.75"]),
         ({**SIMULATED, "texture": {"start_share": 1.0}}, ["texture.start_share"]),
@@ -162,19 +163,14 @@ def test_flags_override_the_environment_which_overrides_the_file(
 
 
 def test_lists_come_from_the_environment_as_toml(monkeypatch: pytest.MonkeyPatch) -> None:
-    files = "[\"http://lab:8766\", 'b.npz']"
-    monkeypatch.setenv("MMT_RENDERING__LIBRARY", files)
-    monkeypatch.setenv("MMT_RENDERING__BEFORE", "warm")
     monkeypatch.setenv("MMT_SIMULATED__WORKSPACE_MM", "[[-1, -2, -3], [1, 2, 3]]")
     scene = load_scene(Path("demo"))
-    assert scene.rendering is not None
     assert scene.simulated is not None
-    assert scene.rendering.library == ["http://lab:8766", "b.npz"]
     assert scene.simulated.workspace_mm == ((-1, -2, -3), (1, 2, 3))
     for text in ("[::1]", "[1, 2", "[" * 100_000):  # a host, and what is no list
         assert environment_overrides({"MMT_LINK__HOST": text}) == {"link.host": text}
-    monkeypatch.setenv("MMT_RENDERING__LIBRARY", "a.npz")
-    with pytest.raises(InputError, match=r"MMT_RENDERING__LIBRARY: .*'a.npz': .* list"):
+    monkeypatch.setenv("MMT_SIMULATED__WORKSPACE_MM", "a.npz")
+    with pytest.raises(InputError, match=r"MMT_SIMULATED__WORKSPACE_MM: .*'a.npz': "):
         load_scene(Path("demo"))
 
 
@@ -321,6 +317,11 @@ def test_the_scene_of_an_earlier_recording_is_read_by_the_nearest_method(
     assert scene_of_recording(scene.dump(), "a recording") == scene
     with pytest.raises(InputError, match="no longer a choice"):
         scene_from_tables(tables)
+
+
+def test_a_recorded_scene_that_selected_samples_is_read_without() -> None:
+    tables = {**SIMULATED, "texture": {"order": "auto", "selection": {"largest": 50}}}
+    assert scene_of_recording(tables, "a recording").texture == Texture()
 
 
 def test_a_recorded_scene_that_is_wrong_is_named() -> None:

@@ -5,7 +5,6 @@ from typing import Any
 import pytest
 
 from mmt.cli.scene.description import Stream, describe_scene
-from mmt.scene import Rendering
 from mmt.scene.files import example_scenes, load_scene, scene_from_tables
 
 FRAME = 12
@@ -74,14 +73,12 @@ def test_a_scene_without_a_link_has_a_leader_alone() -> None:
 
 
 def test_the_tasks_of_the_leader_are_named() -> None:
-    demo = load_scene(example_scenes()["demo"])
-    scene = demo.model_copy(update={"rendering": Rendering(before="warm")})
+    scene = load_scene(example_scenes()["demo"])
     assert describe_scene(scene).leader.tasks == (
         "segmenting",
         "fitting",
         "synthesizing",
         "completing",
-        "warming",
     )
 
 

@@ -12,7 +12,7 @@ from mmt.scene import Hand, Scene
 from mmt.session import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.segmentation.segmenter import segment, segmentation_settings
+from mmt.texture.segmentation.segmenter import segment
 from mmt.texture.selection.points import spectral_error
 from mmt.texture.settings import Inputs
 from mmt.texture.signals.amplitude_spectra import Spectra, amplitude_spectrum
@@ -111,10 +111,7 @@ def real_sample(texture: str, seed: int) -> Sample:
         block.speed_mm_s,
         block.normal_force_n,
         block.vibration_m_s2[:, 0],
-        tuple(
-            slice(part.start - first, part.stop - first)
-            for part in segment(block, segmentation_settings(settings))
-        ),
+        tuple(slice(part.start - first, part.stop - first) for part in segment(block, settings)),
     )
 
 

@@ -1,7 +1,6 @@
 """The shipped texture models: how each is built, and how far it is from the truth."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Final
 
 from mmt.core.arrays import RecordArray
@@ -12,8 +11,6 @@ from mmt.scene import Hand, Scene
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.surfaces import Surface
 from mmt.testing.simulation.textures import get_surface
-from mmt.texture.autoregression.order_selection import choose_order
-from mmt.texture.model.fits import HIGHEST_AUTOMATIC_ORDER
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import trials
 from mmt.texture.online.modeller import OnlineModeller
@@ -45,14 +42,10 @@ def settings_of(surface: Surface) -> ModellingSettings:
 def build(sessions: Sequence[RecordArray], settings: ModellingSettings) -> TextureModel:
     """Build the model of a surface from trials on it, as it is shipped.
 
-    In two passes, so that the common order is chosen from the segments of all trials, where
-    a leader settles it when the start criterion is met. The level is that of the samples: of so
-    many the blocks would tell little more, and take as many bytes again.
+    The level is that of the samples: of so many the blocks would tell little more, and take as many
+    bytes again.
     """
-    fits = list(_modelled(sessions, settings).fits.values())
-    segments = [fit.segment.vibration_m_s2 for fit in fits]
-    order = choose_order(segments, largest=HIGHEST_AUTOMATIC_ORDER)
-    model = _modelled(sessions, replace(settings, order=order)).model
+    model = _modelled(sessions, settings).model
     if model is None:
         raise InputError(f"no steady stroke in {len(sessions)} trials: nothing can be modelled")
     return TextureModel(model.samples, method=settings.method, rate_hz=settings.rate_hz)

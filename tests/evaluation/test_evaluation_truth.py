@@ -9,7 +9,7 @@ from mmt.evaluation.truth import KnownTexture, known_texture
 from mmt.testing.simulation.modes import Resonance
 from mmt.testing.simulation.surfaces import Surface
 from mmt.testing.simulation.textures import SURFACES, get_surface
-from mmt.texture.autoregression.forms import ar_to_lsf
+from mmt.texture.autoregression.forms import ar_to_reflection, reflection_to_lsf
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.settings import ModellingSettings
 
@@ -26,7 +26,8 @@ def exact_filters(
     lags = np.abs(np.subtract.outer(np.arange(order), np.arange(order)))
     ar = np.array([np.linalg.solve(r[lags], -r[1:]) for r in correlation])
     variance = correlation[:, 0] + np.einsum("no,no->n", ar, correlation[:, 1:])
-    return TextureSamples.isotropic(speed_mm_s, force_n, ar_to_lsf(ar), variance, correlation[:, 0])
+    lsf = reflection_to_lsf(ar_to_reflection(ar))
+    return TextureSamples.isotropic(speed_mm_s, force_n, lsf, variance, correlation[:, 0])
 
 
 def model_of(

@@ -21,9 +21,8 @@ from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.completion.distance import middles
 from mmt.texture.online.history import build, update_blocks
-from mmt.texture.settings import ModellingSettings
+from mmt.texture.settings import JND_DB, ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
-from mmt.texture.signals.just_noticeable import JND_DB
 
 SETTINGS = ModellingSettings()
 

@@ -18,12 +18,9 @@ from mmt_lab.felt.judging import Reference
 from mmt_lab.felt.leading import (
     at_once,
     led,
-    library_without,
     local_updates,
     settings_over,
-    shipped_library,
     taking_over,
-    warm_models,
 )
 from mmt_lab.felt.passing import NEVER_TICK, Passage, pass_over
 
@@ -106,30 +103,6 @@ def test_a_stream_is_as_late_as_both_ways_and_a_model_is_not(far: Passage) -> No
     assert errors[0] < 0.7 * errors[1]
 
 
-def test_a_warm_start_leads_before_the_local_model_and_better_than_the_stream(
-    far: Passage,
-) -> None:
-    reference = Reference(far, at_once(far, 1).vibration_m_s2)
-    library = {"felt": library_without("oak")["felt"]}
-    settings = settings_over(far, {"start_share": 0.999, "stop_share": 0.999})
-    updates = local_updates(far, settings)
-    assert taking_over(updates) == {}
-    warm = led(far, warm_models(far, updates, library, settings), 1)
-    assert warm.start_s is not None
-    assert warm.start_s < 2.5
-    own, streamed = (reference.judge(felt.vibration_m_s2) for felt in (warm, led(far, None, 1)))
-    errors = [
-        np.sqrt(np.mean(np.square(c.level_db[c.time_s > warm.start_s + 0.2])))
-        for c in (own, streamed)
-    ]
-    assert errors[0] < 0.7 * errors[1]
-
-
-def test_the_texture_itself_is_not_in_its_library() -> None:
-    assert set(shipped_library()) - set(library_without("oak")) == {"oak"}
-    assert set(library_without("plastic")) == set(shipped_library())
-
-
 def test_headings_are_unit_vectors_even_at_rest(far: Passage) -> None:
     velocity_mm_s = np.array([[3.0, 4.0], [0.0, 0.0], [0.0, -1e-300], [1e150, 0.0]])
     unit = replace(far, velocity_mm_s=velocity_mm_s).heading
@@ -142,7 +115,7 @@ def test_outcomes_are_gathered_by_network_and_method(monkeypatch: pytest.MonkeyP
         one for network in ("lan", "wan") for one in feel(Case("fabric", network, 5))
     ]
     table = rows(found)
-    assert [row.network for row in table] == ["lan"] * 5 + ["wan"] * 5
+    assert [row.network for row in table] == ["lan"] * 4 + ["wan"] * 4
     assert {row.sessions for row in table} == {1}
     assert all(row.level_db[1:] == (None, None) for row in table)  # nothing behind 5 s
     assert len(by_second(found, "wan", "field")) <= 3
@@ -158,15 +131,14 @@ def test_the_command_prints_every_method_and_writes_a_report(
     arguments += ["--json", str(tmp_path / "felt.json"), "--report", str(tmp_path / "report")]
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 0, result.output
-    for name in ("streaming", "published", "field", "warm", "at once"):
+    for name in ("streaming", "published", "field", "at once"):
         assert name in result.output
     written = json.loads((tmp_path / "felt.json").read_text(encoding="utf-8"))
-    assert len(written["rows"]) == 5
+    assert len(written["rows"]) == 4
     assert set(written["level_db_by_second"]["wan"]) == {
         "streaming",
         "published",
         "field",
-        "warm",
         "at once",
     }
     assert "data:image/png" in (tmp_path / "report" / "report.html").read_text(encoding="utf-8")

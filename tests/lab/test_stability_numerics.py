@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from spectrum import arburg
 
-from mmt.texture.autoregression.burg import ReflectionFit, burg
+from mmt.texture.autoregression.burg import ReflectionFits, burg
 from mmt.texture.field import posterior
 from mmt.texture.field.observations import Observations
 from mmt.texture.model.texture_model import TextureModel
@@ -49,9 +49,9 @@ def test_every_fit_holds() -> None:
 
 
 def test_a_fit_that_loses_digits_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
-    def rounded(x: np.ndarray, order: int) -> ReflectionFit:
+    def rounded(x: np.ndarray, order: int) -> ReflectionFits:
         fit = burg(x, order)
-        return ReflectionFit(fit.reflection.astype(np.float16).astype(np.float64), fit.variances)
+        return ReflectionFits(fit.reflection.astype(np.float16).astype(np.float64), fit.variances)
 
     cases = ar.cases()
     stiff = case_of(cases, "radius 0.99, clustered")
@@ -61,9 +61,9 @@ def test_a_fit_that_loses_digits_does_not_hold(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_a_fit_that_is_not_stable_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
-    def unstable(x: np.ndarray, order: int) -> ReflectionFit:
+    def unstable(x: np.ndarray, order: int) -> ReflectionFits:
         fit = burg(x, order)
-        return ReflectionFit(1.5 * np.sign(fit.reflection), fit.variances)
+        return ReflectionFits(1.5 * np.sign(fit.reflection), fit.variances)
 
     monkeypatch.setattr(ar, "burg", unstable)
     outcome = case_of(ar.cases(), "order 8").run()

@@ -28,7 +28,6 @@ class SlowModeller:
     """Notes what it is given; waits for leave to end an update."""
 
     in_step = False
-    fits_by_verdict = True
 
     def __init__(self) -> None:
         self.updates: list[RecordArray] = []
@@ -47,8 +46,6 @@ class SlowModeller:
 
     def fit(self, work: Work) -> None: ...
 
-    def choose(self, work: Work) -> None: ...
-
     def build(self, work: Work) -> None: ...
 
     def judge(self, work: Work) -> None:
@@ -59,7 +56,7 @@ class SlowModeller:
             removed=0,
             distance=9.0,
             progress=CompletionMonitor(ModellingSettings(method="published")).progress,
-            order=None,
+            order=16,
             started=False,
             stopped=self.stops,
             source=Made(),
@@ -304,7 +301,6 @@ async def test_a_frozen_model_takes_no_frames_until_it_may_grow(
 TEXTURES: dict[str, dict[str, Any]] = {
     "demo": {},
     "fixed order": {"order": 10},
-    "selection": {"selection": {}},
     "published": {"method": "published"},
     "surfaces": {"surfaces": {}},
 }

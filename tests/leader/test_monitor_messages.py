@@ -160,22 +160,18 @@ def test_automatic_thresholds_are_told_as_numbers() -> None:
 
 
 @pytest.mark.parametrize(
-    ("start_s", "warm", "words"),
+    ("start_s", "words"),
     [
-        (4.0, "oak", "rendered from the model: start criterion met at 4.0 s"),
-        (None, "oak", "rendered from the known texture oak until the model is ready"),
-        (None, None, "rendered from a saved model"),
+        (4.0, "rendered from the model: start criterion met at 4.0 s"),
+        (None, "rendered from a saved model"),
     ],
 )
-def test_what_is_rendered_is_called_what_it_is(
-    start_s: float | None, warm: str | None, words: str
-) -> None:
+def test_what_is_rendered_is_called_what_it_is(start_s: float | None, words: str) -> None:
     leader = SimpleNamespace(
         connected=True,
         scene=SCENE,
         update=None,
         criteria_s=(start_s, None),
-        known_texture=warm,
         forced=None,
         mode="synthesized",
         renders=True,

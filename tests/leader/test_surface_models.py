@@ -69,27 +69,11 @@ class Recorder:
         self.events.append(event)
 
 
-class Warming:
-    finished = False
-    on_model: Any = None
-
-    def __init__(self) -> None:
-        self.done: list[str] = []
-
-    def reset(self, from_sample: int | None = None) -> None:
-        self.done.append(f"reset {from_sample}")
-        self.finished = False
-
-    def hand_over(self) -> None:
-        self.done.append("finish")
-        self.finished = True
-
-
 class Leader:
     """The models' use with parts that a test looks at."""
 
     def __init__(self) -> None:
-        self.sounding, self.recorder, self.warming = Sounding(), Recorder(), Warming()
+        self.sounding, self.recorder = Sounding(), Recorder()
         sounding: Any = self.sounding
         self.known: dict[int, Any] = {}
         modelling: Any = SimpleNamespace(models=lambda: self.known, reset=self.known.clear)
@@ -106,7 +90,6 @@ class Leader:
             "recording": recording,
             "playout": Part(),
             "modelling": modelling,
-            "warming": self.warming,
             "synthesizing": SynthesizingPart(sounding, sounding),
             "vibration": SimpleNamespace(switch=self.switch),
         }
@@ -281,22 +264,6 @@ def test_a_criterion_that_is_taken_back_is_met_again_later(leader: Leader) -> No
     made.update(8.4, 1, 12.0, started=True)
     assert made.log.start_s == 8.4
     assert made.heard() == 12.0
-
-
-def test_a_warm_start_begins_anew_on_each_surface_without_a_model(leader: Leader) -> None:
-    assert leader.warming.done == ["finish", "reset 9000"]
-    choice: Any = SimpleNamespace(name="felt", describe=lambda: "felt", as_dict=dict)
-    warm: Any = Model(30.0)
-    leader.use.use_known(warm, choice)
-    assert leader.heard() == 30.0
-    left = (state(12.0, 2, None),)
-    leader.update(
-        12.3, 1, 12.0, started=True, changes=(change("recalled", 2, 1, 12_000),), left=left
-    )
-    assert leader.warming.done[2:] == ["reset 12000", "finish"]
-    assert leader.sounding.crossed == [12.0]
-    leader.use.use_known(warm, choice)  # made before the change was known
-    assert leader.heard() == 12.0
 
 
 def test_held_vibration_stays_held_over_a_change(leader: Leader) -> None:

@@ -278,7 +278,7 @@ class Events(Part):
 @pytest.mark.parametrize(
     ("name", "sentence"),
     [
-        ("lacking", "generator 'lacking': module band_plugin has no function 'absent'"),
+        ("lacking", "generator 'lacking': band_plugin:absent cannot be imported"),
         ("unknown", "generator 'unknown' is not known; allowed are band, "),
     ],
 )

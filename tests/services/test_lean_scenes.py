@@ -61,15 +61,11 @@ MODELLING_SCENE = """
 [simulated]
 [hand]
 [texture]
-method = "{method}"
+method = "published"
 [rendering]
-before = "{before}"
 [playout]
 [actuator]
 """
-
-MODELLING = {"published": ("published", "stream"), "warm": ("field", "warm")}
-"""Methods of modelling, and what is rendered before there is a model, by the scene's name."""
 
 METHODS = ("passive", "model")
 
@@ -104,7 +100,6 @@ NETWORK = {"mmt.link", "socketio", "aiohttp", "msgpack"}
 FILES = {"mmt.session", "mcap", "google.protobuf", "zstandard"}
 MODEL = {*NUMERICS, "mmt.texture.online.modeller", "mmt.texture.synthesis.synthesizer"}
 SURFACES = {"mmt.texture.surfaces"}
-WARM = {"mmt.leader.warming", "mmt.texture.library.warm_start"}
 LEVEL = {"mmt.texture.field.posterior", "mmt.texture.completion.uncertainty"}
 SHARING = {"mmt.sharing"}
 CONTROL = {"mmt.leader.control", "mmt.leader.operating", "mmt.sharing.control_messages"}
@@ -152,8 +147,6 @@ EXPECTED: dict[str, set[str]] = {
     "follower two-surfaces": {*NETWORK, SIMULATED},
     "leader published": {*NETWORK, *MODEL, HAND, ACTUATOR},
     "follower published": {*NETWORK, SIMULATED},
-    "leader warm": {*NETWORK, *MODEL, *WARM, *LEVEL, HAND, ACTUATOR},
-    "follower warm": {*NETWORK, SIMULATED},
     "leader listener": {
         *NETWORK,
         *MODEL - {"mmt.texture.online.modeller"},
@@ -190,7 +183,7 @@ FEEDBACK = {
     "mmt.contact.passivity",
     "mmt.contact.estimation",
 }
-WATCHED = {*NETWORK, *MODEL, *FILES, *SOURCES, *FEEDBACK, *SURFACES, *WARM, *LEVEL, *SHARING}
+WATCHED = {*NETWORK, *MODEL, *FILES, *SOURCES, *FEEDBACK, *SURFACES, *LEVEL, *SHARING}
 WATCHED |= {RECORDER, HAND, ACTUATOR, *CONTROL}
 NEVER = {
     "mmt.web.monitor",
@@ -224,9 +217,7 @@ def directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (directory / "lean_driver.py").write_text(DRIVER)
     for method in METHODS:
         (directory / f"{method}.toml").write_text(FEEDBACK_SCENE.format(method=method))
-    for name, (method, before) in MODELLING.items():
-        text = MODELLING_SCENE.format(method=method, before=before)
-        (directory / f"{name}.toml").write_text(text)
+    (directory / "published.toml").write_text(MODELLING_SCENE)
     return directory
 
 
@@ -236,7 +227,7 @@ def modules(directory: Path) -> dict[str, set[str]]:
     scenes = {path.stem: path for path in sorted(CONFIGS.glob("*.toml"))}
     for name in LACKING:
         del scenes[name]
-    for name in ("devices", *METHODS, *MODELLING):
+    for name in ("devices", *METHODS, "published"):
         scenes[name] = directory / f"{name}.toml"
     loaded = {name: load_scene(path) for name, path in scenes.items()}
     runs = [
@@ -299,7 +290,7 @@ def test_the_numerics_are_where_a_model_is() -> None:
     """Holds the table above: streaming and devices need neither numba nor scipy."""
     with_numerics = {name for name, expected in EXPECTED.items() if expected & NUMERICS}
     names = ("demo", "replay", "model-only", "virtual-lab", "anisotropic", "two-surfaces")
-    names += ("rough-texture", "virtual-arm", "listener", "operator", *MODELLING)
+    names += ("rough-texture", "virtual-arm", "listener", "operator", "published")
     assert with_numerics == {f"leader {name}" for name in names}
 
 

@@ -12,9 +12,8 @@ from sharing_samples import listening, model_of, shared, until
 
 from mmt.evaluation.levels import BAND_EDGES_HZ, band_errors_db
 from mmt.scene import Network
-from mmt.texture.synthesis.update_fade import MixedModel
 from mmt_lab.sharing.distant import DistantProxy
-from mmt_lab.sharing.felt import STEP_NS, Spectra, listen, mixes, pairs
+from mmt_lab.sharing.felt import STEP_NS, Spectra, listen, pairs, states
 from mmt_lab.sharing.memory import Memory
 from mmt_lab.sharing.troubled import STEADY, Troubled
 
@@ -65,35 +64,21 @@ async def test_a_distant_proxy_delays_and_loses_nothing(
 def test_moments_are_counted_by_what_both_render() -> None:
     operator = [(0, 1), (4 * STEP_NS, 2)]
     listener = [(2 * STEP_NS, 1), (5 * STEP_NS, 2)]
-    times = range(-STEP_NS, 9 * STEP_NS, STEP_NS)
-    fading = [(1, 2, share) for share in (0.0, 0.24, 0.5, 0.76)]  # by fiftieths
-    assert mixes(operator, times) == [(0, 0, 1.0), *[(1, 1, 1.0)] * 4, *fading, (2, 2, 1.0)]
-    # three steps with the first state, and so three of a fade
-    assert mixes(listener, times)[6:] == [(1, 2, 0.0), (1, 2, 0.34), (1, 2, 0.66), (2, 2, 1.0)]
-    counted = pairs(operator, listener, 9 * STEP_NS)
-    assert counted[(1, 1, 1.0), (1, 1, 1.0)] == 2
-    assert counted[(1, 2, 0.5), (1, 2, 0.34)] == 1
-    assert counted[(2, 2, 1.0), (2, 2, 1.0)] == 1
-    assert sum(counted.values()) == 7
+    times = range(-STEP_NS, 7 * STEP_NS, STEP_NS)
+    assert states(operator, times) == [0, 1, 1, 1, 1, 2, 2, 2]
+    assert states(listener, times) == [0, 0, 0, 1, 1, 1, 2, 2]
+    assert pairs(operator, listener, 9 * STEP_NS) == {(1, 1): 2, (2, 1): 1, (2, 2): 4}
     assert pairs(operator, [], 10 * STEP_NS) == Counter()
 
 
 def test_the_error_is_that_of_the_spectra_by_bands() -> None:
     models = {1: model_of(6), 2: model_of(40)}
-    one, other, half, unknown = (1, 1, 1.0), (2, 2, 1.0), (1, 2, 0.5), (7, 7, 1.0)
-    spectra = Spectra(models, INPUTS)
-    found = spectra.errors_db({(one, one): 3, (other, one): 2, (half, one): 1, (unknown, one): 4})
+    found = Spectra(models, INPUTS).errors_db({(1, 1): 3, (2, 1): 2, (7, 1): 4})
     frequencies = np.arange(BAND_EDGES_HZ[0], BAND_EDGES_HZ[-1] + 1.0)
-    mixed = MixedModel(models[1], models[2], 0.5)
-    old, new, between = (
-        each.spectrum(*INPUTS.T, frequencies_hz=frequencies)
-        for each in (models[1], models[2], mixed)
-    )
-    expected, less = (
-        np.sqrt(np.mean(band_errors_db(old, each, frequencies) ** 2)) for each in (new, between)
-    )
-    assert expected > less > 0.1
-    np.testing.assert_allclose(found, [0.0, 0.0, 0.0, expected, expected, less])
+    old, new = (models[n].spectrum(*INPUTS.T, frequencies_hz=frequencies) for n in (1, 2))
+    expected = np.sqrt(np.mean(band_errors_db(old, new, frequencies) ** 2))
+    assert expected > 0.1
+    np.testing.assert_allclose(found, [0.0, 0.0, 0.0, expected, expected])
 
 
 async def test_listeners_behind_a_network_are_compared_with_the_one_here() -> None:
@@ -113,13 +98,10 @@ async def test_listeners_behind_a_network_are_compared_with_the_one_here() -> No
     assert min(found["lags_ms"]) >= 30.0
     errors = np.array(found["errors_db"])
     assert 0.0 < found["same_share"] < 1.0
-    # 40 ms of a fade of half a second
-    whole = Spectra({1: model_of(6), 2: model_of(40)}, np.array([[100.0, 1.0]]))
-    change_db = whole.errors_db({((1, 1, 1.0), (2, 2, 1.0)): 1})[0]
     delayed = np.array(found["delay_errors_db"])
     for each in (errors, delayed):
         assert len(each) > 5
-        assert 0.0 < each.max() < 0.5 * change_db
+        assert each.max() > 0.0
         assert (each == 0.0).mean() > 0.3
 
 

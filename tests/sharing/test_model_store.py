@@ -245,34 +245,3 @@ async def test_the_store_asks_for_the_token(
         trusted = RemoteStore(sharing.url, Access(TOKEN))
         await asyncio.to_thread(trusted.push, model_of(10).to_bytes(), Entry("x"))
         assert len(await asyncio.to_thread(trusted.entries)) == 1
-
-
-async def test_the_newest_of_each_name_is_fetched_once_and_kept(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    folder, store = tmp_path / "cache", ModelStore(tmp_path / "store")
-    async with shared(store=str(tmp_path / "store")) as sharing:
-        remote = RemoteStore(sharing.url, Access())
-        with pytest.raises(MmtError, match="does not answer"):
-            await asyncio.to_thread(RemoteStore("http://127.0.0.1:1", Access()).newest, folder)
-        older = store.add(model_of(10).to_bytes(), Entry("oak"))
-        known = tmp_path / "store" / f"{older.hash}.json"
-        known.write_text(known.read_text().replace(older.made, "2020-01-01T00:00:00Z"))
-        newer = store.add(model_of(11).to_bytes(), Entry("oak"))
-        store.add(model_of(12).to_bytes(), Entry("table"))
-        found = dict(await asyncio.to_thread(remote.newest, folder))
-        assert {entry.name for entry in found} == {"oak", "table"}
-        assert TextureModel.load(found[newer]).to_bytes() == model_of(11).to_bytes()
-        assert len(list(folder.rglob("*.npz"))) == 2
-        for path in found.values():
-            path.touch()
-        times = {path: path.stat().st_mtime_ns for path in found.values()}
-        await asyncio.to_thread(remote.newest, folder)
-        assert {path: path.stat().st_mtime_ns for path in found.values()} == times
-    kept = dict(await asyncio.to_thread(remote.newest, folder))
-    assert kept == found
-    assert "its models as they were the last time are used" in caplog.text
-    (listing,) = folder.rglob("listing.json")
-    listing.write_text("[{")
-    with pytest.raises(MmtError, match="does not answer"):
-        await asyncio.to_thread(remote.newest, folder)

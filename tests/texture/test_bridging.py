@@ -156,9 +156,8 @@ def test_power_and_spectrum_of_segments_bear_lost_frames(share: float) -> None:
         segments = [
             Segment.from_block(aligned[span.start : span.stop], span, final=True) for span in spans
         ]
-        fits.append(
-            fit_segments(segments, 8, iter(range(1000)), ModellingSettings(), behind_high_pass=True)
-        )
+        of = ModellingSettings(order=8)
+        fits.append(fit_segments(segments, iter(range(1000)), of, behind_high_pass=True))
     whole, damaged = fits
     power_db = [10 * np.log10(b.power / a.power) for a, b in zip(whole, damaged, strict=True)]
     lsf = [b.lsf - a.lsf for a, b in zip(whole, damaged, strict=True)]

@@ -74,7 +74,7 @@ def test_segments_of_narrow_lines_are_worth_what_their_spectrum_says_whatever_th
         )
         segments.append(span)
     for order in (4, 12):
-        fits = FieldMethod(ModellingSettings()).add(segments, order, itertools.count())
+        fits = FieldMethod(ModellingSettings(order=order)).add(segments, itertools.count())
         assert {fit.count for fit in fits} == {count}
         alone = np.array([fit.effective for fit in fits])
         counts = np.full(60, float(count))

@@ -66,8 +66,6 @@ def test_the_name_of_a_model_is_none() -> None:
         ("renewal_samples", 1.5),
         ("limit_m_s2", np.nan),
         ("limit_m_s2", -1.0),
-        ("fade_samples", -1),
-        ("fade_samples", np.nan),
     ],
 )
 def test_numbers_of_a_synthesizer_are_checked(name, value) -> None:

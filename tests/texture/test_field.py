@@ -19,7 +19,7 @@ from mmt.texture.field.posterior import DB, LevelField, right_probability
 from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC
 from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.signals.just_noticeable import JND_DB
+from mmt.texture.settings import JND_DB
 from mmt.texture.synthesis.synthesizer import Synthesizer
 
 DIRECTED = pytest.mark.parametrize("directed", [False, True])

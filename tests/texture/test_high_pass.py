@@ -90,8 +90,8 @@ def test_smoothed_fits_are_of_the_vibration_before_the_filter_and_measured_ones_
     off_db = {}
     methods: tuple[Method, ...] = ("published", "field")
     for method in methods:
-        by = method_of(ModellingSettings(method=method))
-        fits = by.add(segments, 8, itertools.count())
+        by = method_of(ModellingSettings(method=method, order=8))
+        fits = by.add(segments, itertools.count())
         lsf, variance = np.array([fit.lsf for fit in fits]), np.array([x.variance for x in fits])
         mean = lsf_spectrum(lsf, variance, low_hz, 1000.0).mean()
         off_db[method] = 10 * np.log10(mean / truth)

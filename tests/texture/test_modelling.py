@@ -75,17 +75,6 @@ def test_an_order_of_its_own(frames: RecordArray) -> None:
         assert modeller.model.order == order
 
 
-def test_the_automatic_order_follows_the_data_until_rendering_starts(frames: RecordArray) -> None:
-    modeller = OnlineModeller()
-    updates = feed(modeller, frames)
-    first = next(update for update in updates if update.samples)
-    assert first.model is not None
-    assert first.order == first.model.order
-    after_start = {update.order for update in updates if update.started}
-    assert len(after_start) == 1
-    assert {len(fit.lsf) for fit in modeller.fits.values()} == after_start
-
-
 def test_segments_that_are_not_accepted_stay_out(frames: RecordArray) -> None:
     everything = OnlineModeller()
     feed(everything, frames)

@@ -6,20 +6,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.core.errors import InputError
 from mmt.texture.segmentation.bottom_up import CELL
-from mmt.texture.segmentation.segmenter import (
-    OnlineSegmenter,
-    SegmentationSettings,
-    segment,
-    segmentation_settings,
-)
+from mmt.texture.segmentation.segmenter import OnlineSegmenter, segment
 from mmt.texture.segmentation.segments import SampleRange, Segment
-from mmt.texture.settings import ModellingSettings
+from mmt.texture.settings import Inputs, ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.dft321 import dft321
 
 RATE_HZ = 1000.0
+INPUTS: dict[bool, Inputs] = {False: "isotropic", True: "anisotropic"}
 
 
 def make_block(
@@ -121,7 +116,7 @@ def test_a_corner_cuts_the_stroke() -> None:
 def test_only_by_heading_a_slow_turn_cuts_the_stroke(by_heading: bool) -> None:
     heading_rad = np.linspace(0.0, 0.9, 900)
     block = make_block(np.full(900, 100.0), heading_rad=heading_rad)
-    found = segment(block, SegmentationSettings(straightness_mm=50.0, by_heading=by_heading))
+    found = segment(block, ModellingSettings(straightness_mm=50.0, inputs=INPUTS[by_heading]))
     assert len(found) == (3 if by_heading else 1)
     for one in found:
         velocity = block.velocity_mm_s[one.start : one.stop]
@@ -134,7 +129,7 @@ def test_only_by_heading_a_slow_turn_cuts_the_stroke(by_heading: bool) -> None:
 
 def test_by_heading_a_step_in_speed_or_force_still_cuts() -> None:
     step = np.r_[np.full(400, 1.0), np.full(400, 1.8)]
-    settings = SegmentationSettings(by_heading=True)
+    settings = ModellingSettings(inputs="anisotropic")
     assert ranges(segment(make_block(80.0 * step), settings)) == [(10, 400), (400, 790)]
     assert ranges(segment(make_block(0 * step + 80.0, step), settings)) == [(10, 400), (400, 790)]
 
@@ -144,7 +139,7 @@ def test_by_heading_online_and_offline_find_much_the_same(period: int) -> None:
     generator = np.random.default_rng(4)
     heading_rad = np.repeat(generator.uniform(-np.pi, np.pi, 12), 500)
     block = make_block(np.full(6000, 90.0), heading_rad=heading_rad)
-    settings = SegmentationSettings(straightness_mm=1000.0, by_heading=True)
+    settings = ModellingSettings(straightness_mm=50.0, inputs="anisotropic")
     whole = segment(block, settings)
     model = online(block, period, settings=settings)
     covered = [np.zeros(6000, dtype=bool) for _ in range(2)]
@@ -159,12 +154,12 @@ def test_straightness_is_the_settings() -> None:
     heading_rad = np.linspace(0.0, 1.2, 800)  # an arc of 67 mm radius
     block = make_block(np.full(800, 100.0), heading_rad=heading_rad)
     for straightness_mm in (0.3, 1.0, 3.0):
-        for found in segment(block, SegmentationSettings(straightness_mm=straightness_mm)):
+        for found in segment(block, ModellingSettings(straightness_mm=straightness_mm)):
             path_mm = block.position_mm[found.start : found.stop]
             chord = path_mm[-1] - path_mm[0]
             normal = np.array([-chord[1], chord[0], 0.0]) / np.linalg.norm(chord)
             assert np.abs((path_mm - path_mm[0]) @ normal).max() <= straightness_mm
-    assert len(segment(block, SegmentationSettings(straightness_mm=20.0))) == 1
+    assert len(segment(block, ModellingSettings(straightness_mm=20.0))) == 1
 
 
 def test_slow_light_and_invalid_samples_are_left_out_with_a_guard() -> None:
@@ -193,7 +188,7 @@ def test_every_segment_keeps_the_limits() -> None:
     generator = np.random.default_rng(8)
     walk = np.cumsum(generator.normal(size=(20_000, 2)), axis=0)
     block = make_block(60.0 * np.exp(0.01 * walk[:, 0]), np.exp(0.01 * walk[:, 1]))
-    limits = SegmentationSettings(longest_samples=400)
+    limits = ModellingSettings(longest_samples=400)
     found = segment(block, limits)
     assert len(found) > 20
     for one in found:
@@ -258,8 +253,8 @@ def test_an_unchanged_provisional_segment_is_not_handed_out_again() -> None:
 def test_overlap_says_how_long_segments_stay_provisional() -> None:
     speed_mm_s = np.r_[np.full(300, 30.0), np.full(300, 50.0), np.full(300, 90.0)]
     expected = [(10, 300), (300, 600), (600, 890)]
-    for overlap_samples, final in ((0, 1), (200, 1), (310, 0), (5000, 0)):
-        segmenter = OnlineSegmenter(overlap_samples=overlap_samples)
+    for overlap_samples, final in ((0, 1), (200, 1), (310, 0), (2000, 0)):
+        segmenter = OnlineSegmenter(ModellingSettings(overlap_samples=overlap_samples))
         change = segmenter.update(make_block(speed_mm_s))
         assert ranges(change.added) == expected
         assert [found.final for found in change.added] == [True] * final + [False] * (3 - final)
@@ -310,7 +305,8 @@ def test_never_two_segments_for_one_sample(
     strokes: tuple[AlignedBlock, list[int]], overlap_samples: int
 ) -> None:
     block, lengths = strokes
-    segmenter, model, at = OnlineSegmenter(overlap_samples=overlap_samples), Model(), 0
+    model, at = Model(), 0
+    segmenter = OnlineSegmenter(ModellingSettings(overlap_samples=overlap_samples))
     for length in [*lengths, len(block)]:
         model.apply(segmenter, block[at : at + length])
         at = min(at + length, len(block))
@@ -349,60 +345,8 @@ def test_a_teleporting_position_ends_a_segment() -> None:
     assert found == [(10, 400), (420, 790)]
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"straightness_mm": 0.0},
-        {"stationarity": -1.0},
-        {"least_speed_mm_s": np.nan},
-        {"least_force_n": np.inf},
-        {"shortest_samples": 0},
-        {"longest_samples": 200},
-        {"shortest_samples": 1, "longest_samples": 19},
-    ],
-)
-def test_impossible_settings_are_refused(wrong: dict[str, float]) -> None:
-    with pytest.raises(InputError, match=next(reversed(wrong))):
-        SegmentationSettings(**wrong)  # type: ignore[arg-type]
-
-
-def test_samples_at_the_thresholds_count_and_three_cells_are_enough_for_one() -> None:
-    least = SegmentationSettings(shortest_samples=CELL, longest_samples=2 * CELL)
-    block = make_block(np.full(3 * CELL, least.least_speed_mm_s), least.least_force_n)
-    assert ranges(segment(block, least)) == [(CELL, 2 * CELL)]
-    assert ranges(segment(block[: 3 * CELL - 1], least)) == []
-
-
-def test_what_the_settings_must_be_is_said() -> None:
-    with pytest.raises(InputError) as refused:
-        SegmentationSettings(shortest_samples=5, longest_samples=19)
-    assert str(refused.value) == (
-        "longest_samples is 19: it must be at least twice shortest_samples (5) and at least 20"
-    )
-
-
-def test_the_smallest_settings_that_are_possible_are_taken() -> None:
-    SegmentationSettings(shortest_samples=1, longest_samples=2 * CELL)
-    SegmentationSettings(shortest_samples=150, longest_samples=300, least_force_n=1e-9)
-    OnlineSegmenter(overlap_samples=0)
-
-
-def test_the_thresholds_are_those_of_the_modelling() -> None:
-    assert segmentation_settings(ModellingSettings()) == SegmentationSettings()
-    assert SegmentationSettings() == SegmentationSettings(1.0, 0.12, 120, 1000, 10.0, 0.1, False)
-    others = ModellingSettings(
-        straightness_mm=2.0,
-        stationarity=0.2,
-        shortest_samples=130,
-        longest_samples=1100,
-        least_speed_mm_s=11.0,
-        least_force_n=0.2,
-        inputs="anisotropic",
-    )
-    expected = SegmentationSettings(2.0, 0.2, 130, 1100, 11.0, 0.2, True)
-    assert segmentation_settings(others) == expected
-
-
-def test_a_negative_overlap_is_refused() -> None:
-    with pytest.raises(InputError, match="overlap_samples"):
-        OnlineSegmenter(overlap_samples=-1)
+def test_samples_at_the_thresholds_count_and_five_cells_are_enough_for_three() -> None:
+    least = ModellingSettings(shortest_samples=3 * CELL, longest_samples=100)
+    block = make_block(np.full(5 * CELL, least.least_speed_mm_s), least.least_force_n)
+    assert ranges(segment(block, least)) == [(CELL, 4 * CELL)]
+    assert ranges(segment(block[: 5 * CELL - 1], least)) == []

@@ -162,19 +162,6 @@ def test_levels_far_from_their_segments_leave_every_score_finite(factor):
     assert np.isfinite(find_outliers(replace(data, variance=variance, segments=loud)).score).all()
 
 
-def test_a_search_goes_on_where_the_last_one_ended():
-    data, _ = sampled_texture(90, 2, knocks=9, seed=2)
-    whole = find_outliers(data)
-    again = find_outliers(data, before=whole.outlier)
-    np.testing.assert_array_equal(again.outlier, whole.outlier)
-    outlier = np.zeros(90, dtype=np.bool_)
-    for _ in range(8):
-        outlier = find_outliers(data, before=outlier).outlier
-    assert (outlier != whole.outlier).sum() <= 2
-    everyone = np.ones(90, dtype=np.bool_)
-    assert find_outliers(data, before=everyone).outlier.mean() <= MOST
-
-
 @pytest.mark.parametrize("dimensions", [1, 4])
 def test_other_inputs_are_refused(dimensions):
     generator = np.random.default_rng(0)

@@ -12,8 +12,7 @@ from mmt.core.arrays import FloatArray
 from mmt.evaluation.results import Evaluation, HeldOutSegment, Score
 from mmt.evaluation.truth import DENSITY_HZ
 from mmt.texture.model.samples import TextureSamples
-from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
-from mmt.texture.signals.just_noticeable import JND_DB
+from mmt.texture.settings import JND_DB, MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
 
 if TYPE_CHECKING:
     from mmt.texture.selection import Selection

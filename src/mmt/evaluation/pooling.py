@@ -13,11 +13,10 @@ from mmt.core.errors import InputError, MmtError
 from mmt.session import RecordedSession
 from mmt.texture.autoregression.burg import burg_batch
 from mmt.texture.autoregression.forms import reflection_to_lsf
-from mmt.texture.model.fits import automatic_order
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.segmentation.segmenter import segment, segmentation_settings
+from mmt.texture.segmentation.segmenter import segment
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.selection import ModelPoints
 from mmt.texture.selection.points import amplitude_of, spectral_error
@@ -67,18 +66,16 @@ def pool_sessions(sessions: Sequence[RecordedSession], settings: ModellingSettin
     space = InputSpace(settings.inputs)
     segments: list[Segment] = []
     origin: list[str] = []
-    cut = segmentation_settings(settings)
     for session in sessions:
         stream = StreamFilter.of(settings)
-        found = segment(stream.process(session.frames), cut)
+        found = segment(stream.process(session.frames), settings)
         found = [part for part in found if part.vibration_m_s2.any()]
         segments += found
         origin += [str(session.path)] * len(found)
     if not segments:
         raise MmtError("too few steady strokes: there is no segment to select from")
     vibration = [part.vibration_m_s2 for part in segments]
-    order = automatic_order(segments, settings) if settings.order == "auto" else settings.order
-    fits = burg_batch(vibration, order)
+    fits = burg_batch(vibration, settings.order)
     samples = TextureSamples(
         np.array([part.inputs(space) for part in segments]),
         reflection_to_lsf(fits.reflection),

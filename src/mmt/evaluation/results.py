@@ -174,7 +174,7 @@ class Evaluation:
     period_s: float
     step_s: float
     seed: int
-    order: int | None
+    order: int
     basis: Basis
     basis_reason: str
     start_s: float | None

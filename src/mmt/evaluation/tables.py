@@ -100,7 +100,7 @@ def account(evaluation: Evaluation) -> str:
     against = "is measured against" if evaluation.basis == "truth" else "has no known texture:"
     return (
         f"{evaluation.duration_s:.1f} s{state}, {lost} frames missing; AR order "
-        f"{evaluation.order or 'not chosen'}, method {settings.method}, an "
+        f"{evaluation.order}, method {settings.method}, an "
         f"update every {evaluation.period_s:g} s. The model {against} {evaluation.basis_reason}. "
         f"Start criterion: {_met(evaluation.start_s)}; stop criterion: {_met(evaluation.stop_s)}. "
         f"Evaluated in {evaluation.processing_s:.2f} s, {evaluation.times_real_time:.0f} times "

@@ -13,9 +13,7 @@ if TYPE_CHECKING:
     from mmt.leader.generating import GeneratingPart
     from mmt.leader.synthesizing import SynthesizingPart
     from mmt.leader.vibration import VibrationPart
-    from mmt.leader.warming import WarmingPart
     from mmt.session.recorder import McapRecorder
-    from mmt.texture.library.identification import Choice
     from mmt.texture.model.texture_model import TextureModel
     from mmt.texture.online.work import ModelUpdate, Work
 
@@ -68,13 +66,10 @@ class ModelOutput(Part):
         self._generating: GeneratingPart | None = session.find("generating")
         self._vibration: VibrationPart | None = session.find("vibration")
         self._modelling: ModelSource | None = session.find("modelling")
-        self._warming: WarmingPart | None = session.find("warming")
         self.takes_over = self.rendered is not None
         """Whether the model is good enough to be rendered, whatever a person holds on to."""
         self.forced: Literal["streamed", "synthesized"] | None = None
         """Which vibration a person holds on to, None where the criterion decides."""
-        if self._warming is not None:
-            self._warming.on_model = self.use_known
 
     @classmethod
     def build(cls, session: Session) -> "ModelOutput":
@@ -103,7 +98,7 @@ class ModelOutput(Part):
         """Put an update of the model to use, which took some seconds.
 
         Vibration is rendered from it as soon as the start criterion is met; until then from
-        the saved model that the scene names or from that of a warm start, if it has them.
+        the saved model that the scene names, if it does.
         """
         log = self._log
         update = replace(update, time_s=self._since_s + update.time_s)
@@ -112,14 +107,10 @@ class ModelOutput(Part):
         usable = update.started and update.model is not None
         if update.surface is not None:
             self._follow_surface(update, usable=usable)
-        forced = self.forced == "synthesized" and log.warm is None
-        wanted = usable or (forced and update.model is not None)
-        if wanted and update.model is not None:
+        if update.model is not None and (usable or self.forced == "synthesized"):
             self._render(update.model, update.surface)
         if usable and self._generating is not None:
             self._generating.take_over()
-        if usable and self._warming is not None and not self._warming.finished:
-            self._warming.hand_over()
         if usable and log.start_s is None:
             log.start_s = update.time_s
             self._criterion_met("start", update)
@@ -149,9 +140,6 @@ class ModelOutput(Part):
         entry, now_s = surfaces.entry, update.time_s
         log.start_s = None if entry.start_s == now_s else entry.start_s
         log.stop_s = None if entry.stop_s == now_s else entry.stop_s
-        log.warm = None
-        if self._warming is not None:
-            self._warming.reset(update.changes[-1].from_sample)
         self.takes_over = usable
         self._choose()
 
@@ -166,19 +154,6 @@ class ModelOutput(Part):
         else:
             synthesizing.synthesizer.model = model
         self._rendered = surface
-
-    def use_known(self, model: "TextureModel", choice: "Choice") -> None:
-        """Render from the model of a warm start."""
-        log = self._log
-        if log.start_s is not None or self._synthesizing is None:
-            return
-        self._render(model, log.update.surface if log.update is not None else None)
-        news = log.warm is None or log.warm.name != choice.name
-        log.warm = choice
-        self.takes_over = True
-        self._choose()
-        if news:
-            self._event(f"warm start: {choice.describe()}", **choice.as_dict())
 
     def use_shared(self, model: "TextureModel", surface: int | None) -> None:
         """Render a model that another leader shares; that of another surface is faded in."""
@@ -197,10 +172,9 @@ class ModelOutput(Part):
             return
         self.record_last()
         self._modelling.reset()
-        for part in (self._warming, self._generating):
-            if part is not None:
-                part.reset()
-        self._log.warm = self._log.surfaces = None
+        if self._generating is not None:
+            self._generating.reset()
+        self._log.surfaces = None
         self._recorded.clear()
         self._since_s = time_s
         self._log.update = self._log.start_s = self._log.stop_s = None
@@ -225,8 +199,7 @@ class ModelOutput(Part):
         if mode == "synthesized":
             if synthesizing is None:
                 raise InputError("this scene renders from no model: it has no [rendering]")
-            warm = self._log.warm is not None and self._log.start_s is None
-            if update is not None and update.model is not None and not warm:
+            if update is not None and update.model is not None:
                 synthesizing.synthesizer.model = update.model
             if synthesizing.synthesizer.model is None:
                 raise InputError("there is no model yet: stroke the surface first")

@@ -223,7 +223,7 @@ class GeneratingPart(Part):
             if self._waiting == 0:
                 self._since_s = time.monotonic()
             self._waiting += 1
-            self._send(NewSamples.of(work))
+            self._send(NewSamples(work.time_s, work.observed, work.added, work.removed))
 
     def _send(self, item: object) -> None:
         """Send in a thread: the event loop never waits for the process."""

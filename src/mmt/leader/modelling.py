@@ -74,7 +74,7 @@ class Modelling(Part):
             self._compiled = self._worker.submit(compilation.finish)
             keep_frames += round(_LONGEST_COMPILATION_S * settings.rate_hz)
         self._activity = Activity()
-        self._behind_segmenting, self._behind_fitting = InFlight(), InFlight()
+        self._behind_segmenting = InFlight()
         frames = self._factory.frames_at_once
         capacity = max(2, round(LONGEST_QUEUE_S * settings.rate_hz / frames))
         self._make_tasks(settings.rate_hz, keep_frames, capacity)
@@ -109,12 +109,10 @@ class Modelling(Part):
     def _make_tasks(self, rate_hz: float, keep_frames: int, capacity: int) -> None:
         worker, activity = self._worker, self._activity
         fitting_queue = ItemQueue(capacity, True, self._behind_segmenting.leave)
-        queues = [ItemQueue(capacity, False, self._leave_both) for _ in range(2)]
+        queues = [ItemQueue(capacity, False, self._behind_segmenting.leave) for _ in range(2)]
         self.completing = CompletingTask(worker, queues[1], activity, self._judged)
         self.synthesizing = SynthesizingTask(worker, queues[0], activity, self.completing.put)
-        self.fitting = FittingTask(
-            worker, fitting_queue, activity, self._behind_fitting, self.synthesizing.put
-        )
+        self.fitting = FittingTask(worker, fitting_queue, activity, self.synthesizing.put)
         self.segmenting = SegmentingTask(
             self._factory.frames_at_once,
             rate_hz,
@@ -254,14 +252,11 @@ class Modelling(Part):
         update, seconds = log.update, log.update_seconds
         table = {
             "samples": update.samples if update else 0,
-            "outliers": update.outliers if update else 0,
-            "redundant": update.redundant if update else 0,
             "order": update.order if update else None,
             "distance": round(update.distance, 3) if update else None,
             "completion": update.progress.as_dict() if update else None,
             "start_s": log.start_s,
             "stop_s": log.stop_s,
-            **({"warm": log.warm.as_dict()} if log.warm is not None else {}),
             **({"surfaces": log.surfaces.as_dict(duration_s)} if log.surfaces is not None else {}),
             "updates": len(seconds),
             "update_median_ms": round(1e3 * statistics.median(seconds), 2) if seconds else None,
@@ -298,16 +293,11 @@ class Modelling(Part):
     def _frames_due(self) -> bool:
         return self.segmenting.due and not self.finished
 
-    def _leave_both(self) -> None:
-        self._behind_fitting.leave()
-        self._behind_segmenting.leave()
-
     def _clear(self) -> None:
         """Throw away everything that waits or is under way."""
         for task in (self.fitting, self.synthesizing, self.completing):
             task.clear()
         self.segmenting.start_model(self._modeller)
-        self._behind_fitting.clear()
         self._behind_segmenting.clear()
 
     def _judged(self, item: Item) -> None:
@@ -319,4 +309,4 @@ class Modelling(Part):
                 self.finished = True
                 self._clear()
             self._on_update(update, item.seconds)
-        self._leave_both()
+        self._behind_segmenting.leave()

@@ -114,11 +114,6 @@ class SessionView:
         return self._log.start_s, self._log.stop_s
 
     @property
-    def known_texture(self) -> str | None:
-        """Name of the known texture that is rendered until the model is ready."""
-        return None if self._log.warm is None else self._log.warm.name
-
-    @property
     def surfaces(self) -> tuple[int, list[int]] | None:
         """The number of the surface under the tool, and those of all that are known."""
         found = self._log.surfaces

@@ -54,12 +54,6 @@ PARTS: Final[dict[str, PartEntry]] = {
         ("mmt.leader.modelling", "mmt.texture.linear_algebra"),
         needs_model=True,
     ),
-    "warming": PartEntry(
-        "mmt.leader.warming:WarmingPart",
-        lambda scene: scene.rendering is not None and scene.rendering.before == "warm",
-        ("warming",),
-        ("mmt.leader.warming",),
-    ),
     "synthesizing": PartEntry(
         "mmt.leader.synthesizing:SynthesizingPart",
         lambda scene: scene.rendering is not None,
@@ -116,9 +110,8 @@ def first_numerics_of(scene: Scene) -> list[str] | None:
 
 
 def _takes_a_model(scene: Scene) -> bool:
-    """Whether a model that was built elsewhere is rendered: saved, of a library, or shared."""
-    table = scene.rendering
-    saved = table is not None and (table.model is not None or table.before == "warm")
+    """Whether a model that was built elsewhere is rendered: saved or shared."""
+    saved = scene.rendering is not None and scene.rendering.model is not None
     return saved or scene.listening is not None
 
 

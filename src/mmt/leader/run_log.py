@@ -12,7 +12,6 @@ from mmt.core.ticking import TimeHistogram
 
 if TYPE_CHECKING:
     from mmt.leader.surface_log import SurfaceLog
-    from mmt.texture.library.identification import Choice
     from mmt.texture.online.work import ModelUpdate
 
 LOG: Final = logging.getLogger("mmt.leader")
@@ -86,8 +85,6 @@ class RunLog:
     late_while_modelling: TimeHistogram = field(default_factory=TimeHistogram)
     start_s: float | None = None
     stop_s: float | None = None
-    warm: "Choice | None" = None
-    """The known texture that was rendered before the local model."""
     ready_s: float | None = None
     surfaces: "SurfaceLog | None" = None
     """Which surface the tool was on, where surfaces are told apart."""

@@ -217,7 +217,6 @@ class StageTask:
         loop = asyncio.get_running_loop()
         while True:
             await self.queue.filled.wait()
-            await self.wait_for_turn()
             item = self.queue.get()
             if item is None:
                 continue
@@ -233,6 +232,3 @@ class StageTask:
                 item.seconds += seconds
                 self.figures.add(seconds)
                 self._deliver(item)
-
-    async def wait_for_turn(self) -> None:
-        """Wait until the next item may be worked on."""

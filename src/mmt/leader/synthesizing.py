@@ -18,10 +18,6 @@ if TYPE_CHECKING:
     from mmt.texture.synthesis.synthesizer import Synthesizer
 
 
-def _choose(work: "Work") -> None:
-    work.modeller.choose(work)
-
-
 def _build(work: "Work") -> None:
     work.modeller.build(work)
 
@@ -36,7 +32,7 @@ class SynthesizingTask(StageTask):
         activity: Activity,
         deliver: Callable[[Item], None],
     ) -> None:
-        super().__init__((_choose, _build), worker, queue, activity, deliver)
+        super().__init__((_build,), worker, queue, activity, deliver)
 
 
 class SynthesizingPart(Part):
@@ -75,7 +71,6 @@ class SynthesizingPart(Part):
                 seed=seed,
                 renewal_samples=table.renewal_samples,
                 limit_m_s2=limit_m_s2,
-                fade_samples=round(table.update_fade_ms * session.rate_hz / 1000),
             )
 
         first = made(scene.session.seed)

@@ -35,12 +35,11 @@ class Textures:
         *,
         estimate_hz: float,
         output_hz: float,
-        update_fade_s: float,
         threads: bool,
         sink: Sink | None,
     ) -> None:
         self.output_hz = output_hz
-        self.estimator = Estimator(models, fade_estimates=round(update_fade_s * estimate_hz))
+        self.estimator = Estimator(models)
         self.output = output
         self._period = output_hz / estimate_hz  # in samples of the output
         self._given = 0
@@ -72,7 +71,7 @@ class Textures:
         return np.concatenate(blocks) if blocks else np.zeros(0)
 
     def use(self, models: Sequence[TextureModel]) -> None:
-        """Fade to other states of the models, as many and of the same rates as before.
+        """Go over to other states of the models, as many and of the same rates as before.
 
         Raises
         ------
@@ -126,7 +125,6 @@ def open_textures(
     estimate_hz: float = 100.0,
     seed: int = 0,
     limit_m_s2: float = 60.0,
-    update_fade_s: float = 1.0,
     threads: bool = False,
     sink: Sink | None = None,
 ) -> Textures:
@@ -146,8 +144,6 @@ def open_textures(
         samples, whatever the size of the blocks.
     limit_m_s2
         Bound of the vibration.
-    update_fade_s
-        Longest fade to other states of the models, which `Textures.use` gives.
     threads
         Whether estimates are made in a thread of their own, by the clock, rather than in
         `render`, by the samples it gives.
@@ -177,7 +173,6 @@ def open_textures(
         output,
         estimate_hz=estimate_hz,
         output_hz=output_hz,
-        update_fade_s=update_fade_s,
         threads=threads,
         sink=sink,
     )

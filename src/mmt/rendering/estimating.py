@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from mmt.core.errors import InputError
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.synthesis.generation import VibrationFilter, estimate
-from mmt.texture.synthesis.update_fade import MixedModel, UpdateFade, can_be_mixed
 
 
 @dataclass(frozen=True)
@@ -38,12 +37,10 @@ class Estimator:
     ----------
     models
         The textures, at least one.
-    fade_estimates
-        Estimates of the longest fade to other models; 0 changes at once.
     """
 
-    def __init__(self, models: Sequence[TextureModel], *, fade_estimates: int = 0) -> None:
-        self._fade = UpdateFade(tuple(models), fade_estimates)
+    def __init__(self, models: Sequence[TextureModel]) -> None:
+        self._models = tuple(models)
         self._touch: Touch | None = None
         self.newest: Estimate | None = None
         """None before the first touch, and where nothing is touched."""
@@ -56,9 +53,9 @@ class Estimator:
         InputError
             They are more or fewer.
         """
-        if len(models) != len(self._fade.now):
-            raise InputError(f"{len(models)} models in place of {len(self._fade.now)}")
-        self._fade.use(tuple(models))
+        if len(models) != len(self._models):
+            raise InputError(f"{len(models)} models in place of {len(self._models)}")
+        self._models = tuple(models)
 
     def touch(self, touch: Touch | None) -> None:
         """Take note of what the hand does now; None where it touches nothing.
@@ -68,23 +65,19 @@ class Estimator:
         InputError
             There is no such texture.
         """
-        count = len(self._fade.now)
+        count = len(self._models)
         if touch is not None and not 0 <= touch.texture < count:
             raise InputError(f"texture {touch.texture}: there are {count}, counted from 0")
         self._touch = touch
 
     def estimate(self) -> None:
         """Bring `newest` up to date; some 50 us by triangles."""
-        touch, before, share = self._touch, self._fade.before, self._fade.share
-        self._fade.advance(1)
+        touch = self._touch
         if touch is None:
             self.newest = None
             return
-        model = self._fade.now[touch.texture]
+        model = self._models[touch.texture]
         inputs = model.space.from_motion(
             touch.velocity_x_mm_s, touch.velocity_y_mm_s, touch.force_n
         )[0]
-        wanted: TextureModel | MixedModel = model
-        if before is not None and can_be_mixed(before[touch.texture], model):
-            wanted = MixedModel(before[touch.texture], model, share)
-        self.newest = Estimate(estimate(wanted, *inputs), model.rate_hz)
+        self.newest = Estimate(estimate(model, *inputs), model.rate_hz)

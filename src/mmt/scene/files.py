@@ -20,7 +20,6 @@ ENVIRONMENT_PREFIX = "MMT_"
 
 _READ: Final = (
     ("rendering", "model"),
-    ("rendering", "library"),
     ("replay", "file"),
     *(
         (table, key)
@@ -225,14 +224,10 @@ def _look_beside(path: Path, tables: dict[str, Any]) -> None:
         table = tables.get(name)
         if isinstance(table, dict) and isinstance(table.get(key), str):
             tables[name] = {**table, key: _beside(path, table[key])}
-        elif isinstance(table, dict) and isinstance(table.get(key), list):
-            tables[name] = {**table, key: [_beside(path, each) for each in table[key]]}
 
 
-def _beside(path: Path, file: object) -> object:
+def _beside(path: Path, file: str) -> str:
     """Return a file that stands beside a scene and not here as such, others as they are."""
-    if not isinstance(file, str):
-        return file
     beside = path.parent / file
     return str(beside) if not Path(file).exists() and beside.exists() else file
 

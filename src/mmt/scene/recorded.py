@@ -5,6 +5,7 @@ from typing import Any
 
 from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
+from mmt.scene.rendering_tables import without_former
 from mmt.scene.texture_table import by_method
 
 
@@ -18,4 +19,6 @@ def scene_of_recording(tables: Mapping[str, Any], origin: str) -> Scene:
     """
     if isinstance(tables.get("texture"), Mapping):
         tables = {**tables, "texture": by_method(tables["texture"])}
+    if isinstance(tables.get("rendering"), Mapping):
+        tables = {**tables, "rendering": without_former(tables["rendering"])}
     return scene_from_tables(tables, origin=origin)

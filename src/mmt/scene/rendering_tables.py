@@ -1,9 +1,10 @@
 """The tables of the vibration that is played: from the model, and from the stream."""
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Final, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from mmt.scene.table import PartTable
 
@@ -12,12 +13,36 @@ class Rendering(PartTable):
     """``[rendering]``: synthesize vibration from the model."""
 
     model: Path | None = None
-    before: Literal["stream", "warm", "silent"] = "stream"
-    library: list[str | Path] = Field(default=[])
+    before: Literal["stream", "silent"] = "stream"
     generator: str | None = Field(None, min_length=1)
     renewal_samples: int = Field(1, ge=1, le=1000)
     crossfade_ms: float = Field(50.0, ge=0, le=1000)
-    update_fade_ms: float = Field(1000.0, ge=0, le=10_000)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_former(cls, table: Any) -> Any:
+        if isinstance(table, Mapping):
+            for key in _FORMER.keys() & table.keys():
+                raise ValueError(f"{key}: no longer a key; {_FORMER[key]}")
+            if table.get("before") == "warm":
+                raise ValueError(f'before = "warm": no longer a choice; {_FORMER["library"]}')
+        return table
+
+
+_FORMER: Final = {
+    "library": "known textures served no better than a local model as early: leave it out, and to "
+    "render earlier write start_share = 0.5 in [texture]",
+    "update_fade_ms": "each state of the model is rendered at once: leave it out",
+}
+"""Keys of earlier versions, and what to do instead."""
+
+
+def without_former(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a table without what earlier versions alone had."""
+    kept = {key: value for key, value in table.items() if key not in _FORMER}
+    if kept.get("before") == "warm":
+        del kept["before"]
+    return kept
 
 
 class Playout(PartTable):

@@ -246,14 +246,6 @@ def _rendering_rules(scene: Scene) -> Rules:
             "leave 'model' out, or [texture.surfaces]",
         ),
         (
-            rendering.before == "warm" and scene.texture is None,
-            'before = "warm" of [rendering] needs a model to give way to: add [texture]',
-        ),
-        (
-            bool(rendering.library) and rendering.before != "warm",
-            'library of [rendering] is for a warm start: add before = "warm", or remove it',
-        ),
-        (
             rendering.generator is not None
             and (scene.texture is None or scene.texture.surfaces is not None),
             "generator of [rendering] learns from the strokes on one surface: add [texture], "

@@ -37,6 +37,16 @@ class Texture(TextureSettings, Part):
     @model_validator(mode="before")
     @classmethod
     def _without_parts(cls, table: Any) -> Any:
+        if isinstance(table, Mapping) and table.get("order") == "auto":
+            raise ValueError(
+                'order = "auto": no longer a choice, since the order 16 was nowhere worse; leave '
+                "it out, or write a number"
+            )
+        if isinstance(table, Mapping) and "selection" in table:
+            raise ValueError(
+                "selection: no longer a table, since a model in which it kept outliers out was "
+                "not better; leave it out (`mmt model select` selects from whole trials)"
+            )
         former = _former(table) if isinstance(table, Mapping) else []
         if former:
             raise ValueError(
@@ -59,8 +69,9 @@ TEXTURE_TABLE: Final = TypeAdapter(Texture)
 def by_method(table: Mapping[str, Any]) -> Mapping[str, Any]:
     """Return a table that names a method, of one that may name its parts as in earlier versions.
 
-    The method is the one that comes nearest, with its own thresholds.
+    The method is the one that comes nearest, with its own thresholds; samples are not selected.
     """
+    table = {k: v for k, v in table.items() if k != "selection" and (k, v) != ("order", "auto")}
     if not _former(table):
         return table
     method = _nearest(table)

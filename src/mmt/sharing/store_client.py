@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import logging
 import urllib.parse
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,8 +16,6 @@ from mmt.link.connection import check_url
 from mmt.scene.sharing_tables import Listening
 from mmt.sharing.messages import TOKEN_VARIABLE
 from mmt.sharing.store import LARGEST_BYTES, MOST_MODELS, Entry
-
-LOG: Final = logging.getLogger("mmt.sharing")
 
 _LARGEST_ENTRY: Final = 10_000
 """Most bytes of what is listed of a model."""
@@ -57,43 +54,6 @@ class RemoteStore:
             The URL is not valid, or the token is too short.
         """
         return cls(url, Access.of(Listening(), variable=TOKEN_VARIABLE, table="listening"))
-
-    def newest(self, folder: Path) -> list[tuple[Entry, Path]]:
-        """Return the newest model of each name, and its file in a folder.
-
-        What the folder has is not fetched again. Where the store does not answer, the models
-        that it had the last time are returned, and a warning says so.
-
-        Raises
-        ------
-        MmtError
-            The store does not answer, and nothing of it was fetched before.
-        InputError
-            A file cannot be written.
-        """
-        folder = folder / hashlib.sha256(self._url.encode()).hexdigest()[:16]
-        listing = folder / "listing.json"
-        try:
-            named: dict[str, Entry] = {}
-            for entry in self.entries():
-                named.setdefault(entry.name, entry)
-            folder.mkdir(parents=True, exist_ok=True)
-            for entry in named.values():
-                if not (folder / f"{entry.hash}.npz").exists():
-                    self.fetch(entry.hash, folder / f"{entry.hash}.npz")
-            found = list(named.values())
-            listing.write_text(json.dumps([entry.as_dict() for entry in found]))
-        except OSError as error:
-            raise InputError(f"{folder}: {error.strerror or error}") from error
-        except InputError:
-            raise
-        except MmtError as error:
-            kept = _kept(listing)
-            if kept is None:
-                raise
-            LOG.warning("%s: its models as they were the last time are used", error)
-            found = kept
-        return [(entry, folder / f"{entry.hash}.npz") for entry in found]
 
     def entries(self) -> list[Entry]:
         """Return what is known of all its models, the newest first.
@@ -203,11 +163,3 @@ def _entries(text: str | bytes) -> list[Entry]:
     if not isinstance(listed, list) or len(listed) > MOST_MODELS:
         raise InputError(f"a list of models is no list of at most {MOST_MODELS}")
     return [Entry.listed(each) for each in listed]
-
-
-def _kept(listing: Path) -> list[Entry] | None:
-    """Return the entries of a listing that was kept, None where it is absent or damaged."""
-    try:
-        return _entries(listing.read_bytes())
-    except (OSError, InputError):
-        return None

@@ -4,6 +4,7 @@ A key of a scene's ``[texture]`` is one field here, with its default, its bounds
 `mmt.core.bounds`) and its meaning, and one line in ``docs/reference/scene.md``.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Annotated, Final, Literal, NamedTuple
 
@@ -65,6 +66,9 @@ Distance = Annotated[float, Gt(0)] | Literal["auto"]
 Share = Annotated[float, Gt(0), Lt(1)] | Literal["auto"]
 """An expected share, or `START_SHARE` or `STOP_SHARE`."""
 
+JND_DB: Final = 20.0 * math.log10(1.17)
+"""Just noticeable difference of vibration, 17 % in amplitude (Awan et al., section VII.A)."""
+
 START_SHARE: Final = 0.75
 """Expected share at which rendering starts: about that which the published method leaves right at
 its stop criterion (0.77, the mean of 17 HaTT models)."""
@@ -91,23 +95,6 @@ class CriterionScale:
     def meets(self, value: float, threshold: float) -> bool:
         """Say whether a value is as good as a threshold, or better."""
         return value >= threshold if self.rises else value <= threshold
-
-
-@dataclass(frozen=True)
-class OnlineSelectionSettings:
-    """``[texture.selection]``: keep outliers out of a growing model, and its size below a limit.
-
-    See `mmt.texture.selection.online`.
-    """
-
-    false_alarms: Annotated[float, Ge(0.001), Le(0.2)] = 0.01
-    """Share of the good samples that may be taken for outliers."""
-
-    largest: Annotated[int, Ge(10), Le(1000)] = 200
-    """Number of samples above which redundant ones are left out of the model."""
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
 
 @dataclass(frozen=True)
@@ -144,8 +131,8 @@ class TextureSettings:
     normal: Axis = "z"
     """The surface's normal axis; speed is taken in the plane across it, force along it."""
 
-    order: Order | Literal["auto"] = "auto"
-    """Order of all autoregressive filters, 1 to 64, or chosen from the data."""
+    order: Order = 16
+    """Order of all autoregressive filters, 1 to 64."""
 
     overlap_samples: Annotated[int, Ge(0), Le(2000)] = 200
     """Newest samples into which a segment must not reach to be final."""
@@ -186,9 +173,6 @@ class TextureSettings:
     stop_share: Share = "auto"
     """Expected share at which modelling ends; not below `start_share`."""
 
-    selection: OnlineSelectionSettings | None = None
-    """Selection of samples; None keeps them all."""
-
     surfaces: SurfaceSettings | None = None
     """A model for each of several surfaces; None for a single model."""
 
@@ -219,11 +203,6 @@ class TextureSettings:
                         f'{key} is of method "{method}", and method is "{self.method}": leave it '
                         f"out, or write {own}"
                     )
-        if self.method == "published" and self.selection is not None:
-            raise SettingError(
-                'method is "published" and there is a table selection: what is published selects '
-                "from whole trials, by `mmt model select --method published`; leave the table out"
-            )
 
     @property
     def distances(self) -> StartStop:

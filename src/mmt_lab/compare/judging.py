@@ -24,8 +24,7 @@ from mmt.testing.simulation.textures import get_surface
 from mmt.texture.completion.uncertainty import PRIOR_S
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import ModelHistory, build, update_blocks
-from mmt.texture.settings import ModellingSettings
-from mmt.texture.signals.just_noticeable import JND_DB
+from mmt.texture.settings import JND_DB, ModellingSettings
 from mmt.texture.signals.metrics import within_jnd
 from mmt_lab.compare.ablations import INGREDIENTS, without
 from mmt_lab.compare.cases import Case

@@ -1,9 +1,9 @@
 """What the operator feels over a network, against what the surface would give without one.
 
 A hand strokes a known texture over an emulated network, in simulated time. Each method leads the
-same session: the stream alone, paper A's model, the field, and the field after a warm start. What
-it lets the hand feel is compared, moment by moment, with the exact powers of the texture at the
-hand's own speed, force and heading; a realisation of the texture under the hand is the bound.
+same session: the stream alone, paper A's model, and the field. What it lets the hand feel is
+compared, moment by moment, with the exact powers of the texture at the hand's own speed, force and
+heading; a realisation of the texture under the hand is the bound.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,19 +22,15 @@ from mmt.evaluation.texts import number
 from mmt.scene import PROFILES, Network
 from mmt.testing.simulation import RATE_HZ
 from mmt.testing.simulation.textures import get_surface
-from mmt.texture.online.modeller import ModelUpdate
-from mmt.texture.settings import ModellingSettings
 from mmt_lab.compare.cases import DURATION_S, FIRST_SEED
 from mmt_lab.compare.judging import METHODS as METHODS_OF_MODELLING
 from mmt_lab.felt.judging import HOP, LEAST_RMS_M_S2, WINDOW, Course, Reference
 from mmt_lab.felt.leading import (
     at_once,
     led,
-    library_without,
     local_updates,
     settings_over,
     taking_over,
-    warm_models,
 )
 from mmt_lab.felt.passing import pass_over
 from mmt_lab.harness.experiment import (
@@ -54,15 +50,11 @@ NETWORKS: Final = ("lan", "wifi", "wan", "bad")
 AT_ONCE: Final = "at once"
 """The bound: the surface under the hand itself."""
 
-WARM: Final = "warm"
-"""As the field, after a warm start with the shipped models but the texture's own as the library."""
-
 METHODS: Final[Mapping[str, Mapping[str, Any] | None]] = MappingProxyType(
     {
         "streaming": None,
         "published": METHODS_OF_MODELLING["published"],
         "field": METHODS_OF_MODELLING["field"],
-        WARM: METHODS_OF_MODELLING["field"],
     }
 )
 """Keys of ``[texture]`` by the method's name; streaming has no model."""
@@ -140,17 +132,10 @@ def feel(case: Case) -> list[Outcome]:
     bound = at_once(passage, case.seed)
     reference = Reference(passage, bound.vibration_m_s2)
     felt = {AT_ONCE: bound}
-    updates: dict[ModellingSettings, dict[int, ModelUpdate]] = {}
     for name, keys in METHODS.items():
         models = None
         if keys is not None:
-            settings = settings_over(passage, keys)
-            if settings not in updates:
-                updates[settings] = local_updates(passage, settings)
-            models = taking_over(updates[settings])
-            if name == WARM:
-                library = library_without(case.texture)
-                models |= warm_models(passage, updates[settings], library, settings)
+            models = taking_over(local_updates(passage, settings_over(passage, keys)))
         felt[name] = led(passage, models, case.seed)
     return [
         Outcome(case, name, own.start_s, reference.judge(own.vibration_m_s2))
@@ -249,11 +234,9 @@ DEFINITIONS: Final = {
     "published": "paper A: streamed until the start criterion, then rendered; the excitation's "
     "variance interpolated, on textures with a grain by paper B's network",
     "field": "the same with the default of [texture]",
-    "warm": 'the field with [rendering] before = "warm": until the start criterion rendered from a '
-    "first model, with the shipped ones as its library; that of the texture itself is left out",
 }
 
-_STYLES: Final = {"streaming": 0, "published": 1, "field": 2, "warm": 3, AT_ONCE: 6}
+_STYLES: Final = {"streaming": 0, "published": 1, "field": 2, AT_ONCE: 6}
 
 
 def felt_table(outcomes: Sequence[Outcome]) -> Table:

@@ -9,7 +9,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.forms import (
-    ar_to_lsf,
+    ar_to_reflection,
     lsf_to_ar,
     lsf_to_reflection,
     reflection_to_lsf,
@@ -119,7 +119,7 @@ def measure(plan: Plan) -> Findings:
 def _ours() -> list[Method]:
     return [
         Method(OURS, reflection_to_lsf, lsf_to_reflection, "reflection"),
-        Method(OURS_AR, ar_to_lsf, lsf_to_ar),
+        Method(OURS_AR, lambda ar: reflection_to_lsf(ar_to_reflection(ar)), lsf_to_ar),
     ]
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 
@@ -14,9 +14,7 @@ from mmt.texture.settings import ModellingSettings
 from mmt_lab.bench.measuring import spread
 from mmt_lab.bench.textures import session
 from mmt_lab.harness.experiment import Experiment
-from mmt_lab.harness.findings import Axis, Curves, Findings, Panel, Records, Spread
-
-Order = int | Literal["auto"]
+from mmt_lab.harness.findings import Axis, Curves, Findings, Panel, Spread
 
 TIME: Final = Axis("time of the updates (ms per second of session)", "ms/s")
 SHAPE: Final = Axis("error of the spectrum (1 - GFC)", "1 - GFC")
@@ -50,7 +48,6 @@ def measure(plan: Plan) -> Findings:
     """Build models of every order with every period, and compare them with the truth."""
     sessions = [session(name, plan.duration_s) for name in plan.surfaces]
     shape, level = Curves(), Curves()
-    chosen = []
     for period_s in plan.periods_s:
         name = f"period {period_s:g} s"
         for order in plan.orders:
@@ -58,8 +55,6 @@ def measure(plan: Plan) -> Findings:
             time = _time(found)
             shape.add(name, order, time, float(np.mean([q.shape for q in found])))
             level.add(name, order, time, float(np.mean([q.level for q in found])))
-        automatic = [_quality(one, "auto", period_s, plan) for one in sessions]
-        chosen.append(_row(period_s, automatic))
     return Findings(
         name="order",
         title="Order and update period",
@@ -75,11 +70,10 @@ def measure(plan: Plan) -> Findings:
             Panel("spectrum", "Spectrum, by order", "order", TIME, SHAPE, shape.done()),
             Panel("power", "Power, by order", "order", TIME, LEVEL, level.done()),
         ),
-        records=(Records("auto", "Automatic order", tuple(chosen)),),
     )
 
 
-def _quality(recorded: RecordedSession, order: Order, period_s: float, plan: Plan) -> Quality:
+def _quality(recorded: RecordedSession, order: int, period_s: float, plan: Plan) -> Quality:
     settings = ModellingSettings(order=order)
     blocks = list(update_blocks(recorded.frames, round(period_s * _RATE_HZ)))
     seconds = []
@@ -108,15 +102,6 @@ def _errors(truth: KnownTexture, history: ModelHistory, moment_s: float) -> tupl
 
 def _time(found: Sequence[Quality]) -> Spread:
     return spread(np.array([quality.seconds for quality in found])).times(_MILLISECONDS)
-
-
-def _row(period_s: float, found: Sequence[Quality]) -> dict[str, float]:
-    return {
-        "period (s)": period_s,
-        "1 - GFC": float(np.mean([quality.shape for quality in found])),
-        "power error (dB)": float(np.mean([quality.level for quality in found])),
-        "time (ms per second)": _time(found).median,
-    }
 
 
 def run() -> Findings:

@@ -28,12 +28,12 @@ from mmt.texture.interpolation.vertices import boundary
 from mmt.texture.online.history import build_model
 from mmt.texture.settings import (
     DISTANCES,
+    JND_DB,
     MAXIMUM_FORCE_N,
     MAXIMUM_SPEED_MM_S,
     ModellingSettings,
 )
 from mmt.texture.signals.amplitude_spectra import Spectra
-from mmt.texture.signals.just_noticeable import JND_DB
 from mmt_lab.harness.experiment import Experiment, Seed, Seeds, SpectraOption
 from mmt_lab.harness.findings import Findings, Target, median_of_known
 

@@ -1,23 +1,20 @@
-"""The leader's side of a passage: its own playout, modelling, warm start, switch and synthesis."""
+"""The leader's side of a passage: its own playout, modelling, switch and synthesis."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache
 from typing import Any, Final
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray, IntArray, RecordArray
+from mmt.core.arrays import FloatArray, IntArray
 from mmt.leader.part import Parts, Session
 from mmt.leader.parts import build_parts
 from mmt.leader.stream import StreamedVibration
 from mmt.leader.vibration import VibrationSwitch
-from mmt.leader.warming import LOOK_FRAMES, load_library
 from mmt.scene import Actuator, Hand, Link, Playout, Rendering, Scene, Simulated, Texture
 from mmt.scene import Session as SessionTable
 from mmt.testing.simulation import PERIOD_NS, RATE_HZ
 from mmt.testing.simulation.vibration import vibration_of
-from mmt.texture.library.warm_start import WarmStart
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
 from mmt.texture.settings import Inputs, ModellingSettings
@@ -152,57 +149,3 @@ def _filled_in(arrival_tick: IntArray) -> IntArray:
     lost = arrival_tick == NEVER_TICK
     longest = int((arrival_tick - sent)[~lost].max()) if not lost.all() else 0
     return np.where(lost, sent + 2 * longest + BACKFILL_TICKS, arrival_tick)
-
-
-LOOK_TICKS: Final = 50
-"""Ticks from the last frame of a choice until it is in use."""
-
-
-@cache
-def shipped_library() -> Mapping[str, TextureModel]:
-    """Return the shipped models by the names of their textures."""
-    return load_library(())
-
-
-def library_without(texture: str) -> dict[str, TextureModel]:
-    """Return the shipped models but the texture's own."""
-    return {name: model for name, model in shipped_library().items() if name != texture}
-
-
-def warm_models(
-    passage: Passage,
-    updates: Mapping[int, ModelUpdate],
-    library: Mapping[str, TextureModel],
-    settings: ModellingSettings,
-) -> dict[int, TextureModel]:
-    """Return what is rendered before the start criterion, each at the tick from which it is.
-
-    Parameters
-    ----------
-    passage
-        What arrives when.
-    updates
-        Updates of the local model, by the tick from which each is in use.
-    library
-        Known textures by name.
-    settings
-        Settings of the local model.
-    """
-    warm = WarmStart(library, settings)
-    begins = min((tick for tick, update in updates.items() if update.started), default=NEVER_TICK)
-    models: dict[int, TextureModel] = {}
-    for tick, frames in _looks(passage):
-        if tick >= begins:
-            break
-        if warm.process(frames) is not None and warm.model is not None:
-            models[tick] = warm.model
-    return models
-
-
-def _looks(passage: Passage) -> Iterator[tuple[int, RecordArray]]:
-    """Yield blocks of `LOOK_FRAMES` frames as they arrive, each with the tick of its use."""
-    order = np.argsort(passage.arrival_tick, kind="stable")
-    order = order[passage.arrival_tick[order] < NEVER_TICK]
-    for first in range(0, len(order) - LOOK_FRAMES + 1, LOOK_FRAMES):
-        chosen = order[first : first + LOOK_FRAMES]
-        yield int(passage.arrival_tick[chosen[-1]]) + LOOK_TICKS, passage.frames[chosen]

@@ -21,7 +21,7 @@ from mmt.session import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.interpolation.interpolant import Interpolant, networked
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.segmentation.segmenter import segment, segmentation_settings
+from mmt.texture.segmentation.segmenter import segment
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.selection import ModelPoints
 from mmt.texture.settings import Inputs, ModellingSettings
@@ -110,7 +110,7 @@ def stroke(row: Row, duration_s: float, seed: int) -> RecordArray:
 def segments_of(frames: RecordArray, settings: ModellingSettings) -> list[Segment]:
     """Filter frames (n,) and cut them into segments."""
     stream = StreamFilter.of(settings)
-    return segment(stream.process(frames), segmentation_settings(settings))
+    return segment(stream.process(frames), settings)
 
 
 def recording(row: Row, seed: int) -> Recording:

@@ -16,7 +16,7 @@ from mmt.testing.simulation.textures import get_surface
 from mmt.texture.autoregression.burg import burg_batch
 from mmt.texture.autoregression.forms import reflection_to_lsf
 from mmt.texture.model.inputs import InputSpace
-from mmt.texture.segmentation.segmenter import segment, segmentation_settings
+from mmt.texture.segmentation.segmenter import segment
 from mmt.texture.selection import ModelPoints
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
@@ -85,7 +85,7 @@ def session_trials(
     for number in range(SESSIONS):
         frames, _ = simulate_session(scene, surface, DURATION_S, SESSIONS * seed + number)
         stream = StreamFilter.of(settings)
-        segments += segment(stream.process(frames), segmentation_settings(settings))
+        segments += segment(stream.process(frames), settings)
     if len(segments) < _FEWEST:
         raise InputError(
             f"{texture}: the hand {hand} makes {len(segments)} steady strokes in {SESSIONS} "

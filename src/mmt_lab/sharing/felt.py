@@ -3,8 +3,8 @@
 ``python -m mmt_lab.sharing.felt URL COUNT SECONDS PROFILE`` lets one listener take the model on
 this machine, and so many behind an emulated network, until the leader ends its session or for so
 long, and prints as JSON what is found. Listeners render to the sample what the leader does at the
-same motion with the same model; so what differs is which state of the model each has, or is
-fading in, moment by moment.
+same motion with the same model; so what differs is which state of the model each has, moment by
+moment.
 """
 
 import asyncio
@@ -20,11 +20,10 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.evaluation.levels import BAND_EDGES_HZ, band_errors_db
-from mmt.scene import Network, Rendering
+from mmt.scene import Network
 from mmt.scene.sharing_tables import Listening
 from mmt.sharing.client import STATES_HZ, ListenerClient
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.synthesis.update_fade import MixedModel, UpdateFade
 from mmt_lab.sharing.distant import DistantProxy
 
 STEP_NS: Final = 50_000_000
@@ -32,44 +31,29 @@ STEP_NS: Final = 50_000_000
 _MOST_INPUTS: Final = 60
 _FREQUENCIES_HZ: Final = np.arange(BAND_EDGES_HZ[0], BAND_EDGES_HZ[-1] + 1.0)
 
-_FADE_NS: Final = round(1e6 * Rendering().update_fade_ms)
-_SHARES: Final = 50
-"""Steps of a share of which spectra are computed: an error of a hundredth of a change's."""
-
 Course = Sequence[tuple[int, int]]
 """When each state of the model was there (ns), and its number; in order."""
 
-Mix = tuple[int, int, float]
-"""Numbers of the states that are faded out and in, and the share of the latter."""
+Pair = tuple[int, int]
+"""Numbers of the states that the operator and a listener have."""
 
 
-def mixes(course: Course, times_ns: Sequence[int]) -> list[Mix]:
-    """Return what is rendered at ascending times; numbers are 0 before the first state."""
-    fade, found = UpdateFade(0, _FADE_NS), list[Mix]()
-    coming, then_ns = list(course)[::-1], 0
-    for time_ns in times_ns:
-        while coming and coming[-1][0] <= time_ns:
-            at_ns, number = coming.pop()
-            fade.advance(at_ns - then_ns)
-            fade.use(number, at_once=fade.now == 0)
-            then_ns = at_ns
-        fade.advance(time_ns - then_ns)
-        then_ns = time_ns
-        before = fade.now if fade.before is None else fade.before
-        found.append((before, fade.now, round(_SHARES * fade.share) / _SHARES))
-    return found
+def states(course: Course, times_ns: Sequence[int]) -> list[int]:
+    """Return the numbers of what is rendered at times; 0 before the first state."""
+    place = np.searchsorted([at for at, _ in course], times_ns, side="right")
+    return [course[index - 1][1] if index else 0 for index in place.tolist()]
 
 
-def pairs(operator: Course, listener: Course, end_ns: int) -> Counter[tuple[Mix, Mix]]:
-    """Count the moments with each pair of mixes, from the listener's first state to the end."""
+def pairs(operator: Course, listener: Course, end_ns: int) -> Counter[Pair]:
+    """Count the moments with each pair, from the listener's first state to the end."""
     if not listener:
         return Counter()
     times = range(listener[0][0], end_ns, STEP_NS)
-    return Counter(zip(mixes(operator, times), mixes(listener, times), strict=True))
+    return Counter(zip(states(operator, times), states(listener, times), strict=True))
 
 
 class Spectra:
-    """Densities of mixes of a model's states at some inputs, each computed once.
+    """Densities of a model's states at some inputs, each computed once.
 
     Parameters
     ----------
@@ -81,9 +65,9 @@ class Spectra:
 
     def __init__(self, models: Mapping[int, TextureModel], inputs: FloatArray) -> None:
         self._models, self._inputs = models, inputs
-        self._known: dict[Mix, FloatArray] = {}
+        self._known: dict[int, FloatArray] = {}
 
-    def errors_db(self, counts: Mapping[tuple[Mix, Mix], int]) -> FloatArray:
+    def errors_db(self, counts: Mapping[Pair, int]) -> FloatArray:
         """Return the root mean square over bands and inputs of each moment's error, in dB.
 
         Shape (n,), one for each moment that is counted; moments before the operator has a
@@ -91,19 +75,19 @@ class Spectra:
         """
         found = []
         for (own, heard), moments in counts.items():
-            if not {*own[:2], *heard[:2]} <= self._models.keys():
+            if not {own, heard} <= self._models.keys():
                 continue
             both = self._density(heard), self._density(own)
             difference = band_errors_db(*both, _FREQUENCIES_HZ)
             found += moments * [float(np.sqrt(np.mean(np.square(difference))))]
         return np.array(found)
 
-    def _density(self, mix: Mix) -> FloatArray:
-        if mix not in self._known:
-            before, now, share = self._models[mix[0]], self._models[mix[1]], mix[2]
-            model = now if share == 1.0 else MixedModel(before, now, share)
-            self._known[mix] = model.spectrum(*self._inputs.T, frequencies_hz=_FREQUENCIES_HZ)
-        return self._known[mix]
+    def _density(self, state: int) -> FloatArray:
+        if state not in self._known:
+            self._known[state] = self._models[state].spectrum(
+                *self._inputs.T, frequencies_hz=_FREQUENCIES_HZ
+            )
+        return self._known[state]
 
 
 class Ear:
@@ -186,10 +170,10 @@ def judged(
     step = max(1, len(operator.inputs) // _MOST_INPUTS)
     inputs = np.array(operator.inputs[::step]).reshape(-1, 2)
     counts = [pairs(operator.made, ear.had, end_ns) for ear in distant]
-    total: Counter[tuple[Mix, Mix]] = sum(counts, Counter())
+    total: Counter[Pair] = sum(counts, Counter())
     delayed = pairs(operator.made, [(at + delay_ns, n) for at, n in operator.made], end_ns)
     moments = sum(total.values())
-    same = sum(n for (own, heard), n in total.items() if own[1] == heard[1])
+    same = sum(n for (own, heard), n in total.items() if own == heard)
     spectra = Spectra(models, inputs)
     lags = [1e-6 * (had - made) for ear in distant for (had, _), (made, _) in _both(ear)]
     return {

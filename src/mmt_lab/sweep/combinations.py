@@ -62,7 +62,7 @@ def combinations(choices: Sequence[str]) -> list[dict[str, Value]]:
     Parameters
     ----------
     choices
-        Texts such as ``"texture.order=8,12,auto"``, none for the session's own settings alone.
+        Texts such as ``"texture.order=8,12,16"``, none for the session's own settings alone.
 
     Raises
     ------

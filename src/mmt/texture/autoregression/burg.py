@@ -12,49 +12,32 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.core.bounds import check, real_numbers
 from mmt.core.errors import InputError
-from mmt.texture.autoregression.burg_recursion import burg_each_into, burg_into
+from mmt.texture.autoregression.burg_recursion import burg_each_into
 from mmt.texture.autoregression.order_limit import Order
 
 
-class ReflectionFit(NamedTuple):
-    """A model fitted to one segment.
+class ReflectionFits(NamedTuple):
+    """A model fitted to one segment, or models fitted to s segments.
 
-    ``reflection`` (m,); ``variances`` (m + 1,): the mean square of what the models of order
-    0 ... m leave of the segment.
+    ``reflection`` (m,) or (s, m); ``variances`` (m + 1,) or (s, m + 1): the mean square of what the
+    models of order 0 ... m leave of a segment.
     """
 
     reflection: FloatArray
     variances: FloatArray
 
     @property
-    def variance(self) -> float:
-        """Variance of the excitation: the residual of the full order."""
-        return float(self.variances[-1])
-
-    @property
-    def power(self) -> float:
-        """Mean square of the segment, which is that of the model's output."""
-        return float(self.variances[0])
-
-
-class ReflectionFits(NamedTuple):
-    """Models fitted to s segments: ``reflection`` (s, m), ``variances`` (s, m + 1)."""
-
-    reflection: FloatArray
-    variances: FloatArray
-
-    @property
     def variance(self) -> FloatArray:
-        """Variance of the excitation of each, (s,)."""
-        return self.variances[:, -1]
+        """Variance of the excitation of each, () or (s,): the residual of the full order."""
+        return np.asarray(self.variances[..., -1])
 
     @property
     def power(self) -> FloatArray:
-        """Mean square of each segment, (s,)."""
-        return self.variances[:, 0]
+        """Mean square of each segment, () or (s,), which is that of the model's output."""
+        return np.asarray(self.variances[..., 0])
 
 
-def burg(x: FloatArray, order: int) -> ReflectionFit:
+def burg(x: FloatArray, order: int) -> ReflectionFits:
     """Fit an autoregressive model by Burg's method.
 
     The mean is not removed. The fit is stable for every finite signal: each ``|k| < 1``, the
@@ -75,12 +58,8 @@ def burg(x: FloatArray, order: int) -> ReflectionFit:
     InputError
         A sample is not finite, the order is out of range, or the segment is too short.
     """
-    segment = np.ascontiguousarray(real_numbers("x", x))
-    _check(segment, order, "x")
-    reflection, variances = np.empty(order), np.empty(order + 1)
-    if not burg_into(segment, reflection, variances, np.empty(3 * len(segment))):
-        raise InputError("x has a sample that is not finite: leave it out")
-    return ReflectionFit(reflection, variances)
+    fits = burg_batch([x], order)
+    return ReflectionFits(fits.reflection[0], fits.variances[0])
 
 
 def burg_batch(segments: Sequence[FloatArray] | FloatArray, order: int) -> ReflectionFits:
@@ -101,7 +80,11 @@ def burg_batch(segments: Sequence[FloatArray] | FloatArray, order: int) -> Refle
     check("order", order, Order)
     arrays = [real_numbers(f"segment {k}", segment) for k, segment in enumerate(segments)]
     for index, array in enumerate(arrays):
-        _check(array, order, f"segment {index}")
+        if array.ndim != 1 or len(array) <= order:
+            raise InputError(
+                f"segment {index} has shape {array.shape}: order {order} needs one row of more than"
+                f" {order} samples"
+            )
     reflection = np.empty((len(arrays), order))
     variances = np.empty((len(arrays), order + 1))
     if arrays:
@@ -110,12 +93,3 @@ def burg_batch(segments: Sequence[FloatArray] | FloatArray, order: int) -> Refle
         if fitted < len(arrays):
             raise InputError(f"segment {fitted} has a sample that is not finite: leave it out")
     return ReflectionFits(reflection, variances)
-
-
-def _check(segment: FloatArray, order: int, name: str) -> None:
-    check("order", order, Order)
-    if segment.ndim != 1 or len(segment) <= order:
-        raise InputError(
-            f"{name} has shape {segment.shape}: order {order} needs one row of more than"
-            f" {order} samples"
-        )

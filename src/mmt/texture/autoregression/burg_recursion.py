@@ -25,29 +25,17 @@ LARGEST_REFLECTION: Final = 1.0 - 2.0**-53
 
 _VANISHED: Final = 2.0**-100
 _LARGEST: Final = float(np.finfo(np.float64).max)
-_MAGNITUDE: Final = 2**63 - 1
-_FRACTION_BITS: Final = 52
-_EXPONENT_BIAS: Final = 1022  # of a fraction within [0.5, 1)
-_NOT_FINITE: Final = 2047 - _EXPONENT_BIAS
 
 
-@kernel("i8(f8[::1])")
-def _largest_exponent(x: FloatArray) -> int:
-    """Return e such that the largest magnitude is within [2^(e-1), 2^e), or `_NOT_FINITE`.
-
-    Magnitudes of floats are in the order of their bits as integers; those of infinity and NaN
-    come last.
-    """
-    largest = 0
-    for bits in x.view(np.int64):
-        largest = max(largest, bits & _MAGNITUDE)
-    exponent = largest >> _FRACTION_BITS
-    if exponent > 0:
-        return exponent - _EXPONENT_BIAS
-    while largest > 0:  # denormal numbers, whose fraction has no leading 1
-        largest >>= 1
-        exponent += 1
-    return exponent - _EXPONENT_BIAS - _FRACTION_BITS + 1
+@kernel("f8(f8[::1])")
+def largest_magnitude(values: FloatArray) -> float:
+    """Return the largest magnitude, infinity where one is not a number."""
+    largest = 0.0
+    for value in values:
+        if not abs(value) <= np.inf:
+            return float(np.inf)
+        largest = max(largest, abs(value))
+    return largest
 
 
 @kernel("void(f8[::1], i8, f8[::1])")
@@ -59,45 +47,15 @@ def _scale(x: FloatArray, exponent: int, scaled: FloatArray) -> None:
         scaled[i] = x[i] * first * second
 
 
-@kernel("UniTuple(f8, 2)(f8[::1], f8[::1], f8[::1])")
-def _sums(forward: FloatArray, backward: FloatArray, work: FloatArray) -> tuple[float, float]:
-    """Return the sums of (f+b)^2 and (f-b)^2; `work` is scratch, half as long or longer.
-
-    The quarters are added element by element, then the elements in four interleaved sums: an
-    order of additions that a processor does several at a time, and that is the same on all.
-    """
-    count = len(forward)
-    quarter = count // 4
-    second, third, fourth = quarter, 2 * quarter, 3 * quarter
-    plus, minus = work[:quarter], work[quarter : 2 * quarter]
-    for i in range(quarter):
-        f0, f1, f2, f3 = forward[i], forward[i + second], forward[i + third], forward[i + fourth]
-        b0, b1, b2, b3 = (
-            backward[i],
-            backward[i + second],
-            backward[i + third],
-            backward[i + fourth],
-        )
-        plus[i] = ((f0 + b0) ** 2 + (f1 + b1) ** 2) + ((f2 + b2) ** 2 + (f3 + b3) ** 2)
-        minus[i] = ((f0 - b0) ** 2 + (f1 - b1) ** 2) + ((f2 - b2) ** 2 + (f3 - b3) ** 2)
-    s0 = s1 = s2 = s3 = d0 = d1 = d2 = d3 = 0.0
-    whole = quarter - quarter % 4
-    for i in range(0, whole, 4):
-        s0 += plus[i]
-        s1 += plus[i + 1]
-        s2 += plus[i + 2]
-        s3 += plus[i + 3]
-        d0 += minus[i]
-        d1 += minus[i + 1]
-        d2 += minus[i + 2]
-        d3 += minus[i + 3]
-    for i in range(whole, quarter):
-        s0 += plus[i]
-        d0 += minus[i]
-    for i in range(4 * quarter, count):
-        s1 += (forward[i] + backward[i]) ** 2
-        d1 += (forward[i] - backward[i]) ** 2
-    return (s0 + s1) + (s2 + s3), (d0 + d1) + (d2 + d3)
+@kernel("UniTuple(f8, 2)(f8[::1], f8[::1])")
+def _sums(forward: FloatArray, backward: FloatArray) -> tuple[float, float]:
+    """Return the sums of (f+b)^2 and (f-b)^2."""
+    plus, minus = 0.0, 0.0
+    for i in range(len(forward)):
+        f, b = forward[i], backward[i]
+        plus += (f + b) * (f + b)
+        minus += (f - b) * (f - b)
+    return plus, minus
 
 
 @kernel("void(f8[::1], f8[::1], f8, f8)")
@@ -136,18 +94,19 @@ def burg_into(
     variances : (m + 1,)
         Receives the mean square of x and what each order leaves of it; what is too large for
         a number is held at the largest one.
-    work : (3 * n,) or longer
+    work : (2 * n,) or longer
         Scratch.
     """
     n = len(x)
-    forward, backward, rest = work[:n], work[n : 2 * n], work[2 * n :]
-    exponent = _largest_exponent(x)
-    if exponent == _NOT_FINITE:
+    forward, backward = work[:n], work[n : 2 * n]
+    largest = largest_magnitude(x)
+    if not largest < np.inf:
         return False
+    exponent = math.frexp(largest)[1]
     _scale(x, exponent, forward)
     for i in range(n):  # copying slices takes the compiler a second and a half
         backward[i] = forward[i]
-    variance = 0.25 * _sums(forward, backward, rest)[0] / n
+    variance = 0.25 * _sums(forward, backward)[0] / n
     vanished = _VANISHED * variance
     variances[0] = min(math.ldexp(variance, 2 * exponent), _LARGEST)
     reflection[:] = 0.0
@@ -156,7 +115,7 @@ def burg_into(
         if variance <= vanished:
             continue
         ahead, behind = forward[order:], backward[: n - order]
-        sum_square, difference_square = _sums(ahead, behind, rest)
+        sum_square, difference_square = _sums(ahead, behind)
         total = sum_square + difference_square
         if total == 0.0:
             vanished = variance
@@ -183,7 +142,7 @@ def burg_each_into(
     for stop in stops:
         longest = max(longest, stop - start)
         start = stop
-    work = np.empty(3 * longest)
+    work = np.empty(2 * longest)
     start = 0
     for row in range(len(stops)):
         if not burg_into(joined[start : stops[row]], reflection[row], variances[row], work):

@@ -30,14 +30,13 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.core.bounds import real_numbers
 from mmt.core.errors import InputError
-from mmt.texture.autoregression.burg import ReflectionFit, ReflectionFits, burg, burg_batch
+from mmt.texture.autoregression.burg import ReflectionFits, burg, burg_batch
 from mmt.texture.autoregression.lsf import (
     ar_to_reflection_each_into,
     lsf_to_ar_each_into,
     reflection_to_ar_each_into,
 )
 from mmt.texture.autoregression.order_limit import LARGEST_ORDER
-from mmt.texture.autoregression.order_selection import choose_order
 from mmt.texture.autoregression.spectra import ar_spectrum, lsf_spectrum
 from mmt.texture.autoregression.split import (
     lsf_to_reflection_each_into,
@@ -45,14 +44,11 @@ from mmt.texture.autoregression.split import (
 )
 
 __all__ = [
-    "ReflectionFit",
     "ReflectionFits",
     "ar_spectrum",
-    "ar_to_lsf",
     "ar_to_reflection",
     "burg",
     "burg_batch",
-    "choose_order",
     "lsf_spectrum",
     "lsf_to_ar",
     "lsf_to_reflection",
@@ -137,19 +133,6 @@ def lsf_to_ar(lsf: FloatArray) -> FloatArray:
         The frequencies do not ascend strictly inside (0, pi), or the order is out of range.
     """
     return _convert(_checked_lsf(lsf), lsf_to_ar_each_into)
-
-
-def ar_to_lsf(ar: FloatArray) -> FloatArray:
-    """Return the line spectral frequencies of filter coefficients.
-
-    By way of the reflection coefficients, with the error of `ar_to_reflection`.
-
-    Raises
-    ------
-    InputError
-        As `ar_to_reflection`.
-    """
-    return reflection_to_lsf(ar_to_reflection(ar))
 
 
 def output_power(variance: float | FloatArray, reflection: FloatArray) -> FloatArray:

@@ -6,38 +6,22 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.compiled import kernel
+from mmt.texture.autoregression.forms import output_power
+from mmt.texture.autoregression.lattice import lattice_step
 
 
-@kernel("void(f8[::1], f8, f8[::1], f8[::1], f8[::1])")
-def simulate_ar_into(
-    reflection: FloatArray,
-    variance: float,
-    noise: FloatArray,
-    output: FloatArray,
-    past: FloatArray,
-) -> None:
-    """Write one simulated signal (n,) from standard normal noise (m + n,).
+@kernel("void(f8[::1], f8[::1], f8[::1])")
+def _simulate_into(reflection: FloatArray, noise: FloatArray, output: FloatArray) -> None:
+    """Write a signal (n,) of variance one from standard normal noise (m + n,).
 
-    The all-pole lattice, stable for every ``|k| < 1`` where a direct form is not. In the
-    stationary state the backward errors of orders 0 ... m-1 are independent and have the
-    residual variances of their orders (Markel and Gray, "Linear prediction of speech",
-    1976, ch. 5): drawing them so leaves no transient. `past` (m,) is scratch. Cost: 4 m
-    operations a sample.
+    The memory's stationary state is drawn first, so that no transient is left.
     """
     order = len(reflection)
-    error_variance = variance
-    for j in range(order - 1, -1, -1):
-        error_variance /= (1.0 - reflection[j]) * (1.0 + reflection[j])
-        past[j] = math.sqrt(error_variance) * noise[j]
-    deviation = math.sqrt(variance)
+    past, complement = noise[:order].copy(), np.empty(order)
+    for j in range(order):
+        complement[j] = math.sqrt((1.0 - reflection[j]) * (1.0 + reflection[j]))
     for i in range(len(output)):
-        forward = deviation * noise[order + i]
-        for j in range(order - 1, -1, -1):
-            forward -= reflection[j] * past[j]
-            if j + 1 < order:
-                past[j + 1] = past[j] + reflection[j] * forward
-        past[0] = forward
-        output[i] = forward
+        output[i] = lattice_step(reflection, complement, past, order, noise[order + i])
 
 
 def simulate_ar(
@@ -61,13 +45,7 @@ def simulate_ar(
     (n,)
         In the unit of the standard deviation of the excitation.
     """
+    k = np.ascontiguousarray(reflection, dtype=np.float64)
     output = np.empty(samples)
-    noise = generator.standard_normal(len(reflection) + samples)
-    simulate_ar_into(
-        np.ascontiguousarray(reflection, dtype=np.float64),
-        float(variance),
-        noise,
-        output,
-        np.empty(len(reflection)),
-    )
-    return output
+    _simulate_into(k, generator.standard_normal(len(k) + samples), output)
+    return np.asarray(np.sqrt(output_power(variance, k)) * output)

@@ -38,9 +38,8 @@ from mmt.texture.field.covariance import Coordinates, grid_nodes, points_at, war
 from mmt.texture.field.posterior import DB, LevelField, right_probability
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.settings import ModellingSettings
+from mmt.texture.settings import JND_DB, ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
-from mmt.texture.signals.just_noticeable import JND_DB
 
 _PLANAR_SHAPE: Final = (1, 12, 12)
 _DIRECTED_SHAPE: Final = (12, 5, 5)

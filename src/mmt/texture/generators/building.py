@@ -1,42 +1,25 @@
 """Build generators online: gather what is observed, and ask the builder at each update."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple
 
 from mmt.core.arrays import RecordArray
 from mmt.texture.generators.guarded import GuardedGenerator, raised
-from mmt.texture.generators.protocol import Builder, Observed, VibrationGenerator
+from mmt.texture.generators.protocol import Builder, Observed
 from mmt.texture.online.modeller import OnlineModeller
-from mmt.texture.online.work import SegmentRange, Work
+from mmt.texture.online.work import SegmentRange
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
 
 
-@dataclass(frozen=True)
-class NewSamples:
-    """What a generator learns from in one update of our model: that part of its `Work`.
-
-    Attributes
-    ----------
-    time_s
-        Session time of the newest frame.
-    observed
-        New frames, filtered.
-    added, removed
-        Segments that are new, and the ranges of those that no longer hold.
-    """
+class NewSamples(NamedTuple):
+    """What a generator learns from in one update of our model: that part of its `Work`."""
 
     time_s: float
     observed: list[AlignedBlock]
     added: list[Segment]
     removed: list[SegmentRange]
-
-    @classmethod
-    def of(cls, work: Work) -> Self:
-        """Return those of one update."""
-        return cls(work.time_s, work.observed, work.added, work.removed)
 
 
 class GeneratorModeller:
@@ -97,13 +80,20 @@ class GeneratorModeller:
         """
         self._modeller = self._modeller or OnlineModeller(self._settings)
         works = self._modeller.segment(frames)
-        return self.add(NewSamples.of(work) for work in works if work is not None)
+        return self.add(
+            NewSamples(work.time_s, work.observed, work.added, work.removed)
+            for work in works
+            if work is not None
+        )
 
     def add(self, news: Iterable[NewSamples]) -> GuardedGenerator | None:
         """Return the new generator, as `update`, where frames are segmented elsewhere."""
         observed = self._observe(news)
         previous = None if self.generator is None else self.generator.generator
-        made = self._build(observed, previous)
+        try:
+            made = self._builder(observed, previous)
+        except Exception as error:
+            raise raised(self._name, "the builder", error) from error
         if made is None:
             self.generator = None
         elif made is not previous:
@@ -126,11 +116,3 @@ class GeneratorModeller:
             samples=self._samples[0],
             segments=tuple(self._segments.values()),
         )
-
-    def _build(
-        self, observed: Observed, previous: VibrationGenerator | None
-    ) -> VibrationGenerator | None:
-        try:
-            return self._builder(observed, previous)
-        except Exception as error:
-            raise raised(self._name, "the builder", error) from error

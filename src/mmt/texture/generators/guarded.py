@@ -89,28 +89,24 @@ class GuardedGenerator:
         except Exception as error:
             raise raised(self.name, "generate", error) from error
         values = self._checked(given, len(inputs[0]))
+        bounded = np.clip(values, -self.limit_m_s2, self.limit_m_s2)
         self.samples += len(values)
-        if values.max() > self.limit_m_s2 or values.min() < -self.limit_m_s2:
-            self.clipped += int(np.count_nonzero(np.abs(values) > self.limit_m_s2))
-            values = np.clip(values, -self.limit_m_s2, self.limit_m_s2)
-        return values
+        self.clipped += int(np.count_nonzero(bounded != values))
+        return bounded
 
     def _checked(self, given: Any, count: int) -> FloatArray:
         """Return what was given as numbers (count,)."""
         try:
             values = np.asarray(given, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise GeneratorFault(
-                f"generator {self.name}: generate gave {type(given).__name__}, no array of numbers"
-            ) from error
-        if values.shape != (count,):
-            raise GeneratorFault(
-                f"generator {self.name}: generate gave the shape {values.shape} for inputs of "
-                f"{count} samples, which must be ({count},)"
-            )
-        if not np.isfinite(values).all():
-            raise GeneratorFault(f"generator {self.name}: generate gave a sample that is no number")
-        return values
+        except (TypeError, ValueError):
+            fault = f"{type(given).__name__}, no array of numbers"
+        else:
+            if values.shape == (count,) and np.isfinite(values).all():
+                return values
+            fault = "a sample that is no number"
+            if values.shape != (count,):
+                fault = f"the shape {values.shape} for inputs of {count} samples: {(count,)} is due"
+        raise GeneratorFault(f"generator {self.name}: generate gave {fault}")
 
 
 def raised(name: str, what: str, error: Exception) -> GeneratorFault:

@@ -1,7 +1,7 @@
 """Builders of generators by name; none is imported before it is asked for."""
 
-import importlib
 import inspect
+from contextlib import suppress
 from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING, Final, cast
 
@@ -12,11 +12,6 @@ if TYPE_CHECKING:
 
 GROUP: Final = "mmt.generators"
 """The group of entry points under which a package offers builders of generators by name."""
-
-
-def offered() -> dict[str, EntryPoint]:
-    """Return the builders that installed packages offer, by name."""
-    return {entry.name: entry for entry in entry_points(group=GROUP)}
 
 
 def load(name: str) -> "Builder":
@@ -32,27 +27,23 @@ def load(name: str) -> "Builder":
     InputError
         There is none of that name, it cannot be imported, or it is no builder.
     """
-    module_name, _, attribute = _target(name).partition(":")
+    entry = _find(name)
     try:
-        found = importlib.import_module(module_name)
+        builder = entry.load()
     except Exception as error:  # it may want a library, a file, a version of Python
         raise InputError(
-            f"generator {name!r}: module {module_name} cannot be imported ({brief(error)}); "
-            "install the package that holds it, and what it needs (pip install -e DIRECTORY), or "
-            "name the directory in PYTHONPATH"
+            f"generator {name!r}: {entry.value} cannot be imported ({brief(error)}); install the "
+            "package that holds it, and what it needs (pip install -e DIRECTORY), or name the "
+            "directory in PYTHONPATH"
         ) from error
-    builder = getattr(found, attribute, None)
-    if not callable(builder):
-        raise InputError(f"generator {name!r}: module {module_name} has no function {attribute!r}")
     try:
-        inspect.signature(builder).bind(None, None)
+        with suppress(ValueError):  # one in C may have no signature
+            inspect.signature(builder).bind(None, None)
     except TypeError as error:
         raise InputError(
-            f"generator {name!r}: {attribute}{inspect.signature(builder)} is no builder, which is "
-            "called as build(observed, previous)"
+            f"generator {name!r}: {entry.value} is no builder, which is called as "
+            f"build(observed, previous) ({brief(error)})"
         ) from error
-    except ValueError:  # one in C may have no signature
-        pass
     return cast("Builder", builder)
 
 
@@ -64,20 +55,19 @@ def origin(name: str) -> str:
     InputError
         There is none of that name.
     """
-    found = offered().get(name)
-    if found is None or found.dist is None:
-        return _target(name)
-    return f"{found.value} of {found.dist.name} {found.dist.version}"
+    entry = _find(name)
+    of = "" if entry.dist is None else f" of {entry.dist.name} {entry.dist.version}"
+    return f"{entry.value}{of}"
 
 
-def _target(name: str) -> str:
+def _find(name: str) -> EntryPoint:
     if ":" in name:
-        return name
-    others = offered()
-    if name in others:
-        return others[name].value
-    raise InputError(
-        f"generator {name!r} is not known; allowed are {', '.join([*sorted(others), ''])}"
-        "package.module:builder, and the names that installed packages offer as entry points of "
-        f"{GROUP}"
-    )
+        return EntryPoint(name, name, GROUP)
+    offered = {entry.name: entry for entry in entry_points(group=GROUP)}
+    if name not in offered:
+        raise InputError(
+            f"generator {name!r} is not known; allowed are {', '.join([*sorted(offered), ''])}"
+            "package.module:builder, and the names that installed packages offer as entry points "
+            f"of {GROUP}"
+        )
+    return offered[name]

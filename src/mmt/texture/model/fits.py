@@ -1,12 +1,10 @@
 """Segments as samples of a model: fitted filters of one common order.
 
-Burg's method for each (`mmt.texture.autoregression.burg`), the order chosen from the newest of
-them where it is not given. Cost: O(samples x order).
+Burg's method for each (`mmt.texture.autoregression.burg`). Cost: O(samples x order).
 
 A power's effective sample size (`mmt.texture.autoregression.effective_sample_size`) follows from
-the same recursion led on to the highest automatic order: the common order is no higher than the
-shape of a few hundred samples bears, and so shows narrow lines broader than they are, and powers
-worth more.
+the same recursion led on to `RESOLVING_ORDER`: a lower order shows narrow lines broader than they
+are, and powers worth more.
 
 Filters and powers are those of the vibration behind the high-pass of the modelling, or before it
 (`mmt.texture.signals.high_pass`).
@@ -23,18 +21,14 @@ from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.burg import ReflectionFits, burg_batch
 from mmt.texture.autoregression.effective_sample_size import effective_samples
 from mmt.texture.autoregression.forms import reflection_to_lsf
-from mmt.texture.autoregression.order_selection import choose_order
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.samples import TextureSamples
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import Inputs, ModellingSettings
 from mmt.texture.signals.high_pass import without_high_pass
 
-HIGHEST_AUTOMATIC_ORDER: Final = 24
-"""What "auto" may choose at most; a segment has at least four times as many samples."""
-
-ORDER_SEGMENTS: Final = 100
-"""So many of the newest segments choose an automatic order."""
+RESOLVING_ORDER: Final = 24
+"""Order by which lines are resolved; a segment has at least four times as many samples."""
 
 
 @dataclass(frozen=True)
@@ -61,15 +55,8 @@ class Fit:
         return np.concatenate([numbers, self.lsf]).tobytes()
 
 
-def automatic_order(segments: Sequence[Segment], settings: ModellingSettings) -> int:
-    """Return the order that the newest segments call for."""
-    newest = [segment.vibration_m_s2 for segment in segments[-ORDER_SEGMENTS:]]
-    return choose_order(newest, largest=_resolving_order(settings))
-
-
 def fit_segments(
     segments: Sequence[Segment],
-    order: int,
     numbers: Iterator[int],
     settings: ModellingSettings,
     *,
@@ -79,6 +66,7 @@ def fit_segments(
 
     ``behind_high_pass`` says whether filters and powers are as measured.
     """
+    order = settings.order
     usable = [
         each for each in segments if 2 * each.measured_count > len(each.vibration_m_s2) > order
     ]
@@ -108,11 +96,6 @@ def fit_segments(
         for index, segment in enumerate(usable)
     ]
     return [fit for fit in fitted if _is_filter(fit)]
-
-
-def samples_of(fits: Sequence[Fit], space: InputSpace) -> TextureSamples:
-    """Return fits, at least one, as the samples of a model."""
-    return unpacked([fit.packed for fit in fits], space)
 
 
 def unpacked(packed: Sequence[bytes], space: InputSpace) -> TextureSamples:
@@ -145,7 +128,7 @@ def _rows(packed: Sequence[bytes]) -> FloatArray:
 
 def _resolving_order(settings: ModellingSettings) -> int:
     """Return the highest order that a segment of the least length bears."""
-    return min(HIGHEST_AUTOMATIC_ORDER, settings.shortest_samples // 4)
+    return min(RESOLVING_ORDER, settings.shortest_samples // 4)
 
 
 def _lsf_of(fits: ReflectionFits, order: int) -> FloatArray:

@@ -7,11 +7,10 @@ from typing import Final
 import numpy as np
 from scipy.spatial import cKDTree
 
-from mmt.texture.model.fits import Fit, automatic_order, points_of
+from mmt.texture.model.fits import Fit, points_of
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.online.methods import ModellingMethod
 from mmt.texture.online.work import SegmentRange, Stopwatch, Work
-from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
 
 LARGEST_MODEL: Final = 1000
@@ -21,7 +20,7 @@ LARGEST_MODEL: Final = 1000
 class FittingStage:
     """Fit segments by Burg's method, as samples with line spectral frequencies.
 
-    Cost: O(new samples x order); all segments are fitted again where an automatic order changes.
+    Cost: O(new samples x order).
 
     Parameters
     ----------
@@ -33,48 +32,27 @@ class FittingStage:
 
     def __init__(self, settings: ModellingSettings, method: ModellingMethod) -> None:
         self._method = method
-        self._settings = settings
         self._space = InputSpace(settings.inputs)
         self._numbers = itertools.count()
-        self.order: int | None = None if settings.order == "auto" else settings.order
-        """The common order, None before an automatic one is chosen."""
         self.fits: dict[SegmentRange, Fit] = {}
         """By the range of their segments, in the order in which they came."""
 
-    def fit(self, work: Work, *, started: bool) -> None:
-        """Fit the new segments, and set the fits that there are now.
-
-        Parameters
-        ----------
-        work
-            With segments.
-        started
-            Whether the start criterion is met. An automatic order follows the data until then;
-            from then on it stays, so that the rendered filters keep their kind.
-        """
+    def fit(self, work: Work) -> None:
+        """Fit the new segments, and set the fits that there are now."""
         clock = Stopwatch(work.durations_s)
         removed = list(work.removed)
         if work.forget_from is not None:
             removed += [key for key in self.fits if key[1] > work.forget_from]
-        work.removed_count += self.remove(removed)
-        self._fit(work.added, started=started)
+        work.removed_count += self._remove(removed)
+        for fit in self._method.add(work.added, self._numbers):
+            self.fits[fit.segment.start, fit.segment.stop] = fit
         work.removed_count += self._thin_out()
-        work.fits, work.order = tuple(self.fits.values()), self.order
+        work.fits = tuple(self.fits.values())
         clock.lap("fit")
 
-    def remove(self, ranges: Iterable[SegmentRange]) -> int:
+    def _remove(self, ranges: Iterable[SegmentRange]) -> int:
         """Take fits out; return how many there were."""
         return sum(self.fits.pop(key, None) is not None for key in ranges)
-
-    def _fit(self, segments: list[Segment], *, started: bool) -> None:
-        if self._settings.order == "auto" and segments and not started:
-            everything = [*(fit.segment for fit in self.fits.values()), *segments]
-            before, self.order = self.order, automatic_order(everything, self._settings)
-            segments = segments if self.order == before else everything
-        if self.order is None:
-            return
-        for fit in self._method.add(segments, self.order, self._numbers):
-            self.fits[fit.segment.start, fit.segment.stop] = fit
 
     def _thin_out(self) -> int:
         """Keep the model at its largest size; return how many samples leave.

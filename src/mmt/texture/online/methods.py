@@ -45,21 +45,19 @@ class ModellingMethod(ABC):
     def __init__(self, settings: ModellingSettings) -> None:
         self._settings = settings
 
-    def add(self, segments: Sequence[Segment], order: int, numbers: Iterator[int]) -> list[Fit]:
-        """Return segments as fitted samples of an order, each with its own number."""
+    def add(self, segments: Sequence[Segment], numbers: Iterator[int]) -> list[Fit]:
+        """Return segments as fitted samples, each with its own number."""
         behind = self._behind_high_pass
-        return fit_segments(segments, order, numbers, self._settings, behind_high_pass=behind)
+        return fit_segments(segments, numbers, self._settings, behind_high_pass=behind)
 
     @abstractmethod
-    def model(self, work: Work, chosen: Sequence[Fit], *, changed: bool) -> ModelMaker | None:
+    def model(self, work: Work, *, changed: bool) -> ModelMaker | None:
         """Return what makes the model of an update, None where it is the one before.
 
         Parameters
         ----------
         work
-            What the update has observed.
-        chosen
-            The fits that the model is made of.
+            What the update has observed, and the fits that the model is made of.
         changed
             Whether these are other ones than before.
         """
@@ -98,9 +96,9 @@ class PublishedMethod(ModellingMethod):
         super().__init__(settings)
         self.criterion: CompletionMonitor = CompletionMonitor(settings)
 
-    def model(self, work: Work, chosen: Sequence[Fit], *, changed: bool) -> ModelMaker | None:
+    def model(self, work: Work, *, changed: bool) -> ModelMaker | None:
         """See `ModellingMethod`."""
-        return _maker(self._settings, chosen, work.noise_power) if changed else None
+        return _maker(self._settings, work) if changed else None
 
     def judge(self, work: Work, points: FloatArray, *, anew: bool) -> None:
         """See `ModellingMethod`; this criterion depends on the samples alone."""
@@ -125,17 +123,14 @@ class FieldMethod(ModellingMethod):
 
         super().__init__(settings)
         self.criterion: UncertaintyCriterion = UncertaintyCriterion(settings)
-        selects = settings.selection is not None  # its samples tell the level, without outliers
-        self._gathering = None if selects else Gathering(settings, deferred=deferred)
+        self._gathering = Gathering(settings, deferred=deferred)
 
-    def model(self, work: Work, chosen: Sequence[Fit], *, changed: bool) -> ModelMaker | None:
+    def model(self, work: Work, *, changed: bool) -> ModelMaker | None:
         """See `ModellingMethod`."""
-        if self._gathering is None:
-            return _maker(self._settings, chosen, work.noise_power) if changed else None
         felt = self._gathering.add(work)
-        if not (changed or (felt and chosen)):
+        if not (changed or (felt and work.fits)):
             return None
-        return _maker(self._settings, chosen, work.noise_power, self._gathering.cells())
+        return _maker(self._settings, work, self._gathering.cells())
 
     def judge(self, work: Work, points: FloatArray, *, anew: bool) -> None:
         """See `ModellingMethod`; evaluated as often as the strokes are news."""
@@ -147,13 +142,10 @@ class FieldMethod(ModellingMethod):
 
 
 def _maker(
-    settings: ModellingSettings,
-    chosen: Sequence[Fit],
-    noise_power: float,
-    cells: "Callable[[], FieldCells] | None" = None,
+    settings: ModellingSettings, work: Work, cells: "Callable[[], FieldCells] | None" = None
 ) -> ModelMaker:
-    """Return what makes the model of fits, at least one, whenever it is called."""
-    return partial(_made, settings, tuple([fit.packed for fit in chosen]), noise_power, cells)
+    """Return what makes the model of the fits, at least one, whenever it is called."""
+    return partial(_made, settings, tuple([f.packed for f in work.fits]), work.noise_power, cells)
 
 
 def _made(

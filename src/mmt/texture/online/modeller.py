@@ -27,7 +27,7 @@ from mmt.texture.online.building import BuildingStage
 from mmt.texture.online.fitting import LARGEST_MODEL, FittingStage
 from mmt.texture.online.methods import method_of
 from mmt.texture.online.work import ModelUpdate, SegmentRange, Stopwatch, Work
-from mmt.texture.segmentation.segmenter import OnlineSegmenter, segmentation_settings
+from mmt.texture.segmentation.segmenter import OnlineSegmenter
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
@@ -73,16 +73,14 @@ class OnlineModeller:
         self.space = InputSpace(self.settings.inputs)
         self._accept = accept
         self._filter = StreamFilter.of(self.settings)
-        self._segmenter = OnlineSegmenter(
-            segmentation_settings(self.settings), overlap_samples=self.settings.overlap_samples
-        )
+        self._segmenter = OnlineSegmenter(self.settings)
         self._numbering = StreamNumbering()
         self._noise = NoiseFloor()
         self._first_sequence: int | None = None
         self._time_s = 0.0
         self._method = method_of(self.settings, deferred=deferred)
         self._fitting = FittingStage(self.settings, self._method)
-        self._building = BuildingStage(self.settings, self._method, deferred=deferred)
+        self._building = BuildingStage(self._method, deferred=deferred)
         self._until_start = until_start
 
     @property
@@ -96,24 +94,9 @@ class OnlineModeller:
         return self._fitting.fits
 
     @property
-    def order(self) -> int | None:
-        """The common order of the fits, None before an automatic one is chosen."""
-        return self._fitting.order
-
-    @property
     def model(self) -> TextureModel | None:
         """The newest model, None before the first fit."""
         return self._building.model
-
-    @property
-    def fits_by_verdict(self) -> bool:
-        """Whether fitting must wait until the update before is judged.
-
-        So it is as long as an automatic order follows the data until the start criterion is
-        met, and where a selection sends fits away.
-        """
-        follows = self.settings.order == "auto" and not self.completion.started
-        return follows or self._building.selects
 
     def update(self, frames: RecordArray) -> ModelUpdate:
         """Add the newest frames and return the new state.
@@ -188,14 +171,10 @@ class OnlineModeller:
 
     def fit(self, work: Work) -> None:
         """Fit the new segments."""
-        self._fitting.fit(work, started=self.completion.started)
-
-    def choose(self, work: Work) -> None:
-        """Choose the fits of the model."""
-        self._fitting.remove(self._building.choose(work))
+        self._fitting.fit(work)
 
     def build(self, work: Work) -> None:
-        """Build the model of the chosen fits."""
+        """Build the model of the fits."""
         self._building.build(work)
 
     def judge(self, work: Work) -> None:
@@ -206,8 +185,8 @@ class OnlineModeller:
         clock = Stopwatch(work.durations_s)
         criterion = self.completion
         points = np.empty((0, self.space.dimensions))
-        if work.chosen:
-            points = points_of(work.chosen, self.space)
+        if work.fits:
+            points = points_of(work.fits, self.space)
         revoked = work.forget_from is not None and work.removed_count > 0
         if not (self._until_start and criterion.started):
             self._method.judge(work, points, anew=revoked or work.forget_from is None)
@@ -216,18 +195,16 @@ class OnlineModeller:
         clock.lap("completion")
         work.update = ModelUpdate(
             time_s=work.time_s if work.session_time_s is None else work.session_time_s,
-            samples=len(work.chosen),
+            samples=len(work.fits),
             added=len(work.added),
             removed=work.removed_count,
             distance=distance_sum(points),
             progress=criterion.progress,
-            order=work.order,
+            order=self.settings.order,
             started=criterion.started,
             stopped=criterion.stopped,
             source=work.source,
             durations_s=work.durations_s,
-            outliers=work.outliers,
-            redundant=work.redundant,
             surface=work.surface,
             changes=work.changes,
             left=work.left,
@@ -242,7 +219,6 @@ def carry_out(steps: Iterator[Work | None]) -> ModelUpdate | None:
             continue
         modeller = work.modeller
         modeller.fit(work)
-        modeller.choose(work)
         modeller.build(work)
         modeller.judge(work)
         update = work.update if work.announced else update

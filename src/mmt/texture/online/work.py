@@ -1,7 +1,7 @@
 """One update of a model on its way through the stages, and what comes of it."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -40,7 +40,6 @@ class ModelUpdate:
 
     ``time_s`` is the session time of the newest frame, ``distance`` the completion sum,
     ``progress`` what the criterion in use says, ``durations_s`` the seconds spent on each stage.
-    ``outliers`` counts fits that a selection keeps out, ``redundant`` those that left for good.
     Where surfaces are told apart, ``surface`` is the number of the one that all this is of,
     ``changes`` says which changes this update brings to light, in order, and ``left`` what
     has become of the models of the surfaces that were left by them. ``source`` gives ``model``.
@@ -52,13 +51,11 @@ class ModelUpdate:
     removed: int
     distance: float
     progress: Progress
-    order: int | None
+    order: int
     started: bool
     stopped: bool
     source: ModelSource
     durations_s: dict[str, float]
-    outliers: int = 0
-    redundant: int = 0
     surface: int | None = None
     changes: "tuple[SurfaceChange, ...]" = ()
     left: "tuple[ModelUpdate, ...]" = ()
@@ -93,13 +90,12 @@ class Work:
     forget_from
         The first sequence number of another surface: what reaches beyond leaves the model; None
         in a usual update.
-    fits, order
-        By the fitting: all fits of the model as they are now, and their order.
+    fits
+        By the fitting: all fits of the model as they are now.
     removed_count
         By the fitting: how many fits have left.
-    chosen, outliers, redundant, source
-        By the building: the fits that the model is made of, how many a selection has kept out and
-        sent away, and what gives the model.
+    source
+        By the building: what gives the model.
     announced
         Whether the update is one that others hear of; where the tool leaves a surface, its model is
         also updated in between.
@@ -119,11 +115,7 @@ class Work:
     held_out: list[SegmentRange] = field(default_factory=list)
     durations_s: dict[str, float] = field(default_factory=dict)
     fits: tuple[Fit, ...] = ()
-    order: int | None = None
     removed_count: int = 0
-    chosen: Sequence[Fit] = ()
-    outliers: int = 0
-    redundant: int = 0
     source: ModelSource = Made()
     announced: bool = True
     surface: int | None = None

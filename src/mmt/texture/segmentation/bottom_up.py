@@ -59,7 +59,7 @@ def straight_pieces(starts: BoolArray, position_mm: FloatArray, limit_mm: float)
 
     Notes
     -----
-    O(cells log cells) for the order of the merges. A cost is O(samples of the union), which
+    O(cells) for each merge: a stroke has hundreds. A cost is O(samples of the union), which
     makes O(samples log cells) for merges that double, O(samples cells) at worst.
     """
     return _bottom_up(starts, position_mm, np.zeros((0, 0, 0)), 0, limit_mm, len(starts))
@@ -94,7 +94,7 @@ def stationary_pieces(
 
     Notes
     -----
-    O(cells log cells). Moments are joined pairwise (Chan, Golub and LeVeque 1983), which
+    O(cells) for each merge. Moments are joined pairwise (Chan, Golub and LeVeque 1983), which
     never subtracts large sums: a glitch does not spoil the digits of its neighbours.
     """
     return _bottom_up(starts, np.zeros((0, 0)), moments.copy(), vector, limit, longest_cells)
@@ -154,25 +154,6 @@ def _join(moments: FloatArray, left: int, right: int, stop: int) -> None:
         moments[left, k, 0] += step * n_right / n
 
 
-@kernel("void(f8[::1], i8, f8)")
-def _set_leaf(tree: FloatArray, leaf: int, value: float) -> None:
-    """Set a leaf of a tree of minima (root at 1) and what depends on it; O(log leaves)."""
-    node = tree.size // 2 + leaf
-    tree[node] = value
-    while node > 1:
-        node //= 2
-        tree[node] = min(tree[2 * node], tree[2 * node + 1])
-
-
-@kernel("i8(f8[::1])")
-def _smallest_leaf(tree: FloatArray) -> int:
-    """Return the leftmost leaf that holds the smallest value; O(log leaves)."""
-    node = 1
-    while node < tree.size // 2:
-        node = 2 * node if tree[2 * node] <= tree[2 * node + 1] else 2 * node + 1
-    return node - tree.size // 2
-
-
 @kernel("b1[::1](b1[::1], f8[:, ::1], f8[:, :, ::1], i8, f8, i8)")
 def _bottom_up(
     starts: BoolArray,
@@ -193,11 +174,7 @@ def _bottom_up(
     changed, count = np.empty(max(cells, 2), np.int64), cells
     for cell in range(cells):  # np.arange takes the compiler a third of a second
         stop[cell], before[cell], changed[cell] = cell + 1, cell - 1, cell
-    leaves = 1
-    while leaves < cells:
-        leaves *= 2
-    # Leaf i holds what joining the piece at i with the one behind it would cost.
-    tree = np.full(2 * leaves, np.inf)
+    costs = np.full(cells + 1, np.inf)  # of joining the piece at a cell with the one behind it
     while True:
         for left in changed[:count]:
             if left < 0:
@@ -210,10 +187,13 @@ def _bottom_up(
                 else:
                     cost = _variation(moments, vector, left, right, stop[right])
             # A cost above the limit, or NaN, must never be chosen.
-            _set_leaf(tree, left, cost if cost <= limit else np.inf)
-        if tree[1] == np.inf:
+            costs[left] = cost if cost <= limit else np.inf
+        left = 0
+        for cell in range(1, cells):
+            if costs[cell] < costs[left]:
+                left = cell
+        if costs[left] == np.inf:
             return begins
-        left = _smallest_leaf(tree)
         right = stop[left]
         if not straight:
             _join(moments, left, right, stop[right])
@@ -221,5 +201,5 @@ def _bottom_up(
         stop[left] = stop[right]
         if stop[left] < cells:
             before[stop[left]] = left
-        _set_leaf(tree, right, np.inf)
+        costs[right] = np.inf
         changed[0], changed[1], count = before[left], left, 2

@@ -16,16 +16,14 @@ when the next update finds another in its place; if it finds none there, the seg
 is final is never cut again, and no sample is in two segments at a time.
 """
 
-import math
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from mmt.core.arrays import BoolArray, IntArray
-from mmt.core.errors import InputError
 from mmt.texture.segmentation.bottom_up import (
     CELL,
     cell_moments,
@@ -35,55 +33,6 @@ from mmt.texture.segmentation.bottom_up import (
 from mmt.texture.segmentation.segments import SampleRange, Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
-
-
-@dataclass(frozen=True)
-class SegmentationSettings:
-    """Thresholds of the segmentation.
-
-    ``straightness_mm`` (tau_1) is the largest distance of the path from its chord,
-    ``stationarity`` (tau_2) the largest std/mean of speed and of force. A segment has
-    ``shortest_samples`` to ``longest_samples``. Below ``least_speed_mm_s`` or
-    ``least_force_n`` nothing is segmented: std/mean explodes near zero. ``by_heading`` says
-    whether the heading has to be steady too.
-
-    Raises
-    ------
-    InputError
-        A number is not positive, or longest_samples is under twice shortest_samples.
-    """
-
-    straightness_mm: float = 1.0
-    stationarity: float = 0.12
-    shortest_samples: int = 120
-    longest_samples: int = 1000
-    least_speed_mm_s: float = 10.0
-    least_force_n: float = 0.1
-    by_heading: bool = False
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if field.name != "by_heading" and not (math.isfinite(value) and value > 0):
-                raise InputError(f"{field.name} is {value}: it must be positive and finite")
-        if self.longest_samples < 2 * max(self.shortest_samples, CELL):
-            raise InputError(
-                f"longest_samples is {self.longest_samples}: it must be at least twice "
-                f"shortest_samples ({self.shortest_samples}) and at least {2 * CELL}"
-            )
-
-
-def segmentation_settings(settings: ModellingSettings) -> SegmentationSettings:
-    """Return the thresholds of segmentation among the settings of modelling."""
-    return SegmentationSettings(
-        straightness_mm=settings.straightness_mm,
-        stationarity=settings.stationarity,
-        shortest_samples=settings.shortest_samples,
-        longest_samples=settings.longest_samples,
-        least_speed_mm_s=settings.least_speed_mm_s,
-        least_force_n=settings.least_force_n,
-        by_heading=settings.inputs == "anisotropic",
-    )
 
 
 class SegmentChange(NamedTuple):
@@ -108,24 +57,14 @@ class OnlineSegmenter:
     Parameters
     ----------
     settings
-        Thresholds.
-    overlap_samples
-        Pieces of an unfinished stretch stay provisional while they reach into this many newest
-        samples; with 0, only the one that touches the newest sample and the one before.
-
-    Raises
-    ------
-    InputError
-        `overlap_samples` is negative.
+        Thresholds: below ``least_speed_mm_s`` or ``least_force_n`` nothing is segmented, since
+        std/mean explodes near zero; over velocity and force the heading has to be steady too. With
+        ``overlap_samples`` 0, only the piece that touches the newest sample and the one before stay
+        provisional.
     """
 
-    def __init__(
-        self, settings: SegmentationSettings | None = None, overlap_samples: int = 200
-    ) -> None:
-        if overlap_samples < 0:
-            raise InputError(f"overlap_samples is {overlap_samples}: it must not be negative")
-        self._settings = settings or SegmentationSettings()
-        self._overlap = overlap_samples
+    def __init__(self, settings: ModellingSettings | None = None) -> None:
+        self._settings = settings or ModellingSettings()
         self._tail = AlignedBlock.empty()
         self._settled = 0  # pieces before this sample are final
         self._provisional: list[SampleRange] = []
@@ -157,7 +96,7 @@ class OnlineSegmenter:
         unsettled = max(self._settled // CELL - first_cell, 0)
         pieces = _find_pieces(grid, unsettled, self._settings)
 
-        margin = (newest - self._overlap) // CELL - first_cell
+        margin = (newest - self._settings.overlap_samples) // CELL - first_cell
         settled = pieces.settled(margin) if goes_on else cells
         self._settled = max(self._settled, (first_cell + settled) * CELL)
         shortest_cells = -(-self._settings.shortest_samples // CELL)
@@ -192,10 +131,10 @@ class OnlineSegmenter:
         self._provisional = [span for span in kept + fresh if span.stop > self._settled]
 
 
-def segment(block: AlignedBlock, settings: SegmentationSettings | None = None) -> list[Segment]:
+def segment(block: AlignedBlock, settings: ModellingSettings | None = None) -> list[Segment]:
     """Segment a whole recording in one pass, with all of it known.
 
-    O(n log n) for n samples, but for straight pieces of many seconds; see `straight_pieces`.
+    O(n) for n samples in strokes of seconds; see `straight_pieces`.
     """
     return OnlineSegmenter(settings).update(block).added
 
@@ -248,7 +187,7 @@ class _Pieces:
         return int(np.flatnonzero(self.lines[: cell + 1])[-1])
 
 
-def _find_pieces(grid: AlignedBlock, unsettled: int, settings: SegmentationSettings) -> _Pieces:
+def _find_pieces(grid: AlignedBlock, unsettled: int, settings: ModellingSettings) -> _Pieces:
     """Cut a grid of whole cells; stationary pieces only from the cell `unsettled` on."""
     good = grid.valid & (grid.speed_mm_s >= settings.least_speed_mm_s)
     good &= grid.normal_force_n >= settings.least_force_n
@@ -258,8 +197,9 @@ def _find_pieces(grid: AlignedBlock, unsettled: int, settings: SegmentationSetti
     edges = ~usable | ~np.roll(usable, 1)
     lines = straight_pieces(edges, grid.position_mm, settings.straightness_mm)
 
-    motion = grid.velocity_mm_s if settings.by_heading else grid.speed_mm_s[:, None]
-    vector = 2 if settings.by_heading else 0
+    by_heading = settings.inputs == "anisotropic"
+    motion = grid.velocity_mm_s if by_heading else grid.speed_mm_s[:, None]
+    vector = 2 if by_heading else 0
     inputs = np.column_stack([grid.normal_force_n, motion])[unsettled * CELL :]
     edges = lines[unsettled:].copy()
     edges[:1] = True

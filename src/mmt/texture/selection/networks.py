@@ -1,8 +1,8 @@
-"""Leave-one-out prediction by a radial basis function network, which is not trained again.
+"""Leave-one-out prediction by a radial basis function network.
 
-The error of a network at a sample without that sample follows in closed form, and a sample that
-leaves for good takes its row and column out of the inverse, ``B - b b^T / b_i``, in O(n^2)
-(`mmt.texture.interpolation.networks.solving`). One that comes has the network solved anew.
+The error of a network at a sample without that sample follows in closed form
+(`mmt.texture.interpolation.networks.solving`). Where one leaves for good or comes, the network is
+solved anew.
 """
 
 import numpy as np
@@ -36,7 +36,6 @@ class NetworkNeighbours:
         self._points, self._values, self._smoothing = points, values, smoothing
         self._numbers: IntArray
         self._network: RadialBasisNetwork
-        self._weights: FloatArray
         self._inverse: FloatArray | None
         self._use(np.flatnonzero(present))
 
@@ -44,27 +43,18 @@ class NetworkNeighbours:
         """Return the values (v,) without the point; None where the others do not suffice."""
         found = np.flatnonzero(self._numbers == index)
         if not len(found):
-            if len(self._network.points) != len(self._numbers):
-                self._use(self._numbers)
             return np.asarray(self._network.at(self._points[index : index + 1])[0])
-        row, inverse = int(found[0]), self._inverted()
-        pivot = float(inverse[row, row])
+        if self._inverse is None:
+            self._inverse = self._network.inverse
+        row = int(found[0])
+        pivot = float(self._inverse[row, row])
         if self._network.is_indispensable(pivot):
             return None
-        return np.asarray(self._values[index] - self._weights[row] / pivot)
+        return np.asarray(self._values[index] - self._network.weights[row] / pivot)
 
     def remove(self, index: int) -> None:
         """Remove a point."""
-        row, inverse = int(np.flatnonzero(self._numbers == index)[0]), self._inverted()
-        column, pivot = inverse[:, row], float(inverse[row, row])
-        self._numbers = np.delete(self._numbers, row)
-        if self._network.is_indispensable(pivot):
-            self._use(self._numbers)
-            return
-        weights = self._weights - np.outer(column, self._weights[row] / pivot)
-        inverse = inverse - np.outer(column, column / pivot)
-        self._weights = np.delete(weights, row, axis=0)
-        self._inverse = np.delete(np.delete(inverse, row, axis=0), row, axis=1)
+        self._use(self._numbers[self._numbers != index])
 
     def add(self, index: int) -> None:
         """Add a point."""
@@ -76,11 +66,4 @@ class NetworkNeighbours:
         self._network = RadialBasisNetwork(
             self._points[numbers], self._values[numbers], self._smoothing
         )
-        self._weights = self._network.weights
         self._inverse = None
-
-    def _inverted(self) -> FloatArray:
-        """Return the inverse that gives the weights of the points that are left."""
-        if self._inverse is None:
-            self._inverse = self._network.inverse
-        return self._inverse

@@ -65,9 +65,7 @@ def least_points(dimensions: int) -> int:
     return 2 * (dimensions + 1)
 
 
-def find_outliers(
-    data: ModelPoints, false_alarms: float = FALSE_ALARMS, before: BoolArray | None = None
-) -> Outliers | None:
+def find_outliers(data: ModelPoints, false_alarms: float = FALSE_ALARMS) -> Outliers | None:
     """Return the points that contradict the others; None where there are too few points.
 
     Parameters
@@ -76,9 +74,6 @@ def find_outliers(
         The points, of two or three inputs.
     false_alarms
         Share of the good points that may be taken for outliers.
-    before
-        Mask (n,) of the points that were outliers among mostly the same points. The search then is
-        one round, from where that one ended; the next one goes on.
 
     Raises
     ------
@@ -99,13 +94,10 @@ def find_outliers(
     if n < least_points(dimensions):
         return None
     consensus = Consensus(data)
-    if before is None or before.sum() > MOST * n:
-        score = _evidence(data, consensus, np.ones(n, dtype=np.bool_)).sum(axis=1)
-        outlier = score > np.quantile(score, 1.0 - MOST)
-    else:
-        outlier = before
+    score = _evidence(data, consensus, np.ones(n, dtype=np.bool_)).sum(axis=1)
+    outlier = score > np.quantile(score, 1.0 - MOST)
     sets: list[BoolArray] = []
-    while len(sets) < (_ROUNDS if before is None else 1):
+    while len(sets) < _ROUNDS:
         sets.append(outlier)
         parts = _evidence(data, consensus, ~outlier)
         score = parts.sum(axis=1)

@@ -1,11 +1,13 @@
 """Sample selection independent of point order: outliers first, then redundant points."""
 
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Ge, Gt, Le
 
 from mmt.core.arrays import BoolArray, FloatArray
-from mmt.core.errors import InputError
+from mmt.core.bounds import check_fields
 from mmt.texture.selection.condensed import TAU, condense
 from mmt.texture.selection.outliers import FALSE_ALARMS, LARGEST_RATE, find_outliers, reasons
 from mmt.texture.selection.points import ModelPoints
@@ -15,35 +17,24 @@ from mmt.texture.selection.points import ModelPoints
 class SelectionSettings:
     """Thresholds of the selection.
 
-    Attributes
-    ----------
-    false_alarms
-        Share of the good points that may be taken for outliers.
-    tau
-        Largest relative spectral error of the thinner model; 0 keeps all but the outliers.
-    largest
-        Most points to keep, None for as many as `tau` needs. Corners of the convex hull
-        stay even if they alone are more.
-
     Raises
     ------
-    InputError
+    SettingError
         A number is out of range.
     """
 
-    false_alarms: float = FALSE_ALARMS
-    tau: float = TAU
-    largest: int | None = None
+    false_alarms: Annotated[float, Gt(0), Le(LARGEST_RATE)] = FALSE_ALARMS
+    """Share of the good points that may be taken for outliers."""
+
+    tau: Annotated[float, Ge(0)] = TAU
+    """Largest relative spectral error of the thinner model; 0 keeps all but the outliers."""
+
+    largest: Annotated[int, Ge(1)] | None = None
+    """Most points to keep, None for as many as `tau` needs. Corners of the convex hull stay even if
+    they alone are more."""
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.false_alarms <= LARGEST_RATE:
-            raise InputError(
-                f"false_alarms is {self.false_alarms}: above 0, to {LARGEST_RATE} is allowed"
-            )
-        if not self.tau >= 0:
-            raise InputError(f"tau is {self.tau}: it must not be negative")
-        if self.largest is not None and self.largest < 1:
-            raise InputError(f"largest is {self.largest}: at least 1 point must be kept")
+        check_fields(self)
 
 
 @dataclass(frozen=True)

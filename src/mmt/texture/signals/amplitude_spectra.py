@@ -1,12 +1,13 @@
 """Amplitude spectra of signals, Welch's or raw ones, and their expectation for a known density.
 
-Numpy alone; offline use.
+For offline use.
 """
 
 from enum import StrEnum
 
 import numpy as np
 import numpy.typing as npt
+from scipy.signal import welch
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
@@ -86,16 +87,14 @@ def amplitude_spectra(
     if not np.isfinite(signals).all():
         raise InputError("a signal has a sample that is not finite")
     signals, exponents = scaled_rows(signals)
-    turns = np.arange(nperseg) / nperseg
-    window = np.ones(nperseg) if raw else 0.5 - 0.5 * np.cos(2.0 * np.pi * turns)
-    pieces = np.lib.stride_tricks.sliding_window_view(signals, nperseg, axis=-1)
-    transformed = np.fft.rfft(pieces[:, :: (nperseg + 1) // 2] * window, axis=-1)
-    density = np.mean(transformed.real**2 + transformed.imag**2, axis=1)
-    density *= 2.0 / (rate_hz * np.sum(window * window))
-    density[:, 0] *= 0.5
-    if nperseg % 2 == 0:
-        density[:, -1] *= 0.5
-    frequencies_hz = np.arange(nperseg // 2 + 1, dtype=np.float64) * (rate_hz / nperseg)
+    frequencies_hz, density = welch(
+        signals,
+        rate_hz,
+        "boxcar" if raw else "hann",
+        nperseg,
+        nperseg // 2,
+        detrend=False,
+    )
     amplitudes: FloatArray = np.ldexp(np.sqrt(density), exponents)
     return frequencies_hz, amplitudes
 

@@ -47,27 +47,15 @@ class Biquad:
         return (self.b0 + self.b1 + self.b2) / (1.0 + self.a1 + self.a2)
 
     def delay_samples(self, at_hz: float) -> float:
-        """Return the group delay at a frequency, in samples.
+        """Return the group delay in samples at a frequency at which the gain is not zero.
 
         For a polynomial P(z) = sum p_k z^-k the delay is Re(sum k p_k z^-k / P(z)); that
-        of the section is the numerator's less the denominator's. A symmetric numerator
-        delays by one sample at every frequency, also at its own zeros where the formula
-        reads 0/0.
-
-        Raises
-        ------
-        InputError
-            `at_hz` is not within 0 and half the rate.
+        of the section is the numerator's less the denominator's.
         """
-        if not 0.0 <= at_hz <= self.rate_hz / 2.0:
-            raise InputError(
-                f"group delay at {at_hz} Hz: allowed are 0 to {self.rate_hz / 2.0:g} Hz"
-            )
         back = cmath.exp(-2j * math.pi * at_hz / self.rate_hz)
-        denominator = _polynomial_delay(1.0, self.a1, self.a2, back)
-        symmetric = self.b0 == self.b2
-        numerator = 1.0 if symmetric else _polynomial_delay(self.b0, self.b1, self.b2, back)
-        return numerator - denominator
+        numerator = (self.b1 + 2.0 * self.b2 * back) / (self.b0 + (self.b1 + self.b2 * back) * back)
+        denominator = (self.a1 + 2.0 * self.a2 * back) / (1.0 + (self.a1 + self.a2 * back) * back)
+        return ((numerator - denominator) * back).real
 
     def settling_samples(self, share: float) -> int:
         """Return after how many samples the slowest mode has decayed to a share (0 to 1)."""
@@ -94,20 +82,8 @@ def bessel_low_pass(cutoff_hz: float, rate_hz: float) -> Biquad:
     InputError
         The cutoff is not between 1e-4 and 0.4999 of the rate.
     """
-    warped = _prewarp(cutoff_hz, rate_hz)
-    squared = warped * warped * 3.0
-    linear = 3.0 * _BESSEL_3_DB * warped
-    quadratic = _BESSEL_3_DB * _BESSEL_3_DB
-    scale = 1.0 / (quadratic + linear + squared)
-    gain = squared * scale
-    return Biquad(
-        b0=gain,
-        b1=2.0 * gain,
-        b2=gain,
-        a1=2.0 * (squared - quadratic) * scale,
-        a2=(quadratic - linear + squared) * scale,
-        rate_hz=rate_hz,
-    )
+    quadratic, linear = _BESSEL_3_DB * _BESSEL_3_DB, 3.0 * _BESSEL_3_DB
+    return _bilinear((0.0, 3.0), (quadratic, linear, 3.0), cutoff_hz, rate_hz)
 
 
 def butterworth_high_pass(cutoff_hz: float, rate_hz: float) -> Biquad:
@@ -121,18 +97,7 @@ def butterworth_high_pass(cutoff_hz: float, rate_hz: float) -> Biquad:
     InputError
         The cutoff is not between 1e-4 and 0.4999 of the rate.
     """
-    warped = _prewarp(cutoff_hz, rate_hz)
-    squared = warped * warped
-    linear = math.sqrt(2.0) * warped
-    scale = 1.0 / (1.0 + linear + squared)
-    return Biquad(
-        b0=scale,
-        b1=-2.0 * scale,
-        b2=scale,
-        a1=2.0 * (squared - 1.0) * scale,
-        a2=(1.0 - linear + squared) * scale,
-        rate_hz=rate_hz,
-    )
+    return _bilinear((1.0, 0.0), (1.0, math.sqrt(2.0), 1.0), cutoff_hz, rate_hz)
 
 
 class BiquadFilter:
@@ -179,15 +144,28 @@ class BiquadFilter:
         return output
 
 
-def _prewarp(cutoff_hz: float, rate_hz: float) -> float:
+def _bilinear(
+    top: tuple[float, float],
+    bottom: tuple[float, float, float],
+    cutoff_hz: float,
+    rate_hz: float,
+) -> Biquad:
+    """Map ``(t2 s^2 + t0) / (c2 s^2 + c1 s + c0)`` with cutoff 1, prewarped, to a rate."""
     lowest, highest = _LOWEST_SHARE * rate_hz, _HIGHEST_SHARE * rate_hz
     if not (math.isfinite(rate_hz) and rate_hz > 0.0 and lowest <= cutoff_hz <= highest):
         raise InputError(
             f"filter cutoff {cutoff_hz} Hz at {rate_hz} Hz: allowed are 1e-4 to 0.4999 of a "
             "positive rate"
         )
-    return math.tan(math.pi * cutoff_hz / rate_hz)
-
-
-def _polynomial_delay(p0: float, p1: float, p2: float, back: complex) -> float:
-    return ((p1 * back + 2.0 * p2 * back * back) / (p0 + p1 * back + p2 * back * back)).real
+    warped = math.tan(math.pi * cutoff_hz / rate_hz)
+    constant, linear = bottom[2] * warped * warped, bottom[1] * warped
+    scale = 1.0 / (bottom[0] + linear + constant)
+    square, rest = top[0] * scale, top[1] * warped * warped * scale
+    return Biquad(
+        b0=square + rest,
+        b1=2.0 * (rest - square),
+        b2=square + rest,
+        a1=2.0 * (constant - bottom[0]) * scale,
+        a2=(bottom[0] - linear + constant) * scale,
+        rate_hz=rate_hz,
+    )

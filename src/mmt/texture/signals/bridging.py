@@ -51,7 +51,7 @@ def _fill_by_model(
     mean = past.mean()
     past -= mean
     reflection, variances = np.empty(ORDER), np.empty(ORDER + 1)
-    if not burg_into(past, reflection, variances, np.empty(3 * count)):
+    if not burg_into(past, reflection, variances, np.empty(2 * count)):
         return
     taps = np.ones(ORDER + 1)
     reflection_to_ar_into(reflection, taps[1:])

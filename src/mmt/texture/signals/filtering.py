@@ -16,7 +16,6 @@ Vibration for the actuator must not wait for that: before the switch to the mode
 takes the acceleration along one axis through a `mmt.texture.signals.biquad.BiquadFilter`.
 """
 
-from dataclasses import dataclass
 from typing import Final, NamedTuple, Self
 
 import numpy as np
@@ -34,7 +33,7 @@ from mmt.texture.settings import (
 )
 from mmt.texture.signals.acceleration import VibrationFilter, taps_of
 from mmt.texture.signals.aligned import AlignedBlock
-from mmt.texture.signals.biquad import SMALLEST, Biquad, bessel_low_pass, butterworth_high_pass
+from mmt.texture.signals.biquad import SMALLEST, bessel_low_pass, butterworth_high_pass
 from mmt.texture.signals.frame_gaps import FrameGaps
 from mmt.texture.signals.numbering import StreamNumbering
 from mmt.texture.signals.validity import Cause
@@ -43,35 +42,13 @@ SETTLED_SHARE: Final = 0.05
 """Samples count as valid when what a filter's restart left has decayed to this share in
 amplitude, 0.25 % in power."""
 
+MOTION_CUTOFF_HZ: Final = 20.0
+"""The published cutoff of the low-pass of motion and force."""
+
 VIBRATION_CUTOFF_HZ: Final = 10.0
 """The published corner of the high-pass of the acceleration."""
 
 _AXES: Final = "xyz"
-
-
-@dataclass(frozen=True)
-class ChannelDelays:
-    """Group delays in samples, and the whole delay that aligns the channels.
-
-    ``position``, ``force`` and ``speed`` are limits at low frequency; ``vibration`` is taken
-    a decade above the high-pass's cutoff. ``alignment`` is the whole number of samples by
-    which the vibration is held back to meet the speed.
-    """
-
-    position: float
-    force: float
-    speed: float
-    vibration: float
-    alignment: int
-
-    def residual(self) -> dict[str, float]:
-        """Return how many samples each motion channel still lags behind the vibration."""
-        held = self.alignment + self.vibration
-        return {
-            "position": self.position - held,
-            "force": self.force - held,
-            "speed": self.speed - held,
-        }
 
 
 class SignalFaults(NamedTuple):
@@ -112,15 +89,15 @@ class StreamFilter:
         The surface's normal axis.
     axis
         Source of the vibration: one axis, or all three for DFT321.
-    rate_hz, motion_cutoff_hz, vibration_cutoff_hz
-        Frames a second, and the cutoffs of the low-pass and of the high-pass.
+    rate_hz
+        Frames a second.
     longest_bridged_samples
         Missing frames in a row that are filled, 0 for none.
 
     Raises
     ------
     InputError
-        A value is not allowed, or a cutoff does not fit the rate.
+        A value is not allowed, or the rate is too low for the filters.
     """
 
     def __init__(
@@ -128,24 +105,25 @@ class StreamFilter:
         normal: Axis = "z",
         axis: VibrationAxis = "z",
         rate_hz: float = 1000.0,
-        motion_cutoff_hz: float = 20.0,
-        vibration_cutoff_hz: float = VIBRATION_CUTOFF_HZ,
         longest_bridged_samples: int = LONGEST_BRIDGED,
     ) -> None:
         check("normal", normal, Axis)
         check("axis", axis, VibrationAxis)
         check("rate_hz", rate_hz, RateHz)
         check("longest_bridged_samples", longest_bridged_samples, LongestBridged)
-        low_pass = bessel_low_pass(motion_cutoff_hz, rate_hz)
-        high_pass = butterworth_high_pass(vibration_cutoff_hz, rate_hz)
+        low_pass = bessel_low_pass(MOTION_CUTOFF_HZ, rate_hz)
+        high_pass = butterworth_high_pass(VIBRATION_CUTOFF_HZ, rate_hz)
         self._rate_hz = rate_hz
         self._normal = _AXES.index(normal)
         self._tangential = [k for k in range(3) if k != self._normal]
         self._axes = [0, 1, 2] if axis == "dft321" else [_AXES.index(axis)]
         self._low_taps, self._high_pass = taps_of(low_pass), high_pass
         self._longest_bridged = longest_bridged_samples
-        self.delays = _delays(low_pass, high_pass, vibration_cutoff_hz)
-        self.delay_samples = self.delays.alignment
+        speed = low_pass.delay_samples(0.0) + 0.5
+        vibration = high_pass.delay_samples(min(10.0 * VIBRATION_CUTOFF_HZ, rate_hz / 4.0))
+        self.delay_samples = max(0, round(speed - vibration))
+        """By how much the vibration is held back to meet the speed: the difference of the group
+        delays at low frequency and a decade above the high-pass's cutoff."""
         self.warm_up_samples = high_pass.settling_samples(SETTLED_SHARE)
         self._motion_settling = low_pass.settling_samples(SETTLED_SHARE)
         self.reset()
@@ -245,14 +223,6 @@ class StreamFilter:
         step_mm = np.diff(before, axis=0)
         step_mm[restart] = 0.0
         return step_mm[:, self._tangential]
-
-
-def _delays(low_pass: Biquad, high_pass: Biquad, vibration_cutoff_hz: float) -> ChannelDelays:
-    motion = low_pass.delay_samples(0.0)
-    reference_hz = min(10.0 * vibration_cutoff_hz, high_pass.rate_hz / 4.0)
-    vibration = high_pass.delay_samples(reference_hz)
-    speed = motion + 0.5
-    return ChannelDelays(motion, motion, speed, vibration, max(0, round(speed - vibration)))
 
 
 @kernel("void(f8[:, ::1], b1[::1], f8[::1], f8[:, ::1])")

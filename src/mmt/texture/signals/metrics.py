@@ -4,7 +4,7 @@ A score of amplitude spectra means nothing without the way the spectra were made
 amplitudes of two realisations of one process score a GFC of only pi/4 on average. Here an
 amplitude spectrum is Welch's (`mmt.texture.signals.amplitude_spectra`) unless raw ones are asked
 for, and `gfc_ceiling` gives what a perfect model would score. GFC ignores the level: state
-`power_error_db` beside it. Numpy alone; offline use.
+`power_error_db` beside it. For offline use.
 """
 
 import numpy as np
@@ -13,8 +13,8 @@ from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.forms import ar_to_reflection
 from mmt.texture.autoregression.simulation import simulate_ar
-from mmt.texture.signals.amplitude_spectra import amplitude_spectrum, scaled_rows
-from mmt.texture.signals.just_noticeable import JND_DB
+from mmt.texture.settings import JND_DB
+from mmt.texture.signals.amplitude_spectra import amplitude_spectra, scaled_rows
 
 
 def gfc(a: FloatArray, b: FloatArray) -> float:
@@ -57,38 +57,6 @@ def gfc_of_rows(a: FloatArray, b: FloatArray) -> FloatArray:
     return result
 
 
-def gfc_of_psd(psd_a: FloatArray, psd_b: FloatArray) -> float:
-    """Return the GFC of two power spectral densities, by their amplitudes ``sqrt(psd)``.
-
-    For a model's exact spectrum against a known truth. Zero cases as in `gfc`.
-
-    Raises
-    ------
-    InputError
-        The shapes differ, or a value is negative or not finite.
-    """
-    first, second = _densities(psd_a, psd_b)
-    return gfc(np.sqrt(first), np.sqrt(second))
-
-
-def gfc_of_signals(x: FloatArray, y: FloatArray, nperseg: int | None = 64) -> float:
-    """Return the GFC of the Welch amplitude spectra of two signals of the same rate.
-
-    Parameters
-    ----------
-    x, y : (n,), (k,)
-        Each at least `nperseg` long.
-    nperseg
-        Window length; None compares raw Fourier amplitudes, of signals of one length.
-
-    Raises
-    ------
-    InputError
-        As `amplitude_spectrum`.
-    """
-    return gfc(amplitude_spectrum(x, 1.0, nperseg)[1], amplitude_spectrum(y, 1.0, nperseg)[1])
-
-
 def gfc_ceiling(
     ar: FloatArray,
     variance: float,
@@ -122,17 +90,10 @@ def gfc_ceiling(
     """
     if pairs < 1:
         raise InputError(f"{pairs} pairs of realisations: at least 1 is needed")
-    reflection = ar_to_reflection(ar)
-    level = float(variance > 0.0)
-    scores = [
-        gfc_of_signals(
-            simulate_ar(reflection, level, samples, generator),
-            simulate_ar(reflection, level, samples, generator),
-            nperseg,
-        )
-        for _ in range(pairs)
-    ]
-    return float(np.mean(scores))
+    reflection, level = ar_to_reflection(ar), float(variance > 0.0)
+    signals = [simulate_ar(reflection, level, samples, generator) for _ in range(2 * pairs)]
+    amplitudes = amplitude_spectra(np.array(signals), 1.0, nperseg)[1]
+    return float(np.mean(gfc_of_rows(amplitudes[::2], amplitudes[1::2])))
 
 
 def power_error_db(power: float | FloatArray, truth: float | FloatArray) -> FloatArray:

@@ -8,10 +8,10 @@ their *tilt*, and ever finer features of the *shape*, of which the first `COMPON
 finer ones are mostly scatter in so short a time.
 """
 
-from functools import cache
 from typing import Final
 
 import numpy as np
+from scipy.fft import dct
 
 from mmt.core.arrays import FloatArray
 
@@ -37,28 +37,11 @@ def spectrum_components(vibration_m_s2: FloatArray) -> FloatArray:
         powers of several axes are added.
     """
     samples = vibration_m_s2.shape[1]
-    tapered = _tapers(samples)[None, :, :, None] * vibration_m_s2[:, None]
-    spectra = np.fft.rfft(tapered, axis=2)[:, :, 1 : 1 + _BANDS * _BINS]
-    density = (spectra.real**2 + spectra.imag**2).sum(axis=3).mean(axis=1)
+    turns = np.outer(np.arange(1, _TAPERS + 1), np.arange(1, samples + 1)) / (samples + 1)
+    tapers = np.sqrt(2.0 / (samples + 1)) * np.sin(np.pi * turns)
+    spectra = np.fft.rfft(tapers[:, :, None] * vibration_m_s2[:, None], axis=2)
+    chosen = spectra[:, :, 1 : 1 + _BANDS * _BINS]
+    density = (chosen.real**2 + chosen.imag**2).sum(axis=3).mean(axis=1)
     power = 2.0 / samples * density.reshape(-1, _BANDS, _BINS).sum(axis=2)
-    return np.asarray(np.log(np.maximum(power, _LEAST_POWER)) @ _transform().T)
-
-
-@cache
-def _tapers(samples: int) -> FloatArray:
-    """Return the sine tapers, shape (tapers, samples), each of unit energy."""
-    order = np.arange(1, _TAPERS + 1)[:, None]
-    place = np.arange(1, samples + 1)[None, :]
-    tapers = np.sqrt(2.0 / (samples + 1)) * np.sin(np.pi * order * place / (samples + 1))
-    tapers.setflags(write=False)
-    return np.asarray(tapers)
-
-
-@cache
-def _transform() -> FloatArray:
-    """Return the transform (`COMPONENTS`, bands): the squares of components are per band."""
-    order, band = np.arange(COMPONENTS)[:, None], np.arange(_BANDS)[None, :]
-    rows = np.sqrt(2.0) / _BANDS * np.cos(np.pi * order * (band + 0.5) / _BANDS)
-    rows[0] = 1.0 / _BANDS
-    rows.setflags(write=False)
-    return np.asarray(rows)
+    logarithm = np.log(np.maximum(power, _LEAST_POWER))
+    return np.asarray(dct(logarithm, norm="ortho")[:, :COMPONENTS] / np.sqrt(_BANDS))

@@ -23,7 +23,7 @@ from mmt.core.arrays import FloatArray
 from mmt.core.bounds import check
 from mmt.core.compiled import kernel
 from mmt.core.errors import InputError
-from mmt.texture.autoregression.burg_recursion import burg_into
+from mmt.texture.autoregression.burg_recursion import burg_into, largest_magnitude
 from mmt.texture.autoregression.lattice import lattice_step
 from mmt.texture.autoregression.order_limit import Order
 
@@ -67,9 +67,10 @@ def continuation(
         )
     if gains.ndim != 1 or gains.shape != excitation.shape:
         raise InputError(f"gain {gains.shape} and noise {excitation.shape}: one row each is needed")
-    output = np.empty(len(gains))
-    if not _continue(samples, gains, excitation, order, output):
+    if not all(np.isfinite(values).all() for values in (samples, gains, excitation)):
         raise InputError("past, gain or noise has a value that is not finite")
+    output = np.empty(len(gains))
+    _continue(samples, gains, excitation, order, output)
     return output
 
 
@@ -93,32 +94,19 @@ def _follow(reflection: FloatArray, errors: FloatArray, backward: FloatArray) ->
         errors[i] = forward
 
 
-@kernel("f8(f8[::1])")
-def _largest(values: FloatArray) -> float:
-    """Return the largest magnitude, infinity where one is not a number."""
-    largest = 0.0
-    for value in values:
-        if not abs(value) <= np.inf:
-            return float(np.inf)
-        largest = max(largest, abs(value))
-    return largest
-
-
-@kernel("b1(f8[::1], f8[::1], f8[::1], i8, f8[::1])")
+@kernel("void(f8[::1], f8[::1], f8[::1], i8, f8[::1])")
 def _continue(
     past: FloatArray, gain: FloatArray, noise: FloatArray, order: int, output: FloatArray
-) -> bool:
-    """Write the continuation (n,); return False where a value is not finite."""
-    peak = _largest(past)
-    if not (peak < np.inf and _largest(gain) < np.inf and _largest(noise) < np.inf):
-        return False
+) -> None:
+    """Write the continuation (n,)."""
+    peak = largest_magnitude(past)
     count = len(past)
     exponent = math.frexp(peak)[1]
     scaled = np.empty(count)
     for i in range(count):
         scaled[i] = math.ldexp(past[i], -exponent)
     reflection, variances = np.empty(order), np.empty(order + 1)
-    burg_into(scaled, reflection, variances, np.empty(3 * count))
+    burg_into(scaled, reflection, variances, np.empty(2 * count))
     errors = scaled[count - order - _LEVEL_SAMPLES :].copy()
     memory, complement = np.empty(order), np.empty(order)
     _follow(reflection, errors, memory)
@@ -142,4 +130,3 @@ def _continue(
         value = gain[i] * min(max(value, -peak), peak)
         last = min(max(value, last - steepest), last + steepest)
         output[i] = math.ldexp(last, exponent)
-    return True

@@ -21,7 +21,6 @@ from mmt.core.errors import InputError
 from mmt.texture.autoregression.lattice import lattice_step, lsf_to_lattice_into
 from mmt.texture.autoregression.order_limit import LARGEST_ORDER
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.synthesis.update_fade import MixedModel
 
 _RELEASE_S: Final = 0.004
 _NOISE_BLOCK: Final = 2048
@@ -54,13 +53,13 @@ class VibrationFilter:
     amplitude_m_s2: float
 
 
-def estimate(model: TextureModel | MixedModel, *inputs: float) -> VibrationFilter:
+def estimate(model: TextureModel, *inputs: float) -> VibrationFilter:
     """Return the filter of a model at one moment's inputs.
 
     Parameters
     ----------
     model
-        Texture model, or the mean of two.
+        Texture model.
     *inputs
         Scalar inputs as in `TextureModel.at`.
 

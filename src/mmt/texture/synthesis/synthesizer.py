@@ -4,13 +4,12 @@ Awan et al., section VI: white Gaussian noise of the interpolated variance drive
 at the present speed and force, whose memory is carried over every change of filter. Here the
 filter is a normalised lattice of unit power (`mmt.texture.autoregression.lattice`), and its output
 is multiplied by the interpolated amplitude: the same spectrum, but the power is the model's at
-every sample, also while speed and force change. The next state of a model that grows is faded in
-(`mmt.texture.synthesis.update_fade`).
+every sample, also while speed and force change.
 
 Stability: an interpolated filter is a convex combination of ordered LSF and hence stable, and
 the lattice stays bounded for every course of stable filters, also one that changes at every
 sample; see `mmt.texture.synthesis.generation`. Cost: O(order^2) for a renewal of the filter,
-O(order) for a sample; a renewal in mid-fade costs some three times as much, 0.6 us more at order 6.
+O(order) for a sample.
 """
 
 import math
@@ -25,7 +24,6 @@ from mmt.core.compiled import kernel
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.lattice import lattice_step, lsf_to_lattice_into
 from mmt.texture.autoregression.order_limit import LARGEST_ORDER
-from mmt.texture.autoregression.split import separate
 from mmt.texture.interpolation.interpolant import SCRATCH, interpolate_into
 from mmt.texture.model.inputs import normalise_into
 from mmt.texture.model.kernel_parameters import (
@@ -47,14 +45,12 @@ from mmt.texture.synthesis.generation import (
     Generator,
     scaled,
 )
-from mmt.texture.synthesis.update_fade import UpdateFade, can_be_mixed
 
-_COUNTER = SCRATCH  # scratch: that of the interpolation, samples, where it found the point in each
-_HINTS = _COUNTER + 1  # of two models, then point, level and LSF of each, work
-_POINT = _HINTS + 2
+_COUNTER = SCRATCH  # scratch: that of the interpolation, samples, where it found the point
+_HINT = _COUNTER + 1  # then point, level and LSF, work
+_POINT = _HINT + 1
 _VALUES = _POINT + 3
-_OLD_VALUES = _VALUES + 1 + LARGEST_ORDER
-_WORK = _OLD_VALUES + 1 + LARGEST_ORDER
+_WORK = _VALUES + 1 + LARGEST_ORDER
 
 
 class Synthesizer:
@@ -63,17 +59,13 @@ class Synthesizer:
     Parameters
     ----------
     model
-        Model to render, None for silence. Assigning `model` later keeps the filter's memory, and
-        fades to a model of the same order, rate and number of inputs.
+        Model to render, None for silence. Assigning `model` later keeps the filter's memory.
     seed
         Seed of the excitation.
     renewal_samples
         Number of samples between updates of the filter to speed and force, 1 or more.
     limit_m_s2
         Bound on the output, above 0; infinite for none.
-    fade_samples
-        Length of the longest fade from one model to the next; 0 changes at once. No fade is
-        longer than the model before was rendered.
 
     Raises
     ------
@@ -88,24 +80,13 @@ class Synthesizer:
         seed: int = 0,
         renewal_samples: int = 1,
         limit_m_s2: float = 60.0,
-        fade_samples: int = 0,
     ) -> None:
         check("model", model, TextureModel | None)
         check("renewal_samples", renewal_samples, Annotated[int, Ge(1)])
-        check("fade_samples", fade_samples, Annotated[int, Ge(0)])
-        self._fade = UpdateFade(model, fade_samples)
+        self.model = model
         self._renewal = renewal_samples
         self._generator = Generator(seed=seed, limit_m_s2=limit_m_s2)
         self._scratch = np.zeros(_WORK + 5 * LARGEST_ORDER)
-
-    @property
-    def model(self) -> TextureModel | None:
-        """The model that is rendered, or is being faded in."""
-        return self._fade.now
-
-    @model.setter
-    def model(self, model: TextureModel | None) -> None:
-        self._fade.use(model, at_once=not can_be_mixed(self._fade.now, model))
 
     @property
     def directed(self) -> bool:
@@ -149,13 +130,11 @@ class Synthesizer:
             generator.set_rate(model.rate_hz)
         count = len(inputs[0])
         noise = generator.excitation(count, excitation)
-        fade, output = self._fade, np.empty(count)
+        output = np.empty(count)
         try:
             is_rendered = _render(
-                *_for_kernel(model),
-                *_for_kernel(fade.before or model),
-                fade.passed,
-                fade.length,
+                *model.interpolant,
+                model.kernel_parameters,
                 inputs[0],
                 inputs[1],
                 inputs[-1],
@@ -171,17 +150,11 @@ class Synthesizer:
             raise InputError(_unfit(inputs)) from error
         if not is_rendered:
             raise InputError(_unfit(inputs))
-        fade.advance(count)
         return output
 
     def reset(self) -> None:
-        """Silence the output at once, and end a fade; the excitation goes on."""
-        self._fade.finish()
+        """Silence the output at once; the excitation goes on."""
         self._generator.reset()
-
-
-def _for_kernel(model: TextureModel) -> tuple[FloatArray, IntArray, FloatArray, FloatArray]:
-    return *model.interpolant, model.kernel_parameters
 
 
 def _unfit(inputs: tuple[FloatArray, ...]) -> str:
@@ -190,8 +163,8 @@ def _unfit(inputs: tuple[FloatArray, ...]) -> str:
 
 
 @kernel(
-    "f8(f8[:, ::1], i8[:, ::1], f8[:, ::1], f8[::1], f8, f8, f8, i8, f8[::1], f8[::1],"
-    " f8[::1], f8[::1])"
+    "f8(f8[:, ::1], i8[:, ::1], f8[:, ::1], f8[::1], f8, f8, f8, f8[::1], f8[::1], f8[::1],"
+    " f8[::1])"
 )
 def _filter_into(
     rows: FloatArray,
@@ -201,20 +174,16 @@ def _filter_into(
     first: float,
     second: float,
     third: float,
-    place: int,
     values: FloatArray,
     reflection: FloatArray,
     complement: FloatArray,
     scratch: FloatArray,
 ) -> float:
-    """Write a model's LSF and lattice at one motion; return the amplitude.
-
-    The LSF come after a number in `values`; `place` is that of the hint in `scratch`.
-    """
+    """Write a model's LSF, after a number, and lattice at one motion; return the amplitude."""
     point = scratch[_POINT : _POINT + int(parameters[DIMENSIONS])]
     normalise_into(first, second, third, parameters[PER_SPEED], parameters[PER_FORCE], point)
-    hint = int(scratch[place])
-    scratch[place] = interpolate_into(rows, links, tail, hint, point, values, scratch)
+    hint = int(scratch[_HINT])
+    scratch[_HINT] = interpolate_into(rows, links, tail, hint, point, values, scratch)
     lsf_to_lattice_into(values[1:], reflection, complement, scratch[_WORK:])
     if parameters[TABLE_SIZES] > 0.0:
         across = point[1] if len(point) == 3 else 0.0
@@ -227,20 +196,14 @@ def _filter_into(
 
 
 @kernel(
-    "b1(f8[:, ::1], i8[:, ::1], f8[:, ::1], f8[::1], f8[:, ::1], i8[:, ::1], f8[:, ::1],"
-    " f8[::1], i8, i8, f8[:], f8[:], f8[:], i8, f8, f8, f8[::1], f8[::1], f8[::1], f8[::1])"
+    "b1(f8[:, ::1], i8[:, ::1], f8[:, ::1], f8[::1], f8[:], f8[:], f8[:], i8, f8, f8, f8[::1],"
+    " f8[::1], f8[::1], f8[::1])"
 )
 def _render(
     rows: FloatArray,
     links: IntArray,
     tail: FloatArray,
     parameters: FloatArray,
-    old_rows: FloatArray,
-    old_links: IntArray,
-    old_tail: FloatArray,
-    old_parameters: FloatArray,
-    passed: int,
-    length: int,
     first: FloatArray,
     second: FloatArray,
     third: FloatArray,
@@ -252,40 +215,23 @@ def _render(
     scratch: FloatArray,
     output: FloatArray,
 ) -> bool:
-    """Write vibration (n,); false, and nothing, where the inputs are not all of shape (n,).
-
-    `passed` samples of a fade of so many (`length`) from the old model are over.
-    """
+    """Write vibration (n,); false, and nothing, where the inputs are not all of shape (n,)."""
     count = len(output)
     if len(first) != count or len(second) != count or len(third) != count:
         return False
     order = int(parameters[MODEL_ORDER])
     values = scratch[_VALUES : _VALUES + 1 + order]
-    old = scratch[_OLD_VALUES : _OLD_VALUES + 1 + order]
     reflection = state[REFLECTION : REFLECTION + order]
     complement = state[COMPLEMENT : COMPLEMENT + order]
     past = state[PAST:]
     for index in range(count):
         if int(scratch[_COUNTER]) % renewal == 0:
             x, y, z = first[index], second[index], third[index]
-            amplitude = _filter_into(
+            state[WANTED] = _filter_into(
                 *(rows, links, tail, parameters, x, y, z),
-                *(_HINTS, values, reflection, complement, scratch),
+                *(values, reflection, complement, scratch),
             )
-            if passed + index < length:
-                share = (passed + index) / length
-                old_amplitude = _filter_into(
-                    *(old_rows, old_links, old_tail, old_parameters, x, y, z),
-                    *(_HINTS + 1, old, reflection, complement, scratch),
-                )
-                for k in range(1, order + 1):
-                    old[k] = (1.0 - share) * old[k] + share * values[k]
-                separate(old[1:])  # rounding may have let frequencies meet
-                lsf_to_lattice_into(old[1:], reflection, complement, scratch[_WORK:])
-                power = (1.0 - share) * old_amplitude**2 + share * amplitude**2
-                amplitude = math.sqrt(power)
             state[ORDER] = order
-            state[WANTED] = amplitude
         scratch[_COUNTER] += 1.0
         value = lattice_step(reflection, complement, past, int(state[ORDER]), noise[index])
         output[index] = scaled(state, value, release, limit)

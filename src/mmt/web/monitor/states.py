@@ -62,8 +62,6 @@ def _why_synthesized(leader: LeaderView) -> str:
     start_s, _ = leader.criteria_s
     if start_s is not None:
         return f"rendered from the model: start criterion met at {start_s:.1f} s"
-    if leader.known_texture is not None:
-        return f"rendered from the known texture {leader.known_texture} until the model is ready"
     return "rendered from a saved model"
 
 

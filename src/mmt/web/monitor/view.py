@@ -79,10 +79,6 @@ class LeaderView(Protocol):
         """Session times at which the start and the stop criterion were met."""
 
     @property
-    def known_texture(self) -> str | None:
-        """Name of the known texture that is rendered until the model is ready."""
-
-    @property
     def surfaces(self) -> tuple[int, list[int]] | None:
         """The number of the surface under the tool, and those of all that are known.
 

@@ -87,11 +87,6 @@ def _swap_cases(samples: int) -> Iterator[Case]:
             f"power the model's to 2 %, peak under 8 deviations, flat within {_FLAT:g} x",
             partial(_swaps, spread, count),
         )
-    yield Case(
-        f"another 50 filters faded in each second, swapped at every one of {samples // 10} samples",
-        "power the models' to 5 %, peak under 8 deviations",
-        partial(_fades, samples // 10),
-    )
 
 
 def _gaps(gap: float, count: int) -> Outcome:
@@ -204,28 +199,6 @@ def _swaps(spread: float, samples: int) -> Outcome:
         f"power off by {error:+.1%}, peak {peak:.1f}, {nanoseconds:.0f} ns, {ratio:.2f} x",
         held=abs(error) < 0.02 and peak < 8.0 and ratio < _FLAT,
         figures={"power_error": error, "peak": peak, "ns_per_sample": nanoseconds, "flat": ratio},
-    )
-
-
-def _fades(samples: int) -> Outcome:
-    """Jump about the plane while one model after the other is faded in."""
-    generator = np.random.default_rng(9)
-    synthesizer = Synthesizer(limit_m_s2=np.inf, seed=3, fade_samples=1000)
-    power = expected = peak = 0.0
-    models = [many_filters(1.4, seed=second) for second in range(samples // 1000)]
-    for before, model in zip([models[0], *models], models, strict=False):
-        synthesizer.model = model
-        speed = generator.uniform(0.3 * _SPEED_MM_S, _SPEED_MM_S, 1000)
-        force = generator.uniform(0.3 * _FORCE_N, _FORCE_N, 1000)
-        output = synthesizer.render(speed, force)
-        power += float(np.mean(output**2))
-        expected += 0.5 * (_power(before, speed, force) + _power(model, speed, force))
-        peak = max(peak, float(np.abs(output).max()))
-    error = power / expected - 1.0
-    return Outcome(
-        f"power off by {error:+.1%}, peak {peak:.1f}",
-        held=abs(error) < 0.05 and peak < 8.0,
-        figures={"power_error": error, "peak": peak},
     )
 
 
