@@ -74,7 +74,7 @@ def test_a_part_runs_in_the_services_that_its_values_ask_for() -> None:
             {**SIMULATED, "texture": {"start_distance": 9.0}},
             ['start_distance is of method "published", and method is "field"'],
         ),
-        ({**SIMULATED, "texture": {"stop_share": 0.5}}, ["stop_share is 0.5", "start_share 0.75"]),
+        ({**SIMULATED, "texture": {"stop_share": 0.5}}, ["stop_share is 0.5", "start_share 0.65"]),
         ({**SIMULATED, "texture": {"start_share": 1.0}}, ["texture.start_share"]),
         ({**SIMULATED, "hand": {"fastest_mm_s": 10.0}}, ["fastest_mm_s", "slowest_mm_s"]),
         (

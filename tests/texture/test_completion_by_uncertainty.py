@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mmt.texture.completion.distance import CompletionMonitor, cells_of
 from mmt.texture.completion.uncertainty import (
@@ -133,6 +135,27 @@ def test_motion_counts_where_it_was_against_seconds_of_any_stroke(dimensions):
     assert most[-1] == pytest.approx(1.5, abs=0.2)
     if dimensions == 3:
         assert math.degrees(math.atan2(most[1], most[0])) == pytest.approx(75.0)
+
+
+@given(speed_mm_s=st.floats(25.0, 285.0), force_n=st.floats(0.25, 2.85))
+def test_motion_counts_at_the_strokes_next_to_it_and_on_average_where_it_was(speed_mm_s, force_n):
+    grid, seen = completion_grid(2), density(2)
+    seen.add(motion(0.5, speed_mm_s, force_n))
+    assert seen.seconds @ grid.inputs / seen.total_s == pytest.approx([speed_mm_s, force_n])
+    away = np.abs(grid.inputs[seen.seconds > 0.0] - (speed_mm_s, force_n))
+    assert (away <= (290.0 / 12, 2.9 / 12)).all()
+
+
+@given(heading=st.floats(-10.0, 10.0))
+def test_motion_counts_at_the_headings_next_to_it(heading):
+    grid, seen = completion_grid(3), density(3)
+    seen.add(motion(0.5, 150.0, 1.5, heading))
+    turns = np.arctan2(grid.inputs[:, 1], grid.inputs[:, 0])
+    along = seen.seconds @ np.exp(1j * (turns - heading))
+    step = 2.0 * np.pi / 12
+    assert seen.total_s == pytest.approx(0.5)
+    assert 0.5 * np.cos(step / 2) <= along.real + 1e-9
+    assert abs(along.imag) <= 0.5 * np.tan(step / 2) ** 3
 
 
 def test_motion_beyond_the_grid_counts_at_its_end():

@@ -69,13 +69,12 @@ Share = Annotated[float, Gt(0), Lt(1)] | Literal["auto"]
 JND_DB: Final = 20.0 * math.log10(1.17)
 """Just noticeable difference of vibration, 17 % in amplitude (Awan et al., section VII.A)."""
 
-START_SHARE: Final = 0.75
-"""Expected share at which rendering starts: about that which the published method leaves right at
-its stop criterion (0.77, the mean of 17 HaTT models)."""
+START_SHARE: Final = 0.65
+"""Expected share at which rendering starts: two strokes of three, which is early enough for the
+person who waits (the page on texture models has what other values would give)."""
 
-STOP_SHARE: Final = 0.9
-"""Expected share at which modelling ends: what a person is to find right, nine strokes of ten. How
-often it is so where this is expected is in the page on certainty."""
+STOP_SHARE: Final = 0.86
+"""Expected share at which modelling ends: what most textures come to within half a minute."""
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,8 @@ whose base measure is uniform over the grid with the weight of `PRIOR_S` of stro
 seconds it repeats an earlier stroke with probability t / (t + `PRIOR_S`) (Ferguson, "A Bayesian
 analysis of some nonparametric problems", Annals of Statistics 1, 1973; Blackwell and MacQueen,
 ibid., eq. 1). So unexplored strokes count, and count less the longer the operator leaves them out.
-A moment of stroking is spread over the nodes around it by Gaussians in the logarithms of speed and
-force and in heading; moments beyond the grid count at its edge.
+A moment of stroking counts at the nodes around it, as linear interpolation between them weighs
+them; moments beyond the grid count at its edge.
 """
 
 from functools import cached_property
@@ -98,7 +98,6 @@ PRIOR_S: Final = 10.0
 """Weight of the uniform base measure, in seconds of stroking: about the time that the published
 criterion takes to stop, by when half of the density is still uniform."""
 
-_WIDTHS: Final = (0.25, 0.25, 0.35)  # nepers, nepers, rad
 _STEP: Final = 10  # samples: a stroke changes little within 10 ms
 
 
@@ -126,16 +125,12 @@ class StrokingDensity:
         if not len(chosen):
             return
         space, grid = self._grid.space, self._grid
-        speeds, forces = np.log(grid.speed), np.log(grid.force)
-        speed = np.log(block.speed_mm_s[chosen] / space.maximum_speed_mm_s)
-        force = np.log(block.normal_force_n[chosen] / space.maximum_force_n)
         velocity = block.velocity_mm_s[chosen]
         turn = np.subtract.outer(grid.heading, np.arctan2(velocity[:, 1], velocity[:, 0]))
-        across, along = (
-            _shares(np.subtract.outer(axis, np.clip(values, axis[0], axis[-1])), width)
-            for axis, values, width in ((speeds, speed, _WIDTHS[0]), (forces, force, _WIDTHS[1]))
-        )
-        around = _shares(2.0 * np.sin(0.5 * turn), _WIDTHS[2])  # one heading: it alone
+        across = _shares(grid.speed, block.speed_mm_s[chosen] / space.maximum_speed_mm_s)
+        along = _shares(grid.force, block.normal_force_n[chosen] / space.maximum_force_n)
+        around = _hat(2.0 * np.pi / len(grid.heading), (turn + np.pi) % (2.0 * np.pi) - np.pi)
+        around /= around.sum(axis=0)
         self._seconds += self._moment_s * np.einsum("hk,sk,fk->hsf", around, across, along).ravel()
 
     @property
@@ -150,11 +145,14 @@ class StrokingDensity:
         return np.asarray(seconds / seconds.sum())
 
 
-def _shares(apart: FloatArray, width: float) -> FloatArray:
-    """Return the weights of k moments at the nodes of an axis, shape (nodes, k), summing to 1."""
-    square = np.square(apart / width)
-    near = np.exp(-0.5 * (square - square.min(axis=0)))
-    return np.asarray(near / near.sum(axis=0))
+def _shares(axis: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the weights of k values between the even nodes of an axis, shape (nodes, k)."""
+    inside = np.clip(values, axis[0], axis[-1])
+    return _hat(axis[1] - axis[0], np.subtract.outer(axis, inside))
+
+
+def _hat(step: float, apart: FloatArray) -> FloatArray:
+    return np.asarray(np.maximum(1.0 - np.abs(apart) / step, 0.0))
 
 
 _NEWS: Final = 1.02
