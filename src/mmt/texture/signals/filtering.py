@@ -10,7 +10,7 @@ A few missing frames in a row are filled: motion and force by a straight line, a
 `mmt.texture.signals.bridging` says. A longer gap restarts the filters of motion; that of the
 vibration keeps its offset. Acceleration that is no measurement is found by
 `mmt.texture.signals.validity`. Position and force are not judged so: a tool that stands still, and
-a force that is well controlled, repeat their values.
+a force that is well controlled, repeat their values; they say where an acceleration may.
 
 Vibration for the actuator must not wait for that: before the switch to the model the leader
 takes the acceleration along one axis through a `mmt.texture.signals.biquad.BiquadFilter`.
@@ -28,7 +28,7 @@ from mmt.texture.signals.acceleration import VibrationFilter, taps_of
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.biquad import SMALLEST, Biquad, bessel_low_pass, butterworth_high_pass
 from mmt.texture.signals.frame_gaps import FrameGaps
-from mmt.texture.signals.validity import Cause
+from mmt.texture.signals.validity import LEAST_LEARNT, Cause
 
 SETTLED_SHARE: Final = 0.05
 """Samples count as valid when what a filter's restart left has decayed to this share in
@@ -106,6 +106,8 @@ class StreamFilter:
         Frames a second, and the cutoffs of the low-pass and of the high-pass.
     longest_bridged_samples
         Missing frames in a row that are filled, 0 for none.
+    least_speed_mm_s, least_force_n
+        Speed and force from which on the tool strokes: there alone a value can be held.
 
     Raises
     ------
@@ -121,6 +123,8 @@ class StreamFilter:
         motion_cutoff_hz: float = 20.0,
         vibration_cutoff_hz: float = VIBRATION_CUTOFF_HZ,
         longest_bridged_samples: int = LONGEST_BRIDGED,
+        least_speed_mm_s: float = ModellingSettings.least_speed_mm_s,
+        least_force_n: float = ModellingSettings.least_force_n,
     ) -> None:
         low_pass = bessel_low_pass(motion_cutoff_hz, rate_hz)
         high_pass = butterworth_high_pass(vibration_cutoff_hz, rate_hz)
@@ -130,6 +134,7 @@ class StreamFilter:
         self._axes = [0, 1, 2] if axis == "dft321" else [_AXES.index(axis)]
         self._low_taps, self._high_pass = taps_of(low_pass), high_pass
         self._longest_bridged = longest_bridged_samples
+        self._least = np.array([least_speed_mm_s / rate_hz, least_force_n])
         self.delays = _delays(low_pass, high_pass, vibration_cutoff_hz)
         self.delay_samples = self.delays.alignment
         self.warm_up_samples = high_pass.settling_samples(SETTLED_SHARE)
@@ -144,6 +149,8 @@ class StreamFilter:
             settings.axis,
             settings.rate_hz,
             longest_bridged_samples=settings.longest_bridged_samples,
+            least_speed_mm_s=settings.least_speed_mm_s,
+            least_force_n=settings.least_force_n,
         )
 
     def reset(self) -> None:
@@ -151,7 +158,12 @@ class StreamFilter:
         axes = len(self._axes)
         self._low_state = np.zeros((4, 2))
         self._vibration = VibrationFilter(
-            self._high_pass, axes, self.delay_samples, self.warm_up_samples, self._longest_bridged
+            self._high_pass,
+            axes,
+            self.delay_samples,
+            self.warm_up_samples,
+            self._longest_bridged,
+            self._least,
         )
         self._last_position_mm = np.zeros(3)
         self._run_start = -1
@@ -163,10 +175,11 @@ class StreamFilter:
     @property
     def faults(self) -> SignalFaults:
         """What was no measurement so far."""
+        constant = int(self._causes[Cause.CONSTANT])
         return SignalFaults(
             held=int(self._causes[Cause.HELD]),
             saturated=int(self._causes[Cause.SATURATED]),
-            constant=int(self._causes[Cause.CONSTANT]),
+            constant=constant if constant >= LEAST_LEARNT else 0,
             not_finite=self._gaps.not_finite,
             missing=self._gaps.missing,
             bridged=self._bridged,
@@ -183,12 +196,15 @@ class StreamFilter:
         elements, restart = self._gaps.fill(frames)
         index, motion = elements.index, elements.motion
         settled = self._settled(index, restart)
+        raw_motion = motion.take([*self._tangential, 3], axis=1)
         _filter_channels(motion, restart, self._low_taps, self._low_state)
         position_mm = np.ascontiguousarray(motion[:, :3])
         step_mm = self._steps(position_mm, restart)
         speed_mm_s = np.hypot(step_mm[:, 0], step_mm[:, 1]) * self._rate_hz
         force_n = np.maximum(motion[:, 3], 0.0)
-        found = self._vibration.process(elements.acceleration, elements.missing, restart)
+        found = self._vibration.process(
+            elements.acceleration, raw_motion, elements.missing, restart
+        )
 
         waiting = self._waiting.shape[1]
         everything = np.concatenate([self._waiting, [index, elements.time_ns]], axis=1)
