@@ -12,7 +12,8 @@ from mmt.core.arrays import FloatArray, RecordArray
 from mmt.scene import Hand, Link, Scene, Simulated, Texture
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.signals.aligned import AlignedBlock
-from mmt.texture.signals.filtering import SignalFaults, StreamFilter
+from mmt.texture.signals.faults import SignalFaults
+from mmt.texture.signals.filtering import StreamFilter
 
 HANDS = ["strokes", "quick", "circles", "taps", "scratching", "pauses"]
 REST, STROKE = 400, 600

@@ -71,4 +71,5 @@ class CompletionStage:
             surface=work.surface,
             changes=work.changes,
             left=work.left,
+            faults=work.faults,
         )

@@ -129,7 +129,8 @@ class OnlineModeller:
             The first sequence number that is not of this surface.
         """
         stage = self._segmenting
-        return Work(self, stage.time_s, [], [], [], stage.noise_power, forget_from=from_sample)
+        known = stage.noise_power, stage.faults
+        return Work(self, stage.time_s, [], [], [], *known, forget_from=from_sample)
 
     def fit(self, work: Work) -> None:
         """Fit the new segments."""

@@ -7,6 +7,7 @@ from mmt.texture.online.work import Stopwatch, UpdateSteps, Work
 from mmt.texture.segmentation.segmenter import OnlineSegmenter, segmentation_settings
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
+from mmt.texture.signals.faults import SignalFaults
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.signals.noise_floor import NoiseFloor
 
@@ -49,6 +50,11 @@ class SegmentingStage:
         """The sensor's noise in (m/s2)^2, 0 as long as it is not known."""
         return self._noise.power
 
+    @property
+    def faults(self) -> SignalFaults:
+        """What was no measurement so far."""
+        return self._filter.faults
+
     def segment(self, modeller: UpdateSteps, frames: RecordArray) -> Iterator[Work | None]:
         """Filter and segment frames (n,); None after the filters, the work for an update last.
 
@@ -78,6 +84,7 @@ class SegmentingStage:
             added=added,
             removed=[(s.start, s.stop) for s in change.removed],
             noise_power=self._noise.power,
+            faults=self.faults,
             held_out=[(s.start, s.stop) for s in held_out],
             durations_s=clock.laps,
         )

@@ -213,6 +213,11 @@ class VibrationFilter:
         self._cause = np.zeros(0, np.int64)
         self._restart = np.zeros(0, np.bool_)
 
+    @property
+    def changed(self) -> bool:
+        """Whether any axis has ever given another value than its first."""
+        return self._channels.changed
+
     def process(
         self, samples: FloatArray, motion: FloatArray, missing: BoolArray, restart: BoolArray
     ) -> Vibration:

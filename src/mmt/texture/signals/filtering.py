@@ -17,7 +17,7 @@ takes the acceleration along one axis through a `mmt.texture.signals.biquad.Biqu
 """
 
 from dataclasses import dataclass
-from typing import Final, NamedTuple, Self
+from typing import Final, Self
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from mmt.texture.settings import LONGEST_BRIDGED, Axis, ModellingSettings, Vibra
 from mmt.texture.signals.acceleration import VibrationFilter, taps_of
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.biquad import SMALLEST, Biquad, bessel_low_pass, butterworth_high_pass
+from mmt.texture.signals.faults import SignalFaults
 from mmt.texture.signals.frame_gaps import FrameGaps
 from mmt.texture.signals.validity import LEAST_LEARNT, Cause
 
@@ -63,22 +64,6 @@ class ChannelDelays:
             "force": self.force - held,
             "speed": self.speed - held,
         }
-
-
-class SignalFaults(NamedTuple):
-    """Frames whose acceleration was no measurement, by cause, and how many of them were filled.
-
-    ``missing`` frames did not come, ``not_finite`` ones had a number that is not finite or beyond
-    `frame_gaps.LARGEST_MEASUREMENT` in a channel that is used; the others are those of
-    `mmt.texture.signals.validity`, counted when they leave the filter.
-    """
-
-    held: int = 0
-    saturated: int = 0
-    constant: int = 0
-    not_finite: int = 0
-    missing: int = 0
-    bridged: int = 0
 
 
 class StreamFilter:
@@ -175,14 +160,17 @@ class StreamFilter:
     @property
     def faults(self) -> SignalFaults:
         """What was no measurement so far."""
-        constant = int(self._causes[Cause.CONSTANT])
+        causes, rate_hz = self._causes, self._rate_hz
+        constant = int(causes[Cause.CONSTANT])
+        constant = constant if constant >= LEAST_LEARNT else 0
         return SignalFaults(
-            held=int(self._causes[Cause.HELD]),
-            saturated=int(self._causes[Cause.SATURATED]),
-            constant=constant if constant >= LEAST_LEARNT else 0,
-            not_finite=self._gaps.not_finite,
-            missing=self._gaps.missing,
-            bridged=self._bridged,
+            held_s=int(causes[Cause.HELD]) / rate_hz,
+            saturated_s=int(causes[Cause.SATURATED]) / rate_hz,
+            constant_s=constant / rate_hz,
+            not_finite_s=self._gaps.not_finite / rate_hz,
+            missing_s=self._gaps.missing / rate_hz,
+            bridged_s=self._bridged / rate_hz,
+            throughout=constant > 0 and not self._vibration.changed,
         )
 
     def process(self, frames: RecordArray) -> AlignedBlock:

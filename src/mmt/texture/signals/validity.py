@@ -93,6 +93,11 @@ class ChannelStates:
         """Upper and lower extremes, recent and of all samples; the lower ones are negated."""
         self.extremes[:, :, _EXTREME] = -np.inf
 
+    @property
+    def changed(self) -> bool:
+        """Whether any axis has ever changed."""
+        return bool(self.axes[:, _CHANGES].any())
+
 
 @kernel("b1(f8[::1], f8, f8, f8, b1)")
 def _is_rail(
