@@ -7,6 +7,7 @@ import numpy as np
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.evaluation.grid_errors import Strokes
 from mmt.texture.settings import ModellingSettings
+from mmt.texture.signals.faults import SignalFaults
 from mmt.texture.signals.filtering import StreamFilter
 
 MOST: Final = 400
@@ -47,6 +48,11 @@ class StrokesMade:
         heading = np.arctan2(motion.velocity_mm_s[chosen, 1], motion.velocity_mm_s[chosen, 0])
         rows = motion.speed_mm_s[chosen], motion.normal_force_n[chosen], heading
         self._parts.append(np.array(rows))
+
+    @property
+    def faults(self) -> SignalFaults:
+        """What of the session so far was no measurement."""
+        return self._filter.faults
 
     @property
     def total_s(self) -> float:
