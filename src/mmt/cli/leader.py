@@ -223,9 +223,11 @@ class LeaderRun(ServiceRun["Leader"]):
 
 def _status_line(status: LeaderStatus) -> str:
     late = f"{status.tick_p99_ms:.2f}" if status.tick_p99_ms is not None else "-"
+    faults = status.more.get("faults")
     return (
         f"{status.time_s:6.1f} s  {status.mode:11s}  samples {status.samples:4d}  "
         f"{status.completion or 'no model yet'}  lost {status.frames_lost}  tick p99 {late} ms"
+        + (f"  not measured: {faults}" if faults else "")
     )
 
 

@@ -245,6 +245,7 @@ class Modelling(Part):
             "samples": update.samples,
             "distance": update.distance,
             "completion": str(update.progress),
+            "faults": update.faults.sentence(),
         }
 
     def summary(self, duration_s: float) -> dict[str, Any]:
@@ -260,6 +261,7 @@ class Modelling(Part):
             "order": update.order if update else None,
             "distance": round(update.distance, 3) if update else None,
             "completion": update.progress.as_dict() if update else None,
+            "faults": update.faults.as_dict() if update else None,
             "start_s": log.start_s,
             "stop_s": log.stop_s,
             **({"warm": log.warm.as_dict()} if log.warm is not None else {}),
