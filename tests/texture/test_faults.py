@@ -5,6 +5,8 @@ from dataclasses import asdict, fields
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import empty_frames
@@ -59,6 +61,31 @@ def test_a_program_gets_the_seconds_and_the_sentence() -> None:
     table = found.as_dict()
     assert table.pop("text") == found.sentence()
     assert table == {name: pytest.approx(asdict(found)[name]) for name in CAUSES}
+
+
+@given(
+    cause=st.sampled_from(["held_s", "saturated_s", "constant_s", "not_finite_s"]),
+    parts_s=st.lists(st.floats(1e-3, 1.0), min_size=1, max_size=200),
+)
+def test_a_fault_is_told_when_it_begins_and_at_each_doubling(
+    cause: str, parts_s: list[float]
+) -> None:
+    """Never late by more than half of it, and in few sentences however long it lasts."""
+    said, sentences = SignalFaults(), 0
+    for total_s in np.cumsum(parts_s).tolist():
+        now = SignalFaults(missing_s=5.0, **{cause: total_s})
+        if now.worth_saying(said):
+            said, sentences = now, sentences + 1
+        assert getattr(said, cause) > 0.5 * total_s
+    assert sentences <= 1 + np.log2(sum(parts_s) / parts_s[0])
+
+
+def test_lost_frames_and_what_was_said_of_the_whole_time_are_not_told_again() -> None:
+    assert not SignalFaults(missing_s=3.0).worth_saying(SignalFaults())
+    dead = SignalFaults(constant_s=1.0, throughout=True)
+    assert dead.worth_saying(SignalFaults())
+    assert not SignalFaults(constant_s=9.0, throughout=True).worth_saying(dead)
+    assert SignalFaults(constant_s=9.0, held_s=0.1).worth_saying(dead)
 
 
 def test_an_update_says_what_was_no_measurement_so_far() -> None:

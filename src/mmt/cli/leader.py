@@ -191,7 +191,8 @@ class LeaderRun(ServiceRun["Leader"]):
             if self.options.json_lines:
                 write_line("status", **status.as_dict())
             elif messages.is_terminal:
-                messages.print(_status_line(status), end="\r", highlight=False)
+                line = _status_line(status)
+                messages.print(line, end="\r", highlight=False, no_wrap=True, overflow="ellipsis")
 
     def on_event(self, sentence: str) -> None:
         """Report an event, in a terminal below the line of status."""
@@ -223,11 +224,9 @@ class LeaderRun(ServiceRun["Leader"]):
 
 def _status_line(status: LeaderStatus) -> str:
     late = f"{status.tick_p99_ms:.2f}" if status.tick_p99_ms is not None else "-"
-    faults = status.more.get("faults")
     return (
         f"{status.time_s:6.1f} s  {status.mode:11s}  samples {status.samples:4d}  "
         f"{status.completion or 'no model yet'}  lost {status.frames_lost}  tick p99 {late} ms"
-        + (f"  not measured: {faults}" if faults else "")
     )
 
 

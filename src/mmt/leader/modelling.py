@@ -245,7 +245,6 @@ class Modelling(Part):
             "samples": update.samples,
             "distance": update.distance,
             "completion": str(update.progress),
-            "faults": update.faults.sentence(),
         }
 
     def summary(self, duration_s: float) -> dict[str, Any]:

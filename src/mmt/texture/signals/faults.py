@@ -40,6 +40,17 @@ class SignalFaults:
             parts.append(f"{_seconds(self.bridged_s)} of this filled in")
         return "; ".join(parts)
 
+    def worth_saying(self, said: "SignalFaults") -> bool:
+        """Return whether a cause has at least doubled since these were said.
+
+        Missing frames are no such cause: they are told as lost. Nor is what was said of the whole
+        time, as long as it holds.
+        """
+        causes = (*_ACCELEROMETER, "not_finite_s")
+        seconds = [(getattr(self, name), getattr(said, name)) for name in causes]
+        doubled = any(now > 0.0 and now >= 2.0 * before for now, before in seconds)
+        return doubled and not (self.throughout and said.throughout)
+
     def as_dict(self) -> dict[str, Any]:
         """Return the seconds by cause, and the sentence, for a program."""
         table = asdict(self)
