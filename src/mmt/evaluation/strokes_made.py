@@ -36,11 +36,8 @@ class StrokesMade:
     def add(self, block: RecordArray) -> None:
         """Add the next frames of the session, shape (n,)."""
         motion, settings = self._filter.process(block), self._settings
-        stroking = (
-            motion.valid
-            & (motion.speed_mm_s >= settings.least_speed_mm_s)
-            & (motion.normal_force_n >= settings.least_force_n)
-        )
+        stroking = motion.speed_mm_s >= settings.least_speed_mm_s
+        stroking &= motion.normal_force_n >= settings.least_force_n
         chosen = np.flatnonzero(stroking)
         self._samples += len(chosen)
         chosen = chosen[(chosen + self._seen) % self._every == 0]
