@@ -189,7 +189,7 @@ def test_gaps_in_the_session_are_counted_and_survived(stroked_session):
     assert evaluation.missing_frames == 43
     assert evaluation.faults.missing_s == 0.043
     said = evaluation.faults.sentence()
-    assert "frames: missing for 0.043 s" in said
+    assert "frames were missing for 0.043 s" in said
     assert evaluation.as_dict()["faults"]["text"] == said
     assert f" Not measured: {said}." in evaluation.remark
     assert evaluation.duration_s == pytest.approx(len(frames) / 1000)
@@ -261,5 +261,5 @@ def test_frames_on_another_surface_are_not_missing_from_a_model():
     session = RecordedSession(np.delete(frames, slice(1000, 1100)), events=said)
     evaluations, _ = evaluate_surfaces(session, scene)
     assert [each.faults.missing_s for each in evaluations] == [0.1, 0.0]
-    assert "Not measured: frames: missing for 0.1 s." in evaluations[0].remark
+    assert "Not measured: frames were missing for 0.1 s." in evaluations[0].remark
     assert "Not measured" not in evaluations[1].remark

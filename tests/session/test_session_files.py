@@ -341,7 +341,7 @@ def test_info_says_what_was_no_measurement(tmp_path, monkeypatch):
     write_session(path, frames, scene={"session": {"rate_hz": 1000}})
     found = info(path).faults
     assert found.held_s == pytest.approx(0.3, abs=0.005)  # across the parts it is filtered in
-    assert found.sentence() == f"accelerometer: held one value for {found.held_s:.3g} s"
+    assert found.sentence() == f"the accelerometer held one value for {found.held_s:.3g} s"
     write_session(path, frames[:3000], scene={"session": {"rate_hz": -1}})
     assert info(path).faults is None
     write_session(path, made_frames(3000, ("force",)))

@@ -33,14 +33,14 @@ def stroke(samples: int, seed: int = 1) -> RecordArray:
 def test_only_causes_that_occurred_are_said_with_their_seconds() -> None:
     assert SignalFaults().sentence() == ""
     found = SignalFaults(held_s=0.4, saturated_s=0.1)
-    assert found.sentence() == "accelerometer: held one value for 0.4 s, saturated for 0.1 s"
+    assert found.sentence() == "the accelerometer held one value for 0.4 s, was saturated for 0.1 s"
     lost = SignalFaults(missing_s=0.012, not_finite_s=1.5, bridged_s=0.004)
     assert lost.sentence() == (
-        "frames: missing for 0.012 s, not finite for 1.5 s; 0.004 s of this filled in"
+        "frames were missing for 0.012 s, not finite for 1.5 s; 0.004 s of this filled in"
     )
     both = SignalFaults(constant_s=0.25, missing_s=1.0)
     assert both.sentence() == (
-        "accelerometer: gave one value from the start for 0.25 s; frames: missing for 1 s"
+        "the accelerometer gave one value from the start for 0.25 s; frames were missing for 1 s"
     )
     dead = SignalFaults(constant_s=18.0, throughout=True)
     assert dead.sentence() == "the accelerometer gave one value throughout"

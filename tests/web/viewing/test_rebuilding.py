@@ -69,7 +69,7 @@ def test_a_state_says_what_was_no_measurement_until_then() -> None:
     rebuilding = rebuilt(NEVER, frames=frames)
     said = {round(state.time_s): state.faults for state in rebuilding.states}
     assert said[5] == ""
-    assert said[6].startswith("accelerometer: held one value for 0.4 s")
+    assert said[6].startswith("the accelerometer held one value for 0.4 s")
     assert said[14] == said[6]
     rebuilding.close()
 

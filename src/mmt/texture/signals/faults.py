@@ -5,7 +5,7 @@ from typing import Any, Final
 
 _ACCELEROMETER: Final = {
     "held_s": "held one value for",
-    "saturated_s": "saturated for",
+    "saturated_s": "was saturated for",
     "constant_s": "gave one value from the start for",
 }
 _FRAMES: Final = {"missing_s": "missing for", "not_finite_s": "not finite for"}
@@ -34,8 +34,8 @@ class SignalFaults:
         if self.throughout:
             parts = ["the accelerometer gave one value throughout"]
         else:
-            parts = self._said("accelerometer: ", _ACCELEROMETER)
-        parts += self._said("frames: ", _FRAMES)
+            parts = self._said("the accelerometer ", _ACCELEROMETER)
+        parts += self._said("frames were ", _FRAMES)
         if self.bridged_s > 0.0:
             parts.append(f"{_seconds(self.bridged_s)} of this filled in")
         return "; ".join(parts)
