@@ -196,6 +196,16 @@ def test_gaps_in_the_session_are_counted_and_survived(stroked_session):
     assert evaluation.final.gfc > 0.9
 
 
+def test_a_dead_accelerometer_is_the_reason_and_the_strokes_were_made(stroked_session):
+    frames = stroked_session.frames.copy()
+    frames["acceleration_m_s2"] = 9.81
+    evaluation = evaluate_session(replace(stroked_session, frames=frames), SETTINGS)
+    assert evaluation.start_s is None
+    assert evaluation.final.samples == 0
+    assert "the tool stroked at" in evaluation.remark
+    assert "Not measured: the accelerometer gave one value throughout." in evaluation.remark
+
+
 def test_blocks_are_those_of_a_live_leader():
     frames = empty_frames(3600)
     frames["sequence"] = np.arange(3600) + 17

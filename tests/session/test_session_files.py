@@ -334,7 +334,7 @@ def test_info_says_what_a_file_holds(tmp_path):
 def test_info_says_what_was_no_measurement(tmp_path, monkeypatch):
     frames = made_frames(70_000)
     random = np.random.default_rng(1)
-    frames["position_mm"] = frames["force_n"] = 1.0
+    frames["position_mm"], frames["force_n"] = 0.1 * np.arange(len(frames))[:, None], 1.0
     frames["acceleration_m_s2"] = random.standard_normal((len(frames), 3))
     frames["acceleration_m_s2"][59_900:60_200] = frames["acceleration_m_s2"][59_900]
     path = tmp_path / "run.mcap"
