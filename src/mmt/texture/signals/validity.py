@@ -7,9 +7,9 @@ Causal and online, sample by sample, with what the channel itself has shown befo
   repeats often, and a slow sensor always; a vibration of a fine one hardly ever. A run of n
   repeats whose chance is below `CHANCE` is held, unless it is silence: the channel stopped at that
   value before, as a live signal does not, or has never stopped and it is the channel's mean; and
-  the last values before it were closer to it than the vibration usually is, unless the channel's
-  resolution tells all values of a vibration apart. A vibration that rings out comes to its end by
-  ever smaller steps, after which repeats are no surprise either.
+  the last values before it were closer to it than the vibration usually is, or the tool was at
+  rest. A vibration that rings out comes to its end by ever smaller steps, after which repeats are
+  no surprise either.
 - *Saturated*: a sample at the rail. A rail is an extreme, of the last samples or of all, that
   comes again and again to the last bit, more often than the values right beside it and the
   channel's resolution explain. It holds until a sample lies beyond it.
@@ -172,12 +172,13 @@ def _is_silence(state: FloatArray) -> bool:
     """Return whether a value that is repeated is one at which a vibration has ended."""
     away = np.abs(state[_BEFORE:_STOPS] - state[_LAST]).mean()
     declined = away <= _DECLINED * state[_ACTIVITY] + state[_RESOLUTION]
-    fine = state[_RESOLUTION] <= _LEAST_ACTIVE * state[_ACTIVITY]
-    again = (np.abs(state[_STOPS:] - state[_LAST]) <= state[_RESOLUTION]).any()
+    if state[_DECIDED] != _AT_REST and not declined:
+        return False
+    again = np.abs(state[_STOPS:] - state[_LAST]) <= state[_RESOLUTION]
     near = _NEAR_MEAN * math.sqrt(state[_POWER] / min(state[_CHANGES], _MEAN_SAMPLES))
     near += 0.5 * state[_RESOLUTION]
     first = np.isnan(state[_STOPS]) and abs(state[_LAST] - state[_MEAN]) <= near
-    return bool((again and (declined or fine)) or (first and declined))
+    return bool(first or again.any())
 
 
 @kernel("b1(f8[::1], f8[:, ::1])")
