@@ -34,6 +34,8 @@ def test_info_says_that_the_accelerometer_was_dead(tmp_path):
     assert "not measured" not in info_of(tmp_path / "oak.mcap", tmp_path / "oak.json")
     assert json.loads((tmp_path / "oak.json").read_text())["faults"]["text"] == ""
     frames["acceleration_m_s2"] = 9.81
+    frames["position_mm"][:, 0] = 0.1 * frames["sequence"]
+    frames["force_n"][:, 2] = 1.0
     write_session(tmp_path / "dead.mcap", frames)
     said = "the accelerometer gave one value throughout"
     assert f"not measured: {said}" in info_of(tmp_path / "dead.mcap", tmp_path / "dead.json")
