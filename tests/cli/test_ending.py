@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from mmt.cli.ending import ending_lines, unusual
+from mmt.texture.signals.faults import SignalFaults
 
 LEADER: dict[str, Any] = {
     "outcome": "completed",
@@ -125,6 +126,11 @@ def test_where_the_texture_is_not_known_the_error_is_of_held_out_segments() -> N
             {"file": "a.mcap", "frames": 9, "dropped": 5, "error": "disk full"},
             "the recording failed: disk full; 5 frames are not in it",
         ),
+        (
+            "texture__faults",
+            SignalFaults(constant_s=18.0, throughout=True).as_dict(),
+            "not measured: the accelerometer gave one value throughout",
+        ),
         ("handle__losses", 1, "1 loss of the handle"),
         ("handle__faults", {"stale commands": 2}, "2 faults of the handle (stale commands)"),
     ],
@@ -134,6 +140,13 @@ def test_what_is_unusual_is_named(key: str, value: Any, sentence: str) -> None:
     assert unusual("leader", leader(**{key: value})) == [f"leader: {sentence}"]
     lines = ending_lines({"leader": leader(**{key: value})})
     assert f"unusual:   leader: {sentence}" in lines
+
+
+@pytest.mark.parametrize("texture", [None, {}, {"faults": None}])
+def test_a_leader_without_a_model_has_no_faults_of_its_signals(texture: Any) -> None:
+    assert unusual("leader", {**LEADER, "texture": texture}) == []
+    found = {"faults": SignalFaults().as_dict()}
+    assert unusual("leader", {**LEADER, "texture": found}) == []
 
 
 def test_a_recording_that_failed_is_to_be_recovered_before_it_is_viewed() -> None:

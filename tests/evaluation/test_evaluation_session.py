@@ -9,10 +9,11 @@ import pytest
 
 from mmt.core.errors import InputError
 from mmt.core.frames import empty_frames
-from mmt.evaluation.evaluate import evaluate_session
+from mmt.evaluation.evaluate import evaluate_session, evaluate_surfaces
 from mmt.evaluation.held_out import choose_held_out, outside
 from mmt.evaluation.results import evaluations_as_dict
 from mmt.scene import Hand, Scene
+from mmt.scene.files import scene_from_tables
 from mmt.session import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.completion.distance import FARTHEST
@@ -186,8 +187,23 @@ def test_gaps_in_the_session_are_counted_and_survived(stroked_session):
     keep[3000:3040] = keep[5500:5503] = False
     evaluation = evaluate_session(replace(stroked_session, frames=frames[keep]), SETTINGS)
     assert evaluation.missing_frames == 43
+    assert evaluation.faults.missing_s == 0.043
+    said = evaluation.faults.sentence()
+    assert "frames were missing for 0.043 s" in said
+    assert evaluation.as_dict()["faults"]["text"] == said
+    assert f" Not measured: {said}." in evaluation.remark
     assert evaluation.duration_s == pytest.approx(len(frames) / 1000)
     assert evaluation.final.gfc > 0.9
+
+
+def test_a_dead_accelerometer_is_the_reason_and_the_strokes_were_made(stroked_session):
+    frames = stroked_session.frames.copy()
+    frames["acceleration_m_s2"] = 9.81
+    evaluation = evaluate_session(replace(stroked_session, frames=frames), SETTINGS)
+    assert evaluation.start_s is None
+    assert evaluation.final.samples == 0
+    assert "the tool stroked at" in evaluation.remark
+    assert "Not measured: the accelerometer gave one value throughout." in evaluation.remark
 
 
 def test_blocks_are_those_of_a_live_leader():
@@ -241,3 +257,19 @@ def frames_of_a_long_session():
     still["time_ns"] = still["sequence"].astype(np.int64) * 1_000_000
     still["position_mm"] = frames["position_mm"][-1]
     return np.concatenate([frames, still])
+
+
+def test_frames_on_another_surface_are_not_missing_from_a_model():
+    scene = scene_from_tables(
+        {"link": {}, "simulated": {}, "hand": {}, "texture": {"surfaces": {}}}
+    )
+    frames, _ = simulate_session(scene, "plastic", 6.0)
+    said = [
+        {"evidence": None, "at_sample": 2000, "surface": 2},
+        {"evidence": None, "at_sample": 4000, "surface": 1},
+    ]
+    session = RecordedSession(np.delete(frames, slice(1000, 1100)), events=said)
+    evaluations, _ = evaluate_surfaces(session, scene)
+    assert [each.faults.missing_s for each in evaluations] == [0.1, 0.0]
+    assert "Not measured: frames were missing for 0.1 s." in evaluations[0].remark
+    assert "Not measured" not in evaluations[1].remark

@@ -188,6 +188,9 @@ def test_a_criterion_says_its_value_its_cells_and_where_a_stroke_is_wanted() -> 
     assert growing["advice"] == pytest.approx((250.0, 2.5))
     complete = completion_header(monitor.progress, 1.0, 2.0)
     assert complete["advice"] is None  # nothing more is modelled
+    faulty = completion_header(monitor.progress, None, None, "frames were missing for 1 s")
+    assert faulty == {**growing, "faults": "frames were missing for 1 s"}
+    assert growing["faults"] == ""
     nothing = completion_header(None, None, None)
     assert (nothing["value"], nothing["cells"], nothing["advice"]) == (None, None, None)
 

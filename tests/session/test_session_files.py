@@ -331,6 +331,31 @@ def test_info_says_what_a_file_holds(tmp_path):
     assert said.size_bytes == path.stat().st_size
 
 
+def test_info_says_what_was_no_measurement(tmp_path, monkeypatch):
+    frames = made_frames(70_000)
+    random = np.random.default_rng(1)
+    frames["position_mm"], frames["force_n"] = 0.1 * np.arange(len(frames))[:, None], 1.0
+    frames["acceleration_m_s2"] = random.standard_normal((len(frames), 3))
+    frames["acceleration_m_s2"][59_900:60_200] = frames["acceleration_m_s2"][59_900]
+    path = tmp_path / "run.mcap"
+    write_session(path, frames, scene={"session": {"rate_hz": 1000}})
+    found = info(path).faults
+    assert found.held_s == pytest.approx(0.3, abs=0.005)  # across the parts it is filtered in
+    assert found.sentence() == f"the accelerometer held one value for {found.held_s:.3g} s"
+    write_session(path, frames[:3000], scene={"session": {"rate_hz": -1}})
+    assert info(path).faults is None
+    write_session(path, made_frames(3000, ("force",)))
+    assert info(path).faults is None
+
+    def lacking(package):
+        raise InputError(f"{package} is not installed")
+
+    write_session(path, frames[:3000])
+    assert info(path).faults.sentence() == ""
+    monkeypatch.setattr("mmt.session.info.require", lacking)
+    assert info(path).faults is None
+
+
 def test_a_demo_session_is_read_fast(tmp_path):
     path = tmp_path / "run.mcap"
     write_session(path, made_frames(18_000))

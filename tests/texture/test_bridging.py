@@ -117,7 +117,7 @@ def test_short_gaps_leave_no_gap_whatever_their_pattern(
     np.testing.assert_array_equal(aligned.measured, ~gone[: len(aligned)])
     np.testing.assert_array_equal(aligned.time_ns, whole.time_ns)
     np.testing.assert_allclose(aligned.speed_mm_s[100:], 100.0, rtol=1e-3)
-    assert stream.faults.missing == stream.faults.bridged == np.count_nonzero(gone)
+    assert stream.faults.missing_s == stream.faults.bridged_s == np.count_nonzero(gone) / 1000
     parts, at, received = [], 0, frames[~gone]
     pieces = StreamFilter()
     for length in [*lengths, len(received)]:
@@ -134,8 +134,8 @@ def test_a_longer_gap_is_not_bridged_and_none_is_where_it_is_turned_off() -> Non
         stream = StreamFilter(longest_bridged_samples=longest)
         aligned = stream.process(np.delete(frames, np.s_[300 : 300 + gap]))
         assert not set(range(300, 300 + gap)) & set(aligned.index.tolist())
-        assert stream.faults.bridged == 0
-        assert stream.faults.missing == gap
+        assert stream.faults.bridged_s == 0
+        assert stream.faults.missing_s == gap / 1000
 
 
 def test_filled_samples_count_for_no_power() -> None:

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mmt.core.arrays import FloatArray
 from mmt.texture.completion.distance import CompletionMonitor, cells_of
 from mmt.texture.completion.uncertainty import (
     PRIOR_S,
@@ -84,6 +85,12 @@ def density(dimensions: int) -> StrokingDensity:
     return StrokingDensity(grid_of(dimensions), ModellingSettings())
 
 
+def seconds_of(seen: StrokingDensity) -> FloatArray:
+    """Return the seconds of stroking at each node, without those of the prior."""
+    weights = seen.weights
+    return weights * (PRIOR_S + seen.total_s) - PRIOR_S / len(weights)
+
+
 def share(field: LevelField, grid: CompletionGrid) -> float:
     return float(outlook(field, grid, np.full(len(grid), 1 / len(grid)))[0].mean())
 
@@ -139,19 +146,20 @@ def test_motion_counts_where_it_was_against_seconds_of_any_stroke(dimensions):
 
 @given(speed_mm_s=st.floats(25.0, 285.0), force_n=st.floats(0.25, 2.85))
 def test_motion_counts_at_the_strokes_next_to_it_and_on_average_where_it_was(speed_mm_s, force_n):
-    grid, seen = completion_grid(2), density(2)
+    seen, inputs = density(2), grid_of(2).points * (300.0, 3.0)
     seen.add(motion(0.5, speed_mm_s, force_n))
-    assert seen.seconds @ grid.inputs / seen.total_s == pytest.approx([speed_mm_s, force_n])
-    away = np.abs(grid.inputs[seen.seconds > 0.0] - (speed_mm_s, force_n))
+    seconds = seconds_of(seen)
+    assert seconds @ inputs / seen.total_s == pytest.approx([speed_mm_s, force_n])
+    away = np.abs(inputs[seconds > 1e-9] - (speed_mm_s, force_n))
     assert (away <= (290.0 / 12, 2.9 / 12)).all()
 
 
 @given(heading=st.floats(-10.0, 10.0))
 def test_motion_counts_at_the_headings_next_to_it(heading):
-    grid, seen = completion_grid(3), density(3)
+    grid, seen = grid_of(3), density(3)
     seen.add(motion(0.5, 150.0, 1.5, heading))
-    turns = np.arctan2(grid.inputs[:, 1], grid.inputs[:, 0])
-    along = seen.seconds @ np.exp(1j * (turns - heading))
+    turns = np.arctan2(grid.points[:, 1], grid.points[:, 0])
+    along = seconds_of(seen) @ np.exp(1j * (turns - heading))
     step = 2.0 * np.pi / 12
     assert seen.total_s == pytest.approx(0.5)
     assert 0.5 * np.cos(step / 2) <= along.real + 1e-9

@@ -17,6 +17,7 @@ from mmt.texture.completion.distance import CompletionMonitor
 from mmt.texture.online.history import surface_changes
 from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
+from mmt.texture.signals.faults import SignalFaults
 from mmt.texture.surfaces import SaidSurface, SurfaceChange, said_surfaces
 from mmt.texture.surfaces import modeller as modelling
 from mmt.texture.surfaces.modeller import SurfaceModeller
@@ -38,6 +39,7 @@ class ScriptedTracker:
     def __init__(self, *_: object) -> None:
         self.surface = 1
         self.surfaces = {1}
+        self.faults = SignalFaults()
 
     def update(self, frames: RecordArray) -> list[SurfaceChange]:
         found = self.script.get(int(frames["sequence"][-1]) + 1, [])

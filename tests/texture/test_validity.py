@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from mmt.core.arrays import BoolArray, FloatArray, RecordArray
 from mmt.core.frames import empty_frames
 from mmt.texture.signals.aligned import AlignedBlock
-from mmt.texture.signals.filtering import SignalFaults, StreamFilter
+from mmt.texture.signals.faults import SignalFaults
+from mmt.texture.signals.filtering import StreamFilter
 
 
 def texture(count: int, seed: int, amplitude: FloatArray | float = 1.0) -> FloatArray:
@@ -56,9 +57,9 @@ def test_a_held_value_is_found_and_nothing_else(noise: float, step: float) -> No
         aligned, faults = judged(frames_of(x))
         held = slice(start + 1, start + length)
         found.append(not (aligned.measured[held] | aligned.valid[held]).any())
-        assert faults.held <= length + 3
+        assert faults.held_s <= (length + 3) / 1000
         assert aligned.valid[start + length + 80 :].all()
-        assert faults.saturated == faults.constant == 0
+        assert faults.saturated_s == faults.constant_s == 0
     assert np.mean(found) > 0.95
 
 
@@ -103,7 +104,7 @@ def test_a_vibration_that_stops_at_once_at_its_mean_is_mostly_held() -> None:
     for seed in range(40):
         x = texture(6000, seed)
         x[4000:4300] = 0.0
-        found.append(judged(frames_of(x))[1].held > 290)
+        found.append(1000 * judged(frames_of(x))[1].held_s > 290)
     assert np.mean(found) > 0.6
 
 
@@ -116,8 +117,8 @@ def test_a_coarse_converter_at_rest_is_not_held() -> None:
         noise = 0.03 * generator.standard_normal(9000)
         x = texture(9000, seed, amplitude) + noise + offset * step
         _, faults = judged(frames_of(step * np.round(x / step)))
-        held.append(faults.held)
-        assert faults.saturated == faults.constant == 0
+        held.append(round(1000 * faults.held_s))
+        assert faults.saturated_s == faults.constant_s == 0
     assert np.median(held) <= 20
     assert np.mean(held) < 0.01 * len(amplitude)
 
@@ -127,7 +128,7 @@ def test_a_slow_sensor_that_repeats_its_values_is_used_once_that_is_known(repeat
     x = np.repeat(texture(8000 // repeats, 3), repeats)
     aligned, faults = judged(frames_of(x))
     assert aligned.measured[200:].all()
-    assert faults.saturated == 0
+    assert faults.saturated_s == 0
 
 
 @given(
@@ -151,7 +152,7 @@ def test_samples_at_the_rail_are_found(seed: int, limit: float, sides: str, step
     after = slice(4000, len(aligned))
     assert not aligned.valid[after][at_rail[after]].any()
     assert aligned.measured[after][~at_rail[after]].mean() > 0.98
-    assert faults.saturated > 0.5 * np.count_nonzero(at_rail)
+    assert faults.saturated_s > 0.5 * np.count_nonzero(at_rail) / 1000
 
 
 @given(seed=st.integers(0, 10_000), step=st.sampled_from([0.0, 0.005, 0.05]))
@@ -159,15 +160,15 @@ def test_samples_at_the_rail_are_found(seed: int, limit: float, sides: str, step
 def test_a_vibration_within_the_range_has_no_rail(seed: int, step: float) -> None:
     x = texture(12_000, seed)
     _, faults = judged(frames_of(step * np.round(x / step) if step else x))
-    assert faults.saturated == faults.constant == 0
-    assert faults.held <= 24  # at the crest of a slow wave that a coarse converter reads
+    assert faults.saturated_s == faults.constant_s == 0
+    assert faults.held_s <= 0.024  # at the crest of a slow wave that a coarse converter reads
 
 
 def test_a_rail_that_a_sample_exceeds_was_none() -> None:
     x = texture(8000, 1)
     x[3000:3500] = x[3000:3500].clip(-0.8, 0.8)
     aligned, faults = judged(frames_of(x))
-    assert faults.saturated > 50
+    assert faults.saturated_s > 0.05
     assert aligned.measured[3600:].all()
 
 
@@ -176,7 +177,8 @@ def test_a_channel_that_is_constant_throughout_has_no_measurement() -> None:
         aligned, faults = judged(frames_of(np.zeros(3000), gravity))
         assert not aligned.valid.any()
         assert not aligned.measured.any()
-        assert faults.constant == len(aligned)
+        assert faults.constant_s == len(aligned) / 1000
+        assert faults.throughout
 
 
 def test_one_axis_that_changes_is_a_measurement_of_three() -> None:
@@ -193,7 +195,7 @@ def test_what_is_unplugged_is_held_and_the_vibration_goes_on_behind_it() -> None
     frames["acceleration_m_s2"][3000:5000] = 0.0
     aligned, faults = judged(frames)
     np.testing.assert_array_equal(np.flatnonzero(~aligned.measured), np.arange(3000, 5000))
-    assert faults.held == 2000
+    assert faults.held_s == 2.0
     assert aligned.valid[5000:].all()
     whole, _ = judged(frames_of(x))
     error = aligned.vibration_m_s2[5000:] - whole.vibration_m_s2[5000:]
@@ -205,10 +207,11 @@ def test_a_channel_that_is_not_finite_is_counted() -> None:
     frames["acceleration_m_s2"][:, 2] = np.nan
     aligned, faults = judged(frames)
     assert len(aligned) == 0
-    assert faults == SignalFaults(not_finite=1000)
+    assert faults == SignalFaults(not_finite_s=1.0)
     frames = frames_of(texture(1000, 1))
     frames["acceleration_m_s2"][500:503, 2] = np.nan
-    assert judged(np.delete(frames, 600))[1] == SignalFaults(not_finite=3, missing=1, bridged=4)
+    _, faults = judged(np.delete(frames, 600))
+    assert faults == SignalFaults(not_finite_s=0.003, missing_s=0.001, bridged_s=0.004)
 
 
 @st.composite

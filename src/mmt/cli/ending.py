@@ -97,6 +97,8 @@ def unusual(name: str, summary: Mapping[str, Any]) -> list[str]:
         for place, count in _values(summary, fault.path.split("."))
         if count
     ]
+    if signal_faults := ((summary.get("texture") or {}).get("faults") or {}).get("text"):
+        found.append(f"not measured: {signal_faults}")
     if generator_fault := summary.get("generator", {}).get("fault"):
         found.append(f"{generator_fault}; our model was rendered in its place")
     late = summary.get("ticks", {}).get("late_share_1ms") or 0.0

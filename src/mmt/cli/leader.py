@@ -195,7 +195,8 @@ class LeaderRun(ServiceRun["Leader"]):
         if self.options.json_lines:
             write_line("status", **status.as_dict())
         elif messages.is_terminal:
-            messages.print(_status_line(status), end="\r", highlight=False)
+            line = _status_line(status)
+            messages.print(line, end="\r", highlight=False, no_wrap=True, overflow="ellipsis")
 
     def on_event(self, sentence: str) -> None:
         """Report an event, in a terminal below the line of status."""

@@ -5,6 +5,7 @@ import os
 import sys
 import webbrowser
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -24,6 +25,7 @@ from mmt.cli.common import (
 )
 from mmt.cli.exporting import export_file
 from mmt.cli.importing import import_file, inspect_file
+from mmt.core.errors import InputError
 from mmt.core.existing_files import free_path, require_absent
 from mmt.core.kernel_cache import compile_kernels
 from mmt.scene import Scene
@@ -111,16 +113,21 @@ def info(
     from mmt.session.info import info as session_info
     from mmt.session.operators import control_sentence
 
+    with suppress(InputError):  # without the numerics, faults of the signals are not looked for
+        compile_kernels(["mmt.texture.signals.filtering"], messages.print)
     found = session_info(source)
     content: dict[str, Any] = {
         name: str(value) if isinstance(value, Path) else value
         for name, value in asdict(found).items()
     }
+    content["faults"] = None if found.faults is None else found.faults.as_dict()
     content["control"] = [period.as_dict() for period in found.control]
     listeners, hand_overs = content["listeners"], content["hand_overs"]
-    apart = ("listeners", "control", "hand_overs")
+    apart = ("listeners", "control", "hand_overs", "faults")
     shown = {name: value for name, value in content.items() if name not in apart}
     output.print(summary_table(source.name, {"session": shown}))
+    if fault := found.faults and found.faults.sentence():
+        output.print(f"not measured: {fault}", highlight=False)
     if listeners:
         output.print(_listener_table(listeners))
     for sentence in (control_sentence(found.control), *hand_overs) if hand_overs else ():

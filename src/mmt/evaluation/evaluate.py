@@ -155,6 +155,7 @@ def evaluate_session(
         duration_s=duration_s,
         complete=session.complete,
         missing_frames=seen.missing,
+        faults=seen.strokes.faults,
         settings=settings,
         beside=beside,
         period_s=period_s,
@@ -231,9 +232,10 @@ def evaluate_surfaces(
     name = session.path.stem or "session"
     evaluations = [
         replace(
-            evaluate(part),
+            found := evaluate(part),
             name=f"{name}, surface {number}",
             missing_frames=parts.missing[number],
+            faults=replace(found.faults, missing_s=parts.missing[number] / settings.rate_hz),
             control=control_periods(session.events, session.duration_s),
         )
         for number, part in parts.sessions.items()

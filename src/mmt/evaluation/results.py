@@ -12,6 +12,7 @@ from mmt.session.operators import ControlPeriod, control_sentence
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import ModelHistory
 from mmt.texture.settings import THRESHOLDS, ModellingSettings
+from mmt.texture.signals.faults import SignalFaults
 
 Basis = Literal["truth", "held-out"]
 """The reference of the power error and of the share within one JND."""
@@ -158,9 +159,9 @@ class Evaluation:
     these moments. ``models`` holds the leader's model after each update with its time;
     ``course`` (k, 2) time and value of the completion criterion of every update;
     ``by_heading`` is empty but on a texture that depends on the heading.
+    ``faults`` is what of its signals was no measurement.
     ``control`` says who moved the robot when, in times of the whole session, and is empty where
-    control was never handed over. No figure depends on it: all are of the surface, by what the
-    robot measured, whoever moved it.
+    control was never handed over. No figure depends on it: all are by what the robot measured.
     """
 
     name: str
@@ -169,6 +170,7 @@ class Evaluation:
     duration_s: float
     complete: bool
     missing_frames: int
+    faults: SignalFaults
     settings: ModellingSettings
     beside: str
     period_s: float
@@ -205,11 +207,13 @@ class Evaluation:
 
     @property
     def remark(self) -> str:
-        """What was stroked, and by whose hands where control was handed over."""
-        if not self.control:
-            return self.coverage.remark
-        hands = control_sentence(self.control)
-        return f"{self.coverage.remark} {hands} The figures are by the strokes of all of them."
+        """What was stroked, what was no measurement, and by whose hands if control changed."""
+        fault = self.faults.sentence()
+        said = [self.coverage.remark] + [f"Not measured: {fault}."] * bool(fault)
+        if self.control:
+            said.append(control_sentence(self.control))
+            said.append("The figures are by the strokes of all of them.")
+        return " ".join(said)
 
     def model_at(self, time_s: float) -> TextureModel | None:
         """Return the model that the leader had at a session time, None before the first."""
@@ -238,6 +242,7 @@ class Evaluation:
             "duration_s": round(self.duration_s, 6),
             "complete": self.complete,
             "missing_frames": self.missing_frames,
+            "faults": self.faults.as_dict(),
             "basis": self.basis,
             "basis_reason": self.basis_reason,
             "order": self.order,

@@ -7,6 +7,7 @@ import numpy as np
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.evaluation.grid_errors import Strokes
 from mmt.texture.settings import ModellingSettings
+from mmt.texture.signals.faults import SignalFaults
 from mmt.texture.signals.filtering import StreamFilter
 
 MOST: Final = 400
@@ -35,11 +36,8 @@ class StrokesMade:
     def add(self, block: RecordArray) -> None:
         """Add the next frames of the session, shape (n,)."""
         motion, settings = self._filter.process(block), self._settings
-        stroking = (
-            motion.valid
-            & (motion.speed_mm_s >= settings.least_speed_mm_s)
-            & (motion.normal_force_n >= settings.least_force_n)
-        )
+        stroking = motion.speed_mm_s >= settings.least_speed_mm_s
+        stroking &= motion.normal_force_n >= settings.least_force_n
         chosen = np.flatnonzero(stroking)
         self._samples += len(chosen)
         chosen = chosen[(chosen + self._seen) % self._every == 0]
@@ -47,6 +45,11 @@ class StrokesMade:
         heading = np.arctan2(motion.velocity_mm_s[chosen, 1], motion.velocity_mm_s[chosen, 0])
         rows = motion.speed_mm_s[chosen], motion.normal_force_n[chosen], heading
         self._parts.append(np.array(rows))
+
+    @property
+    def faults(self) -> SignalFaults:
+        """What of the session so far was no measurement."""
+        return self._filter.faults
 
     @property
     def total_s(self) -> float:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal, Protocol
 from mmt.core.errors import InputError
 from mmt.leader.part import Part, Session
 from mmt.leader.stage import Activity, Item, ItemQueue, StageTask
+from mmt.texture.signals.faults import SignalFaults
 
 if TYPE_CHECKING:
     from mmt.leader.generating import GeneratingPart
@@ -59,6 +60,7 @@ class ModelOutput(Part):
         self._log = session.log
         self._event = session.journal.event
         self._since_s = 0.0
+        self._said = SignalFaults()
         self._rendered: int | None = None  # the surface whose model is rendered
         self._recorded: dict[int, TextureModel] = {}  # by surface, into:
         self._recorder: McapRecorder | None = None
@@ -104,6 +106,9 @@ class ModelOutput(Part):
         update = replace(update, time_s=self._since_s + update.time_s)
         log.update = update
         log.update_seconds.append(seconds)
+        if update.faults.worth_saying(self._said):
+            self._said = update.faults
+            self._event(f"not measured: {update.faults.sentence()}", faults=update.faults.as_dict())
         usable = update.started and update.model is not None
         if update.surface is not None:
             self._follow_surface(update, usable=usable)
@@ -176,7 +181,7 @@ class ModelOutput(Part):
             self._generating.reset()
         self._log.surfaces = None
         self._recorded.clear()
-        self._since_s = time_s
+        self._since_s, self._said = time_s, SignalFaults()
         self._log.update = self._log.start_s = self._log.stop_s = None
         self.takes_over = False
         self.forced = None

@@ -255,6 +255,7 @@ class Modelling(Part):
             "order": update.order if update else None,
             "distance": round(update.distance, 3) if update else None,
             "completion": update.progress.as_dict() if update else None,
+            "faults": update.faults.as_dict() if update else None,
             "start_s": log.start_s,
             "stop_s": log.stop_s,
             **({"surfaces": log.surfaces.as_dict(duration_s)} if log.surfaces is not None else {}),

@@ -3,14 +3,23 @@
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Final
 
-from mmt.core.frames import Channel
+from mmt.core.errors import InputError
+from mmt.core.extras import require
+from mmt.core.frames import FIELD_OF_CHANNEL, Channel
 from mmt.core.printable import printable
 from mmt.session.data import JsonObject, RecordedSession, duration_s, missing_frames
 from mmt.session.files import read_session
 from mmt.session.mcap_reader import scanned_session
 from mmt.session.mcap_scan import scan_mcap
 from mmt.session.operators import ControlPeriod, control_periods
+
+if TYPE_CHECKING:
+    from mmt.texture.signals.faults import SignalFaults
+
+_FILTERED_AT_ONCE: Final = 60_000
+"""Frames, a minute of them: memory is that of a minute however long the session is."""
 
 
 @dataclass(frozen=True)
@@ -22,6 +31,9 @@ class SessionInfo:
     duration_s: float
     frames: int
     missing_frames: int
+    faults: "SignalFaults | None"
+    """What of the signals was no measurement. None without position, force or acceleration, where
+    the recorded scene is not valid, and where the numerics are not installed."""
     rate_hz: float | None
     """Frames a second by the recorded times, gaps counted as frames; None below two."""
     channels: tuple[Channel, ...]
@@ -64,6 +76,7 @@ def info(path: str | Path) -> SessionInfo:
         duration_s=duration_s(frames),
         frames=len(frames),
         missing_frames=missing_frames(frames),
+        faults=_faults(session),
         rate_hz=_rate_hz(session),
         channels=session.channels,
         scene=_scene_name(session),
@@ -82,6 +95,29 @@ def info(path: str | Path) -> SessionInfo:
 def _size_bytes(path: Path) -> int:
     files = path.rglob("*") if path.is_dir() else [path]
     return sum(file.stat().st_size for file in files if file.is_file())
+
+
+def _faults(session: RecordedSession) -> "SignalFaults | None":
+    """Pass the frames through the filter of the modelling; about 1 us each."""
+    if not set(FIELD_OF_CHANNEL) <= set(session.channels):
+        return None
+    from mmt.scene import Scene, Texture
+    from mmt.scene.recorded import scene_of_recording
+
+    try:
+        for package in ("numba", "scipy"):
+            require(package)
+        scene = scene_of_recording(session.scene, "the scene") if session.scene else Scene()
+    except InputError:
+        return None
+    from mmt.texture.signals.filtering import StreamFilter
+    from mmt.texture.signals.numbering import StreamNumbering
+
+    stream = StreamFilter.of((scene.texture or Texture()).settings(float(scene.session.rate_hz)))
+    frames = StreamNumbering().number(session.frames)
+    for start in range(0, len(frames), _FILTERED_AT_ONCE):
+        stream.process(frames[start : start + _FILTERED_AT_ONCE])
+    return stream.faults
 
 
 def _listeners(events: Iterable[JsonObject]) -> tuple[JsonObject, ...]:

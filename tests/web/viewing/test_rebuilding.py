@@ -30,9 +30,14 @@ def stroked() -> RecordArray:
     return frames
 
 
-def rebuilt(settings: ModellingSettings, events: list[JsonObject] | None = None) -> ModelRebuild:
+def rebuilt(
+    settings: ModellingSettings,
+    events: list[JsonObject] | None = None,
+    frames: RecordArray | None = None,
+) -> ModelRebuild:
     """Return the finished building of a session's model."""
-    windows = MemoryWindows(RecordedSession(stroked(), events=events or []))
+    recorded = stroked() if frames is None else frames
+    windows = MemoryWindows(RecordedSession(recorded, events=events or []))
     rebuilding = ModelRebuild(windows, settings, 1.0)
     rebuilding.start()
     deadline = time.monotonic() + 120
@@ -55,6 +60,17 @@ def test_every_state_is_that_of_the_live_leader() -> None:
         if state.number is not None and update.model is not None:
             model = rebuilding.snapshots.model(state.number)
             np.testing.assert_array_equal(model.points, update.model.points)
+    rebuilding.close()
+
+
+def test_a_state_says_what_was_no_measurement_until_then() -> None:
+    frames = stroked().copy()
+    frames["acceleration_m_s2"][5200:5600] = frames["acceleration_m_s2"][5200]
+    rebuilding = rebuilt(NEVER, frames=frames)
+    said = {round(state.time_s): state.faults for state in rebuilding.states}
+    assert said[5] == ""
+    assert said[6].startswith("the accelerometer held one value for 0.4 s")
+    assert said[14] == said[6]
     rebuilding.close()
 
 

@@ -150,6 +150,7 @@ class OnlineModeller:
             added=added,
             removed=[(s.start, s.stop) for s in change.removed],
             noise_power=self._noise.power,
+            faults=self._filter.faults,
             held_out=[(s.start, s.stop) for s in held_out],
             durations_s=clock.laps,
         )
@@ -164,7 +165,8 @@ class OnlineModeller:
         from_sample
             The first sequence number that is not of this surface.
         """
-        return Work(self, self._time_s, [], [], [], self._noise.power, forget_from=from_sample)
+        known = self._noise.power, self._filter.faults
+        return Work(self, self._time_s, [], [], [], *known, forget_from=from_sample)
 
     def _session_time_s(self, sequence: int) -> float:
         return (sequence - (self._first_sequence or 0)) / self.settings.rate_hz
@@ -208,6 +210,7 @@ class OnlineModeller:
             surface=work.surface,
             changes=work.changes,
             left=work.left,
+            faults=work.faults,
         )
 
 

@@ -10,6 +10,7 @@ from mmt.texture.model.fits import Fit
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.signals.aligned import AlignedBlock
+from mmt.texture.signals.faults import SignalFaults
 
 if TYPE_CHECKING:
     from mmt.texture.online.modeller import OnlineModeller
@@ -43,6 +44,7 @@ class ModelUpdate:
     Where surfaces are told apart, ``surface`` is the number of the one that all this is of,
     ``changes`` says which changes this update brings to light, in order, and ``left`` what
     has become of the models of the surfaces that were left by them. ``source`` gives ``model``.
+    ``faults`` is what of the stream was no measurement, from its first frame on.
     """
 
     time_s: float
@@ -59,6 +61,7 @@ class ModelUpdate:
     surface: int | None = None
     changes: "tuple[SurfaceChange, ...]" = ()
     left: "tuple[ModelUpdate, ...]" = ()
+    faults: SignalFaults = field(default_factory=SignalFaults)
 
     @property
     def model(self) -> TextureModel | None:
@@ -87,6 +90,8 @@ class Work:
         Ranges of new segments that may not enter the model.
     noise_power
         Noise power of the sensor, in (m/s2)^2.
+    faults
+        As in `ModelUpdate`.
     forget_from
         The first sequence number of another surface: what reaches beyond leaves the model; None
         in a usual update.
@@ -111,6 +116,7 @@ class Work:
     added: list[Segment]
     removed: list[SegmentRange]
     noise_power: float
+    faults: SignalFaults = field(default_factory=SignalFaults)
     forget_from: int | None = None
     held_out: list[SegmentRange] = field(default_factory=list)
     durations_s: dict[str, float] = field(default_factory=dict)

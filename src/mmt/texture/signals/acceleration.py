@@ -121,13 +121,15 @@ def _learn(sample: FloatArray, vibration: FloatArray, axes: FloatArray, state: I
 
 
 @kernel(
-    "void(f8[:, ::1], i8[::1], b1[::1], i8[::1], i8[::1], f8[::1], f8[:, ::1], i8[::1],"
-    " f8[:, ::1], f8[:, :, ::1], f8[:, :, ::1], f8[:, ::1], b1[::1])"
+    "void(f8[:, ::1], i8[::1], f8[:, ::1], b1[::1], f8[::1], i8[::1], i8[::1], f8[::1],"
+    " f8[:, ::1], i8[::1], f8[:, ::1], f8[:, :, ::1], f8[:, :, ::1], f8[:, ::1], b1[::1])"
 )
 def _process(
     samples: FloatArray,
     cause: IntArray,
+    motion: FloatArray,
     restart: BoolArray,
+    least: FloatArray,
     begins: IntArray,
     limits: IntArray,
     taps: FloatArray,
@@ -146,7 +148,7 @@ def _process(
     for row in range(first):
         unknown[row] = cause[row] not in (_MEASURED, _SATURATED)
     for newest in range(first, len(samples)):
-        judge(samples, cause, newest, delay, judged, repeats, extremes)
+        judge(samples, cause, motion, restart, least, newest, delay, judged, repeats, extremes)
         row = newest - delay
         if row < waiting:
             continue
@@ -187,27 +189,45 @@ class VibrationFilter:
         Number of samples for which a restarted high-pass is not valid.
     longest_bridged
         Number of elements without a measurement, one behind the other, that are filled.
+    least : (2,)
+        Tangential motion in mm a sample, and force in N, from which on the tool strokes.
     """
 
     def __init__(
-        self, high_pass: Biquad, axes: int, delay: int, settling: int, longest_bridged: int
+        self,
+        high_pass: Biquad,
+        axes: int,
+        delay: int,
+        settling: int,
+        longest_bridged: int,
+        least: FloatArray,
     ) -> None:
         self._taps = taps_of(high_pass)
         self._limits = np.array([delay, settling, longest_bridged])
+        self._least = least
         self._channels = ChannelStates(axes)
         self._axes = np.zeros((axes, 4))
         self._all = np.zeros(5, np.int64)
         self._history = 0
-        self._samples = np.zeros((0, axes))
+        self._samples, self._motion = np.zeros((0, axes)), np.zeros((0, 3))
         self._cause = np.zeros(0, np.int64)
         self._restart = np.zeros(0, np.bool_)
 
-    def process(self, samples: FloatArray, missing: BoolArray, restart: BoolArray) -> Vibration:
+    @property
+    def changed(self) -> bool:
+        """Whether any axis has ever given another value than its first."""
+        return self._channels.changed
+
+    def process(
+        self, samples: FloatArray, motion: FloatArray, missing: BoolArray, restart: BoolArray
+    ) -> Vibration:
         """Take in elements, and return those that leave.
 
         Parameters
         ----------
         samples : (n, axes)
+        motion : (n, 3)
+            Raw tangential position in mm, and normal force in N.
         missing : (n,)
             Elements to be filled: they stand for frames that did not come.
         restart : (n,)
@@ -216,6 +236,7 @@ class VibrationFilter:
         first = len(self._samples)
         joined = np.concatenate([self._samples, samples])
         cause = np.concatenate([self._cause, np.where(missing, int(Cause.MISSING), _MEASURED)])
+        moved = np.concatenate([self._motion, motion])
         starts = np.concatenate([self._restart, restart])
         leaving = slice(self._history, max(self._history, len(joined) - int(self._limits[0])))
         vibration, valid = np.zeros_like(joined), np.zeros(len(joined), np.bool_)
@@ -223,7 +244,9 @@ class VibrationFilter:
         _process(
             joined,
             cause,
+            moved,
             starts,
+            self._least,
             np.array([self._history, first]),
             self._limits,
             self._taps,
@@ -238,5 +261,5 @@ class VibrationFilter:
         kept = max(0, leaving.stop - HISTORY)
         self._history = leaving.stop - kept
         self._samples, self._cause = joined[kept:], cause[kept:]
-        self._restart = starts[kept:]
+        self._motion, self._restart = moved[kept:], starts[kept:]
         return Vibration(vibration[leaving], cause[leaving], valid[leaving])

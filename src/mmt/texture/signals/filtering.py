@@ -10,13 +10,13 @@ A few missing frames in a row are filled: motion and force by a straight line, a
 `mmt.texture.signals.bridging` says. A longer gap restarts the filters of motion; that of the
 vibration keeps its offset. Acceleration that is no measurement is found by
 `mmt.texture.signals.validity`. Position and force are not judged so: a tool that stands still, and
-a force that is well controlled, repeat their values.
+a force that is well controlled, repeat their values; they say where an acceleration may.
 
 Vibration for the actuator must not wait for that: before the switch to the model the leader
 takes the acceleration along one axis through a `mmt.texture.signals.biquad.BiquadFilter`.
 """
 
-from typing import Final, NamedTuple, Self
+from typing import Final, Self
 
 import numpy as np
 
@@ -34,9 +34,10 @@ from mmt.texture.settings import (
 from mmt.texture.signals.acceleration import VibrationFilter, taps_of
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.biquad import SMALLEST, bessel_low_pass, butterworth_high_pass
+from mmt.texture.signals.faults import SignalFaults
 from mmt.texture.signals.frame_gaps import FrameGaps
 from mmt.texture.signals.numbering import StreamNumbering
-from mmt.texture.signals.validity import Cause
+from mmt.texture.signals.validity import LEAST_LEARNT, Cause
 
 SETTLED_SHARE: Final = 0.05
 """Samples count as valid when what a filter's restart left has decayed to this share in
@@ -49,22 +50,6 @@ VIBRATION_CUTOFF_HZ: Final = 10.0
 """The published corner of the high-pass of the acceleration."""
 
 _AXES: Final = "xyz"
-
-
-class SignalFaults(NamedTuple):
-    """Frames whose acceleration was no measurement, by cause, and how many of them were filled.
-
-    ``missing`` frames did not come, ``not_finite`` ones had a number that is not finite or beyond
-    `frame_gaps.LARGEST_MEASUREMENT` in a channel that is used; the others are those of
-    `mmt.texture.signals.validity`, counted when they leave the filter.
-    """
-
-    held: int = 0
-    saturated: int = 0
-    constant: int = 0
-    not_finite: int = 0
-    missing: int = 0
-    bridged: int = 0
 
 
 class StreamFilter:
@@ -93,6 +78,8 @@ class StreamFilter:
         Frames a second.
     longest_bridged_samples
         Missing frames in a row that are filled, 0 for none.
+    least_speed_mm_s, least_force_n
+        Speed and force from which on the tool strokes: there alone a value can be held.
 
     Raises
     ------
@@ -106,6 +93,8 @@ class StreamFilter:
         axis: VibrationAxis = "z",
         rate_hz: float = 1000.0,
         longest_bridged_samples: int = LONGEST_BRIDGED,
+        least_speed_mm_s: float = ModellingSettings.least_speed_mm_s,
+        least_force_n: float = ModellingSettings.least_force_n,
     ) -> None:
         check("normal", normal, Axis)
         check("axis", axis, VibrationAxis)
@@ -119,6 +108,7 @@ class StreamFilter:
         self._axes = [0, 1, 2] if axis == "dft321" else [_AXES.index(axis)]
         self._low_taps, self._high_pass = taps_of(low_pass), high_pass
         self._longest_bridged = longest_bridged_samples
+        self._least = np.array([least_speed_mm_s / rate_hz, least_force_n])
         speed = low_pass.delay_samples(0.0) + 0.5
         vibration = high_pass.delay_samples(min(10.0 * VIBRATION_CUTOFF_HZ, rate_hz / 4.0))
         self.delay_samples = max(0, round(speed - vibration))
@@ -136,6 +126,8 @@ class StreamFilter:
             settings.axis,
             settings.rate_hz,
             longest_bridged_samples=settings.longest_bridged_samples,
+            least_speed_mm_s=settings.least_speed_mm_s,
+            least_force_n=settings.least_force_n,
         )
 
     def reset(self) -> None:
@@ -143,7 +135,12 @@ class StreamFilter:
         axes = len(self._axes)
         self._low_state = np.zeros((4, 2))
         self._vibration = VibrationFilter(
-            self._high_pass, axes, self.delay_samples, self.warm_up_samples, self._longest_bridged
+            self._high_pass,
+            axes,
+            self.delay_samples,
+            self.warm_up_samples,
+            self._longest_bridged,
+            self._least,
         )
         self._last_position_mm = np.zeros(3)
         self._run_start = -1
@@ -156,13 +153,17 @@ class StreamFilter:
     @property
     def faults(self) -> SignalFaults:
         """What was no measurement so far."""
+        causes, rate_hz = self._causes, self._rate_hz
+        constant = int(causes[Cause.CONSTANT])
+        constant = constant if constant >= LEAST_LEARNT else 0
         return SignalFaults(
-            held=int(self._causes[Cause.HELD]),
-            saturated=int(self._causes[Cause.SATURATED]),
-            constant=int(self._causes[Cause.CONSTANT]),
-            not_finite=self._gaps.not_finite,
-            missing=self._gaps.missing,
-            bridged=self._bridged,
+            held_s=int(causes[Cause.HELD]) / rate_hz,
+            saturated_s=int(causes[Cause.SATURATED]) / rate_hz,
+            constant_s=constant / rate_hz,
+            not_finite_s=self._gaps.not_finite / rate_hz,
+            missing_s=self._gaps.missing / rate_hz,
+            bridged_s=self._bridged / rate_hz,
+            throughout=constant > 0 and not self._vibration.changed,
         )
 
     def process(self, frames: RecordArray) -> AlignedBlock:
@@ -177,12 +178,15 @@ class StreamFilter:
         elements, restart = self._gaps.fill(self._numbering.number(frames))
         index, motion = elements.index, elements.motion
         settled = self._settled(index, restart)
+        raw_motion = motion.take([*self._tangential, 3], axis=1)
         _filter_channels(motion, restart, self._low_taps, self._low_state)
         position_mm = np.ascontiguousarray(motion[:, :3])
         step_mm = self._steps(position_mm, restart)
         speed_mm_s = np.hypot(step_mm[:, 0], step_mm[:, 1]) * self._rate_hz
         force_n = np.maximum(motion[:, 3], 0.0)
-        found = self._vibration.process(elements.acceleration, elements.missing, restart)
+        found = self._vibration.process(
+            elements.acceleration, raw_motion, elements.missing, restart
+        )
 
         waiting = self._waiting.shape[1]
         everything = np.concatenate([self._waiting, [index, elements.time_ns]], axis=1)

@@ -5,14 +5,18 @@ Causal and online, sample by sample, with what the channel itself has shown befo
 - *Held*: the channel repeats one value for longer than chance allows. How often a value is
   repeated is learnt for each octave of the last steps before it: a coarse converter near silence
   repeats often, and a slow sensor always; a vibration of a fine one hardly ever. A run of n
-  repeats whose chance is below `CHANCE` is held, unless it is silence: the last values before it
-  were closer to it than the vibration usually is, and it is the channel's mean, or a value at
-  which the channel stopped before, as a live signal does not. A vibration that rings out comes to
-  its end by ever smaller steps, after which repeats are no surprise either.
+  repeats whose chance is below `CHANCE` is held, unless it is silence: the channel stopped at that
+  value before, as a live signal does not, or has never stopped and it is the channel's mean; and
+  the last values before it were closer to it than the vibration usually is, or the tool was at
+  rest. A vibration that rings out comes to its end by ever smaller steps, after which repeats are
+  no surprise either.
 - *Saturated*: a sample at the rail. A rail is an extreme, of the last samples or of all, that
   comes again and again to the last bit, more often than the values right beside it and the
   channel's resolution explain. It holds until a sample lies beyond it.
 - *Constant*: no axis has ever changed.
+
+Only while the tool strokes a texture must its vibration change: a value that is repeated at rest
+or in the air is neither held nor constant, as long as it is not repeated in a stroke too.
 """
 
 import math
@@ -21,7 +25,7 @@ from typing import Final
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray, IntArray
+from mmt.core.arrays import BoolArray, FloatArray, IntArray
 from mmt.core.compiled import kernel
 
 
@@ -41,11 +45,12 @@ CHANCE: Final = 1e-6
 RECENT: Final = 100
 """Samples after which an extreme that did not come again is no recent one."""
 
+LEAST_LEARNT: Final = 100
+"""Values from which something is learnt of a channel; if an octave has less, those behind smaller
+steps count too. A texture may begin silent for as many."""
+
 _EVIDENCE: Final = -math.log(CHANCE)
 _COUNTED: Final = 20  # repeats of a run that are learnt from: one long run is one event
-_LEAST_LEARNT: Final = (
-    100.0  # values; where an octave has less, those behind smaller steps count too
-)
 _OCTAVES: Final = 80
 _LOWEST_OCTAVE: Final = -50
 _MEAN_SAMPLES: Final = 12000.0
@@ -61,15 +66,17 @@ _MEASURED, _MISSING, _HELD, _SATURATED, _CONSTANT = (int(cause) for cause in Cau
 
 # columns of the state of an axis, and of the trackers of its extremes
 _LAST, _REPEATS, _STEP, _OCTAVE, _DECIDED, _MEAN, _POWER, _COUNT = range(8)
-_RESOLUTION, _CHANGES, _RESTED, _ACTIVITY, _UPPER, _LOWER = range(8, 14)
-_BEFORE: Final = 14  # and those behind it: the last values before the run
+_RESOLUTION, _CHANGES, _ACTIVITY, _UPPER, _LOWER = range(8, 13)
+_BEFORE: Final = 13  # and those behind it: the last values before the run
 _BEFORE_KEPT: Final = 3
 _STOPS: Final = _BEFORE + _BEFORE_KEPT  # and those behind it: values at which runs stopped
 _STOPS_KEPT: Final = 4
 _WIDTH: Final = _STOPS + _STOPS_KEPT
 _EXTREME, _ALIKE, _NEAR, _SINCE = range(4)
 
-_UNDECIDED, _SILENT, _FOUND = 0.0, 1.0, 2.0
+# What a run of repeats is: within chance, beyond it at rest or in the air, or, in a stroke,
+# silence or held.
+_UNDECIDED, _AT_REST, _SILENT, _HOLDING = 0.0, 1.0, 2.0, 3.0
 
 
 class ChannelStates:
@@ -85,6 +92,11 @@ class ChannelStates:
         self.extremes: FloatArray = np.zeros((axes, 4, 4))
         """Upper and lower extremes, recent and of all samples; the lower ones are negated."""
         self.extremes[:, :, _EXTREME] = -np.inf
+
+    @property
+    def changed(self) -> bool:
+        """Whether any axis has ever changed."""
+        return bool(self.axes[:, _CHANGES].any())
 
 
 @kernel("b1(f8[::1], f8, f8, f8, b1)")
@@ -126,6 +138,7 @@ def _step(state: FloatArray, value: float, repeats: FloatArray, extremes: FloatA
     if state[_DECIDED] == _UNDECIDED and state[_REPEATS] < _COUNTED and state[_CHANGES]:
         repeats[int(state[_OCTAVE]), 0] += 1.0
     stopped = state[_DECIDED] != _UNDECIDED or state[_REPEATS] >= _COUNTED
+    stopped &= state[_DECIDED] != _HOLDING or state[_CHANGES] == 0.0
     if stopped and not (state[_STOPS:] == state[_LAST]).any():
         state[_STOPS + 1 :] = state[_STOPS:-1].copy()
         state[_STOPS] = state[_LAST]
@@ -158,38 +171,76 @@ def _step(state: FloatArray, value: float, repeats: FloatArray, extremes: FloatA
 def _is_silence(state: FloatArray) -> bool:
     """Return whether a value that is repeated is one at which a vibration has ended."""
     away = np.abs(state[_BEFORE:_STOPS] - state[_LAST]).mean()
-    if away > _DECLINED * state[_ACTIVITY] + state[_RESOLUTION]:
+    declined = away <= _DECLINED * state[_ACTIVITY] + state[_RESOLUTION]
+    if state[_DECIDED] != _AT_REST and not declined:
         return False
+    again = np.abs(state[_STOPS:] - state[_LAST]) <= state[_RESOLUTION]
     near = _NEAR_MEAN * math.sqrt(state[_POWER] / min(state[_CHANGES], _MEAN_SAMPLES))
     near += 0.5 * state[_RESOLUTION]
-    first = state[_RESTED] == 0.0 and abs(state[_LAST] - state[_MEAN]) <= near
-    again = np.abs(state[_STOPS:] - state[_LAST]) <= state[_RESOLUTION]
+    first = np.isnan(state[_STOPS]) and abs(state[_LAST] - state[_MEAN]) <= near
     return bool(first or again.any())
 
 
 @kernel("b1(f8[::1], f8[:, ::1])")
-def _is_held(state: FloatArray, repeats: FloatArray) -> bool:
+def _is_surprise(state: FloatArray, repeats: FloatArray) -> bool:
+    """Learn from a run of repeats, and return whether it is longer than chance allows."""
+    octave, could, did = int(state[_OCTAVE]), 0.0, 0.0
+    if state[_REPEATS] <= _COUNTED:
+        repeats[octave] += 1.0
+    while octave >= 0 and could < LEAST_LEARNT:
+        could, did = could + repeats[octave, 0], did + repeats[octave, 1]
+        octave -= 1
+    chance = did / could if could >= LEAST_LEARNT else 1.0
+    return bool(-state[_REPEATS] * math.log(chance) > _EVIDENCE)
+
+
+@kernel("b1(f8[:, ::1], b1[::1], i8, i8, f8[::1])")
+def _strokes(
+    motion: FloatArray, restart: BoolArray, at: int, samples: int, least: FloatArray
+) -> bool:
+    """Return whether the tool slid under force during the newest samples up to an element."""
+    first = at
+    while first > 0 and at - first < samples and not restart[first]:
+        first -= 1
+    x_mm, y_mm, _ = motion[at] - motion[first]
+    slid = first < at and math.hypot(x_mm, y_mm) >= least[0] * (at - first)
+    return bool(slid and motion[first : at + 1, 2].mean() >= least[1])
+
+
+@kernel("b1(f8[::1], f8[:, ::1], f8[:, ::1], b1[::1], f8[::1], i8, i8)")
+def _is_held(
+    state: FloatArray,
+    repeats: FloatArray,
+    motion: FloatArray,
+    restart: BoolArray,
+    least: FloatArray,
+    at: int,
+    reach: int,
+) -> bool:
     """Take in a value that is repeated; return whether it is held."""
     state[_REPEATS] += 1.0
-    if state[_DECIDED] == _UNDECIDED and state[_CHANGES]:
-        octave, could, did = int(state[_OCTAVE]), 0.0, 0.0
-        if state[_REPEATS] <= _COUNTED:
-            repeats[octave] += 1.0
-        while octave >= 0 and could < _LEAST_LEARNT:
-            could, did = could + repeats[octave, 0], did + repeats[octave, 1]
-            octave -= 1
-        chance = did / could if could >= _LEAST_LEARNT else 1.0
-        if -state[_REPEATS] * math.log(chance) > _EVIDENCE:
-            silent = _is_silence(state)
-            state[_DECIDED] = _SILENT if silent else _FOUND
-            state[_RESTED] += silent
-    return bool(state[_DECIDED] == _FOUND)
+    if state[_CHANGES] == 0.0 or state[_DECIDED] > _AT_REST:
+        return bool(state[_CHANGES] and state[_DECIDED] == _HOLDING)
+    if state[_DECIDED] == _UNDECIDED and not _is_surprise(state, repeats):
+        return False
+    if not _strokes(motion, restart, at, min(int(state[_REPEATS]), reach), least):
+        state[_DECIDED] = _AT_REST
+        return False
+    silent = _is_silence(state)
+    state[_DECIDED] = _SILENT if silent else _HOLDING
+    return not silent
 
 
-@kernel("void(f8[:, ::1], i8[::1], i8, i8, f8[:, ::1], f8[:, :, ::1], f8[:, :, ::1])")
+@kernel(
+    "void(f8[:, ::1], i8[::1], f8[:, ::1], b1[::1], f8[::1], i8, i8,"
+    " f8[:, ::1], f8[:, :, ::1], f8[:, :, ::1])"
+)
 def judge(
     samples: FloatArray,
     cause: IntArray,
+    motion: FloatArray,
+    restart: BoolArray,
+    least: FloatArray,
     at: int,
     reach: int,
     axes: FloatArray,
@@ -204,6 +255,12 @@ def judge(
         Raw acceleration; missing elements hold anything.
     cause : (n,)
         See `Cause`; those of the elements `at` - `reach` to `at` may be set.
+    motion : (n, 3)
+        Raw tangential position in mm, and normal force in N.
+    restart : (n,)
+        Elements in front of which frames are missing that have no elements.
+    least : (2,)
+        Motion in mm a sample, and force in N, from which on the tool strokes.
     at, reach
         The newest element, and how many before it are still open.
     axes, repeats, extremes
@@ -220,7 +277,7 @@ def judge(
         if state[_COUNT] == 1.0:
             state[_LAST] = state[_MEAN] = value
         elif value == state[_LAST]:
-            held = _is_held(state, repeats[axis])
+            held = _is_held(state, repeats[axis], motion, restart, least, at, reach)
         else:
             found = _step(state, value, repeats[axis], extremes[axis])
         changed |= state[_CHANGES] != 0.0
@@ -234,6 +291,9 @@ def judge(
             other = samples[row, axis]
             if cause[row] != _MISSING and (other == state[_UPPER] or other == state[_LOWER]):
                 cause[row] = _SATURATED
-    if not changed and axes[0, _COUNT] > reach:
+    if changed or axes[0, _COUNT] <= reach:
+        return
+    if axes[0, _DECIDED] == _HOLDING or _strokes(motion, restart, at, reach, least):
+        axes[0, _DECIDED] = _HOLDING
         for row in range(open_from, at + 1):
             cause[row] = _CONSTANT if cause[row] == _MEASURED else cause[row]

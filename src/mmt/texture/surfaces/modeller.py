@@ -103,6 +103,7 @@ class SurfaceModeller:
                 work.announced = True
                 work.surface, work.session_time_s = self.surface, time_s
                 work.changes, work.left = tuple(changes), tuple(left)
+                work.faults = self._tracker.faults  # a model has the frames of its stays alone
             yield work
 
     def _time_s(self, sample: int) -> float:

@@ -7,6 +7,7 @@ from mmt.core.arrays import RecordArray
 from mmt.texture.field.blocks import BLOCK_S
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
+from mmt.texture.signals.faults import SignalFaults
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.surfaces.blocks import BlockCutter
 from mmt.texture.surfaces.changes import SaidSurface, SurfaceChange
@@ -50,6 +51,11 @@ class SurfaceTracker:
         self._largest = 1
         self.stroked_s = 0.0
         """Seconds of stroking analysed."""
+
+    @property
+    def faults(self) -> SignalFaults:
+        """What of the stream was no measurement so far, whatever the surface."""
+        return self._filter.faults
 
     def say(self, said: SaidSurface) -> None:
         """Take a person's word; it holds from its sample on, whenever that comes.

@@ -147,8 +147,9 @@ class LeaderMonitor:
 
     def _publish_completion(self) -> None:
         points = states.thinned(list(self._history), _SHOWN)
-        progress = None if self._update is None else self._update.progress
-        header = states.completion_header(progress, *self._leader.criteria_s)
+        update = self._update
+        said = (None, "") if update is None else (update.progress, update.faults.sentence())
+        header = states.completion_header(said[0], *self._leader.criteria_s, said[1])
         arrays = {"time_s": [t for t, _ in points], "value": [v for _, v in points]}
         self.viewers.publish("completion", pack("completion", header, arrays))
 

@@ -85,12 +85,12 @@ def _why_not_synthesized(leader: LeaderView) -> str:
 
 
 def completion_header(
-    progress: "Progress | None", start_s: float | None, stop_s: float | None
+    progress: "Progress | None", start_s: float | None, stop_s: float | None, faults: str = ""
 ) -> dict[str, Any]:
     """Return what the criterion says of a model, and when it was met.
 
     ``cells`` are those of the input space, ``advice`` the inputs of the stroke that helps most;
-    both are null where there is no model.
+    both are null where there is no model. ``faults`` says what was no measurement, "" for nothing.
     """
     return {
         "value": None if progress is None else progress.value,
@@ -98,6 +98,7 @@ def completion_header(
         "advice": None if progress is None or stop_s is not None else progress.advice,
         "start_s": start_s,
         "stop_s": stop_s,
+        "faults": faults,
     }
 
 

@@ -84,6 +84,7 @@ class ModelState:
     ``number`` is that of its snapshot, None where there was no model; ``start_s`` and
     ``stop_s`` are the recording times at which the criteria were met, None before. Where
     surfaces are told apart all this is of ``surface``, one of ``surfaces`` that were known.
+    ``faults`` says what was no measurement, "" for nothing.
     """
 
     time_s: float
@@ -93,6 +94,7 @@ class ModelState:
     stop_s: float | None
     surface: int | None = None
     surfaces: int = 0
+    faults: str = ""
 
 
 class ModelRebuild:
@@ -245,6 +247,7 @@ class _Growing:
             stop_s=self._stopped.get(surface),
             surface=surface,
             surfaces=0 if surface is None else len(self._known),
+            faults=update.faults.sentence(),
         )
 
     def _note(self, update: ModelUpdate, time_s: float) -> None:

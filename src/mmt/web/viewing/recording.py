@@ -185,7 +185,7 @@ class ViewedRecording:
 def _completion(state: ModelState | None) -> dict[str, Any] | None:
     if state is None:
         return None
-    return states.completion_header(state.progress, state.start_s, state.stop_s)
+    return states.completion_header(state.progress, state.start_s, state.stop_s, state.faults)
 
 
 def _surfaces(state: ModelState | None) -> dict[str, int] | None:

@@ -96,11 +96,12 @@ export class Panels {
 
   /** Say what the criterion says and when it was met, and mark where a stroke is wanted. */
   completion(said) {
-    const { value = null, cells = null, advice = null, start_s = null, stop_s = null } = said ?? {};
+    const { value = null, cells = null, advice = null, start_s = null, stop_s = null, faults = "" } = said ?? {};
     const { start, stop } = this.hello.criterion;
     const begun = start_s === null ? `start at ${number(start, 2)}` : `start met at ${start_s.toFixed(1)} s`;
     const ended = stop_s === null ? `stop at ${number(stop, 2)}` : `stop met at ${stop_s.toFixed(1)} s`;
-    text("completion-text", value === null ? "Nothing is modelled yet." : `${value.toFixed(2)} now; ${begun}, ${ended}.`);
+    const now = value === null ? "Nothing is modelled yet." : `${value.toFixed(2)} now; ${begun}, ${ended}.`;
+    text("completion-text", faults ? `${now} Not measured: ${faults}.` : now);
     if (cells) this.plane.setCompletion(cells, advice); // else those of a saved model stay
     this.dirty = true;
   }

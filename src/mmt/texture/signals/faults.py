@@ -1,0 +1,68 @@
+"""What of a session's signals was no measurement: in seconds by cause, and in words."""
+
+from dataclasses import asdict, dataclass
+from typing import Any, Final
+
+_ACCELEROMETER: Final = {
+    "held_s": "held one value for",
+    "saturated_s": "was saturated for",
+    "constant_s": "gave one value from the start for",
+}
+_FRAMES: Final = {"missing_s": "missing for", "not_finite_s": "not finite for"}
+
+
+@dataclass(frozen=True)
+class SignalFaults:
+    """Seconds whose acceleration was no measurement, by cause, and seconds that were filled.
+
+    ``missing_s`` is of frames that did not come, ``not_finite_s`` of those with a number that is
+    not finite or beyond `frame_gaps.LARGEST_MEASUREMENT` in a channel that is used; the others are
+    those of `mmt.texture.signals.validity`, counted when they leave the filter. ``bridged_s`` are
+    filled, whatever the cause. ``throughout`` says that all acceleration so far was constant.
+    """
+
+    held_s: float = 0.0
+    saturated_s: float = 0.0
+    constant_s: float = 0.0
+    not_finite_s: float = 0.0
+    missing_s: float = 0.0
+    bridged_s: float = 0.0
+    throughout: bool = False
+
+    def sentence(self) -> str:
+        """Return the causes with their seconds, "" without a fault."""
+        if self.throughout:
+            parts = ["the accelerometer gave one value throughout"]
+        else:
+            parts = self._said("the accelerometer ", _ACCELEROMETER)
+        parts += self._said("frames were ", _FRAMES)
+        if self.bridged_s > 0.0:
+            parts.append(f"{_seconds(self.bridged_s)} of this filled in")
+        return "; ".join(parts)
+
+    def worth_saying(self, said: "SignalFaults") -> bool:
+        """Return whether a cause has at least doubled since these were said.
+
+        Missing frames are no such cause: they are told as lost. Nor is what was said of the whole
+        time, as long as it holds.
+        """
+        causes = (*_ACCELEROMETER, "not_finite_s")
+        seconds = [(getattr(self, name), getattr(said, name)) for name in causes]
+        doubled = any(now > 0.0 and now >= 2.0 * before for now, before in seconds)
+        return doubled and not (self.throughout and said.throughout)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the seconds by cause, and the sentence, for a program."""
+        table = asdict(self)
+        del table["throughout"]
+        return {**{name: round(value, 6) for name, value in table.items()}, "text": self.sentence()}
+
+    def _said(self, whose: str, words: dict[str, str]) -> list[str]:
+        """Return what is said of these causes, nothing where none has occurred."""
+        values = {said: getattr(self, name) for name, said in words.items()}
+        found = [f"{said} {_seconds(value)}" for said, value in values.items() if value > 0.0]
+        return [whose + ", ".join(found)] if found else []
+
+
+def _seconds(value: float) -> str:
+    return f"{value:.3g} s" if value < 100.0 else f"{value:.0f} s"
