@@ -16,7 +16,7 @@ from typing import ClassVar, Final, TextIO
 
 MOST_WAITING: Final = 10_000
 """Texts; beyond, the oldest is dropped and counted."""
-_PATIENCE_S: Final = 1.0
+_PATIENCE_S: Final = 0.5
 _RETRY_S: Final = 0.05
 
 
