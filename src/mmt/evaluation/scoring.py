@@ -150,12 +150,13 @@ class Scorer:
         leader = self._leader.updates[number] if number >= 0 else None
         rebuilt = self._rebuilt.updates[number] if number >= 0 else None
         held_out = self._approximate(number)
+        model = self._leader.model(number)  # held: it may be made anew each time that it is asked for
         grid = self._grid(number)
         errors_db = np.array([approximation.power_error_db for approximation in held_out])
         of_held_out = _levels(errors_db)
         own = of_held_out
         if self._truth is not None:
-            own = self._against_truth(self._leader.model(number), grid)
+            own = self._against_truth(model, grid)
         return Score(
             time_s=0.0,
             samples=leader.samples if leader else 0,
