@@ -150,7 +150,7 @@ class Scorer:
         leader = self._leader.updates[number] if number >= 0 else None
         rebuilt = self._rebuilt.updates[number] if number >= 0 else None
         held_out = self._approximate(number)
-        model = self._leader.model(number)  # held: it may be made anew each time that it is asked for
+        model = self._leader.model(number)  # held, since it may be made anew
         grid = self._grid(number)
         errors_db = np.array([approximation.power_error_db for approximation in held_out])
         of_held_out = _levels(errors_db)

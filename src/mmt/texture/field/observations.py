@@ -19,14 +19,13 @@ again predicts its own silence, and is believed.
 Cost: O((s + ROUNDS) c^3) for s settings and c cells.
 """
 
-from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.texture.field.cells import FieldCells
-from mmt.texture.linear_algebra import cholesky, inverse_root
+from mmt.texture.linear_algebra import conditioned
 
 BLOCK_VARIANCE: Final = 0.15
 """Variance of a block's log power, nepers^2, on a homogeneous surface: some 13 independent samples
@@ -67,7 +66,7 @@ class Observations(NamedTuple):
     moment: float
 
 
-def observe(cells: FieldCells, priors: Sequence[FloatArray]) -> Observations:
+def observe(cells: FieldCells, priors: FloatArray) -> Observations:
     """Return what the rows, at least one, say of each cell.
 
     Parameters
@@ -75,7 +74,7 @@ def observe(cells: FieldCells, priors: Sequence[FloatArray]) -> Observations:
     cells
         The rows.
     priors
-        Prior covariance of the cells (c, c) under each setting of the prior.
+        Prior covariance of the cells under each of s settings of the prior, (s, c, c).
     """
     cell, (count, power, _, _) = cells.cell_of_row, cells.sums.T
     block = _block_variance(cells)
@@ -84,14 +83,15 @@ def observe(cells: FieldCells, priors: Sequence[FloatArray]) -> Observations:
     level = np.log(power / count) + 0.5 * scatter - cells.centres.law[cell]
     trust = np.ones(len(level))
     moment = _moment_variance(cell, level, scatter, trust)
-    left_out = [_left_out(prior, cell, level, moment + scatter, trust) for prior in priors]
-    likeliest = int(np.argmax([_log_density(off, usual).sum() for _, off, usual in left_out]))
-    smoothed, off, usual = left_out[likeliest]
+    _, every_off, every_usual = _left_out(priors, cell, level, moment + scatter, trust)
+    likeliest = int(_log_density(every_off, every_usual).sum(axis=1).argmax())
+    off, usual = every_off[likeliest], every_usual[likeliest]
     for _ in range(ROUNDS):
         believed = np.maximum(_believed(off, usual), _LEAST_BELIEVED)
         moment = _moment_variance(cell, level, scatter, believed)
         trust = np.maximum(believed, (moment + scatter) / STRAY_DEVIATION**2)
-        smoothed, off, usual = _left_out(priors[likeliest], cell, level, moment + scatter, trust)
+        found = _left_out(priors[likeliest, None], cell, level, moment + scatter, trust)
+        smoothed, off, usual = (of_one[0] for of_one in found)
     precision, mean = _combined(cell, trust / (moment + scatter), level)
     bias = 0.5 * moment  # and a mean of logarithms, of moments, below that of the mean
     return Observations(mean + bias, 1.0 / precision, smoothed + bias, block, moment)
@@ -126,23 +126,20 @@ def _moment_variance(
 
 
 def _left_out(
-    prior: FloatArray, cell: IntArray, level: FloatArray, scatter: FloatArray, trust: FloatArray
+    priors: FloatArray, cell: IntArray, level: FloatArray, scatter: FloatArray, trust: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the smoothed level (c,), and how far each row is off what the others predict.
+    """Return the smoothed level (s, c), and how far each row is off what the others predict.
 
-    The latter with its variance if nothing is wrong with the row, both (r,).
+    The latter with its variance if nothing is wrong with the row, both (s, r).
     """
     own = trust / scatter
     precision, mean = _combined(cell, own, level)
-    middle = float(np.average(mean, weights=precision))
-    total = prior.copy()
-    total[np.diag_indices_from(total)] += 1.0 / precision
-    root = inverse_root(cholesky(total))
-    gains = np.einsum("ij,j->i", root, np.einsum("ij,i->j", root, mean - middle))
+    rest = mean - (precision @ mean) / precision.sum()
+    _, gains, left = conditioned(priors, 1.0 / precision, rest, left_out=True)
     smoothed = mean - gains / precision
-    known = 1.0 / precision - np.square(root).sum(axis=1) / np.square(precision)
-    variance = 1.0 / np.maximum(1.0 / known[cell] - own, _LEAST_PRECISION)
-    predicted = variance * (smoothed[cell] / known[cell] - own * level)
+    known = 1.0 / precision - left / np.square(precision)
+    variance = 1.0 / np.maximum(1.0 / known[:, cell] - own, _LEAST_PRECISION)
+    predicted = variance * (smoothed[:, cell] / known[:, cell] - own * level)
     return smoothed, level - predicted, variance + scatter
 
 
