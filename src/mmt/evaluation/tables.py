@@ -27,10 +27,14 @@ def overview(evaluations: Sequence[Evaluation]) -> Table:
                 number(final.gfc_ceiling, 3),
                 number(final.truth_gfc, 3),
                 number(final.truth_log_spectral_db, 2),
+                *(number(time_ms, 1) for time_ms in evaluation.update_ms or (None, None)),
             )
         )
+    columns: tuple[str, ...]
     columns = ("session", "against", "start (s)", "stop (s)", "samples", "GFC", "ceiling")
-    return Table((*columns, "truth GFC", "spectrum (dB)"), rows, _FINAL)
+    columns = (*columns, "truth GFC", "spectrum (dB)", "update (ms)", "longest (ms)")
+    caption = f"{_FINAL} Updates: mean and longest of those that the steps show."
+    return Table(columns, rows, caption)
 
 
 _FINAL: Final = "Figures at the stop criterion, or at the end where it was never met."
@@ -103,8 +107,18 @@ def account(evaluation: Evaluation) -> str:
         f"{evaluation.order or 'not chosen'}, method {settings.method}, an "
         f"update every {evaluation.period_s:g} s. The model {against} {evaluation.basis_reason}. "
         f"Start criterion: {_met(evaluation.start_s)}; stop criterion: {_met(evaluation.stop_s)}. "
+        f"{_updates(evaluation)}"
         f"Evaluated in {evaluation.processing_s:.2f} s, {evaluation.times_real_time:.0f} times "
         f"faster than real time."
+    )
+
+
+def _updates(evaluation: Evaluation) -> str:
+    if evaluation.update_ms is None:
+        return ""
+    mean_ms, largest_ms = evaluation.update_ms
+    return (
+        f"An update took {mean_ms:.1f} ms in the mean of the steps, {largest_ms:.1f} ms at most. "
     )
 
 
@@ -141,11 +155,12 @@ _SCORE_COLUMNS = (
     "time (s)",
     "samples",
     "distance",
+    "update (ms)",
     "GFC",
     "ceiling",
     "truth GFC",
-    "error (dB), strokes",
-    "within JND, strokes",
+    "error (dB), made",
+    "within JND, made",
     "within JND, plane",
     "held-out error (dB)",
 )
@@ -156,6 +171,7 @@ def _cells(score: Score) -> tuple[str, ...]:
         number(score.time_s, 1),
         str(score.samples),
         number(score.distance, 2),
+        number(score.update_ms, 1),
         number(score.gfc, 3),
         number(score.gfc_ceiling, 3),
         number(score.truth_gfc, 3),

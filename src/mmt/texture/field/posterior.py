@@ -94,6 +94,8 @@ def right_probability(
         Of the errors, in nepers^2, positive, and their means.
     """
     width = np.sqrt(2.0 * variances)
+    if np.isscalar(off) and off == 0.0:
+        return np.asarray(erf(nepers / width))
     return np.asarray(0.5 * (erf((nepers - off) / width) + erf((nepers + off) / width)))
 
 

@@ -6,7 +6,7 @@ from mmt.texture.completion.distance import distance_sum
 from mmt.texture.model.fits import points_of
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.online.methods import ModellingMethod
-from mmt.texture.online.work import ModelUpdate, Stopwatch, Work
+from mmt.texture.online.work import DEFERRED, ModelUpdate, Stopwatch, Work
 from mmt.texture.settings import ModellingSettings
 
 
@@ -54,6 +54,7 @@ class CompletionStage:
         if revoked and work.forget_from is not None:
             criterion.revoke_since((work.forget_from - first_sequence) / self._rate_hz)
         clock.lap("completion")
+        work.durations_s["completion"] -= work.durations_s.get(DEFERRED, 0.0)
         work.update = ModelUpdate(
             time_s=work.time_s if work.session_time_s is None else work.session_time_s,
             samples=len(work.chosen),
