@@ -96,9 +96,8 @@ def evaluate_session(
 
     Notes
     -----
-    Costs two passes over the session, a third on a texture that depends on the heading, in which
-    both methods' models are built from the same segments, and a few milliseconds for every moment
-    scored.
+    Costs two passes over the session, a third on a texture that depends on the heading, and a few
+    milliseconds for every moment scored.
 
     Examples
     --------
@@ -134,9 +133,8 @@ def evaluate_session(
         raise InputError(f"session {session.path}: it holds no frames, nothing can be evaluated")
     held_out = choose_held_out(leader.finished, seed)
     without = [settings] if others else [settings, other_method]
-    rebuilt, *others_without = build_together(
-        blocks(), [modeller(each, outside(held_out), until_start=True) for each in without]
-    )
+    again = [modeller(each, outside(held_out), until_start=True) for each in without]
+    rebuilt, *others_without = build_together(blocks(), again)
     strokes = seen.strokes.strokes()
     scorer = Scorer(
         leader=leader,

@@ -38,10 +38,10 @@ class Levels:
 class Score:
     """The figures of one moment of a session.
 
-    ``update_ms`` is what the update took that gave the leader's model, ready to render.
     ``samples``, ``distance``, ``completion``, ``truth_gfc``, ``truth_log_spectral_db`` and, where
     the truth is known, the errors of the level (as in `Levels`) are those of the model that the
-    leader had at that time; ``beside`` are the errors of the other method's model.
+    leader had then, ``update_ms`` what its update took, ready to render; ``beside`` are the errors
+    of the other method's model.
     ``gfc``, ``gfc_ceiling`` and the two ``held_out`` figures are those of the model rebuilt
     without the held-out segments. None stands where there was no model yet.
     """
@@ -203,7 +203,7 @@ class Evaluation:
     @property
     def update_ms(self) -> tuple[float, float] | None:
         """Mean and largest time of the updates that the steps show, None without any."""
-        times = [step.update_ms for step in self.steps if step.update_ms is not None]
+        times = [float(step.update_ms) for step in self.steps if step.update_ms]
         return (sum(times) / len(times), max(times)) if times else None
 
     @property

@@ -30,11 +30,11 @@ def overview(evaluations: Sequence[Evaluation]) -> Table:
                 *(number(time_ms, 1) for time_ms in evaluation.update_ms or (None, None)),
             )
         )
-    columns: tuple[str, ...]
-    columns = ("session", "against", "start (s)", "stop (s)", "samples", "GFC", "ceiling")
-    columns = (*columns, "truth GFC", "spectrum (dB)", "update (ms)", "longest (ms)")
-    caption = f"{_FINAL} Updates: mean and longest of those that the steps show."
-    return Table(columns, rows, caption)
+    columns = (
+        *("session", "against", "start (s)", "stop (s)", "samples", "GFC", "ceiling"),
+        *("truth GFC", "spectrum (dB)", "update (ms)", "longest (ms)"),
+    )
+    return Table(columns, rows, f"{_FINAL} Updates: mean and longest of those of the steps.")
 
 
 _FINAL: Final = "Figures at the stop criterion, or at the end where it was never met."
@@ -107,18 +107,8 @@ def account(evaluation: Evaluation) -> str:
         f"{evaluation.order or 'not chosen'}, method {settings.method}, an "
         f"update every {evaluation.period_s:g} s. The model {against} {evaluation.basis_reason}. "
         f"Start criterion: {_met(evaluation.start_s)}; stop criterion: {_met(evaluation.stop_s)}. "
-        f"{_updates(evaluation)}"
         f"Evaluated in {evaluation.processing_s:.2f} s, {evaluation.times_real_time:.0f} times "
         f"faster than real time."
-    )
-
-
-def _updates(evaluation: Evaluation) -> str:
-    if evaluation.update_ms is None:
-        return ""
-    mean_ms, largest_ms = evaluation.update_ms
-    return (
-        f"An update took {mean_ms:.1f} ms in the mean of the steps, {largest_ms:.1f} ms at most. "
     )
 
 
