@@ -115,7 +115,23 @@ def test_same_input_gives_the_same_figures(stroked_session, evaluation):
 def _figures(evaluation):
     figures = evaluation.as_dict()
     del figures["processing_s"], figures["times_real_time"]
+    for score in (*figures["steps"], figures["at_start"], figures["at_stop"], figures["at_end"]):
+        if score is not None:
+            del score["update_ms"]
     return figures
+
+
+def test_an_update_costs_time_from_the_first_samples_on(evaluation):
+    times_ms = [step.update_ms for step in evaluation.steps if step.samples]
+    assert min(times_ms) > 0.0
+    mean_ms, longest_ms = evaluation.update_ms
+    assert (
+        mean_ms
+        <= longest_ms
+        == max(step.update_ms for step in evaluation.steps if step.update_ms is not None)
+    )
+    last = evaluation.models.updates[evaluation.models.number(evaluation.steps[-1].time_s)]
+    assert evaluation.steps[-1].update_ms > 1e3 * last.spent_s  # and what was deferred
 
 
 def test_json_has_the_promised_keys(evaluation, simulated):

@@ -81,7 +81,13 @@ PLANS = {
     ),
     "pipeline": (
         pipeline,
-        pipeline.Plan(surfaces=("wood",), duration_s=6.0, moments_s=(0.5, 4.0, 6.0), rounds=1),
+        pipeline.Plan(
+            surfaces=("wood",),
+            duration_s=6.0,
+            moments_s=(0.5, 4.0, 6.0),
+            periods_s=(1.0, 2.0),
+            rounds=1,
+        ),
     ),
     "conceal": (
         conceal,
@@ -204,12 +210,22 @@ def test_a_higher_order_costs_no_power_error(results):
 def test_before_the_first_model_nothing_is_right(results):
     panels = {panel.name: panel for panel in results["pipeline"].panels}
     for method in pipeline.METHODS:
-        assert errors(panels["gfc_session"], method)[0.5] == 1.0
-        assert errors(panels["jnd_session"], method)[0.5] == 0.0
-        assert errors(panels["gfc_session"], method)[6.0] < 0.1
-    spent = panels["gfc_processing"].points("field")
+        curve = f"{method}, every 1 s"
+        assert errors(panels["gfc_session"], curve)[0.5] == 1.0
+        assert errors(panels["jnd_session"], curve)[0.5] == 0.0
+        assert errors(panels["gfc_session"], curve)[6.0] < 0.1
+    spent = panels["gfc_processing"].points("field, every 1 s")
     assert [point.knob for point in spent] == [4.0, 6.0]
     assert spent[0].x.median < spent[1].x.median
+
+
+def test_each_row_of_the_pipeline_has_an_error_and_what_an_update_costs(results):
+    (record,) = results["pipeline"].records
+    kinds = [(row["method"], row["update every (s)"]) for row in record.rows]
+    assert kinds == [(method, period) for method in pipeline.METHODS for period in (1.0, 2.0)]
+    for row in record.rows:
+        assert 0.0 <= row["power error (dB)"] < 6.0
+        assert 0.0 < row["an update (ms)"] <= row["longest update (ms)"] <= row["processing (ms)"]
 
 
 def test_the_exact_step_agrees_with_the_general_solver(results):

@@ -60,7 +60,7 @@ def in_turn(count):
 def observed(cells):
     between = covariance.Between(cells.centres, cells.centres, directed=cells.directed)
     every = covariance.settings(16, directed=cells.directed)
-    return observe(cells, [between.covariance(setting) for setting in every])
+    return observe(cells, np.array([between.covariance(setting) for setting in every]))
 
 
 def samples_of(points, power, effective):
@@ -195,7 +195,8 @@ def test_a_row_is_predicted_as_if_it_had_not_been_there(directed):
     scatter, trust = np.linspace(0.1, 0.3, len(level)), np.linspace(0.2, 1.0, len(level))
     between = covariance.Between(cells.centres, cells.centres, directed=directed)
     prior = between.covariance(covariance.settings(16, directed=directed)[3])
-    _, off, usual = observations._left_out(prior, cell, level, scatter, trust)
+    found = observations._left_out(prior[np.newaxis], cell, level, scatter, trust)
+    off, usual = found[1][0], found[2][0]
     own = trust / scatter
     mean = np.bincount(cell, own * level) / np.bincount(cell, own)
     middle = np.average(mean, weights=np.bincount(cell, own))

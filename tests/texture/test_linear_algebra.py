@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from mmt.core.arrays import FloatArray
 from mmt.texture.linear_algebra import (
     cholesky,
+    conditioned,
     inverse_root,
     product,
     solve_backward,
@@ -107,3 +108,27 @@ def test_the_root_of_the_inverse_is_what_the_unit_matrix_is_solved_to(size: int)
     root = inverse_root(factor)
     np.testing.assert_array_equal(root, solve_forward(factor, np.eye(size)))
     np.testing.assert_allclose(root @ root.T @ covariance(size), np.eye(size), atol=1e-6)
+
+
+@given(size=st.integers(0, 40), count=st.integers(0, 3), seed=st.integers(0, 99))
+def test_observations_say_what_the_inverse_of_their_covariance_says(
+    size: int, count: int, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    priors = np.array([covariance(size, seed + each) for each in range(count)])
+    priors = priors.reshape(count, size, size)
+    errors, rest = rng.uniform(0.1, 2.0, size), rng.normal(size=size)
+    evidence, gains, precision = conditioned(priors, errors, rest, left_out=True)
+    for each, prior in enumerate(priors):
+        inverse = np.linalg.inv(prior + np.diag(errors))
+        logarithm = np.linalg.slogdet(prior + np.diag(errors))[1]
+        assert evidence[each] == pytest.approx(-0.5 * (rest @ inverse @ rest + logarithm))
+        np.testing.assert_allclose(gains[each], inverse @ rest, atol=1e-9)
+        np.testing.assert_allclose(precision[each], np.diagonal(inverse), rtol=1e-9)
+    np.testing.assert_array_equal(conditioned(priors, errors, rest, left_out=False)[0], evidence)
+
+
+def test_a_prior_that_is_no_covariance_is_refused() -> None:
+    priors = np.array([covariance(9), -covariance(9)])
+    with pytest.raises(np.linalg.LinAlgError, match="not positive definite"):
+        conditioned(priors, np.full(9, 0.1), np.ones(9), left_out=True)

@@ -42,6 +42,11 @@ DEFINITIONS: Final[Mapping[str, str]] = {
         "The other method's model of the same session, and the error of its level as above; with "
         "basis 'held-out' it is built without the held-out segments too."
     ),
+    "update_ms": (
+        "Time of the leader's update before the step: filtering, segmenting and fitting its "
+        "frames, building the model until it is ready to render, and judging it, on the machine "
+        "that evaluates, one after the other."
+    ),
     "by_heading": (
         "GFC as truth_gfc, log-spectral distance (root mean square over 10 to 500 Hz of the "
         "densities' ratio in dB, mean over the strokes), power error and share within one JND "

@@ -12,6 +12,7 @@ import math
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -30,7 +31,8 @@ from mmt.scene.recorded import scene_of_recording
 from mmt.session.data import missing_frames
 from mmt.session.operators import control_periods
 from mmt.session.stream import Recording, blocks_of, in_memory
-from mmt.texture.online.history import ModelHistory, build, stream_blocks
+from mmt.texture.online.history import ModelHistory, build, build_together, stream_blocks
+from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.settings import Inputs, ModellingSettings
 from mmt.texture.signals.amplitude_spectra import Spectra
 
@@ -94,8 +96,8 @@ def evaluate_session(
 
     Notes
     -----
-    Costs two passes of the modelling and one of the other method's, a third on a texture that
-    depends on the heading, and a few milliseconds for every moment scored.
+    Costs two passes over the session, a third on a texture that depends on the heading, and a few
+    milliseconds for every moment scored.
 
     Examples
     --------
@@ -120,19 +122,25 @@ def evaluate_session(
         return stream_blocks(blocks_of(session), period_frames)
 
     seen = _Seen(settings)
-    leader = build(map(seen.passed, blocks()), settings)
+    truth, basis_reason = known_texture(session.annotations, settings)
+    beside, other_method = method_beside(settings)
+    modeller = partial(OnlineModeller, deferred=True)
+    leading = [modeller(settings)]
+    if truth is not None:
+        leading.append(modeller(other_method, until_start=True))
+    leader, *others = build_together(map(seen.passed, blocks()), leading)
     if not leader.updates:
         raise InputError(f"session {session.path}: it holds no frames, nothing can be evaluated")
     held_out = choose_held_out(leader.finished, seed)
-    rebuilt = build(blocks(), settings, outside(held_out), until_start=True)
-    truth, basis_reason = known_texture(session.annotations, settings)
-    beside, other_method = method_beside(settings)
+    without = [settings] if others else [settings, other_method]
+    again = [modeller(each, outside(held_out), until_start=True) for each in without]
+    rebuilt, *others_without = build_together(blocks(), again)
     strokes = seen.strokes.strokes()
     scorer = Scorer(
         leader=leader,
         rebuilt=rebuilt,
         held_out=held_out,
-        beside=build(blocks(), other_method, None if truth else outside(held_out)),
+        beside=(others or others_without)[0],
         other=_of_other_inputs(blocks(), settings, truth),
         truth=truth,
         made=truth.at(strokes) if truth is not None and len(strokes.force_n) else None,
@@ -143,7 +151,7 @@ def evaluate_session(
 
     duration_s = (seen.highest + 1 - seen.first) / settings.rate_hz
     final_s = duration_s if leader.stop_s is None else leader.stop_s
-    model = leader.model(leader.number(final_s))
+    model = scorer.model(final_s)  # held by its name: it is made but once
     worst, errors = scorer.errors(final_s)
     if step_s is None:
         step_s = USUAL_STEP_S * max(1, math.ceil(duration_s / (MOST_STEPS * USUAL_STEP_S)))

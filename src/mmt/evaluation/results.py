@@ -41,7 +41,8 @@ class Score:
 
     ``samples``, ``distance``, ``completion``, ``truth_gfc``, ``truth_log_spectral_db`` and, where
     the truth is known, the errors of the level (as in `Levels`) are those of the model that the
-    leader had at that time; ``beside`` are the errors of the other method's model.
+    leader had then, ``update_ms`` what its update took, ready to render; ``beside`` are the errors
+    of the other method's model.
     ``gfc``, ``gfc_ceiling`` and the two ``held_out`` figures are those of the model rebuilt
     without the held-out segments. None stands where there was no model yet.
     """
@@ -50,6 +51,7 @@ class Score:
     samples: int
     distance: float
     completion: float
+    update_ms: float | None
     gfc: float | None
     gfc_ceiling: float | None
     power_error_db: float | None
@@ -199,6 +201,12 @@ class Evaluation:
     def times_real_time(self) -> float:
         """Seconds of session per second of processing."""
         return self.duration_s / max(self.processing_s, 1e-9)
+
+    @property
+    def update_ms(self) -> tuple[float, float] | None:
+        """Mean and largest time of the updates that the steps show, None without any."""
+        times = [float(step.update_ms) for step in self.steps if step.update_ms]
+        return (sum(times) / len(times), max(times)) if times else None
 
     @property
     def final(self) -> Score:

@@ -1,5 +1,6 @@
 """Score a session's models moment by moment."""
 
+import time
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from typing import Final
@@ -32,6 +33,7 @@ MODEL_NAMES: Final[dict[Inputs, str]] = {
 _OF_BOTH_METHODS: Final = (
     *("axis", "normal", "order", "inputs", "rate_hz", "least_speed_mm_s", "least_force_n"),
     *("overlap_samples", "straightness_mm", "stationarity", "shortest_samples", "longest_samples"),
+    "longest_bridged_samples",
 )
 
 
@@ -97,6 +99,7 @@ class Scorer:
         self._rate_hz = settings.rate_hz
         self._seed = seed
         self._scores: dict[int, Score] = {}
+        self._built_s: dict[int, float] = {}
         self._grids: dict[int, GridErrors | None] = {}
         self._approximations: dict[int, list[Approximation]] = {}
         self._empty_distance = distance_sum(np.empty((0, self._space.dimensions)))
@@ -109,13 +112,17 @@ class Scorer:
             self._scores[number] = self._score(number)
         return replace(self._scores[number], time_s=time_s)
 
+    def model(self, time_s: float) -> TextureModel | None:
+        """Return the leader's model at a session time; hold it where it is needed again."""
+        return self._model(self._leader.number(time_s))
+
     def errors(self, time_s: float) -> tuple[tuple[Worst, ...], PowerMap | None]:
         """Return the leader's worst points and its errors over the plane at a session time.
 
         Empty and None where the texture is not known, or there was no model yet.
         """
         number = self._leader.number(time_s)
-        model, grid = self._leader.model(number), self._grid(number)
+        model, grid = self._model(number), self._grid(number)
         if self._truth is None or model is None or grid is None:
             return (), None
         return self._truth.worst(model, grid), self._truth.power_map(grid)
@@ -148,6 +155,7 @@ class Scorer:
 
     def _score(self, number: int) -> Score:
         leader = self._leader.updates[number] if number >= 0 else None
+        model = self._model(number)
         rebuilt = self._rebuilt.updates[number] if number >= 0 else None
         held_out = self._approximate(number)
         grid = self._grid(number)
@@ -155,12 +163,13 @@ class Scorer:
         of_held_out = _levels(errors_db)
         own = of_held_out
         if self._truth is not None:
-            own = self._against_truth(self._leader.model(number), grid)
+            own = self._against_truth(model, grid)
         return Score(
             time_s=0.0,
             samples=leader.samples if leader else 0,
             distance=leader.distance if leader else self._empty_distance,
             completion=leader.progress.value if leader else self._empty,
+            update_ms=1e3 * (leader.spent_s + self._built_s[number]) if leader else None,
             gfc=float(np.mean([a.gfc for a in held_out])) if held_out else None,
             gfc_ceiling=float(np.mean([a.gfc_ceiling for a in held_out])) if held_out else None,
             **asdict(own),
@@ -192,9 +201,21 @@ class Scorer:
         ]
         return _levels(np.concatenate([np.empty(0), *errors_db]))
 
+    def _model(self, number: int) -> TextureModel | None:
+        """Return the leader's model, which is made anew while nobody holds it, ready to render.
+
+        The time of the first making is that of the leader, whose models are not deferred.
+        """
+        started = time.perf_counter()
+        model = self._leader.model(number)
+        if model is not None:
+            model.prepared()
+        self._built_s.setdefault(number, time.perf_counter() - started)
+        return model
+
     def _grid(self, number: int) -> GridErrors | None:
         if number not in self._grids:
-            model, truth = self._leader.model(number), self._truth
+            model, truth = self._model(number), self._truth
             self._grids[number] = truth.plane.errors(model) if truth and model else None
         return self._grids[number]
 

@@ -27,10 +27,14 @@ def overview(evaluations: Sequence[Evaluation]) -> Table:
                 number(final.gfc_ceiling, 3),
                 number(final.truth_gfc, 3),
                 number(final.truth_log_spectral_db, 2),
+                *(number(time_ms, 1) for time_ms in evaluation.update_ms or (None, None)),
             )
         )
-    columns = ("session", "against", "start (s)", "stop (s)", "samples", "GFC", "ceiling")
-    return Table((*columns, "truth GFC", "spectrum (dB)"), rows, _FINAL)
+    columns = (
+        *("session", "against", "start (s)", "stop (s)", "samples", "GFC", "ceiling"),
+        *("truth GFC", "spectrum (dB)", "update (ms)", "longest (ms)"),
+    )
+    return Table(columns, rows, f"{_FINAL} Updates: mean and longest of those of the steps.")
 
 
 _FINAL: Final = "Figures at the stop criterion, or at the end where it was never met."
@@ -141,11 +145,12 @@ _SCORE_COLUMNS = (
     "time (s)",
     "samples",
     "distance",
+    "update (ms)",
     "GFC",
     "ceiling",
     "truth GFC",
-    "error (dB), strokes",
-    "within JND, strokes",
+    "error (dB), made",
+    "within JND, made",
     "within JND, plane",
     "held-out error (dB)",
 )
@@ -156,6 +161,7 @@ def _cells(score: Score) -> tuple[str, ...]:
         number(score.time_s, 1),
         str(score.samples),
         number(score.distance, 2),
+        number(score.update_ms, 1),
         number(score.gfc, 3),
         number(score.gfc_ceiling, 3),
         number(score.truth_gfc, 3),

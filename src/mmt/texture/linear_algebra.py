@@ -19,6 +19,7 @@ from mmt.core.arrays import FloatArray
 from mmt.core.compiled import kernel
 
 _BLOCK: Final = 8
+_INDEFINITE: Final = "the matrix is not positive definite"
 _1, _2, _3, _4 = (np.uint64(step) for step in range(1, 5))
 
 
@@ -35,8 +36,7 @@ def cholesky(matrix: FloatArray) -> FloatArray:
     """
     factor = np.array(matrix, np.float64, order="C")
     if not _factorise(factor):
-        message = "the matrix is not positive definite"
-        raise np.linalg.LinAlgError(message)
+        raise np.linalg.LinAlgError(_INDEFINITE)
     return factor
 
 
@@ -63,6 +63,42 @@ def inverse_root(factor: FloatArray) -> FloatArray:
     root = np.eye(len(factor))
     _forward(factor, root, True)
     return root
+
+
+def conditioned(
+    priors: FloatArray, errors: FloatArray, rest: FloatArray, *, left_out: bool
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return what observations say of each of s normal distributions that they may come from.
+
+    Of ``C = prior + diag(errors)``, with the observations y.
+
+    Parameters
+    ----------
+    priors
+        Covariances of what is observed, shape (s, n, n); only upper triangles are read.
+    errors
+        Variances of the observations' errors, shape (n,), positive.
+    rest
+        Observations less their prior mean, shape (n,).
+    left_out
+        Whether to compute what predicts each observation from the others; else these are empty.
+
+    Returns
+    -------
+    evidence, gains, precision
+        The logarithm of the probability density of y, but for a constant, (s,); ``inverse(C) y``
+        and the diagonal of ``inverse(C)``, (s, n).
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        As of `cholesky`.
+    """
+    evidence = np.empty(len(priors))
+    gains, precision = np.empty((2, len(priors), len(rest) if left_out else 0))
+    if not _condition(priors, errors, rest, left_out, evidence, gains, precision):
+        raise np.linalg.LinAlgError(_INDEFINITE)
+    return evidence, gains, precision
 
 
 def solve_backward(factor: FloatArray, rows: FloatArray) -> FloatArray:
@@ -182,3 +218,42 @@ def _add_product(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
             for row in range(count):
                 weights[row] = -a[i, begin + row]
             _subtract(out, i, 0, out.shape[1], weights, count, b, begin)
+
+
+@kernel("b1(f8[:, :, ::1], f8[::1], f8[::1], b1, f8[::1], f8[:, ::1], f8[:, ::1])")
+def _condition(
+    priors: FloatArray,
+    errors: FloatArray,
+    rest: FloatArray,
+    left_out: bool,
+    evidence: FloatArray,
+    gains: FloatArray,
+    precision: FloatArray,
+) -> bool:
+    """Set the results of `conditioned`; returns whether every matrix is positive definite."""
+    size = len(rest)
+    factor, whitened = np.empty((size, size)), np.empty((1, size))
+    root = np.empty((size, size) if left_out else (0, 0))
+    for each in range(len(priors)):
+        factor[:] = priors[each]
+        for i in range(size):
+            factor[i, i] += errors[i]
+        if not _factorise(factor):
+            return False
+        whitened[0] = rest
+        _forward(factor, whitened, False)
+        evidence[each] = 0.0
+        for i in range(size):
+            evidence[each] -= 0.5 * whitened[0, i] ** 2 + np.log(factor[i, i])
+        if not left_out:
+            continue
+        root[:] = 0.0
+        for i in range(size):
+            root[i, i] = 1.0
+        _forward(factor, root, True)
+        for i in range(size):
+            gains[each, i] = precision[each, i] = 0.0
+            for j in range(i, size):
+                gains[each, i] += root[i, j] * whitened[0, j]
+                precision[each, i] += root[i, j] ** 2
+    return True

@@ -11,22 +11,21 @@ distributions", 1960): with the probability `STRAY_SHARE` it has the standard de
 `STRAY_DEVIATION` besides. How probable that is follows from what all other rows, through the prior
 of `mmt.texture.field.covariance`, predict of the row: the posterior of its cell without the row
 itself, in closed form (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006,
-section 5.4.2), under the setting of the prior that predicts all rows best. The rest of the
+section 5.4.2), under the setting of the prior that predicts `CHOOSING` cells best. The rest of the
 probability is the trust in the row, a factor on its precision. Trust depends on predictions and
 predictions on trust: both are found by turns, `ROUNDS` times. A region that is silent time and
 again predicts its own silence, and is believed.
 
-Cost: O((s + ROUNDS) c^3) for s settings and c cells.
+Cost: O(ROUNDS c^3) for c cells, beside the choice of the setting.
 """
 
-from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.texture.field.cells import FieldCells
-from mmt.texture.linear_algebra import cholesky, inverse_root
+from mmt.texture.linear_algebra import conditioned
 
 BLOCK_VARIANCE: Final = 0.08
 """Variance of a block's log power, nepers^2, on a homogeneous surface: 25 independent samples of
@@ -43,6 +42,10 @@ STRAY_DEVIATION: Final = 3.0
 """Standard deviation of its error then, nepers: 13 dB."""
 
 ROUNDS: Final = 3
+
+CHOOSING: Final = 96
+"""Most cells by whose rows the setting of the prior is chosen, an even choice of all."""
+
 _PRIOR_DEGREES: Final = 6.0
 _MEDIAN: Final = 0.9
 """Median of a variance estimated from the four to nine blocks of a row, over the variance."""
@@ -68,7 +71,7 @@ class Observations(NamedTuple):
     moment: float
 
 
-def observe(cells: FieldCells, priors: Sequence[FloatArray]) -> Observations:
+def observe(cells: FieldCells, priors: FloatArray) -> Observations:
     """Return what the rows, at least one, say of each cell.
 
     Parameters
@@ -76,23 +79,24 @@ def observe(cells: FieldCells, priors: Sequence[FloatArray]) -> Observations:
     cells
         The rows.
     priors
-        Prior covariance of the cells (c, c) under each setting of the prior.
+        Prior covariance of the cells under each of s settings of the prior, (s, c, c).
     """
     cell, (count, power, _, _) = cells.cell_of_row, cells.sums.T
     block = _block_variance(cells)
     scatter = block / count
     # the logarithm of a mean lies below that of what is expected, by half its variance
     level = np.log(power / count) + 0.5 * scatter - cells.centres.law[cell]
-    trust = np.ones(len(level))
-    moment = _moment_variance(cell, level, scatter, trust)
-    left_out = [_left_out(prior, cell, level, moment + scatter, trust) for prior in priors]
-    likeliest = int(np.argmax([_log_density(off, usual).sum() for _, off, usual in left_out]))
-    smoothed, off, usual = left_out[likeliest]
+    believed = np.ones(len(level))
+    moment = _moment_variance(cell, level, scatter, believed)
+    prior = priors[_likeliest(priors, cell, level, moment + scatter), np.newaxis]
+    found = _left_out(prior, cell, level, moment + scatter, believed)
+    smoothed, off, usual = (of_one[0] for of_one in found)
     for _ in range(ROUNDS):
         believed = np.maximum(_believed(off, usual), _LEAST_BELIEVED)
         moment = _moment_variance(cell, level, scatter, believed)
         trust = np.maximum(believed, (moment + scatter) / STRAY_DEVIATION**2)
-        smoothed, off, usual = _left_out(priors[likeliest], cell, level, moment + scatter, trust)
+        found = _left_out(prior, cell, level, moment + scatter, trust)
+        smoothed, off, usual = (of_one[0] for of_one in found)
     precision, mean = _combined(cell, trust / (moment + scatter), level)
     bias = 0.5 * moment  # and a mean of logarithms, of moments, below that of the mean
     return Observations(mean + bias, 1.0 / precision, smoothed + bias, block, moment)
@@ -127,24 +131,33 @@ def _moment_variance(
 
 
 def _left_out(
-    prior: FloatArray, cell: IntArray, level: FloatArray, scatter: FloatArray, trust: FloatArray
+    priors: FloatArray, cell: IntArray, level: FloatArray, scatter: FloatArray, trust: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the smoothed level (c,), and how far each row is off what the others predict.
+    """Return the smoothed level (s, c), and how far each row is off what the others predict.
 
-    The latter with its variance if nothing is wrong with the row, both (r,).
+    The latter with its variance if nothing is wrong with the row, both (s, r).
     """
     own = trust / scatter
     precision, mean = _combined(cell, own, level)
-    middle = float(np.average(mean, weights=precision))
-    total = prior.copy()
-    total[np.diag_indices_from(total)] += 1.0 / precision
-    root = inverse_root(cholesky(total))
-    gains = np.einsum("ij,j->i", root, np.einsum("ij,i->j", root, mean - middle))
+    rest = mean - (precision @ mean) / precision.sum()
+    _, gains, left = conditioned(priors, 1.0 / precision, rest, left_out=True)
     smoothed = mean - gains / precision
-    known = 1.0 / precision - np.square(root).sum(axis=1) / np.square(precision)
-    variance = 1.0 / np.maximum(1.0 / known[cell] - own, _LEAST_PRECISION)
-    predicted = variance * (smoothed[cell] / known[cell] - own * level)
+    known = 1.0 / precision - left / np.square(precision)
+    variance = 1.0 / np.maximum(1.0 / known[:, cell] - own, _LEAST_PRECISION)
+    predicted = variance * (smoothed[:, cell] / known[:, cell] - own * level)
     return smoothed, level - predicted, variance + scatter
+
+
+def _likeliest(priors: FloatArray, cell: IntArray, level: FloatArray, scatter: FloatArray) -> int:
+    """Return the setting of the prior that predicts the rows of its `CHOOSING` cells best."""
+    count = priors.shape[1]
+    chosen = np.linspace(0, count - 1, min(count, CHOOSING)).round().astype(np.int64)
+    rows = np.isin(cell, chosen)
+    part = np.searchsorted(chosen, cell[rows])
+    among = np.ascontiguousarray(priors[:, chosen[:, np.newaxis], chosen])
+    trust = np.ones(len(part))
+    _, off, usual = _left_out(among, part, level[rows], scatter[rows], trust)
+    return int(_log_density(off, usual).sum(axis=1).argmax())
 
 
 def _believed(off: FloatArray, usual: FloatArray) -> FloatArray:

@@ -12,7 +12,6 @@ Cost: O(s c^3) for s settings and c cells that were touched, of which there are 
 with headings, however long the session is; two thirds of it are those of the observations.
 """
 
-from collections.abc import Sequence
 from functools import cached_property
 from typing import Final, NamedTuple
 
@@ -33,7 +32,13 @@ from mmt.texture.field.covariance import (
     warped,
 )
 from mmt.texture.field.observations import BLOCK_VARIANCE, observe
-from mmt.texture.linear_algebra import cholesky, product, solve_backward, solve_forward
+from mmt.texture.linear_algebra import (
+    cholesky,
+    conditioned,
+    product,
+    solve_backward,
+    solve_forward,
+)
 from mmt.texture.model.kernel_parameters import table_grid
 from mmt.texture.model.samples import TextureSamples
 
@@ -88,6 +93,8 @@ def right_probability(
         Of the errors, in nepers^2, positive, and their means.
     """
     width = np.sqrt(2.0 * variances)
+    if np.isscalar(off) and off == 0.0:
+        return np.asarray(erf(nepers / width))
     return np.asarray(0.5 * (erf((nepers - off) / width) + erf((nepers + off) / width)))
 
 
@@ -121,7 +128,7 @@ class LevelField:
         self._at = at = cells.centres
         every = settings(SETTINGS, directed=self.directed)
         between = Between(at, at, directed=self.directed)
-        priors = [between.covariance(setting) for setting in every]
+        priors = np.array([between.covariance(setting) for setting in every])
         self.observed = found = observe(cells, priors)
         share = self._share(found.smoothed + at.law, noise_power)
         level = found.level + np.log(gain * share)
@@ -200,27 +207,19 @@ class LevelField:
 
 
 def _mixture(
-    every: FloatArray, priors: Sequence[FloatArray], rest: FloatArray, errors: FloatArray
+    every: FloatArray, priors: FloatArray, rest: FloatArray, errors: FloatArray
 ) -> list[_Member]:
     """Return the settings with the weight of their evidence; `rest` (c,) is what is observed."""
-    factors, evidence = [], []
-    for prior in priors:
-        total = prior.copy()
-        total[np.diag_indices_from(total)] += errors
-        factor = cholesky(total)
-        whitened = solve_forward(factor, rest)
-        factors.append((factor, whitened))
-        evidence.append(-0.5 * np.square(whitened).sum() - np.log(np.diagonal(factor)).sum())
-    weights = np.exp(np.array(evidence) - max(evidence))
-    weights[weights < _NEGLIGIBLE * weights.max()] = 0.0
+    evidence, _, _ = conditioned(priors, errors, rest, left_out=False)
+    weights = np.exp(evidence - evidence.max())
+    weights[weights < _NEGLIGIBLE] = 0.0
     weights /= weights.sum()
-    return [
-        _Member(weight, setting, factor, solve_backward(factor, whitened))
-        for weight, setting, (factor, whitened) in zip(
-            weights.tolist(), every, factors, strict=True
-        )
-        if weight > 0.0
-    ]
+    members = []
+    for kept in np.flatnonzero(weights):
+        factor = cholesky(priors[kept] + np.diag(errors))
+        cell_weights = solve_backward(factor, solve_forward(factor, rest))
+        members.append(_Member(float(weights[kept]), every[kept], factor, cell_weights))
+    return members
 
 
 def field_of_samples(samples: TextureSamples) -> LevelField | None:

@@ -74,9 +74,10 @@ class FieldRendered(PublishedRendered):
         """
         from mmt.texture.signals.high_pass import gain_without_high_pass
 
-        samples = self._samples
-        gain = gain_without_high_pass(lsf_to_reflection(samples.lsf.copy()), self._rate_hz)
-        return np.asarray(gain[cKDTree(samples.points).query(points)[1]])
+        nearest = cKDTree(self._samples.points).query(points)[1]
+        chosen, row = np.unique(nearest, return_inverse=True)
+        reflection = lsf_to_reflection(self._samples.lsf[chosen])
+        return gain_without_high_pass(reflection, self._rate_hz)[row]
 
 
 RENDERED: Final[dict[Method, type[PublishedRendered]]] = {

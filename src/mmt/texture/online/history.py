@@ -17,7 +17,7 @@ from mmt.core.bounds import check
 from mmt.core.errors import InputError
 from mmt.core.frames import check_frames
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
+from mmt.texture.online.modeller import ModelUpdate, OnlineModeller, carry_out
 from mmt.texture.segmentation.bottom_up import CELL
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
@@ -253,16 +253,34 @@ def build(
         what is only rendered is built in less time.
     """
     modeller = OnlineModeller(settings, accept, deferred=deferred, until_start=until_start)
-    updates: list[ModelUpdate] = []
-    finished: tuple[Segment, ...] = ()
+    return build_together(blocks, [modeller])[0]
+
+
+def build_together(
+    blocks: Iterable[RecordArray], modellers: Sequence[OnlineModeller]
+) -> list[ModelHistory]:
+    """Build several models from the same segments, as `build` builds one.
+
+    Parameters
+    ----------
+    blocks
+        As of `build`.
+    modellers
+        New ones. The first filters and segments for all: whatever settings say of that, and which
+        segments are accepted, must be the same for all.
+    """
+    updates: list[list[ModelUpdate]] = [[] for _ in modellers]
+    finished: list[tuple[Segment, ...]] = [() for _ in modellers]
     for block in blocks:
-        open_before = not modeller.completion.stopped
-        updates.append(modeller.update(block))
-        if open_before:
-            finished = tuple(fit.segment for fit in modeller.fits.values())
-    return ModelHistory(
-        updates=tuple(updates),
-        finished=finished,
-        start_s=modeller.completion.start_s,
-        stop_s=modeller.completion.stop_s,
-    )
+        works = list(modellers[0].segment(block))
+        for place, modeller in enumerate(modellers):
+            open_before = not modeller.completion.stopped
+            update = carry_out(iter([work and work.of(modeller) for work in works]))
+            if update is not None:
+                updates[place].append(update)
+            if open_before:
+                finished[place] = tuple(fit.segment for fit in modeller.fits.values())
+    return [
+        ModelHistory(tuple(made), segments, modeller.completion.start_s, modeller.completion.stop_s)
+        for made, segments, modeller in zip(updates, finished, modellers, strict=True)
+    ]

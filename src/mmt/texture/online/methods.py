@@ -17,7 +17,7 @@ from mmt.texture.completion.distance import CompletionMonitor
 from mmt.texture.model.fits import Fit, fit_segments, unpacked
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.online.work import Work
+from mmt.texture.online.work import DEFERRED, Stopwatch, Work
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
 
@@ -122,6 +122,7 @@ class FieldMethod(ModellingMethod):
         from mmt.texture.online.gathering import Gathering
 
         super().__init__(settings)
+        self._deferred = deferred
         self.criterion: UncertaintyCriterion = UncertaintyCriterion(settings)
         self._gathering = Gathering(settings, deferred=deferred)
 
@@ -138,7 +139,11 @@ class FieldMethod(ModellingMethod):
         for block in work.observed:
             self.criterion.observe(block)
         if anew and (work.forget_from is not None or self.criterion.due):
-            self.criterion.update(work.source(), work.time_s)
+            clock, model = Stopwatch(work.durations_s), work.source()
+            if self._deferred and model is not None:
+                _ = model.level_field
+                clock.lap(DEFERRED)
+            self.criterion.update(model, work.time_s)
 
 
 def _maker(

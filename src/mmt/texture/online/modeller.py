@@ -26,7 +26,7 @@ from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.building import BuildingStage
 from mmt.texture.online.fitting import LARGEST_MODEL, FittingStage
 from mmt.texture.online.methods import method_of
-from mmt.texture.online.work import ModelUpdate, SegmentRange, Stopwatch, Work
+from mmt.texture.online.work import DEFERRED, ModelUpdate, SegmentRange, Stopwatch, Work
 from mmt.texture.segmentation.segmenter import OnlineSegmenter
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
@@ -195,6 +195,7 @@ class OnlineModeller:
         if revoked and work.forget_from is not None:
             criterion.revoke_since(self._session_time_s(work.forget_from))
         clock.lap("completion")
+        work.durations_s["completion"] -= work.durations_s.get(DEFERRED, 0.0)
         work.update = ModelUpdate(
             time_s=work.time_s if work.session_time_s is None else work.session_time_s,
             samples=len(work.fits),

@@ -2,8 +2,8 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Final
 
 from mmt.texture.completion.criterion import Progress
 from mmt.texture.model.fits import Fit
@@ -22,6 +22,10 @@ SegmentRange = tuple[int, int]
 
 ModelSource = Callable[[], TextureModel | None]
 """Gives the model of an update, None before the first sample."""
+
+
+DEFERRED: Final = "deferred"
+"""Lap of what is built of a deferred model to judge it, and built again for whoever asks for it."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +71,11 @@ class ModelUpdate:
     def model(self) -> TextureModel | None:
         """The model, None before the first sample."""
         return self.source()
+
+    @property
+    def spent_s(self) -> float:
+        """Seconds of all stages, without building the model if that is deferred."""
+        return sum(self.durations_s.values()) - self.durations_s.get(DEFERRED, 0.0)
 
 
 @dataclass
@@ -129,6 +138,10 @@ class Work:
     left: tuple[ModelUpdate, ...] = ()
     session_time_s: float | None = None
     update: ModelUpdate | None = None
+
+    def of(self, modeller: "OnlineModeller") -> "Work":
+        """Return the same new work for another modeller."""
+        return replace(self, modeller=modeller, durations_s=self.durations_s.copy())
 
     def absorb(self, earlier: "Work", *, segments: bool = True) -> None:
         """Do also what an earlier update of the same model has left to do.

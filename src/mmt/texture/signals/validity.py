@@ -132,9 +132,9 @@ def _is_rail(
 def _step(state: FloatArray, value: float, repeats: FloatArray, extremes: FloatArray) -> bool:
     """Take in a value that differs from the one before; return whether it proves a rail."""
     size = abs(value - state[_LAST])
-    before = state[_BEFORE:_STOPS]
-    before[1:] = before[:-1].copy()
-    before[0] = state[_LAST]
+    for place in range(_STOPS - 1, _BEFORE, -1):
+        state[place] = state[place - 1]
+    state[_BEFORE] = state[_LAST]
     if state[_DECIDED] == _UNDECIDED and state[_REPEATS] < _COUNTED and state[_CHANGES]:
         repeats[int(state[_OCTAVE]), 0] += 1.0
     stopped = state[_DECIDED] != _UNDECIDED or state[_REPEATS] >= _COUNTED
