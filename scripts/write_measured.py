@@ -98,7 +98,7 @@ def model_rows(evaluation: dict[str, Any]) -> list[Row]:
             f"GFC against the known texture at {names}",
             ", ".join(f"{score['truth_gfc']:.3f}" for score in scores.values()),
         ),
-        ("autoregressive order, chosen from the data", str(evaluation["order"])),
+        ("autoregressive order", str(evaluation["order"])),
         ("evaluation, times faster than real time", f"{evaluation['times_real_time']:.0f}"),
     ]
 

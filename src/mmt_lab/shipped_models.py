@@ -20,6 +20,19 @@ TRIALS: Final = 6
 DURATION_S: Final = 20.0
 FIRST_SEED: Final = 1
 
+ORDERS: Final = {
+    "ridged-plastic": 11,
+    "brushed-plastic": 4,
+    "knurled-plastic": 11,
+    "felt": 4,
+    "canvas": 10,
+    "corduroy": 11,
+    "oak": 5,
+    "pine": 6,
+    "sawn-wood": 10,
+}
+"""Order of the filters of each."""
+
 
 def trials_of(surface: Surface) -> list[RecordArray]:
     """Simulate the trials from which the model of a surface is built.
@@ -36,7 +49,7 @@ def trials_of(surface: Surface) -> list[RecordArray]:
 def settings_of(surface: Surface) -> ModellingSettings:
     """Return what a surface is modelled with: its heading counts where it has one."""
     inputs: Inputs = "isotropic" if surface.isotropic else "anisotropic"
-    return ModellingSettings(inputs=inputs)
+    return ModellingSettings(inputs=inputs, order=ORDERS[surface.name])
 
 
 def build(sessions: Sequence[RecordArray], settings: ModellingSettings) -> TextureModel:
