@@ -107,6 +107,9 @@ async def test_with_a_token_the_socket_asks_for_it(
     async with browser.http.ws_connect(address(together)) as socket:
         await socket.send_str("[1, 2]")
         assert (await socket.receive()).data == 4401
+    async with browser.http.ws_connect(address(together), autoping=False) as socket:
+        await socket.ping(b"who is there")
+        assert (await socket.receive()).data == 4401
     assert (await until(await browser.look_on(together, TOKEN), "hello"))["session"] == "session"
     together.leader.stop()
     await together.end()

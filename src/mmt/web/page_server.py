@@ -115,10 +115,11 @@ async def open_socket(
     Without the token it is closed. `most_bytes` is the largest message that it accepts.
     """
     socket = web.WebSocketResponse(
-        timeout=1.0, heartbeat=_HEARTBEAT_S, compress=False, max_msg_size=most_bytes
+        timeout=1.0, heartbeat=_HEARTBEAT_S, compress=False, max_msg_size=most_bytes, autoping=False
     )
     await socket.prepare(request)
     admitted = access.admits(await _token(socket))
+    socket._autoping = True  # a stranger's pings are not answered
     if admitted:
         admit_connection(request)
     else:
