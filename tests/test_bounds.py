@@ -11,7 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 from mmt.core.bounds import check, real_numbers
 from mmt.core.errors import InputError
 from mmt.scene.texture_table import TEXTURE_TABLE
-from mmt.texture.model.file import arrays_of, pack
+from mmt.texture.model.file import arrays_of
 from mmt.texture.model.file_arrays import pack_arrays
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.samples import LARGEST_POWER, TextureSamples
@@ -118,10 +118,10 @@ def test_a_model_of_the_largest_power_is_finite_and_of_more_is_refused() -> None
 @pytest.mark.parametrize("name", ["power", "variance"])
 def test_a_file_with_a_power_that_nothing_has_is_refused(name: str, power: float) -> None:
     contents = TextureModel(samples(1e12)).contents
-    assert TextureModel.from_bytes(pack(contents)).samples.power[1] == 1e12
+    assert TextureModel.from_bytes(pack_arrays(arrays_of(contents))).samples.power[1] == 1e12
     broken = replace(contents.samples, **{name: np.array([1.0, power, 1.0])})
     with pytest.raises(InputError, match=rf"{name} must be finite, at most 1e\+12"):
-        TextureModel.from_bytes(pack(replace(contents, samples=broken)))
+        TextureModel.from_bytes(pack_arrays(arrays_of(contents._replace(samples=broken))))
 
 
 @pytest.mark.parametrize("rate_hz", [math.nan, 0.0, -5.0, math.inf])

@@ -71,7 +71,7 @@ JND_DB: Final = 20.0 * math.log10(1.17)
 
 START_SHARE: Final = 0.65
 """Expected share at which rendering starts: two strokes of three, which is early enough for the
-person who waits (the page on texture models has what other values would give)."""
+person who waits (decision 55 has what other values would give)."""
 
 STOP_SHARE: Final = 0.86
 """Expected share at which modelling ends: what most textures come to within half a minute."""
