@@ -102,7 +102,7 @@ def virtual_texture(texture: str, seed: int) -> Virtual:
 def real_sample(texture: str, seed: int) -> Sample:
     """Stroke a texture anew."""
     settings = network_settings("anisotropic")
-    stream = StreamFilter.of(settings)
+    stream = StreamFilter(settings)
     block = stream.process(_stroke(texture, STROKED_S, seed))
     first = int(block.index[0])
     return Sample(
