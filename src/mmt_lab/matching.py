@@ -15,7 +15,7 @@ from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.segmentation.segmenter import segment
 from mmt.texture.selection.points import spectral_error
 from mmt.texture.settings import Inputs
-from mmt.texture.signals.amplitude_spectra import Spectra, amplitude_spectrum
+from mmt.texture.signals.amplitude_spectra import Spectra, amplitude_spectra
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.signals.metrics import gfc_of_rows, power_error_db
 from mmt.texture.synthesis.synthesizer import Synthesizer
@@ -102,7 +102,7 @@ def virtual_texture(texture: str, seed: int) -> Virtual:
 def real_sample(texture: str, seed: int) -> Sample:
     """Stroke a texture anew."""
     settings = network_settings("anisotropic")
-    stream = StreamFilter.of(settings)
+    stream = StreamFilter(settings)
     block = stream.process(_stroke(texture, STROKED_S, seed))
     first = int(block.index[0])
     return Sample(
@@ -131,7 +131,7 @@ def _compared(rendered: FloatArray, recorded: FloatArray, sample: Sample, spectr
     nperseg = _WELCH_SAMPLES if spectra is Spectra.WELCH else None
     for part in sample.segments:
         own, truth = (
-            amplitude_spectrum(signal[part], 1000.0, nperseg)[1] for signal in (rendered, recorded)
+            amplitude_spectra(signal[part], 1000.0, nperseg)[1] for signal in (rendered, recorded)
         )
         errors.append(float(spectral_error(own, truth)))
         scores.append(float(gfc_of_rows(own, truth)))

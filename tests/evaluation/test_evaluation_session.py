@@ -17,7 +17,7 @@ from mmt.scene.files import scene_from_tables
 from mmt.session import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.completion.distance import FARTHEST
-from mmt.texture.online.history import build, update_blocks
+from mmt.texture.online.history import build, stream_blocks
 from mmt.texture.settings import ModellingSettings
 
 SETTINGS = ModellingSettings(order=8, method="published")
@@ -76,7 +76,7 @@ def test_steps_stand_every_step_and_show_the_last_update(evaluation):
 
 
 def test_hold_out_is_excluded_from_every_state_of_the_model(stroked_session):
-    blocks = list(update_blocks(stroked_session.frames, 1000))
+    blocks = list(stream_blocks([stroked_session.frames], 1000))
     whole = build(blocks, SETTINGS)
     held_out = choose_held_out(whole.finished, seed=0)
     taken = {n for part in held_out for n in range(part.start, part.stop)}
@@ -225,10 +225,10 @@ def test_a_dead_accelerometer_is_the_reason_and_the_strokes_were_made(stroked_se
 def test_blocks_are_those_of_a_live_leader():
     frames = empty_frames(3600)
     frames["sequence"] = np.arange(3600) + 17
-    blocks = list(update_blocks(frames, 1000))
+    blocks = list(stream_blocks([frames], 1000))
     assert [len(block) for block in blocks] == [1000, 1000, 1000, 600]
     with_gap = np.delete(frames, slice(900, 1100))
-    blocks = list(update_blocks(with_gap, 1000))
+    blocks = list(stream_blocks([with_gap], 1000))
     assert sum(map(len, blocks)) == 3400
     assert [int(block["sequence"][0]) - 17 for block in blocks] == [0, 1101, 2101, 3101]
     assert len(blocks[0]) == 901
@@ -237,7 +237,7 @@ def test_blocks_are_those_of_a_live_leader():
 def test_a_follower_that_started_anew_does_not_stop_the_cutting():
     frames = empty_frames(2500)
     frames["sequence"] = np.concatenate([np.arange(1500), np.arange(1000)])
-    assert sum(map(len, update_blocks(frames, 1000))) == 2500
+    assert sum(map(len, stream_blocks([frames], 1000))) == 2500
 
 
 @pytest.mark.parametrize("options", [{"step_s": 0.0}, {"step_s": float("nan")}, {"period_s": -1.0}])

@@ -20,7 +20,7 @@ from mmt.session import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.completion.distance import middles
-from mmt.texture.online.history import build, update_blocks
+from mmt.texture.online.history import build, stream_blocks
 from mmt.texture.settings import JND_DB, ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
 
@@ -127,7 +127,7 @@ def test_without_a_truth_the_other_method_is_scored_at_the_held_out_segments(sim
             for part in taken
         )
 
-    model = build(update_blocks(simulated.frames, 1000), settings, accept).model_at(8.0)
+    model = build(stream_blocks([simulated.frames], 1000), settings, accept).model_at(8.0)
     inputs = np.array([(part.speed_mm_s, part.force_n) for part in taken])
     power = output_power_at(model, inputs)
     true = np.array([part.power for part in taken])

@@ -13,7 +13,7 @@ from mmt.session import read_session, write_session
 from mmt.session.data import RecordedSession
 from mmt.session.recorder import McapRecorder
 from mmt.session.stream import SessionStream, blocks_of, in_memory, open_recording
-from mmt.texture.online.history import stream_blocks, update_blocks
+from mmt.texture.online.history import stream_blocks
 from mmt.texture.signals.numbering import StreamNumbering
 
 
@@ -91,7 +91,7 @@ def test_blocks_do_not_depend_on_the_parts_that_a_session_comes_in(
     cut = [frames[start:stop] for start, stop in pairwise(edges.tolist())]
     expected = whole_blocks(StreamNumbering().number(frames), 250)
     assert [len(block) for block in stream_blocks(cut, 250)] == expected
-    assert [len(block) for block in update_blocks(frames, 250)] == expected
+    assert [len(block) for block in stream_blocks([frames], 250)] == expected
 
 
 def whole_blocks(frames: np.ndarray, period: int) -> list[int]:

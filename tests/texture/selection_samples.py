@@ -1,11 +1,11 @@
 """A smooth texture of known truth, sampled, fitted and knocked on."""
 
 import numpy as np
+from scipy.signal import lfilter
 
 from mmt.core.arrays import BoolArray, FloatArray
 from mmt.texture.autoregression.burg import burg_batch
-from mmt.texture.autoregression.forms import lsf_to_reflection, reflection_to_lsf
-from mmt.texture.autoregression.simulation import simulate_ar
+from mmt.texture.autoregression.forms import lsf_to_ar, reflection_to_lsf
 from mmt.texture.selection import ModelPoints
 
 ORDER = 8
@@ -24,13 +24,14 @@ def sampled_texture(
     """Return points with their segments, and which of them hold a knock (0.4 of the variance)."""
     generator = np.random.default_rng(seed)
     points = generator.random((n, dimensions))
-    reflection = lsf_to_reflection(true_lsf(points))
+    filters = np.insert(lsf_to_ar(true_lsf(points)), 0, 1.0, axis=1)
     level = 0.1 + points[:, 0] * (0.5 + points[:, 1])
     knocked = np.zeros(n, dtype=np.bool_)
     knocked[generator.choice(n, knocks, replace=False)] = True
     segments = []
     for index in range(n):
-        segment = simulate_ar(reflection[index], level[index], 260, generator)
+        noise = np.sqrt(level[index]) * generator.standard_normal(460)
+        segment = lfilter([1.0], filters[index], noise)[200:]
         if knocked[index]:
             knock = np.zeros(260)
             time_s = np.arange(160) / 1000.0

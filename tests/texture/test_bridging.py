@@ -131,7 +131,7 @@ def test_short_gaps_leave_no_gap_whatever_their_pattern(
 def test_a_longer_gap_is_not_bridged_and_none_is_where_it_is_turned_off() -> None:
     frames = stroke(noise(600, 1))
     for longest, gap in ((5, 6), (0, 1), (2, 3)):
-        stream = StreamFilter(longest_bridged_samples=longest)
+        stream = StreamFilter(ModellingSettings(longest_bridged_samples=longest))
         aligned = stream.process(np.delete(frames, np.s_[300 : 300 + gap]))
         assert not set(range(300, 300 + gap)) & set(aligned.index.tolist())
         assert stream.faults.bridged_s == 0

@@ -28,7 +28,7 @@ def stroke(count, first=0, speed=100.0, force=1.0, seed=0):
 
 
 def cutter(space=ISOTROPIC):
-    return BlockCutter(space, 10.0, 0.1, 1000.0)
+    return BlockCutter(ModellingSettings(inputs=space.name))
 
 
 def work(*observed, **others):

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.core.frames import empty_frames
-from mmt.texture.settings import LONGEST_BRIDGED
+from mmt.texture.settings import LONGEST_BRIDGED, ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.biquad import BiquadFilter, bessel_low_pass, butterworth_high_pass
 from mmt.texture.signals.filtering import StreamFilter
@@ -78,9 +78,11 @@ def test_partition_into_blocks_does_not_matter(
     damaged: tuple[RecordArray, list[int]], axis: Any
 ) -> None:
     frames, lengths = damaged
-    whole = StreamFilter(axis=axis).process(frames)
-    assert_identical(in_blocks(StreamFilter(axis=axis), frames, lengths), whole)
-    assert_identical(in_blocks(StreamFilter(axis=axis), frames, [1] * len(frames)), whole)
+    whole = StreamFilter(ModellingSettings(axis=axis)).process(frames)
+    assert_identical(in_blocks(StreamFilter(ModellingSettings(axis=axis)), frames, lengths), whole)
+    assert_identical(
+        in_blocks(StreamFilter(ModellingSettings(axis=axis)), frames, [1] * len(frames)), whole
+    )
 
 
 @given(damaged=damaged_streams())
@@ -128,7 +130,7 @@ def test_each_run_of_frames_loses_its_newest_ones_and_its_warm_up() -> None:
 
 def test_channels_equal_scipys_filters() -> None:
     frames = random_frames(500)
-    stream = StreamFilter(normal="y", axis="x")
+    stream = StreamFilter(ModellingSettings(normal="y", axis="x"))
     aligned = stream.process(frames)
     low = scipy.signal.bessel(2, 20.0, fs=RATE_HZ, norm="mag")
     high = scipy.signal.butter(2, 10.0, "highpass", fs=RATE_HZ)
@@ -152,7 +154,7 @@ def test_channels_equal_scipys_filters() -> None:
 
 def test_equals_the_filter_of_the_streamed_vibration() -> None:
     frames = random_frames(300)
-    aligned = StreamFilter(axis="z").process(frames)
+    aligned = StreamFilter(ModellingSettings(axis="z")).process(frames)
     stepped = BiquadFilter(butterworth_high_pass(10.0, RATE_HZ))
     streamed = [stepped.step(value) for value in frames["acceleration_m_s2"][:, 2].tolist()]
     np.testing.assert_allclose(
@@ -234,7 +236,7 @@ def test_speed_lies_in_the_tangential_plane_and_force_on_the_normal() -> None:
     frames["force_n"] = [1.0, 2.0, -3.0]
     expected = {"x": (np.hypot(40, 120), 1.0), "y": (np.hypot(30, 120), 2.0), "z": (50.0, 0.0)}
     for normal, (speed_mm_s, force_n) in expected.items():
-        aligned = StreamFilter(normal=normal).process(frames)  # type: ignore[arg-type]
+        aligned = StreamFilter(ModellingSettings(normal=normal)).process(frames)  # type: ignore[arg-type]
         np.testing.assert_allclose(aligned.speed_mm_s[-100:], speed_mm_s, rtol=1e-4)
         np.testing.assert_allclose(aligned.normal_force_n, force_n, rtol=1e-6)
 
@@ -243,9 +245,9 @@ def test_motion_and_force_restart_behind_a_long_gap_as_if_new() -> None:
     before, after = random_frames(300, seed=1), random_frames(300, seed=2)
     after["sequence"] += 300 + LONGEST_BRIDGED + 1
     after["position_mm"] += 500.0
-    stream = StreamFilter(axis="dft321")
+    stream = StreamFilter(ModellingSettings(axis="dft321"))
     joined = stream.process(np.concatenate([before, after]))
-    fresh = StreamFilter(axis="dft321").process(after)
+    fresh = StreamFilter(ModellingSettings(axis="dft321")).process(after)
     for name in ("index", "time_ns", "position_mm", "velocity_mm_s", "normal_force_n"):
         behind = getattr(joined, name)[-len(fresh) :]
         np.testing.assert_array_equal(behind, getattr(fresh, name), err_msg=name)
@@ -318,15 +320,15 @@ def test_a_broken_number_counts_as_a_missing_frame(broken: float) -> None:
 
 def test_a_broken_number_in_an_unused_channel_does_no_harm() -> None:
     frames = random_frames(400)
-    expected = StreamFilter(axis="z").process(frames)
+    expected = StreamFilter(ModellingSettings(axis="z")).process(frames)
     frames["acceleration_m_s2"][200, 0] = np.nan
     frames["force_n"][201, 1] = np.nan
-    assert_identical(StreamFilter(axis="z").process(frames), expected)
+    assert_identical(StreamFilter(ModellingSettings(axis="z")).process(frames), expected)
 
 
 @pytest.mark.parametrize("count", [0, 1, 11, 12])
 def test_few_frames(count: int) -> None:
-    aligned = StreamFilter(axis="dft321").process(random_frames(count))
+    aligned = StreamFilter(ModellingSettings(axis="dft321")).process(random_frames(count))
     assert len(aligned) == max(0, count - 11)
     assert aligned.position_mm.shape == (len(aligned), 3)
     assert aligned.vibration_m_s2.shape == (len(aligned), 3)

@@ -15,7 +15,6 @@ from mmt.texture.autoregression.reshaping import (
     reflection_of,
     relative_density,
 )
-from mmt.texture.autoregression.simulation import simulate_ar
 from mmt.texture.autoregression.spectra import lsf_spectrum
 from mmt.texture.field.cells import FieldCells
 from mmt.texture.field.posterior import LevelField
@@ -78,10 +77,10 @@ def test_whatever_was_fitted_the_filter_is_stable_and_has_no_less_power(values, 
 
 def test_smoothed_fits_are_of_the_vibration_before_the_filter_and_measured_ones_behind():
     f = butterworth_high_pass(VIBRATION_CUTOFF_HZ, 1000.0)
-    random = np.random.default_rng(4)
+    random, taps = np.random.default_rng(4), np.r_[1.0, reflection_to_ar(FLAT)[0]]
     segments = []
-    for number in range(40):
-        whole = simulate_ar(FLAT[0], 1.0, 600, random)
+    for number in range(160):
+        whole = lfilter([1.0], taps, random.standard_normal(800))[200:]
         behind = lfilter([f.b0, f.b1, f.b2], [1.0, f.a1, f.a2], whole)[200:]
         start = 400 * number
         segments.append(Segment(start, start + 400, 100.0, (100.0, 0.0), 1.0, behind, 0, True))

@@ -10,7 +10,6 @@ from mmt.core.arrays import FloatArray
 from mmt.texture.linear_algebra import (
     cholesky,
     conditioned,
-    inverse_root,
     product,
     solve_backward,
     solve_forward,
@@ -100,14 +99,6 @@ def test_a_product_is_that_of_numpy(
     if transposed:
         a = np.asfortranarray(a)
     np.testing.assert_allclose(product(a, b), a @ b, atol=1e-13)
-
-
-@pytest.mark.parametrize("size", [1, 7, 8, 9, 64, 131])
-def test_the_root_of_the_inverse_is_what_the_unit_matrix_is_solved_to(size: int) -> None:
-    factor = cholesky(covariance(size))
-    root = inverse_root(factor)
-    np.testing.assert_array_equal(root, solve_forward(factor, np.eye(size)))
-    np.testing.assert_allclose(root @ root.T @ covariance(size), np.eye(size), atol=1e-6)
 
 
 @given(size=st.integers(0, 40), count=st.integers(0, 3), seed=st.integers(0, 99))

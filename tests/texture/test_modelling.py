@@ -14,7 +14,7 @@ from mmt.testing.simulation.textures import get_surface
 from mmt.texture.autoregression.forms import lsf_to_reflection, output_power
 from mmt.texture.completion.distance import distance_sum
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.online.history import build, update_blocks
+from mmt.texture.online.history import build, stream_blocks
 from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
 from mmt.texture.settings import Method, ModellingSettings
 
@@ -216,7 +216,7 @@ def models_alive() -> int:
 def test_a_history_makes_a_model_when_it_is_asked_for_as_the_live_leader_had_it(
     frames: RecordArray, method: Method
 ) -> None:
-    blocks = list(update_blocks(frames, 1000))
+    blocks = list(stream_blocks([frames], 1000))
     before = models_alive()
     settings = ModellingSettings(method=method)
     history = build(blocks, settings)
@@ -240,7 +240,7 @@ def test_a_history_makes_a_model_when_it_is_asked_for_as_the_live_leader_had_it(
 def test_a_history_that_is_judged_until_the_start_has_the_same_models(
     frames: RecordArray, method: Method
 ) -> None:
-    blocks, settings = list(update_blocks(frames, 1000)), ModellingSettings(method=method)
+    blocks, settings = list(stream_blocks([frames], 1000)), ModellingSettings(method=method)
     whole = build(blocks, settings)
     brief = build(blocks, settings, until_start=True)
     assert brief.start_s == whole.start_s

@@ -19,7 +19,6 @@ from mmt.texture.selection.outliers import (
     FALSE_ALARMS,
     MOST,
     find_outliers,
-    least_points,
     limit_of,
     reasons,
 )
@@ -126,7 +125,6 @@ def test_limits_are_finite_and_above_the_median(scores, rate):
 def test_of_few_points_none_is_accused(n):
     data, _ = sampled_texture(n, 2, knocks=0)
     assert find_outliers(data) is None
-    assert n < least_points(2)
 
 
 @pytest.mark.parametrize("n", [12, 20])

@@ -7,6 +7,7 @@ import pytest
 from surface_samples import BLOCK, PEAKED, SMOOTH, make_blocks
 
 from mmt.core.errors import InputError
+from mmt.texture.settings import SurfaceSettings
 from mmt.texture.surfaces import SurfaceBlock, SurfaceDetector
 from mmt.texture.surfaces.detection import TEMPER, WINDOW, Detection
 
@@ -106,4 +107,4 @@ def test_a_lower_rate_of_false_alarms_takes_more_evidence() -> None:
 @pytest.mark.parametrize("rate", [0.0, -1.0, np.nan, np.inf])
 def test_a_rate_that_cannot_be_is_refused(rate: float) -> None:
     with pytest.raises(InputError, match="false_alarms"):
-        SurfaceDetector(rate)
+        SurfaceSettings(rate)

@@ -13,7 +13,7 @@ UPDATE: Final = """
 import json, os
 from pathlib import Path
 import mmt
-from mmt.texture.online.history import update_blocks
+from mmt.texture.online.history import stream_blocks
 from mmt.texture.online.modeller import OnlineModeller
 
 def cpu_ns():
@@ -24,7 +24,7 @@ def cpu_ns():
 frames, _ = mmt.simulate_session(mmt.Scene(), surface="wood", duration_s=12.0)
 for number in range(2):  # the first compiles
     modeller, before = OnlineModeller(), cpu_ns()
-    for block in update_blocks(frames, 1000):
+    for block in stream_blocks([frames], 1000):
         modeller.update(block)
     after = cpu_ns()
 print(json.dumps([after[0] - before[0], after[1] - before[1], after[2]]))

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from mmt.core.arrays import BoolArray, FloatArray, RecordArray
 from mmt.core.frames import empty_frames
+from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.faults import SignalFaults
 from mmt.texture.signals.filtering import StreamFilter
@@ -183,10 +184,10 @@ def test_a_channel_that_is_constant_throughout_has_no_measurement() -> None:
 
 def test_one_axis_that_changes_is_a_measurement_of_three() -> None:
     frames = frames_of(texture(1000, 1))
-    stream = StreamFilter(axis="dft321")
+    stream = StreamFilter(ModellingSettings(axis="dft321"))
     aligned = stream.process(frames)
     assert aligned.measured.all()
-    assert StreamFilter(axis="x").process(frames).measured.sum() == 0
+    assert StreamFilter(ModellingSettings(axis="x")).process(frames).measured.sum() == 0
 
 
 def test_what_is_unplugged_is_held_and_the_vibration_goes_on_behind_it() -> None:

@@ -209,7 +209,7 @@ def _recorded(path: Path) -> "tuple[FloatArray, FloatArray, float]":
     session = read_session(path)
     scene = scene_of(session, None)
     settings = (scene.texture or Texture()).settings(float(scene.session.rate_hz))
-    aligned = StreamFilter.of(settings).process(session.frames)
+    aligned = StreamFilter(settings).process(session.frames)
     if not len(aligned):
         raise InputError(f"session {path}: it holds too few frames to tell a motion")
     return aligned.velocity_mm_s, aligned.normal_force_n, settings.rate_hz

@@ -133,7 +133,7 @@ def _blocks(
 ) -> "Iterable[RecordArray]":
     """Return the frames of one recording by updates, or each of several as one update."""
     from mmt.session.stream import blocks_of, in_memory
-    from mmt.texture.online.history import stream_blocks, trials, update_blocks
+    from mmt.texture.online.history import stream_blocks, trials
 
     if len(recordings) == 1 and settings.surfaces is None and surface is None:
         return stream_blocks(blocks_of(recordings[0]), period_frames)
@@ -143,7 +143,7 @@ def _blocks(
             raise _no_frames(session.path)
     sessions = [_on_surface(session, settings, surface) for session in sessions]
     if len(sessions) == 1:
-        return update_blocks(sessions[0].frames, period_frames)
+        return stream_blocks([sessions[0].frames], period_frames)
     return trials([session.frames for session in sessions])
 
 

@@ -11,15 +11,15 @@ import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
 from mmt.evaluation.levels import root_mean_square
-from mmt.texture.completion.distance import forces_n, speeds_mm_s
+from mmt.texture.completion.distance import FORCE_RANGE_N, SPEED_RANGE_MM_S, middles
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.signals.metrics import within_jnd
 
-GRID_SPEED_MM_S: Final[FloatArray] = speeds_mm_s(12)
-GRID_FORCE_N: Final[FloatArray] = forces_n(12)
+GRID_SPEED_MM_S: Final[FloatArray] = middles(SPEED_RANGE_MM_S, 12)
+GRID_FORCE_N: Final[FloatArray] = middles(FORCE_RANGE_N, 12)
 
-COARSE_SPEED_MM_S: Final[FloatArray] = speeds_mm_s(6)
-COARSE_FORCE_N: Final[FloatArray] = forces_n(6)
+COARSE_SPEED_MM_S: Final[FloatArray] = middles(SPEED_RANGE_MM_S, 6)
+COARSE_FORCE_N: Final[FloatArray] = middles(FORCE_RANGE_N, 6)
 """The plane where all headings are compared as well."""
 
 SECTORS: Final = 12

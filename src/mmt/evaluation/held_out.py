@@ -18,7 +18,6 @@ from mmt.texture.segmentation.segments import Segment
 from mmt.texture.signals.amplitude_spectra import (
     Spectra,
     amplitude_spectra,
-    amplitude_spectrum,
 )
 from mmt.texture.signals.metrics import gfc_of_rows
 from mmt.texture.synthesis.synthesizer import Synthesizer
@@ -87,7 +86,7 @@ class HeldOutRecording:
         if spectra == Spectra.WELCH:
             self._window = min(WELCH_SAMPLES, len(segment.vibration_m_s2))
         self.power = float(np.mean(np.square(segment.vibration_m_s2)))
-        self.frequencies_hz, self.amplitude = amplitude_spectrum(
+        self.frequencies_hz, self.amplitude = amplitude_spectra(
             segment.vibration_m_s2, rate_hz, self._window
         )
 

@@ -67,7 +67,7 @@ def pool_sessions(sessions: Sequence[RecordedSession], settings: ModellingSettin
     segments: list[Segment] = []
     origin: list[str] = []
     for session in sessions:
-        stream = StreamFilter.of(settings)
+        stream = StreamFilter(settings)
         found = segment(stream.process(session.frames), settings)
         found = [part for part in found if part.vibration_m_s2.any()]
         segments += found

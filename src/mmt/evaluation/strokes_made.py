@@ -28,7 +28,7 @@ class StrokesMade:
 
     def __init__(self, settings: ModellingSettings) -> None:
         self._settings = settings
-        self._filter = StreamFilter.of(settings)
+        self._filter = StreamFilter(settings)
         self._every = max(1, round(_EVERY_S * settings.rate_hz))
         self._seen = self._samples = 0
         self._parts: list[FloatArray] = []

@@ -113,7 +113,7 @@ def _faults(session: RecordedSession) -> "SignalFaults | None":
     from mmt.texture.signals.filtering import StreamFilter
     from mmt.texture.signals.numbering import StreamNumbering
 
-    stream = StreamFilter.of((scene.texture or Texture()).settings(float(scene.session.rate_hz)))
+    stream = StreamFilter((scene.texture or Texture()).settings(float(scene.session.rate_hz)))
     frames = StreamNumbering().number(session.frames)
     for start in range(0, len(frames), _FILTERED_AT_ONCE):
         stream.process(frames[start : start + _FILTERED_AT_ONCE])

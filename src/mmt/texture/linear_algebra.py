@@ -35,7 +35,7 @@ def cholesky(matrix: FloatArray) -> FloatArray:
         The matrix is not positive definite, or holds a number that is not finite.
     """
     factor = np.array(matrix, np.float64, order="C")
-    if not _factorise(factor):
+    if not factorise(factor):
         raise np.linalg.LinAlgError(_INDEFINITE)
     return factor
 
@@ -51,18 +51,8 @@ def solve_forward(factor: FloatArray, rows: FloatArray) -> FloatArray:
         Right-hand sides, shape (n,) or (m, n).
     """
     solved = np.array(np.atleast_2d(rows), np.float64, order="C")
-    _forward(factor, solved, False)
+    forward(factor, solved, False)
     return solved.reshape(np.shape(rows))
-
-
-def inverse_root(factor: FloatArray) -> FloatArray:
-    """Return a root R (n, n) of the inverse of ``matrix``, ``R @ R.T``, from its Cholesky factor.
-
-    What `solve_forward` makes of the unit matrix, to the bit, at a third of the operations.
-    """
-    root = np.eye(len(factor))
-    _forward(factor, root, True)
-    return root
 
 
 def conditioned(
@@ -107,7 +97,7 @@ def solve_backward(factor: FloatArray, rows: FloatArray) -> FloatArray:
     Both, one after the other, solve ``matrix @ x[i] = rows[i]``.
     """
     solved = np.array(np.atleast_2d(rows), np.float64, order="C")
-    _backward(factor, solved)
+    backward(factor, solved)
     return solved.reshape(np.shape(rows))
 
 
@@ -151,7 +141,7 @@ def _subtract(
 
 
 @kernel("b1(f8[:, ::1])")
-def _factorise(matrix: FloatArray) -> bool:
+def factorise(matrix: FloatArray) -> bool:
     """Overwrite a matrix by its factor; returns whether it is positive definite."""
     size = len(matrix)
     weights = np.empty(_BLOCK)
@@ -176,7 +166,7 @@ def _factorise(matrix: FloatArray) -> bool:
 
 
 @kernel("void(f8[:, ::1], f8[:, ::1], b1)")
-def _forward(factor: FloatArray, rows: FloatArray, upper: bool) -> None:
+def forward(factor: FloatArray, rows: FloatArray, upper: bool) -> None:
     """Solve for rows in place; ``upper`` says that row i has nothing before column i."""
     size = len(factor)
     weights = np.empty(_BLOCK)
@@ -193,7 +183,8 @@ def _forward(factor: FloatArray, rows: FloatArray, upper: bool) -> None:
 
 
 @kernel("void(f8[:, ::1], f8[:, ::1])")
-def _backward(factor: FloatArray, rows: FloatArray) -> None:
+def backward(factor: FloatArray, rows: FloatArray) -> None:
+    """Solve for rows in place, see `solve_backward`."""
     size = len(factor)
     weights = np.empty(_BLOCK)
     for stop in range(size, 0, -_BLOCK):
@@ -238,10 +229,10 @@ def _condition(
         factor[:] = priors[each]
         for i in range(size):
             factor[i, i] += errors[i]
-        if not _factorise(factor):
+        if not factorise(factor):
             return False
         whitened[0] = rest
-        _forward(factor, whitened, False)
+        forward(factor, whitened, False)
         evidence[each] = 0.0
         for i in range(size):
             evidence[each] -= 0.5 * whitened[0, i] ** 2 + np.log(factor[i, i])
@@ -250,7 +241,7 @@ def _condition(
         root[:] = 0.0
         for i in range(size):
             root[i, i] = 1.0
-        _forward(factor, root, True)
+        forward(factor, root, True)
         for i in range(size):
             gains[each, i] = precision[each, i] = 0.0
             for j in range(i, size):

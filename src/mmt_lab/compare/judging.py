@@ -23,7 +23,7 @@ from mmt.evaluation.truth import KnownTexture, TruthAt
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.completion.uncertainty import PRIOR_S
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.online.history import ModelHistory, build, update_blocks
+from mmt.texture.online.history import ModelHistory, build, stream_blocks
 from mmt.texture.settings import JND_DB, ModellingSettings
 from mmt.texture.signals.metrics import within_jnd
 from mmt_lab.compare.ablations import INGREDIENTS, without
@@ -119,7 +119,7 @@ def settings_of(case: Case, method: str) -> ModellingSettings:
 
 def blocks_of(frames: RecordArray) -> list[RecordArray]:
     """Return the frames of a session, one block for each update."""
-    return list(update_blocks(frames, round(PERIOD_S * 1000.0)))
+    return list(stream_blocks([frames], round(PERIOD_S * 1000.0)))
 
 
 def judge(

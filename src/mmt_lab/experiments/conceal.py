@@ -9,11 +9,12 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
+from mmt.evaluation.levels import root_mean_square
 from mmt.leader.concealment import Concealment, Continuation, FadeOut, backwards, modelled
 from mmt.leader.playout import PlayoutBuffer
 from mmt.leader.stream import StreamedVibration
 from mmt.texture.signals.amplitude_spectra import amplitude_spectra
-from mmt.texture.signals.metrics import gfc_of_rows, log_spectral_distance_db
+from mmt.texture.signals.metrics import gfc_of_rows, power_error_db
 from mmt_lab.bench.measuring import spread
 from mmt_lab.bench.textures import RATE_HZ, session
 from mmt_lab.harness.experiment import Experiment
@@ -138,7 +139,7 @@ def _errors(surface: str, gap: int, method: str, plan: Plan) -> Errors:
     ]
     own, truth = (np.mean(rows**2, axis=0) for rows in amplitudes)
     return Errors(
-        spectrum_db=log_spectral_distance_db(own, truth),
+        spectrum_db=root_mean_square(power_error_db(own, truth)),
         alone=1.0 - float(gfc_of_rows(*amplitudes).mean()),
         step=float(ratio[felt].mean()),
     )

@@ -9,7 +9,7 @@ import numpy as np
 from mmt.evaluation.levels import root_mean_square
 from mmt.evaluation.truth import KnownTexture, known_texture
 from mmt.session.data import RecordedSession
-from mmt.texture.online.history import ModelHistory, build, update_blocks
+from mmt.texture.online.history import ModelHistory, build, stream_blocks
 from mmt.texture.settings import ModellingSettings
 from mmt_lab.bench.measuring import spread
 from mmt_lab.bench.textures import session
@@ -75,7 +75,7 @@ def measure(plan: Plan) -> Findings:
 
 def _quality(recorded: RecordedSession, order: int, period_s: float, plan: Plan) -> Quality:
     settings = ModellingSettings(order=order)
-    blocks = list(update_blocks(recorded.frames, round(period_s * _RATE_HZ)))
+    blocks = list(stream_blocks([recorded.frames], round(period_s * _RATE_HZ)))
     seconds = []
     for _ in range(plan.rounds):
         history = build(blocks, settings, deferred=False)

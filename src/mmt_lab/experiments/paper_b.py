@@ -19,7 +19,7 @@ from mmt.evaluation.document import Block, Table
 from mmt.evaluation.report_files import picture
 from mmt.testing.simulation.grained_textures import GRAINED
 from mmt.texture.model.inputs import InputSpace
-from mmt.texture.signals.amplitude_spectra import Spectra, amplitude_spectrum
+from mmt.texture.signals.amplitude_spectra import Spectra, amplitude_spectra
 from mmt.texture.signals.filtering import VIBRATION_CUTOFF_HZ
 from mmt_lab.harness.experiment import Experiment, Seed, SpectraOption
 from mmt_lab.harness.findings import Findings, Target
@@ -214,7 +214,7 @@ def _drawn_spectra(virtual: Sequence[Virtual], real: Sequence[Sample], seed: int
             ("recorded", sample.vibration_m_s2),
             ("synthesised", sample.rendered(one.model, seed)),
         ):
-            found = [amplitude_spectrum(signal[part], 1000.0) for part in sample.segments]
+            found = [amplitude_spectra(signal[part], 1000.0) for part in sample.segments]
             axis.plot(found[0][0], np.mean([a for _, a in found], axis=0), label=label)
         axis.set_title(one.name)
     axes[0].legend(frameon=False)

@@ -10,7 +10,7 @@ import numpy as np
 from mmt.evaluation.levels import root_mean_square
 from mmt.evaluation.truth import KnownTexture, known_texture
 from mmt.session.data import RecordedSession
-from mmt.texture.online.history import ModelHistory, build, update_blocks
+from mmt.texture.online.history import ModelHistory, build, stream_blocks
 from mmt.texture.settings import Method, ModellingSettings
 from mmt.texture.signals.metrics import within_jnd
 from mmt_lab.bench.measuring import spread
@@ -104,7 +104,7 @@ class _Run:
     ) -> None:
         settings = ModellingSettings(method=method)
         self.method, self.period_s = method, period_s
-        blocks = list(update_blocks(recorded.frames, round(period_s * settings.rate_hz)))
+        blocks = list(stream_blocks([recorded.frames], round(period_s * settings.rate_hz)))
         histories = [build(blocks, settings, deferred=False) for _ in range(plan.rounds)]
         self.history: ModelHistory = histories[0]
         update_s = np.min([_durations(history) for history in histories], axis=0)

@@ -105,7 +105,7 @@ def measure(plan: Plan) -> Findings:
 def _motion(plan: Plan) -> Motion:
     """Return speed and force of a simulated hand, as the modelling derives them."""
     recorded = session(plan.surface, plan.duration_s)
-    block = StreamFilter(normal="z", axis="z", rate_hz=1000.0).process(recorded.frames)
+    block = StreamFilter().process(recorded.frames)
     return np.array(block.speed_mm_s), np.array(block.normal_force_n)
 
 

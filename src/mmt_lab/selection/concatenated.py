@@ -109,7 +109,7 @@ def stroke(row: Row, duration_s: float, seed: int) -> RecordArray:
 
 def segments_of(frames: RecordArray, settings: ModellingSettings) -> list[Segment]:
     """Filter frames (n,) and cut them into segments."""
-    stream = StreamFilter.of(settings)
+    stream = StreamFilter(settings)
     return segment(stream.process(frames), settings)
 
 

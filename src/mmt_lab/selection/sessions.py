@@ -84,7 +84,7 @@ def session_trials(
     segments = []
     for number in range(SESSIONS):
         frames, _ = simulate_session(scene, surface, DURATION_S, SESSIONS * seed + number)
-        stream = StreamFilter.of(settings)
+        stream = StreamFilter(settings)
         segments += segment(stream.process(frames), settings)
     if len(segments) < _FEWEST:
         raise InputError(

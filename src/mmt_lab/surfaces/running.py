@@ -198,7 +198,7 @@ def follow(
         found += [Found(change, start + len(part)) for change in tracker.update(part)]
     force_n = frames["force_n"][:, 2].astype(np.float64)
     stroking = np.zeros(len(frames), dtype=np.bool_)
-    aligned = StreamFilter.of(modelling).process(frames)
+    aligned = StreamFilter(modelling).process(frames)
     steady = (aligned.speed_mm_s >= _LEAST_SPEED_MM_S) & (aligned.normal_force_n >= _TOUCH_N)
     stroking[aligned.index[steady]] = True
     return SurfaceResult(

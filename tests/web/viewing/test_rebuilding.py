@@ -15,7 +15,7 @@ from mmt.session.windows import MemoryWindows
 from mmt.testing.simulation.course import CourseChange, SurfaceCourse
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import get_surface
-from mmt.texture.online.history import build, update_blocks
+from mmt.texture.online.history import build, stream_blocks
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt.texture.surfaces import SurfaceChange
 from mmt.web.viewing.rebuilding import ModelRebuild, frozen_spans
@@ -50,7 +50,7 @@ def rebuilt(
 
 def test_every_state_is_that_of_the_live_leader() -> None:
     rebuilding = rebuilt(NEVER)
-    history = build(list(update_blocks(stroked(), 1000)), NEVER)
+    history = build(list(stream_blocks([stroked()], 1000)), NEVER)
     assert [s.progress for s in rebuilding.states] == [u.progress for u in history.updates]
     assert [s.time_s for s in rebuilding.states] == pytest.approx(
         [u.time_s for u in history.updates], abs=0.01
@@ -99,7 +99,7 @@ def test_a_reset_begins_a_new_model() -> None:
     after = [state for state in rebuilding.states if state.time_s >= 7.5]
     assert (after[0].time_s, after[0].number, after[0].start_s) == (7.5, None, None)
     begun = stroked()[7500:]
-    history = build(list(update_blocks(begun, 1000)), NEVER)
+    history = build(list(stream_blocks([begun], 1000)), NEVER)
     assert [s.progress.value for s in after[1:]] == pytest.approx(
         [u.distance for u in history.updates]
     )

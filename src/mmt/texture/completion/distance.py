@@ -149,16 +149,6 @@ class CompletionMonitor(Criterion):
         )
 
 
-def speeds_mm_s(count: int) -> FloatArray:
-    """Return the speeds in the middles of so many cells, shape (count,)."""
-    return middles(SPEED_RANGE_MM_S, count)
-
-
-def forces_n(count: int) -> FloatArray:
-    """Return the forces in the middles of so many cells, shape (count,)."""
-    return middles(FORCE_RANGE_N, count)
-
-
 def middles(ends: tuple[float, float], count: int) -> FloatArray:
     """Return the middles of so many equal parts of a range, shape (count,)."""
     low, high = ends

@@ -33,7 +33,13 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.texture.completion.criterion import Criterion, Progress
-from mmt.texture.completion.distance import DIVISIONS, cells_of, forces_n, speeds_mm_s
+from mmt.texture.completion.distance import (
+    DIVISIONS,
+    FORCE_RANGE_N,
+    SPEED_RANGE_MM_S,
+    cells_of,
+    middles,
+)
 from mmt.texture.field.covariance import Coordinates, grid_nodes, points_at, warped
 from mmt.texture.field.posterior import DB, LevelField, right_probability
 from mmt.texture.model.inputs import InputSpace
@@ -67,8 +73,8 @@ class CompletionGrid:
         headings, speeds, forces = _DIRECTED_SHAPE if space.directed else _PLANAR_SHAPE
         turn = np.linspace(0.0, 2.0 * np.pi, headings, endpoint=False) + np.pi / headings
         self.space = space
-        self.speed = speeds_mm_s(speeds) / space.maximum_speed_mm_s
-        self.force = forces_n(forces) / space.maximum_force_n
+        self.speed = middles(SPEED_RANGE_MM_S, speeds) / space.maximum_speed_mm_s
+        self.force = middles(FORCE_RANGE_N, forces) / space.maximum_force_n
         self.heading = turn if space.directed else 0.0 * turn
         axes = Coordinates(warped(self.speed), warped(self.force), self.heading)
         self.strokes = grid_nodes(axes)

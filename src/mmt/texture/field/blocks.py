@@ -12,6 +12,7 @@ import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
 from mmt.texture.model.inputs import InputSpace
+from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
 
 BLOCK_S: Final = 0.05
@@ -57,12 +58,9 @@ class BlockCutter:
 
     Parameters
     ----------
-    space
-        Input space of the model.
-    least_speed_mm_s, least_force_n
-        Slower or lighter samples belong to no block.
-    rate_hz
-        Sampling rate of the stream.
+    settings
+        Inputs of the model and rate of the stream; slower samples than its least speed, or lighter
+        ones than its least force, belong to no block.
     measure
         What is measured of the vibration of n blocks of m samples, (n, m, axes), of which some
         (n, m) are measured: their powers, or features (n, c). Blocks in which any is not finite
@@ -71,16 +69,12 @@ class BlockCutter:
 
     def __init__(
         self,
-        space: InputSpace,
-        least_speed_mm_s: float,
-        least_force_n: float,
-        rate_hz: float,
+        settings: ModellingSettings,
         measure: Callable[[FloatArray, BoolArray], FloatArray] = mean_square,
     ) -> None:
-        self._space = space
-        self._measure = measure
-        self._least_speed_mm_s, self._least_force_n = least_speed_mm_s, least_force_n
-        self.length = max(1, round(BLOCK_S * rate_hz))
+        self._space = InputSpace(settings.inputs)
+        self._measure, self._settings = measure, settings
+        self.length = max(1, round(BLOCK_S * settings.rate_hz))
         self._rest = AlignedBlock.empty()
         self._pressed_until = -1
 
@@ -96,19 +90,19 @@ class BlockCutter:
         return self._blocks(joined[:whole])
 
     def _blocks(self, part: AlignedBlock) -> Blocks:
-        length = self.length
+        length, settings = self.length, self._settings
         starts = np.flatnonzero(part.index % length == 0)
         starts = starts[starts + length <= len(part)]
         starts = starts[part.index[starts + length - 1] - part.index[starts] == length - 1]
         rows = starts[:, None] + np.arange(length)
         first = part.index[starts]
         speed, force = part.speed_mm_s[rows], part.normal_force_n[rows]
-        pressed = (force >= 0.5 * self._least_force_n).all(axis=1)
+        pressed = (force >= 0.5 * settings.least_force_n).all(axis=1)
         before = np.concatenate([[self._pressed_until], np.where(pressed, first + length, -1)])
         used = pressed & (before[:-1] == first) & part.valid[rows].all(axis=1)
         if len(before) > 1:
             self._pressed_until = int(before[-1])
-        for values, least in ((speed, self._least_speed_mm_s), (force, self._least_force_n)):
+        for values, least in ((speed, settings.least_speed_mm_s), (force, settings.least_force_n)):
             low, high = values.min(axis=1), values.max(axis=1)
             used &= (low >= least) & (high <= _LARGEST_CHANGE * low)
         measured = part.measured[rows]

@@ -19,7 +19,7 @@ import numpy as np
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
 from mmt.texture.field.covariance import Between, Coordinates, coordinates, settings
 from mmt.texture.field.posterior import SETTINGS
-from mmt.texture.linear_algebra import cholesky, inverse_root, product, solve_forward
+from mmt.texture.linear_algebra import cholesky, solve_backward, solve_forward
 
 EVIDENCE: Final = 64
 """Most observations that the settings are weighed on, an even choice of those present: all of some
@@ -163,5 +163,5 @@ def _add_to_diagonal(matrix: FloatArray, values: FloatArray) -> None:
 
 def _inverse(matrix: FloatArray) -> FloatArray:
     """Return the inverse of a positive definite matrix."""
-    root = inverse_root(cholesky(matrix))
-    return product(root, root.T)
+    factor = cholesky(matrix)
+    return solve_backward(factor, solve_forward(factor, np.eye(len(factor))))

@@ -2,28 +2,10 @@
 
 A package offers a builder, under a name of its own or as ``module:builder``. At each update the
 builder gets what our modelling has then, and returns a generator, or None as long as there is
-too little to make one::
-
-    class Hum:
-        directed = False
-
-        def __init__(self, amplitude_m_s2):
-            self._amplitude_m_s2 = amplitude_m_s2
-
-        def reset(self, seed):
-            self._random = np.random.default_rng(seed)
-
-        def generate(self, speed_mm_s, force_n):
-            return self._amplitude_m_s2 * self._random.standard_normal(len(speed_mm_s))
-
-
-    def build(observed, previous):
-        if not observed.segments:
-            return None
-        return Hum(np.mean([s.vibration_m_s2.std() for s in observed.segments]))
+too little to make one.
 
 The generator is asked block by block. What it needs from one block to the next, it keeps itself.
-How to write one is in ``docs/how-to/add-a-generator.md``.
+How to write one, with an example, is in ``docs/how-to/add-a-generator.md``.
 """
 
 from collections.abc import Callable

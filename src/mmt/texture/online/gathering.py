@@ -8,7 +8,6 @@ import numpy as np
 
 from mmt.texture.field.blocks import BlockCutter, Blocks
 from mmt.texture.field.cells import FieldCells
-from mmt.texture.model.inputs import InputSpace
 from mmt.texture.online.work import SegmentRange, Work
 from mmt.texture.settings import ModellingSettings
 
@@ -38,12 +37,7 @@ class Gathering:
     """
 
     def __init__(self, settings: ModellingSettings, *, deferred: bool = False) -> None:
-        self._cutter = BlockCutter(
-            InputSpace(settings.inputs),
-            settings.least_speed_mm_s,
-            settings.least_force_n,
-            settings.rate_hz,
-        )
+        self._cutter = BlockCutter(settings)
         kept_samples = round(WITHDRAWN_S * settings.rate_hz)
         self._new = partial(_Sums, self._cutter.cut([]), self._cutter.length, kept_samples)
         self._sums = self._new()

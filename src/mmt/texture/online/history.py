@@ -118,7 +118,7 @@ def build_model(
     if len(frames) == 0:
         raise InputError("there are no frames, so no model can be built")
     period_frames = max(1, round(update_s * settings.rate_hz))
-    return build(list(update_blocks(frames, period_frames)), settings)
+    return build(list(stream_blocks([frames], period_frames)), settings)
 
 
 def follow_surfaces(
@@ -175,18 +175,13 @@ def surface_changes(
         yield from tracker.update(numbering.number(frames[start : start + look]))
 
 
-def update_blocks(frames: RecordArray, period_frames: int) -> Iterator[RecordArray]:
-    """Cut a session into the blocks that a live leader models at a time.
+def stream_blocks(parts: Iterable[RecordArray], period_frames: int) -> Iterator[RecordArray]:
+    """Cut a session, in parts of shape (n,), into the blocks that a leader models at a time.
 
     A block is full when its newest sequence number is a period ahead of its first one; the
     rest at the end is a last, shorter block. Frames are numbered on where their own numbers start
     anew or wrap, see `mmt.texture.signals.numbering`.
     """
-    return stream_blocks([frames], period_frames)
-
-
-def stream_blocks(parts: Iterable[RecordArray], period_frames: int) -> Iterator[RecordArray]:
-    """Cut a session that comes in parts of shape (n,) into blocks; see `update_blocks`."""
     frames: RecordArray | None = None
     highest, numbering = -1, StreamNumbering()
     for part in map(numbering.number, parts):
@@ -240,7 +235,7 @@ def build(
     Parameters
     ----------
     blocks
-        At least one, of at least one frame each; see `update_blocks`.
+        At least one, of at least one frame each; see `stream_blocks`.
     settings
         How to model.
     accept

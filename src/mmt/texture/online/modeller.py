@@ -72,7 +72,7 @@ class OnlineModeller:
         self.settings = settings or ModellingSettings()
         self.space = InputSpace(self.settings.inputs)
         self._accept = accept
-        self._filter = StreamFilter.of(self.settings)
+        self._filter = StreamFilter(self.settings)
         self._segmenter = OnlineSegmenter(self.settings)
         self._numbering = StreamNumbering()
         self._noise = NoiseFloor()

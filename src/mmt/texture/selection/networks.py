@@ -34,9 +34,6 @@ class NetworkNeighbours:
         smoothing: float = 0.0,
     ) -> None:
         self._points, self._values, self._smoothing = points, values, smoothing
-        self._numbers: IntArray
-        self._network: RadialBasisNetwork
-        self._inverse: FloatArray | None
         self._use(np.flatnonzero(present))
 
     def predict(self, index: int) -> FloatArray | None:
@@ -44,10 +41,8 @@ class NetworkNeighbours:
         found = np.flatnonzero(self._numbers == index)
         if not len(found):
             return np.asarray(self._network.at(self._points[index : index + 1])[0])
-        if self._inverse is None:
-            self._inverse = self._network.inverse
         row = int(found[0])
-        pivot = float(self._inverse[row, row])
+        pivot = float(self._network.inverse[row, row])
         if self._network.is_indispensable(pivot):
             return None
         return np.asarray(self._values[index] - self._network.weights[row] / pivot)
@@ -66,4 +61,3 @@ class NetworkNeighbours:
         self._network = RadialBasisNetwork(
             self._points[numbers], self._values[numbers], self._smoothing
         )
-        self._inverse = None

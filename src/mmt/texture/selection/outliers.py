@@ -60,11 +60,6 @@ class Outliers(NamedTuple):
     parts: FloatArray
 
 
-def least_points(dimensions: int) -> int:
-    """Return the least number of points for a prediction: twice those that determine a plane."""
-    return 2 * (dimensions + 1)
-
-
 def find_outliers(data: ModelPoints, false_alarms: float = FALSE_ALARMS) -> Outliers | None:
     """Return the points that contradict the others; None where there are too few points.
 
@@ -91,7 +86,7 @@ def find_outliers(data: ModelPoints, false_alarms: float = FALSE_ALARMS) -> Outl
             "outliers are found over speed and force, or two velocities and force: two or three "
             "inputs, speed and force not negative"
         )
-    if n < least_points(dimensions):
+    if n < 2 * (dimensions + 1):  # twice those that determine a plane
         return None
     consensus = Consensus(data)
     score = _evidence(data, consensus, np.ones(n, dtype=np.bool_)).sum(axis=1)

@@ -20,7 +20,7 @@ class Spectra(StrEnum):
     FOURIER = "fourier"
 
 
-def amplitude_spectrum(
+def amplitude_spectra(
     x: FloatArray, rate_hz: float, nperseg: int | None = 64
 ) -> tuple[FloatArray, FloatArray]:
     """Return Welch's amplitude spectrum: the square root of the averaged one-sided density.
@@ -31,8 +31,8 @@ def amplitude_spectrum(
 
     Parameters
     ----------
-    x : (n,)
-        The signal, n at least `nperseg`.
+    x : (n,) or (k, n)
+        A signal, or one in each row, n at least `nperseg`.
     rate_hz
         Samples a second.
     nperseg
@@ -42,44 +42,18 @@ def amplitude_spectrum(
     Returns
     -------
     frequencies_hz : (nperseg // 2 + 1,)
-    amplitude : (nperseg // 2 + 1,)
+    amplitudes : (nperseg // 2 + 1,) or (k, nperseg // 2 + 1)
         In the signal's unit per square root of Hz.
 
     Raises
     ------
     InputError
-        The signal is too short or not finite, or `nperseg` is below 2.
-    """
-    frequencies_hz, amplitudes = amplitude_spectra(np.asarray(x)[np.newaxis], rate_hz, nperseg)
-    return frequencies_hz, amplitudes[0]
-
-
-def amplitude_spectra(
-    x: FloatArray, rate_hz: float, nperseg: int | None = 64
-) -> tuple[FloatArray, FloatArray]:
-    """Return the `amplitude_spectrum` of many signals at once.
-
-    Parameters
-    ----------
-    x : (k, n)
-        A signal in each row, n at least `nperseg`.
-    rate_hz, nperseg
-        As in `amplitude_spectrum`.
-
-    Returns
-    -------
-    frequencies_hz : (nperseg // 2 + 1,)
-    amplitudes : (k, nperseg // 2 + 1)
-
-    Raises
-    ------
-    InputError
-        As `amplitude_spectrum`.
+        A signal is too short or not finite, or `nperseg` is below 2.
     """
     signals = np.asarray(x, dtype=np.float64)
     raw = nperseg is None
     nperseg = signals.shape[-1] if nperseg is None else nperseg
-    if nperseg < 2 or signals.ndim != 2 or signals.shape[-1] < nperseg:
+    if nperseg < 2 or signals.ndim not in {1, 2} or signals.shape[-1] < nperseg:
         raise InputError(
             f"signals of shape {signals.shape} with windows of {nperseg}: windows of at least 2"
             " samples and signals of at least one window are needed"
@@ -100,7 +74,7 @@ def amplitude_spectra(
 
 
 def expected_amplitude(density: FloatArray, nperseg: int = 64) -> FloatArray:
-    """Return the expected `amplitude_spectrum` of a process of known density.
+    """Return the expected `amplitude_spectra` of a process of known density.
 
     The expected estimate is the true density seen through the window: its autocorrelation
     times that of the window, transformed back. It puts a known density at the resolution at
@@ -118,7 +92,7 @@ def expected_amplitude(density: FloatArray, nperseg: int = 64) -> FloatArray:
     Returns
     -------
     (k, nperseg // 2 + 1)
-        Roots of the expected densities, at the frequencies of `amplitude_spectrum`.
+        Roots of the expected densities, at the frequencies of `amplitude_spectra`.
     """
     correlation = np.fft.irfft(0.5 * np.asarray(density), axis=1)[:, :nperseg]
     window = np.hanning(nperseg + 1)[:-1]

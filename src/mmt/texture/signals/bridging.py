@@ -16,6 +16,7 @@ from mmt.core.arrays import BoolArray, FloatArray
 from mmt.core.compiled import kernel
 from mmt.texture.autoregression.burg_recursion import burg_into
 from mmt.texture.autoregression.lsf import reflection_to_ar_into
+from mmt.texture.linear_algebra import backward, factorise, forward
 
 HISTORY: Final = 256
 """Samples before a gap to which the model is fitted, at most."""
@@ -24,22 +25,6 @@ ORDER: Final = 16
 """Order of the model."""
 
 _LEAST: Final = 64  # samples for a fit; with fewer, a straight line
-
-
-@kernel("void(f8[:, ::1], f8[::1])")
-def _solve(matrix: FloatArray, right: FloatArray) -> None:
-    """Solve positive definite equations in place, by elimination: `right` is the solution."""
-    n = len(right)
-    for i in range(n):
-        for j in range(i + 1, n):
-            factor = matrix[j, i] / matrix[i, i]
-            for k in range(i, n):
-                matrix[j, k] -= factor * matrix[i, k]
-            right[j] -= factor * right[i]
-    for i in range(n - 1, -1, -1):
-        for j in range(i + 1, n):
-            right[i] -= matrix[i, j] * right[j]
-        right[i] /= matrix[i, i]
 
 
 @kernel("void(f8[:], b1[::1], i8, i8, i8, i8)")
@@ -62,7 +47,7 @@ def _fill_by_model(
         if unknown[start + row]:
             place[row] = unknowns
             unknowns += 1
-    normal, right = np.zeros((unknowns, unknowns)), np.zeros(unknowns)
+    normal, right = np.zeros((unknowns, unknowns)), np.zeros((1, unknowns))
     row_of = np.empty(unknowns)
     for row in range(span):
         row_of[:] = 0.0
@@ -75,12 +60,15 @@ def _fill_by_model(
                 known += taps[lag] * (values[start + at] - mean)
         for i in range(unknowns):
             if row_of[i] != 0.0:
-                right[i] -= row_of[i] * known
+                right[0, i] -= row_of[i] * known
                 for j in range(unknowns):
                     normal[i, j] += row_of[i] * row_of[j]
-    _solve(normal, right)
+    if not factorise(normal):
+        return
+    forward(normal, right, False)
+    backward(normal, right)
     for row in range(start, stop):
-        values[row] = mean + right[place[row - start]]
+        values[row] = mean + right[0, place[row - start]]
 
 
 @kernel("void(f8[:, ::1], b1[::1], i8, i8, i8, i8)")

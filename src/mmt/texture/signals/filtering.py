@@ -16,21 +16,14 @@ Vibration for the actuator must not wait for that: before the switch to the mode
 takes the acceleration along one axis through a `mmt.texture.signals.biquad.BiquadFilter`.
 """
 
-from typing import Final, Self
+from typing import Final
 
 import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray, RecordArray
-from mmt.core.bounds import RateHz, check
 from mmt.core.compiled import kernel
 from mmt.core.frames import check_frames
-from mmt.texture.settings import (
-    LONGEST_BRIDGED,
-    Axis,
-    LongestBridged,
-    ModellingSettings,
-    VibrationAxis,
-)
+from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.acceleration import VibrationFilter, taps_of
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.biquad import SMALLEST, bessel_low_pass, butterworth_high_pass
@@ -55,7 +48,7 @@ _AXES: Final = "xyz"
 class StreamFilter:
     """Filter and align a stream of frames; the cut into blocks does not matter.
 
-    Up to `longest_bridged_samples` missing frames in a row are filled and marked as not measured.
+    Up to ``longest_bridged_samples`` missing frames in a row are filled and marked as not measured.
     A frame with a number that is not finite, or beyond `frame_gaps.LARGEST_MEASUREMENT`, in a
     channel that is used counts as missing. After a longer gap the filters restart: those of motion
     and force in the steady state of the first frame behind it, that of the vibration in that of
@@ -70,45 +63,28 @@ class StreamFilter:
 
     Parameters
     ----------
-    normal
-        The surface's normal axis.
-    axis
-        Source of the vibration: one axis, or all three for DFT321.
-    rate_hz
-        Frames a second.
-    longest_bridged_samples
-        Missing frames in a row that are filled, 0 for none.
-    least_speed_mm_s, least_force_n
-        Speed and force from which on the tool strokes: there alone a value can be held.
+    settings
+        Its axes, rate, and longest gap to fill; least speed and force from which on the tool
+        strokes: there alone a value can be held. None takes the defaults.
 
     Raises
     ------
     InputError
-        A value is not allowed, or the rate is too low for the filters.
+        The rate is too low for the filters.
     """
 
-    def __init__(
-        self,
-        normal: Axis = "z",
-        axis: VibrationAxis = "z",
-        rate_hz: float = 1000.0,
-        longest_bridged_samples: int = LONGEST_BRIDGED,
-        least_speed_mm_s: float = ModellingSettings.least_speed_mm_s,
-        least_force_n: float = ModellingSettings.least_force_n,
-    ) -> None:
-        check("normal", normal, Axis)
-        check("axis", axis, VibrationAxis)
-        check("rate_hz", rate_hz, RateHz)
-        check("longest_bridged_samples", longest_bridged_samples, LongestBridged)
+    def __init__(self, settings: ModellingSettings | None = None) -> None:
+        settings = settings or ModellingSettings()
+        rate_hz, axis = settings.rate_hz, settings.axis
         low_pass = bessel_low_pass(MOTION_CUTOFF_HZ, rate_hz)
         high_pass = butterworth_high_pass(VIBRATION_CUTOFF_HZ, rate_hz)
         self._rate_hz = rate_hz
-        self._normal = _AXES.index(normal)
+        self._normal = _AXES.index(settings.normal)
         self._tangential = [k for k in range(3) if k != self._normal]
         self._axes = [0, 1, 2] if axis == "dft321" else [_AXES.index(axis)]
         self._low_taps, self._high_pass = taps_of(low_pass), high_pass
-        self._longest_bridged = longest_bridged_samples
-        self._least = np.array([least_speed_mm_s / rate_hz, least_force_n])
+        self._longest_bridged = settings.longest_bridged_samples
+        self._least = np.array([settings.least_speed_mm_s / rate_hz, settings.least_force_n])
         speed = low_pass.delay_samples(0.0) + 0.5
         vibration = high_pass.delay_samples(min(10.0 * VIBRATION_CUTOFF_HZ, rate_hz / 4.0))
         self.delay_samples = max(0, round(speed - vibration))
@@ -117,18 +93,6 @@ class StreamFilter:
         self.warm_up_samples = high_pass.settling_samples(SETTLED_SHARE)
         self._motion_settling = low_pass.settling_samples(SETTLED_SHARE)
         self.reset()
-
-    @classmethod
-    def of(cls, settings: ModellingSettings) -> Self:
-        """Return the filter of a stream that is modelled."""
-        return cls(
-            settings.normal,
-            settings.axis,
-            settings.rate_hz,
-            longest_bridged_samples=settings.longest_bridged_samples,
-            least_speed_mm_s=settings.least_speed_mm_s,
-            least_force_n=settings.least_force_n,
-        )
 
     def reset(self) -> None:
         """Forget the past, as for a new session whose sequence starts anew."""

@@ -15,7 +15,6 @@ from mmt.core.arrays import BoolArray, FloatArray
 from mmt.texture.field import blocks as field_blocks
 from mmt.texture.field.blocks import mean_square
 from mmt.texture.field.covariance import coordinates
-from mmt.texture.model.inputs import InputSpace
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.noise_floor import NoiseFloor
@@ -57,13 +56,7 @@ class BlockCutter:
 
     def __init__(self, modelling: ModellingSettings) -> None:
         self._pressed_n = 0.5 * modelling.least_force_n
-        self._cutter = field_blocks.BlockCutter(
-            InputSpace(modelling.inputs),
-            modelling.least_speed_mm_s,
-            modelling.least_force_n,
-            modelling.rate_hz,
-            self._measure,
-        )
+        self._cutter = field_blocks.BlockCutter(modelling, self._measure)
         self._noise = NoiseFloor()
         self._rest = AlignedBlock.empty()
         self._lifted = True

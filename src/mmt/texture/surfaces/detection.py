@@ -17,7 +17,6 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.core.errors import InputError
 from mmt.texture.field.blocks import BLOCK_S
 from mmt.texture.surfaces.blocks import SurfaceBlock
 from mmt.texture.surfaces.regression import SurfaceRegression, features
@@ -60,18 +59,9 @@ class SurfaceDetector:
         False changes in an hour of stroking that are asked for; see `TEMPER`.
     by_heading
         Whether the texture may depend on the heading.
-
-    Raises
-    ------
-    InputError
-        The rate is not above 0.
     """
 
     def __init__(self, false_alarms_per_hour: float = 1.0, *, by_heading: bool = False) -> None:
-        if not (math.isfinite(false_alarms_per_hour) and false_alarms_per_hour > 0.0):
-            raise InputError(
-                f"false_alarms_per_hour is {false_alarms_per_hour}: it must be above 0"
-            )
         self._directed = by_heading
         self._least_evidence = math.log(3600.0 / BLOCK_S / false_alarms_per_hour) / TEMPER
         self._unknown = SurfaceRegression(directed=by_heading)

@@ -35,7 +35,7 @@ class SurfaceTracker:
     """
 
     def __init__(self, modelling: ModellingSettings, settings: SurfaceSettings) -> None:
-        self._filter = StreamFilter.of(modelling)
+        self._filter = StreamFilter(modelling)
         self._cutter = BlockCutter(modelling)
         self._detector = SurfaceDetector(
             settings.false_alarms_per_hour, by_heading=InputSpace(modelling.inputs).directed

@@ -22,7 +22,7 @@ from mmt.session.data import JsonObject
 from mmt.session.windows import SessionWindows
 from mmt.texture.completion.criterion import Progress
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.online.history import update_blocks
+from mmt.texture.online.history import stream_blocks
 from mmt.texture.online.methods import method_of
 from mmt.texture.online.modeller import ModellerFactory, ModelUpdate
 from mmt.texture.settings import ModellingSettings
@@ -200,7 +200,7 @@ class ModelRebuild:
             kept = ~in_spans(window.time_s, self._frozen)
             waiting.append((window.time_s[kept], window.frames[kept]))
             times_s, frames = (np.concatenate(columns) for columns in zip(*waiting, strict=True))
-            blocks = list(update_blocks(frames, self._modellers.frames_at_once))
+            blocks = list(stream_blocks([frames], self._modellers.frames_at_once))
             done = len(blocks) - self._unused(blocks, end_s, span_end_s)
             place = 0
             for block in blocks[:done]:

@@ -89,7 +89,7 @@ def synthesized(
         return Played(np.full(SHOWN, np.nan), np.ones(SHOWN))
     begin = (int(sequence[-1]) - SHOWN - _SETTLING) // _BLOCK * _BLOCK
     frames = window.frames[sequence >= begin - _SETTLING]
-    aligned = StreamFilter.of(settings).process(frames)
+    aligned = StreamFilter(settings).process(frames)
     aligned = aligned[int(np.searchsorted(aligned.index, begin)) :]
     velocity = np.ascontiguousarray(aligned.velocity_mm_s.T)
     motion = (*velocity,) if model.space.directed else (aligned.speed_mm_s,)
