@@ -178,7 +178,7 @@ class RemoteFollower:
             self.backfill.missing.jumped(newest + left_out, frames)
         self._parts.on_frames(frames, arrival_ns)
         if self._scene.replay is None:  # which may be faster or slower than it was
-            self._rate.add(self._numbering.newest, arrival_ns)
+            self._rate.add(self._numbering.newest, int(frames["time_ns"][-1]))
         if self.time_s >= self._scene.session.duration_s:
             self._ending.stop("completed")
 
