@@ -106,6 +106,7 @@ class RemoteFollower:
             LeaderEvents(
                 on_follower=self._on_follower,
                 on_frames=self._on_frames,
+                on_event=lambda sentence: self._journal.record({"event": f"follower: {sentence}"}),
                 on_end=self._on_end,
                 on_lost=self._on_lost,
                 on_jump=self._on_jump,

@@ -46,6 +46,8 @@ class LeaderEvents:
     """Validated frames (n,), read-only, in order, and their arrival (monotonic, ns)."""
     on_follower: Callable[[FollowerHello], None] = _nothing
     """A follower is about to be accepted; raising MmtError refuses it with that message."""
+    on_event: Callable[[str], None] = _nothing
+    """The follower tells what has happened there, in printable text of bounded length."""
     on_end: Callable[[str], None] = _nothing
     """The follower ended the session, with this reason."""
     on_lost: Callable[[str], None] = _nothing

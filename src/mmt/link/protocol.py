@@ -33,6 +33,9 @@ CLOCK: Final = "clock"
 NETWORK: Final = "network"
 """Leader to follower: the scene's table ``[network]`` as it is now."""
 
+EVENT: Final = "event"
+"""Follower to leader: str, a sentence on what has happened there, for the recording."""
+
 MISSING: Final = "missing"
 """Leader to follower: ``[[int, int], ...]``, ranges of sequence numbers that did not arrive."""
 BACKFILL: Final = "backfill"
