@@ -279,6 +279,7 @@ class Endpoint:
             emulated=outbox.emulated,
             latency_p50_ms=reader.latency.quantile_ms(0.5),
             latency_p99_ms=reader.latency.quantile_ms(0.99),
+            latency_max_ms=reader.latency.quantile_ms(1.0),
             round_trip_p50_ms=None if round_trip is None else round_trip.quantile_ms(0.5),
             round_trip_p99_ms=None if round_trip is None else round_trip.quantile_ms(0.99),
         )

@@ -14,10 +14,8 @@ __all__ = ["MessageImpairments"]
 
 _MS: Final = 1_000_000
 _S: Final = 1_000_000_000
-_REORDERED: Final = 1.25
-"""Round trips after which TCP takes a packet for lost, one later having arrived (RFC 8985)."""
-_SOONEST_NS: Final = 3 * _MS
-"""Three later packets must have arrived even on the shortest way."""
+_DUPLICATES_NS: Final = 3 * _MS
+"""TCP takes a packet for lost once three later ones are acknowledged (RFC 5681), at 1 kHz."""
 _TIMEOUT_NS: Final = 200 * _MS
 """Linux waits so much longer than a round trip for what was sent again and lost again."""
 _ROOT_HALF: Final = math.sqrt(0.5)
@@ -106,7 +104,7 @@ class MessageImpairments:
     def _retransmission_ns(self) -> int:
         """Return how much later a lost message is sent, for the last time, since that arrives."""
         round_trip_ns = round(2 * self._settings.delay_ms * _MS)
-        wait_ns = max(round(_REORDERED * round_trip_ns), _SOONEST_NS)
+        wait_ns = round_trip_ns + _DUPLICATES_NS
         timeout_ns = _TIMEOUT_NS + round_trip_ns
         while self._random.random() < self._settings.loss:
             wait_ns += timeout_ns

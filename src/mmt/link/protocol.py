@@ -221,6 +221,7 @@ class LinkStatistics:
     latency_p50_ms: float | None
     """One way, from the time that a frame or command carries to its arrival."""
     latency_p99_ms: float | None
+    latency_max_ms: float | None
     round_trip_p50_ms: float | None
     """From a frame's time to the arrival of a command that echoes it, less the echo's age."""
     round_trip_p99_ms: float | None
