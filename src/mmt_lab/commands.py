@@ -59,11 +59,14 @@ def _bench(
     strangers: Annotated[
         bool, typer.Option("--strangers", help="Services: with and without strangers at the port.")
     ] = False,
+    loss: Annotated[
+        bool, typer.Option("--loss", help="Link: the services over paths that lose packets.")
+    ] = False,
 ) -> None:
     """Measure error against run time on this machine, beside every peer that is installed."""
     from mmt_lab.bench.command import run_benches
 
-    options = {"duration": duration, "realtime": realtime, "strangers": strangers}
+    options = {"duration": duration, "realtime": realtime, "strangers": strangers, "loss": loss}
     _, figures = run_benches(what or [], report, **options)
     write_json(json_file, figures)
     messages.print("ratios within one run are to be trusted, absolute times are not")

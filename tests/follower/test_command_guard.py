@@ -18,11 +18,12 @@ SECOND_NS = 1_000_000_000
 
 
 def command(
-    *position_mm: float, round_trip_ns: int = 0, time_ns: int = 0
+    *position_mm: float, round_trip_ns: int = 0, time_ns: int = 0, number: int = 0
 ) -> tuple[RecordArray, int]:
     """A command and its arrival; it echoes a frame of time 1 s, which the leader had for 2 s."""
     block = np.zeros(1, dtype=COMMAND_DTYPE)
     block["position_mm"] = position_mm
+    block["sequence"] = number
     block["time_ns"] = time_ns
     block["echo_time_ns"] = SECOND_NS
     block["echo_age_ns"] = 2 * SECOND_NS
@@ -165,6 +166,46 @@ def test_commands_are_taken_up_again_without_a_jump_while_the_hand_moves_on() ->
     assert max(steps) == pytest.approx(0.25, abs=1e-4)  # the hand's own motion and the recovery's
     assert steps[0] == 0.0
     assert robot.newest == pytest.approx((20.0 + 0.15 * 599, 0.0, 5.0))
+
+
+@pytest.mark.parametrize(
+    ("sent_meanwhile", "lost", "reason"),
+    [
+        (300, 0, ", in which the network held it up"),
+        (300, 2, ", in which the network held it up"),
+        (300, 300, " and 300 lost commands"),
+        (300, 280, " and 280 lost commands"),
+        (0, 0, ", in which it sent nothing"),
+        (-500, 0, ""),  # another process, which counts anew
+    ],
+)
+@pytest.mark.parametrize("first", [1000, 2**32 - 120])
+@pytest.mark.parametrize("stale", [0, 5])
+def test_why_commands_were_missing_is_told_when_they_come_again(
+    sent_meanwhile: int, lost: int, reason: str, first: int, stale: int
+) -> None:
+    """A backlog that arrives at once, its first commands stale, was held up by the network."""
+    robot = Guarded(recovery_mm_s=100.0)
+    period_ns = SECOND_NS // 1000
+
+    def receive(k: int, tick: int, round_trip_ns: int = 0) -> None:
+        number = (first + k) % 2**32
+        robot.guard.receive(
+            *command(*HOME, time_ns=tick * period_ns, number=number, round_trip_ns=round_trip_ns)
+        )
+
+    for k in range(100):
+        receive(k, k)
+        robot.run(1)
+    robot.run(300)
+    late = 300 - max(sent_meanwhile, 0)  # of the leader's own ticks
+    for k in range(100 + lost, 110 + max(sent_meanwhile, 0)):
+        number = k if sent_meanwhile >= 0 else k - 500
+        receive(number, k + late, SECOND_NS if k < 100 + lost + stale else 0)
+    robot.run(1)
+    assert robot.said[-1] == (
+        f"leader is back after 0.3 s{reason}: taking up its commands at 100 mm/s"
+    )
 
 
 def test_stale_commands_are_thrown_away_and_are_no_end_of_the_silence() -> None:

@@ -142,6 +142,37 @@ def test_everything_and_nothing_can_be_lost() -> None:
     assert not lost(fates(1000, loss=0.0, burst_messages=50)).any()
 
 
+@settings(max_examples=50, deadline=None)
+@given(
+    st.floats(0.0, 200.0),
+    st.floats(0.0, 0.5),
+    st.floats(1.0, 50.0),
+    st.sampled_from([0.0, 20.0]),
+    st.integers(0, 2**32),
+)
+def test_what_is_sent_again_arrives_in_order_and_none_is_lost(
+    delay_ms: float, loss: float, burst: float, jitter_time_ms: float, seed: int
+) -> None:
+    table = {"delay_ms": delay_ms, "jitter_ms": delay_ms / 2, "jitter_time_ms": jitter_time_ms}
+    given = fates(2000, seed, **table, loss=loss, burst_messages=burst, retransmit=True)
+    assert all(len(fate) == 1 for fate in given)
+    arrivals = np.array([fate[0] for fate in given]) + MS * np.arange(2000)
+    assert (np.diff(arrivals) >= 0).all()
+    assert delays_ms(given).min() >= delay_ms / 2 - 1e-6
+
+
+def test_a_lost_message_holds_up_those_behind_it_as_tcp_does() -> None:
+    """One in a thousand: all wait until a round trip and 3 ms later, or a timeout more."""
+    given = delays_ms(fates(100_000, delay_ms=40.0, loss=0.001, retransmit=True))
+    assert np.median(given) == 40.0
+    begins = np.flatnonzero(np.diff(given) > 50.0) + 1
+    assert 60 < len(begins) < 140
+    assert set(np.round(given[begins], 6)) <= {123.0, 403.0, 963.0}
+    assert np.mean(given[begins] == 123.0) > 0.95
+    first = begins[0]
+    np.testing.assert_allclose(given[first : first + 80], 123.0 - np.arange(80))
+
+
 def test_duplicates_come_behind_the_first_with_a_delay_of_their_own() -> None:
     given = fates(20_000, duplicate=0.25, delay_ms=5, jitter_ms=5, reorder=True)
     twice = [fate for fate in given if len(fate) == 2]
@@ -200,6 +231,8 @@ def test_the_profiles_have_the_delays_that_their_names_promise(
         ({"delay_ms": 1, "jitter_ms": 2}, "must not exceed delay_ms"),
         ({"loss": 0.6, "burst_loss": 0.5}, "must not exceed burst_loss"),
         ({"outage_s": 20}, "must not exceed outage_every_s"),
+        ({"retransmit": True, "reorder": True}, "leave out reorder"),
+        ({"retransmit": True, "loss": 0.6}, "lower loss"),
         ({"profile": "moon"}, "profile"),
         ({"profile": ["lan"]}, "profile"),
         ({"delay_ms": math.nan}, "delay_ms"),

@@ -135,6 +135,8 @@ async def test_malformed_events_do_no_harm() -> None:
             {"reason": "x", "frames": "y"},
         ):
             await client.emit("end", data)
+        for data in (None, 3, b"x", {"event": "x"}):
+            await client.emit("event", data)
         await client.emit("unknown event", b"x")
         broken = frames(0)
         broken["force_n"] = float("nan")
@@ -146,6 +148,7 @@ async def test_malformed_events_do_no_harm() -> None:
             "size": 2,
             "too many": 1,
             "malformed end": 5,
+            "malformed event": 4,
             "not finite": 1,
         }
         assert server.connected

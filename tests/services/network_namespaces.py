@@ -1,171 +1,33 @@
-"""Two network namespaces of this machine, as two machines: joined by veth, or by a relay.
+"""The bench's network namespaces for tests, which are skipped where the machine has none."""
 
-The relay stands in for ``tc netem`` where the kernel has none: it delays each IP packet between
-two tun devices by itself, below TCP, and knows nothing of mmt.
-"""
-
-import fcntl
-import heapq
-import itertools
-import os
-import random
-import select
-import shutil
-import struct
-import subprocess
-import threading
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from typing import ParamSpec
 
 import pytest
 
-LEADER_ADDRESS = "10.77.83.1"
-FOLLOWER_ADDRESS = "10.77.83.2"
+from mmt.core.errors import MmtError
+from mmt_lab.bench import network_namespaces as bench
+from mmt_lab.bench.network_namespaces import LEADER_ADDRESS, Namespaces
 
-_TUNSETIFF = 0x400454CA
-_TUN_WITHOUT_HEADER = 0x1001
-_numbers = itertools.count()
+__all__ = ["LEADER_ADDRESS", "Namespaces", "netem", "relay", "veth"]
 
-
-@dataclass(frozen=True)
-class Namespaces:
-    """The names of the two."""
-
-    leader: str
-    follower: str
-    late_s: list[float] = field(default_factory=list, compare=False)
-    """By how much the relay may have held each packet longer than it meant to; empty without."""
-
-    def within_leader(self) -> list[str]:
-        """The command that runs something on the leader's machine."""
-        return ["ip", "netns", "exec", self.leader]
-
-    def within_follower(self, clock_ahead_s: int) -> list[str]:
-        """The command that runs something on the follower's, whose clock is ahead."""
-        elsewhen = ["unshare", "--time", "--monotonic", str(clock_ahead_s), "--fork"]
-        return ["ip", "netns", "exec", self.follower, *elsewhen, "--kill-child"]
+P = ParamSpec("P")
 
 
-def run(*command: str) -> None:
-    """Run a command of the system; what it cannot do here skips the test."""
-    try:
-        done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=20)
-    except FileNotFoundError:
-        pytest.skip(f"this machine has no {command[0]}")
-    if done.returncode:
-        pytest.skip(f"{' '.join(command)}: {done.stderr.strip()}")
-
-
-@contextmanager
-def namespaces() -> Iterator[Namespaces]:
-    """Make two namespaces that are not joined."""
-    if os.geteuid() != 0:
-        pytest.skip("network namespaces need root")
-    if shutil.which("unshare") is None:
-        pytest.skip("this machine has no unshare")
-    run("unshare", "--time", "--monotonic", "1", "--fork", "true")
-    number = f"{os.getpid()}-{next(_numbers)}"
-    made = Namespaces(f"mmt-leader-{number}", f"mmt-follower-{number}")
-    try:
-        for name in (made.leader, made.follower):
-            run("ip", "netns", "add", name)
-            run("ip", "-n", name, "link", "set", "lo", "up")
-        yield made
-    finally:
-        for name in (made.leader, made.follower):
-            subprocess.run(
-                ["ip", "netns", "delete", name], check=False, capture_output=True, timeout=150
-            )
-
-
-@contextmanager
-def veth() -> Iterator[Namespaces]:
-    """Make two namespaces that are joined without delay."""
-    with namespaces() as made:
-        ends = ("peer", "name", "mmt1", "netns", made.follower)
-        run("ip", "-n", made.leader, "link", "add", "mmt0", "type", "veth", *ends)
-        _bring_up(made.leader, "mmt0", LEADER_ADDRESS)
-        _bring_up(made.follower, "mmt1", FOLLOWER_ADDRESS)
-        yield made
-
-
-@contextmanager
-def netem(delay_ms: float, jitter_ms: float) -> Iterator[Namespaces]:
-    """Delay each packet by ``tc netem``, both ways."""
-    with veth() as made:
-        delay = ("delay", f"{delay_ms}ms", f"{jitter_ms}ms", "limit", "100000")
-        for name, device in ((made.leader, "mmt0"), (made.follower, "mmt1")):
-            run("tc", "-n", name, "qdisc", "add", "dev", device, "root", "netem", *delay)
-        yield made
-
-
-@contextmanager
-def relay(delay_ms: float, jitter_ms: float) -> Iterator[Namespaces]:
-    """Delay each packet by a relay between two tun devices, both ways."""
-    first, second = f"mmt{os.getpid()}a", f"mmt{os.getpid()}b"
-    with namespaces() as made, _tun(first) as one, _tun(second) as other:
-        run("ip", "link", "set", first, "netns", made.leader)
-        run("ip", "link", "set", second, "netns", made.follower)
-        _bring_up(made.leader, first, LEADER_ADDRESS)
-        _bring_up(made.follower, second, FOLLOWER_ADDRESS)
-        ended = threading.Event()
-        passing = threading.Thread(
-            target=_pass, args=(one, other, delay_ms, jitter_ms, ended, made.late_s)
-        )
-        passing.start()
-        try:
+def _or_skipped(
+    network: Callable[P, AbstractContextManager[Namespaces]],
+) -> Callable[P, AbstractContextManager[Namespaces]]:
+    @contextmanager
+    def entered(*arguments: P.args, **keys: P.kwargs) -> Iterator[Namespaces]:
+        with ExitStack() as stack:
+            try:
+                made = stack.enter_context(network(*arguments, **keys))
+            except MmtError as error:
+                pytest.skip(str(error))
             yield made
-        finally:
-            ended.set()
-            passing.join(60.0)
+
+    return entered
 
 
-def _bring_up(namespace: str, device: str, address: str) -> None:
-    run("ip", "-n", namespace, "address", "add", f"{address}/30", "dev", device)
-    run("ip", "-n", namespace, "link", "set", device, "up")
-
-
-@contextmanager
-def _tun(name: str) -> Iterator[int]:
-    try:
-        file = os.open("/dev/net/tun", os.O_RDWR | os.O_NONBLOCK)
-    except OSError as error:
-        pytest.skip(f"/dev/net/tun: {error.strerror}")
-    try:
-        fcntl.ioctl(file, _TUNSETIFF, struct.pack("16sH22x", name.encode(), _TUN_WITHOUT_HEADER))
-        yield file
-    except OSError as error:
-        pytest.skip(f"no tun device: {error.strerror}")
-    finally:
-        os.close(file)
-
-
-def _pass(
-    one: int,
-    other: int,
-    delay_ms: float,
-    jitter_ms: float,
-    ended: threading.Event,
-    late_s: list[float],
-) -> None:
-    """Hold each packet for a time of its own, as netem does, and pass it on."""
-    generator, held, numbers = random.Random(1), [], itertools.count()
-    towards = {one: other, other: one}
-    looked_s = time.monotonic()
-    while not ended.is_set():
-        wait_s = held[0][0] - time.monotonic() if held else 0.05
-        readable, _, _ = select.select([one, other], [], [], min(max(wait_s, 0.0), 0.05))
-        unseen_s, looked_s = time.monotonic() - looked_s, time.monotonic()
-        for file in readable:
-            with suppress(BlockingIOError):
-                for _ in range(64):  # what has come while this thread had no turn
-                    packet = os.read(file, 65_536)
-                    delay_s = (delay_ms + generator.uniform(-jitter_ms, jitter_ms)) / 1000
-                    due_s = time.monotonic() + delay_s
-                    heapq.heappush(held, (due_s, next(numbers), towards[file], packet, unseen_s))
-        while held and held[0][0] <= time.monotonic():
-            due_s, _, file, packet, unseen_s = heapq.heappop(held)
-            os.write(file, packet)
-            late_s.append(time.monotonic() - due_s + unseen_s)
+netem, relay, veth = map(_or_skipped, (bench.netem, bench.relay, bench.veth))

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any, Final, Literal
 
 from mmt.core.arrays import RecordArray, clipped, difference, towards
+from mmt.core.frames import steps_ahead
 from mmt.core.logs import RepeatLimit
 from mmt.devices.protocols import Vector
 from mmt.follower.echoes import EchoCheck
@@ -93,6 +94,8 @@ class CommandGuard:
         self._before: deque[tuple[int, Vector]] = deque(maxlen=_REMEMBERED)
         self._position: Vector | None = None
         self._age_ticks = 0
+        self._arrived = (0, 0)  # number and time of the newest command, also of a stale one
+        self._reason: str | None = None
         self._silent = False
         self._halted = False
         self._halts = self._halted_ticks = 0
@@ -134,7 +137,12 @@ class CommandGuard:
         The newest one counts, unless its round trip, which includes the frame that it
         answers, was longer than `stale_ms`, or its echo cannot be true.
         """
-        _, time_ns, echo_time_ns, echo_age_ns, x, y, z = _COMMAND.unpack(commands[-1].tobytes())
+        number, time_ns, echo_time_ns, echo_age_ns, x, y, z = _COMMAND.unpack(
+            commands[-1].tobytes()
+        )
+        if self._silent and self._reason is None:
+            self._reason = self._reason_of(*commands[["sequence", "time_ns"]][0].tolist())
+        self._arrived = number, time_ns
         round_trip_ns = self.echoes.round_trip_ns(echo_time_ns, echo_age_ns, arrival_ns)
         if round_trip_ns is None:
             self._implausible += len(commands)
@@ -201,8 +209,8 @@ class CommandGuard:
             if self._age_ticks and self._told.allow("back"):
                 silent_s = self._age_ticks / self._rate_hz
                 self._say(
-                    f"leader is back after {silent_s:.1f} s: taking up its commands "
-                    f"at {self._link.recovery_mm_s:g} mm/s"
+                    f"leader is back after {silent_s:.2g} s{self._reason or ''}: "
+                    f"taking up its commands at {self._link.recovery_mm_s:g} mm/s"
                 )
         else:
             self._motion = self._since(self._target_ns, self._target, command)
@@ -228,9 +236,21 @@ class CommandGuard:
         if self._told.allow("silent"):
             self._say(f"leader silent for {self._silence_ticks / self._rate_hz:g} s: {does}")
 
+    def _reason_of(self, number: int, time_ns: int) -> str:
+        """Return why commands were missing, by the first one after a silence; empty if unclear."""
+        before, before_ns = self._arrived
+        lost, passed = steps_ahead(number, before) - 1, (time_ns - before_ns) / self._period_ns
+        half = self._silence_ticks / 2
+        if not 0 <= lost <= passed + half:
+            return ""  # of another leader, which counts anew
+        if lost >= half:
+            return f" and {lost} lost commands"
+        paused = passed - lost >= half
+        return ", in which it sent nothing" if paused else ", in which the network held it up"
+
     def _let_be(self, position: Vector, does: Literal["hold", "retract"]) -> None:
         """Go to where the robot is to be without commands."""
-        self._silent = True
+        self._silent, self._reason = True, None
         self._before.clear()
         away_mm = self._link.retract_mm if does == "retract" else 0.0
         x, y, z = position

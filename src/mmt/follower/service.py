@@ -96,7 +96,7 @@ class Follower:
         self._access = Access.of(self._link)
         self.source = build_source(scene)
         feedback = _build_feedback(scene)
-        self._guarded = GuardedSource(scene, self.source, feedback, self._say, self._send)
+        self._guarded = GuardedSource(scene, self.source, feedback, self._report, self._send)
         self.ending = Ending("source ended")
         self.client = self._make_client(feedback)
         self.ticker = Ticker(round(1e9 / scene.session.rate_hz), self._tick)
@@ -175,6 +175,11 @@ class Follower:
     def _say(self, sentence: str) -> None:
         self._tell(sentence)
         LOG.info(sentence, extra=told())
+
+    def _report(self, sentence: str) -> None:
+        """Tell the person what the robot does, and the leader, which records it."""
+        self._say(sentence)
+        self.client.send_event(sentence)
 
     def _take_session(self, session_id: str) -> None:
         if session_id != self.session_id:

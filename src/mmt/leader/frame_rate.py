@@ -11,7 +11,8 @@ _TOLERANCE: Final = 0.05
 class FrameRateWatch:
     """Measure the rate of frames, and say when it is off by more than 5 % over two seconds.
 
-    Frames that were lost on the way count, by their numbers; so a bad network is no wrong rate.
+    Frames that were lost on the way count, by their numbers, and when the others arrive does not
+    matter: a network that stalls or that cannot carry them all is no wrong rate.
 
     Parameters
     ----------
@@ -33,15 +34,15 @@ class FrameRateWatch:
         """Expect a new connection."""
         self._start, self._last_hz, self.fault = None, self._promised_hz, None
 
-    def add(self, number: int, arrival_ns: int) -> None:
-        """Take the newest frame's number and its arrival by this clock."""
+    def add(self, number: int, time_ns: int) -> None:
+        """Take the newest frame's number and its own time, by the follower's clock."""
         if self._start is None:
-            self._start = number, arrival_ns
+            self._start = number, time_ns
         first, start_ns = self._start
-        passed_ns = arrival_ns - start_ns
+        passed_ns = time_ns - start_ns
         if 0 <= passed_ns < _WINDOW_NS:
             return
-        self._start = number, arrival_ns
+        self._start = number, time_ns
         if passed_ns > 0:  # else the clock has jumped back
             self._judge(1e9 * (number - first) / passed_ns)
 

@@ -106,6 +106,7 @@ class RemoteFollower:
             LeaderEvents(
                 on_follower=self._on_follower,
                 on_frames=self._on_frames,
+                on_event=lambda sentence: self._journal.record({"event": f"follower: {sentence}"}),
                 on_end=self._on_end,
                 on_lost=self._on_lost,
                 on_jump=self._on_jump,
@@ -178,7 +179,7 @@ class RemoteFollower:
             self.backfill.missing.jumped(newest + left_out, frames)
         self._parts.on_frames(frames, arrival_ns)
         if self._scene.replay is None:  # which may be faster or slower than it was
-            self._rate.add(self._numbering.newest, arrival_ns)
+            self._rate.add(self._numbering.newest, int(frames["time_ns"][-1]))
         if self.time_s >= self._scene.session.duration_s:
             self._ending.stop("completed")
 

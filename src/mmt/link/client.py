@@ -1,6 +1,5 @@
 """The follower's side of the link: it connects, streams, and reconnects after a break."""
 
-import asyncio
 import logging
 import struct
 import time
@@ -20,6 +19,7 @@ from mmt.link.protocol import (
     CLOCK,
     COMMANDS,
     END,
+    EVENT,
     MISSING,
     NETWORK,
     SETTLE,
@@ -29,6 +29,7 @@ from mmt.link.protocol import (
     FollowerHello,
     LinkStatistics,
     argument_of,
+    encode_event,
     peer_text,
     reason_of,
 )
@@ -164,7 +165,7 @@ class FollowerClient:
             WELCOME: self._on_welcome,
             STOP: self._on_stop,
             NETWORK: self._on_network,
-            MISSING: self._on_missing,
+            MISSING: lambda *arguments: self._frames.request(argument_of(arguments)),
         }
         frequent = {COMMANDS: self._on_commands, CLOCK: self._clock.handle_response}
         if self._endpoint.extra is not None:
@@ -193,6 +194,10 @@ class FollowerClient:
     def send_extra(self, records: RecordArray) -> None:
         """Queue records (n,) of the scene's further event for the leader; never waits."""
         self._endpoint.send_extra(records)
+
+    def send_event(self, sentence: str) -> None:
+        """Have the leader record what has happened here; never waits, ignored without a link."""
+        self._endpoint.outbox.put(0, encode_event(EVENT, sentence))
 
     async def end(self, reason: str) -> None:
         """Send what is queued, announce the end of the session, and wait for the acknowledgement.
@@ -245,9 +250,8 @@ class FollowerClient:
 
     async def _settle(self) -> None:
         """Send what the leader lacks of the frames so far, again where that is lost as well."""
-        loop = asyncio.get_running_loop()
-        deadline_s = loop.time() + SETTLE_S
-        while loop.time() < deadline_s:
+        deadline_s = time.monotonic() + SETTLE_S
+        while time.monotonic() < deadline_s:
             await self._endpoint.outbox.flush(CLOSE_TIMEOUT_S)
             try:
                 answer = await self._connection.request(
@@ -286,9 +290,6 @@ class FollowerClient:
         self._stop_requested = True
         reason = reason_of(argument_of(arguments))
         self._endpoint.notify(self._events.on_stop, reason or "no reason given")
-
-    def _on_missing(self, *arguments: object) -> None:
-        self._frames.request(argument_of(arguments))
 
     def _on_network(self, *arguments: object) -> None:
         if self._network is not None:

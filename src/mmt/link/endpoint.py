@@ -46,6 +46,8 @@ class LeaderEvents:
     """Validated frames (n,), read-only, in order, and their arrival (monotonic, ns)."""
     on_follower: Callable[[FollowerHello], None] = _nothing
     """A follower is about to be accepted; raising MmtError refuses it with that message."""
+    on_event: Callable[[str], None] = _nothing
+    """The follower tells what has happened there, in printable text of bounded length."""
     on_end: Callable[[str], None] = _nothing
     """The follower ended the session, with this reason."""
     on_lost: Callable[[str], None] = _nothing
@@ -277,6 +279,7 @@ class Endpoint:
             emulated=outbox.emulated,
             latency_p50_ms=reader.latency.quantile_ms(0.5),
             latency_p99_ms=reader.latency.quantile_ms(0.99),
+            latency_max_ms=reader.latency.quantile_ms(1.0),
             round_trip_p50_ms=None if round_trip is None else round_trip.quantile_ms(0.5),
             round_trip_p99_ms=None if round_trip is None else round_trip.quantile_ms(0.99),
         )

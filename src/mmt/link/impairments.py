@@ -14,6 +14,10 @@ __all__ = ["MessageImpairments"]
 
 _MS: Final = 1_000_000
 _S: Final = 1_000_000_000
+_DUPLICATES_NS: Final = 3 * _MS
+"""TCP takes a packet for lost once three later ones are acknowledged (RFC 5681), at 1 kHz."""
+_TIMEOUT_NS: Final = 200 * _MS
+"""Linux waits so much longer than a round trip for what was sent again and lost again."""
 _ROOT_HALF: Final = math.sqrt(0.5)
 
 
@@ -22,7 +26,8 @@ class MessageImpairments:
 
     A message sent during an outage is lost. With a limited bandwidth it is queued behind those
     before it, and lost if the queue is full. It is lost at random with the loss's probability.
-    The rest arrive after their delay, some of them twice. Takes a few microseconds a message.
+    The rest arrive after their delay, some of them twice. With ``retransmit`` a lost one is sent
+    again as TCP does, and those behind it wait. Takes a few microseconds a message.
 
     Parameters
     ----------
@@ -62,8 +67,12 @@ class MessageImpairments:
         if self._is_out(send_ns):
             return ()
         departure_ns = self._departure(send_ns, size_bytes)
-        if departure_ns is None or self._losses.loses():
+        if departure_ns is None:
             return ()
+        if self._losses.loses():
+            if not self._settings.retransmit:
+                return ()
+            departure_ns += self._retransmission_ns()
         arrival_ns = self._arrival(departure_ns)
         share = self._settings.duplicate
         if share and self._random.random() < share:
@@ -91,6 +100,16 @@ class MessageImpairments:
             return None
         self._free_ns = begin_ns + round(size_bytes * self._ns_per_byte)
         return self._free_ns
+
+    def _retransmission_ns(self) -> int:
+        """Return how much later a lost message is sent, for the last time, since that arrives."""
+        round_trip_ns = round(2 * self._settings.delay_ms * _MS)
+        wait_ns = round_trip_ns + _DUPLICATES_NS
+        timeout_ns = _TIMEOUT_NS + round_trip_ns
+        while self._random.random() < self._settings.loss:
+            wait_ns += timeout_ns
+            timeout_ns *= 2
+        return wait_ns
 
     def _arrival(self, departure_ns: int) -> int:
         settings = self._settings

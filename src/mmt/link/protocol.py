@@ -33,6 +33,9 @@ CLOCK: Final = "clock"
 NETWORK: Final = "network"
 """Leader to follower: the scene's table ``[network]`` as it is now."""
 
+EVENT: Final = "event"
+"""Follower to leader: str, a sentence on what has happened there, for the recording."""
+
 MISSING: Final = "missing"
 """Leader to follower: ``[[int, int], ...]``, ranges of sequence numbers that did not arrive."""
 BACKFILL: Final = "backfill"
@@ -218,6 +221,7 @@ class LinkStatistics:
     latency_p50_ms: float | None
     """One way, from the time that a frame or command carries to its arrival."""
     latency_p99_ms: float | None
+    latency_max_ms: float | None
     round_trip_p50_ms: float | None
     """From a frame's time to the arrival of a command that echoes it, less the echo's age."""
     round_trip_p99_ms: float | None

@@ -22,11 +22,13 @@ from mmt.link.protocol import (
     CLOCK,
     COMMANDS,
     END,
+    EVENT,
     FRAMES,
     SETTLE_S,
     STOP,
     LinkStatistics,
     argument_of,
+    peer_text,
     reason_of,
 )
 from mmt.link.reader import BlockReader
@@ -217,7 +219,7 @@ class LeaderServer:
         frequent = {FRAMES: self._on_frames, CLOCK: self._on_clock}
         if self._endpoint.extra is not None:
             frequent[self._endpoint.extra.event] = self._on_extra
-        for event, handler in {**frequent, END: self._on_end}.items():
+        for event, handler in {**frequent, EVENT: self._on_event, END: self._on_end}.items():
             self._host.server.on(event, handler)
         return frequent
 
@@ -236,6 +238,15 @@ class LeaderServer:
     def _on_extra(self, sid: str, *arguments: object) -> None:
         if self._slot.expects(sid):
             self._endpoint.handle_extra(*arguments)
+
+    def _on_event(self, sid: str, *arguments: object) -> None:
+        sentence = argument_of(arguments)
+        if not self._slot.expects(sid):
+            return
+        if isinstance(sentence, str):
+            self._endpoint.notify(self._events.on_event, peer_text(sentence))
+        else:
+            self._endpoint.reader.reject("malformed event")
 
     def _on_end(self, sid: str, *arguments: object) -> None:
         if not self._slot.expects(sid):

@@ -36,6 +36,7 @@ class Network(PartTable):
     loss: float = Field(0.0, ge=0, le=1)
     burst_messages: float = Field(1.0, ge=1, le=100_000)
     burst_loss: float = Field(1.0, gt=0, le=1)
+    retransmit: bool = False
     duplicate: float = Field(0.0, ge=0, le=1)
     bandwidth_kbit_s: float | None = Field(None, ge=1, le=100_000)
     queue_ms: float = Field(200.0, ge=1, le=1000)
@@ -58,6 +59,11 @@ class Network(PartTable):
             )
         if self.loss > self.burst_loss:
             raise ValueError("loss must not exceed burst_loss: no message is lost between bursts")
+        if self.retransmit and (self.reorder or self.loss > 0.5):  # else it may take hours
+            raise ValueError(
+                "retransmit keeps the order, and needs a loss of at most 0.5: leave out reorder, "
+                "or lower loss"
+            )
         if self.outage_s > self.outage_every_s:
             raise ValueError("outage_s must not exceed outage_every_s, from start to start")
         return self
@@ -74,6 +80,7 @@ class Network(PartTable):
             (self.delay_ms > 0, f"delay {self.delay_ms:g} +- {self.jitter_ms:g} ms"),
             (self.reorder, "reordering"),
             (self.loss > 0, f"{self.loss:.3g} lost in bursts of {self.burst_messages:g}"),
+            (self.retransmit, "lost ones sent again"),
             (self.duplicate > 0, f"{self.duplicate:.3g} repeated"),
             (bandwidth is not None, f"{bandwidth or 0:g} kbit/s"),
             (self.outage_s > 0, f"out {self.outage_s:g} s every {self.outage_every_s:g} s"),

@@ -7,7 +7,8 @@ leader's ticks lag behind the follower's by another part of the period in each r
 for both, so that a record arrives at a process that waits as well as at one that sends.
 A ratio is taken between neighbouring turns, and the median over all is what counts: a moment
 in which something else had the processor spoils one turn, not the result. At the end the link
-runs for a while at a higher rate.
+runs for a while at a higher rate. With ``--loss`` it is the services that run, over paths that
+lose packets.
 """
 
 import statistics
@@ -15,12 +16,15 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from multiprocessing.connection import Connection
-from typing import Any, Final
+from typing import Annotated, Any, Final
+
+import typer
 
 from mmt.core.errors import InputError, MmtError
 from mmt.core.realtime import require_real_time
 from mmt_lab.bench.link_sides import PATIENCE_S, Report, follow, lead
 from mmt_lab.bench.link_traffic import Kind, Measured, Turn
+from mmt_lab.bench.lossy_path import measure_losses
 from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.harness.experiment import Duration, Experiment, RealTime
 from mmt_lab.harness.findings import Findings
@@ -250,8 +254,13 @@ def _ratios(ours: list[Pair], bare: list[Pair]) -> dict[str, float]:
     }
 
 
-def run(duration: Duration = 20.0, realtime: RealTime = False) -> Findings:
-    """Measure the link beside a bare WebSocket in the same run."""
+Loss = Annotated[bool, typer.Option("--loss", help="Measure over a path that loses packets.")]
+
+
+def run(duration: Duration = 20.0, realtime: RealTime = False, loss: Loss = False) -> Findings:
+    """Measure the link beside a bare WebSocket in one run, or over paths that lose packets."""
+    if loss:
+        return measure_losses(duration)
     result = bench_link(duration, realtime=realtime)
     rows: dict[str, Figure] = {}
     for way, direction in (("up", result.ours.up), ("down", result.ours.down)):

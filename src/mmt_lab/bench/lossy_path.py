@@ -1,0 +1,135 @@
+"""The services over a path that loses packets: a real one below TCP, and emulated ones.
+
+The real path is a relay of IP packets between two network namespaces, each with a service; it
+needs Linux and root.
+"""
+
+import json
+import os
+import socket
+import subprocess
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from mmt.core.children import import_path, python_command
+from mmt.core.errors import MmtError
+from mmt.scene.files import example_scenes
+from mmt_lab.bench.network_namespaces import LEADER_ADDRESS, relay
+from mmt_lab.harness.findings import Cell, Findings, LeftOut, Records
+
+LOSSES: Final = (0.0, 0.001, 0.01, 0.03)
+"""Share of packets or messages that is lost each way."""
+DELAY_MS: Final = 40.0
+"""One way; without jitter."""
+_STARTING_S: Final = 60.0
+
+
+def measure_losses(duration_s: float) -> Findings:
+    """Run the services over each path with each loss.
+
+    Parameters
+    ----------
+    duration_s
+        How long each session lasts.
+
+    Raises
+    ------
+    MmtError
+        A service failed.
+    """
+    left_out: list[LeftOut] = []
+    records = []
+    try:
+        rows = []
+        for loss in LOSSES:
+            with relay(DELAY_MS, 0.0, loss) as path:
+                within = path.within_leader(), ["ip", "netns", "exec", path.follower]
+                rows.append(_row(loss, _session(duration_s, LEADER_ADDRESS, within)))
+        records.append(Records("tcp", "TCP between network namespaces", tuple(rows)))
+    except MmtError as error:
+        left_out.append(LeftOut("TCP", str(error), "run it on Linux, as root"))
+    for name, title, retransmit in (
+        ("retransmitted", "Emulated, what is lost is sent again", "true"),
+        ("datagrams", "Emulated datagrams", "false"),
+    ):
+        rows = []
+        for loss in LOSSES:
+            variables = {
+                "MMT_NETWORK__DELAY_MS": str(DELAY_MS),
+                "MMT_NETWORK__LOSS": str(loss),
+                "MMT_NETWORK__RETRANSMIT": retransmit,
+            }
+            rows.append(_row(loss, _session(duration_s, "127.0.0.1", ([], []), variables)))
+        records.append(Records(name, title, tuple(rows)))
+    about = (
+        f"Streamed vibration and motion at 1 kHz, {DELAY_MS:g} ms each way, {duration_s:g} s a "
+        "row, with the share of packets, or of emulated messages, that is lost each way. TCP: a "
+        "relay between two network namespaces delays and loses IP packets."
+    )
+    title = "The link over a path that loses packets"
+    return Findings(title, about, records=tuple(records), left_out=tuple(left_out))
+
+
+def _session(
+    duration_s: float,
+    address: str,
+    within: tuple[Sequence[str], Sequence[str]],
+    variables: Mapping[str, str] | None = None,
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Run one session; return the leader's and the follower's summary."""
+    environment = {
+        **os.environ,
+        "PYTHONPATH": import_path(),
+        "MMT_LINK__HOST": address,
+        "MMT_LINK__OPEN": "true",
+        **(variables or {}),
+    }
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    scene = str(example_scenes()["stream-only"])
+    options = (
+        ("leader", "--port", str(port), "--duration", str(duration_s)),
+        ("follower", "--leader", f"http://{address}:{port}"),
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        files = [Path(folder) / f"{name}.json" for name, *_ in options]
+        processes = [
+            subprocess.Popen(  # noqa: S603
+                [
+                    *prefix,
+                    *python_command("-m", "mmt.cli.entry", name, scene, *more, "--json", str(file)),
+                ],
+                env=environment,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+            )
+            for prefix, (name, *more), file in zip(within, options, files, strict=True)
+        ]
+        try:
+            for process in processes:
+                process.wait(duration_s + _STARTING_S)
+            leader, follower = (json.loads(file.read_text()) for file in files)
+        except (subprocess.TimeoutExpired, OSError, ValueError) as error:
+            raise MmtError(f"a session over {address} did not end well: {error}") from error
+        finally:
+            for process in processes:
+                process.kill()
+                process.wait()
+    return leader, follower
+
+
+def _row(loss: float, summaries: tuple[dict[str, Any], dict[str, Any]]) -> Mapping[str, Cell]:
+    """Return a row of the table."""
+    leader, follower = summaries
+    row: dict[str, Cell] = {"loss (%)": 100 * loss}
+    for what, link in (("frames", leader["link"]), ("commands", follower["link"])):
+        for quantile in ("p50", "p99", "max"):
+            row[f"{what} {quantile} (ms)"] = link[f"latency_{quantile}_ms"]
+    commands = follower["commands"]
+    row["held, times"] = commands["silences"]
+    row["held (s)"] = commands["silent_s"]
+    row["ticks slowed (%)"] = 100 * commands["slowed_ticks"] / follower["ticks"]["ticks"]
+    row["vibration's age (ms)"] = leader["vibration"]["playout"]["age_ms"]
+    return row

@@ -1,0 +1,187 @@
+"""Two network namespaces of this machine, as two machines: joined by veth, or by a relay.
+
+The relay stands in for ``tc netem`` where the kernel has none: it delays each IP packet between
+two tun devices by itself, or loses it, below TCP, and knows nothing of mmt. All of it needs Linux
+and root, and raises `MmtError` where the machine cannot do it.
+"""
+
+import fcntl
+import heapq
+import itertools
+import os
+import random
+import select
+import struct
+import subprocess
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+
+from mmt.core.errors import MmtError
+
+LEADER_ADDRESS = "10.77.83.1"
+FOLLOWER_ADDRESS = "10.77.83.2"
+
+_TUNSETIFF = 0x400454CA
+_TUN_WITHOUT_HEADER = 0x1001
+_numbers = itertools.count()
+
+
+@dataclass(frozen=True)
+class Namespaces:
+    """The names of the two."""
+
+    leader: str
+    follower: str
+    late_s: list[float] = field(default_factory=list, compare=False)
+    """By how much the relay may have held each packet longer than it meant to; empty without."""
+
+    def within_leader(self) -> list[str]:
+        """Return the command that runs something on the leader's machine."""
+        return ["ip", "netns", "exec", self.leader]
+
+    def within_follower(self, clock_ahead_s: int) -> list[str]:
+        """Return the command that runs something on the follower's, whose clock is ahead."""
+        elsewhen = ["unshare", "--time", "--monotonic", str(clock_ahead_s), "--fork"]
+        return ["ip", "netns", "exec", self.follower, *elsewhen, "--kill-child"]
+
+
+def run(*command: str) -> None:
+    """Run a command of the system.
+
+    Raises
+    ------
+    MmtError
+        The machine has no such command, or cannot do it.
+    """
+    try:
+        done = subprocess.run(  # noqa: S603
+            command, check=False, capture_output=True, text=True, timeout=20
+        )
+    except FileNotFoundError as error:
+        raise MmtError(f"this machine has no {command[0]}") from error
+    if done.returncode:
+        raise MmtError(f"{' '.join(command)}: {done.stderr.strip()}")
+
+
+@contextmanager
+def namespaces() -> Iterator[Namespaces]:
+    """Make two namespaces that are not joined."""
+    if os.geteuid() != 0:
+        raise MmtError("network namespaces need root")
+    run("unshare", "--time", "--monotonic", "1", "--fork", "true")
+    number = f"{os.getpid()}-{next(_numbers)}"
+    made = Namespaces(f"mmt-leader-{number}", f"mmt-follower-{number}")
+    try:
+        for name in (made.leader, made.follower):
+            run("ip", "netns", "add", name)
+            run("ip", "-n", name, "link", "set", "lo", "up")
+        yield made
+    finally:
+        for name in (made.leader, made.follower):
+            subprocess.run(  # noqa: S603
+                ["ip", "netns", "delete", name],  # noqa: S607
+                check=False,
+                capture_output=True,
+                timeout=150,
+            )
+
+
+@contextmanager
+def veth() -> Iterator[Namespaces]:
+    """Make two namespaces that are joined without delay."""
+    with namespaces() as made:
+        ends = ("peer", "name", "mmt1", "netns", made.follower)
+        run("ip", "-n", made.leader, "link", "add", "mmt0", "type", "veth", *ends)
+        _bring_up(made.leader, "mmt0", LEADER_ADDRESS)
+        _bring_up(made.follower, "mmt1", FOLLOWER_ADDRESS)
+        yield made
+
+
+@contextmanager
+def netem(delay_ms: float, jitter_ms: float) -> Iterator[Namespaces]:
+    """Delay each packet by ``tc netem``, both ways."""
+    with veth() as made:
+        delay = ("delay", f"{delay_ms}ms", f"{jitter_ms}ms", "limit", "100000")
+        for name, device in ((made.leader, "mmt0"), (made.follower, "mmt1")):
+            run("tc", "-n", name, "qdisc", "add", "dev", device, "root", "netem", *delay)
+        yield made
+
+
+@contextmanager
+def relay(delay_ms: float, jitter_ms: float, loss: float = 0.0) -> Iterator[Namespaces]:
+    """Delay each packet by a relay between two tun devices, or lose it, both ways."""
+    first, second = f"mmt{os.getpid()}a", f"mmt{os.getpid()}b"
+    with namespaces() as made, _tun(first) as one, _tun(second) as other:
+        run("ip", "link", "set", first, "netns", made.leader)
+        run("ip", "link", "set", second, "netns", made.follower)
+        _bring_up(made.leader, first, LEADER_ADDRESS)
+        _bring_up(made.follower, second, FOLLOWER_ADDRESS)
+        ended = threading.Event()
+        passing = threading.Thread(
+            target=_pass, args=(one, other, delay_ms, jitter_ms, loss, ended, made.late_s)
+        )
+        passing.start()
+        try:
+            yield made
+        finally:
+            ended.set()
+            passing.join(60.0)
+
+
+def _bring_up(namespace: str, device: str, address: str) -> None:
+    run("ip", "-n", namespace, "address", "add", f"{address}/30", "dev", device)
+    run("ip", "-n", namespace, "link", "set", device, "up")
+
+
+@contextmanager
+def _tun(name: str) -> Iterator[int]:
+    try:
+        file = os.open("/dev/net/tun", os.O_RDWR | os.O_NONBLOCK)
+    except OSError as error:
+        raise MmtError(f"/dev/net/tun: {error.strerror}") from error
+    try:
+        try:
+            request = struct.pack("16sH22x", name.encode(), _TUN_WITHOUT_HEADER)
+            fcntl.ioctl(file, _TUNSETIFF, request)
+        except OSError as error:
+            raise MmtError(f"no tun device: {error.strerror}") from error
+        yield file
+    finally:
+        os.close(file)
+
+
+def _pass(
+    one: int,
+    other: int,
+    delay_ms: float,
+    jitter_ms: float,
+    loss: float,
+    ended: threading.Event,
+    late_s: list[float],
+) -> None:
+    """Lose a packet, or hold it for a time of its own as netem does and pass it on."""
+    generator = random.Random(1)  # noqa: S311 - an emulation, no secret
+    held: list[tuple[float, int, int, bytes, float]] = []
+    numbers = itertools.count()
+    towards = {one: other, other: one}
+    looked_s = time.monotonic()
+    while not ended.is_set():
+        wait_s = held[0][0] - time.monotonic() if held else 0.05
+        readable, _, _ = select.select([one, other], [], [], min(max(wait_s, 0.0), 0.05))
+        unseen_s, looked_s = time.monotonic() - looked_s, time.monotonic()
+        for file in readable:
+            with suppress(BlockingIOError):
+                for _ in range(64):  # what has come while this thread had no turn
+                    packet = os.read(file, 65_536)
+                    if generator.random() < loss:
+                        continue
+                    delay_s = (delay_ms + generator.uniform(-jitter_ms, jitter_ms)) / 1000
+                    due_s = time.monotonic() + delay_s
+                    heapq.heappush(held, (due_s, next(numbers), towards[file], packet, unseen_s))
+        while held and held[0][0] <= time.monotonic():
+            due_s, _, file, packet, unseen_s = heapq.heappop(held)
+            os.write(file, packet)
+            late_s.append(time.monotonic() - due_s + unseen_s)
