@@ -15,9 +15,8 @@ __all__ = ["MessageImpairments"]
 _MS: Final = 1_000_000
 _S: Final = 1_000_000_000
 _DUPLICATES_NS: Final = 3 * _MS
-"""TCP takes a packet for lost once three later ones are acknowledged (RFC 5681), at 1 kHz."""
-_TIMEOUT_NS: Final = 200 * _MS
-"""Linux waits so much longer than a round trip for what was sent again and lost again."""
+"""TCP takes a packet for lost once three later ones, at 1 kHz, are acknowledged (RFC 5681), and
+one that was sent again once what was sent after it is (RFC 8985)."""
 _ROOT_HALF: Final = math.sqrt(0.5)
 
 
@@ -103,13 +102,10 @@ class MessageImpairments:
 
     def _retransmission_ns(self) -> int:
         """Return how much later a lost message is sent, for the last time, since that arrives."""
-        round_trip_ns = round(2 * self._settings.delay_ms * _MS)
-        wait_ns = round_trip_ns + _DUPLICATES_NS
-        timeout_ns = _TIMEOUT_NS + round_trip_ns
+        times = 1
         while self._random.random() < self._settings.loss:
-            wait_ns += timeout_ns
-            timeout_ns *= 2
-        return wait_ns
+            times += 1
+        return times * (round(2 * self._settings.delay_ms * _MS) + _DUPLICATES_NS)
 
     def _arrival(self, departure_ns: int) -> int:
         settings = self._settings

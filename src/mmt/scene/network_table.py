@@ -59,7 +59,7 @@ class Network(PartTable):
             )
         if self.loss > self.burst_loss:
             raise ValueError("loss must not exceed burst_loss: no message is lost between bursts")
-        if self.retransmit and (self.reorder or self.loss > 0.5):  # else it may take hours
+        if self.retransmit and (self.reorder or self.loss > 0.5):  # more is an outage
             raise ValueError(
                 "retransmit keeps the order, and needs a loss of at most 0.5: leave out reorder, "
                 "or lower loss"
