@@ -5,7 +5,6 @@ two tun devices by itself, or loses it, below TCP, and knows nothing of mmt. All
 and root, and raises `MmtError` where the machine cannot do it.
 """
 
-import fcntl
 import heapq
 import itertools
 import os
@@ -13,6 +12,7 @@ import random
 import select
 import struct
 import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -69,8 +69,8 @@ def run(*command: str) -> None:
 @contextmanager
 def namespaces() -> Iterator[Namespaces]:
     """Make two namespaces that are not joined."""
-    if os.geteuid() != 0:
-        raise MmtError("network namespaces need root")
+    if sys.platform != "linux" or os.geteuid() != 0:
+        raise MmtError("network namespaces need Linux and root")
     run("unshare", "--time", "--monotonic", "1", "--fork", "true")
     number = f"{os.getpid()}-{next(_numbers)}"
     made = Namespaces(f"mmt-leader-{number}", f"mmt-follower-{number}")
@@ -138,6 +138,8 @@ def _bring_up(namespace: str, device: str, address: str) -> None:
 
 @contextmanager
 def _tun(name: str) -> Iterator[int]:
+    import fcntl  # only where there are tun devices
+
     try:
         file = os.open("/dev/net/tun", os.O_RDWR | os.O_NONBLOCK)
     except OSError as error:
