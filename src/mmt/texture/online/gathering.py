@@ -78,14 +78,14 @@ class _Sums:
     def add(self, step: _Step) -> bool:
         """Add blocks, withdraw others; return whether that changes anything."""
         before = self._recent.start
-        recent = self._recent.joined(step.blocks)
+        recent = Blocks.concatenate([self._recent, step.blocks])
         gone = np.zeros(len(recent.start), np.bool_)
         stop = recent.start + self._length
         for first, last in step.held_out:
             gone |= (recent.start < last) & (stop > first)
         if step.forget_from is not None:
             gone |= stop > step.forget_from
-        self._recent = recent.kept(~gone)
+        self._recent = recent[~gone]
         changed = not np.array_equal(self._recent.start, before)
         self._settle()
         return changed
@@ -95,8 +95,8 @@ class _Sums:
         start = self._recent.start
         if len(start) and start[-1] - start[0] > 2 * self._kept_samples:
             old = start < start[-1] - self._kept_samples
-            self._settled = self._settled.joined(self._cells(self._recent.kept(old)))
-            self._recent = self._recent.kept(~old)
+            self._settled = self._settled.joined(self._cells(self._recent[old]))
+            self._recent = self._recent[~old]
 
     def cells(self) -> FieldCells:
         """Return the sums of all blocks."""
