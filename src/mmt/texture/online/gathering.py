@@ -8,7 +8,8 @@ import numpy as np
 
 from mmt.texture.field.blocks import BlockCutter, Blocks
 from mmt.texture.field.cells import FieldCells
-from mmt.texture.online.work import SegmentRange, Work
+from mmt.texture.online.work import Work
+from mmt.texture.segmentation.segments import SampleRange
 from mmt.texture.settings import ModellingSettings
 
 WITHDRAWN_S: Final = 10.0
@@ -20,7 +21,7 @@ class _Step(NamedTuple):
     """What an update does: new blocks, ranges of samples and the first sample to withdraw."""
 
     blocks: Blocks
-    held_out: tuple[SegmentRange, ...]
+    held_out: tuple[SampleRange, ...]
     forget_from: int | None
 
 
