@@ -13,6 +13,7 @@ from mmt.texture.generators import registry
 from mmt.texture.generators.building import GeneratorModeller
 from mmt.texture.generators.guarded import GeneratorFault, GuardedGenerator
 from mmt.texture.online.modeller import OnlineModeller
+from mmt.texture.signals.filtering import StreamFilter
 
 BLOCK = np.full(10, 100.0), np.full(10, 1.0)
 
@@ -145,7 +146,7 @@ def test_a_builder_gets_the_segments_and_samples_of_our_own_modelling_and_what_i
     assert modeller.segments == len(kept) > 3
     assert last.time_s == pytest.approx(4.0)
     assert (last.rate_hz, last.inputs) == (1000.0, "isotropic")
-    assert len(last.samples) == 4000 - ours.delay_samples
+    assert len(last.samples) == 4000 - StreamFilter().delay_samples
     assert (np.diff(last.samples.index) == 1).all()
     assert sources[0] is None
     first = next(source for source in sources if source is not None)

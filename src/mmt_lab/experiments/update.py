@@ -15,7 +15,7 @@ from mmt.texture.autoregression.effective_sample_size import UNKNOWN
 from mmt.texture.model.fits import Fit
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.online.modeller import OnlineModeller
-from mmt.texture.segmentation.segments import Segment
+from mmt.texture.segmentation.segments import SampleRange, Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt_lab.bench.measuring import interleave, spread
@@ -116,7 +116,7 @@ def _samples(count: int, plan: Plan) -> TextureSamples:
     return exact_samples(get_surface(plan.surface), *scattered(count, 0), plan.order)
 
 
-def _fits(count: int, plan: Plan) -> dict[tuple[int, int], Fit]:
+def _fits(count: int, plan: Plan) -> dict[SampleRange, Fit]:
     """Return samples as if they had been fitted long before the session."""
     samples = _samples(count, plan)
     fits = {}
@@ -132,7 +132,7 @@ def _fits(count: int, plan: Plan) -> dict[tuple[int, int], Fit]:
             time_ns=0,
             final=True,
         )
-        fits[segment.start, segment.stop] = Fit(
+        fits[segment.span] = Fit(
             segment=segment,
             lsf=samples.lsf[index],
             variance=float(samples.variance[index]),

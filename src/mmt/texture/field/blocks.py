@@ -6,20 +6,22 @@ two it is left out: its power is that of no one stroke.
 """
 
 from collections.abc import Callable, Iterable
-from typing import Final, NamedTuple
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.settings import ModellingSettings
-from mmt.texture.signals.aligned import AlignedBlock
+from mmt.texture.signals.aligned import AlignedBlock, Columns
 
 BLOCK_S: Final = 0.05
 _LARGEST_CHANGE: Final = 2.0
 
 
-class Blocks(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Blocks(Columns):
     """n blocks: first sample and number in time (n,), points (n, d), powers (n,).
 
     With a measure of c features the powers are these, (n, c).
@@ -29,18 +31,6 @@ class Blocks(NamedTuple):
     number: IntArray
     points: FloatArray
     power: FloatArray
-
-    def kept(self, chosen: BoolArray) -> "Blocks":
-        """Return some of the blocks."""
-        return self._replace(**{name: column[chosen] for name, column in self._asdict().items()})
-
-    def joined(self, other: "Blocks") -> "Blocks":
-        """Return these blocks, and others after them."""
-        others = other._asdict()
-        columns = self._asdict().items()
-        return self._replace(
-            **{name: np.concatenate([column, others[name]]) for name, column in columns}
-        )
 
 
 def mean_square(vibration_m_s2: FloatArray, measured: BoolArray) -> FloatArray:
@@ -116,4 +106,4 @@ class BlockCutter:
             else (speed.mean(axis=1), force.mean(axis=1))
         )
         points = self._space.normalise(self._space.stack(*mean))
-        return Blocks(first, first // length, points, power).kept(used)
+        return Blocks(first, first // length, points, power)[used]

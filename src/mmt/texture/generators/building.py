@@ -7,8 +7,7 @@ from mmt.core.arrays import RecordArray
 from mmt.texture.generators.guarded import GuardedGenerator, raised
 from mmt.texture.generators.protocol import Builder, Observed
 from mmt.texture.online.modeller import OnlineModeller
-from mmt.texture.online.work import SegmentRange
-from mmt.texture.segmentation.segments import Segment
+from mmt.texture.segmentation.segments import SampleRange, Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
 
@@ -19,7 +18,7 @@ class NewSamples(NamedTuple):
     time_s: float
     observed: list[AlignedBlock]
     added: list[Segment]
-    removed: list[SegmentRange]
+    removed: list[SampleRange]
 
 
 class GeneratorModeller:
@@ -57,7 +56,7 @@ class GeneratorModeller:
         self._settings = settings or ModellingSettings()
         self._modeller: OnlineModeller | None = None
         self._samples: list[AlignedBlock] = []
-        self._segments: dict[SegmentRange, Segment] = {}
+        self._segments: dict[SampleRange, Segment] = {}
         self.generator: GuardedGenerator | None = None
 
     @property
@@ -107,7 +106,7 @@ class GeneratorModeller:
             self._samples += each.observed
             for key in each.removed:
                 self._segments.pop(key, None)
-            self._segments |= {(one.start, one.stop): one for one in each.added}
+            self._segments |= {one.span: one for one in each.added}
         self._samples = [AlignedBlock.concatenate(self._samples)]
         return Observed(
             time_s=time_s,

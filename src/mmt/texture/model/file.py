@@ -123,7 +123,7 @@ def _method(content: Arrays) -> tuple[Method, bool]:
 
 def _check_powers(samples: TextureSamples) -> None:
     for name in ("variance", "power"):
-        if not (getattr(samples, name) <= _LARGEST_POWER).all():
+        if not (real_numbers(name, getattr(samples, name)) <= _LARGEST_POWER).all():
             raise InputError(f"{name} must be finite, at most {_LARGEST_POWER:g} (m/s2)^2")
 
 

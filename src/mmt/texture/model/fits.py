@@ -74,7 +74,7 @@ def fit_segments(
         return []
     vibration = [segment.vibration_m_s2 for segment in usable]
     counts = np.array([segment.measured_count for segment in usable])
-    resolving = _resolving_order(settings)
+    resolving = min(RESOLVING_ORDER, settings.shortest_samples // 4)  # what the shortest one bears
     fits = burg_batch(vibration, max(order, resolving))
     effective = effective_samples(_lsf_of(fits, resolving), counts)
     lsf, measured = _lsf_of(fits, order), np.array([segment.measured_gain for segment in usable])
@@ -124,11 +124,6 @@ _LSF: Final = 8
 
 def _rows(packed: Sequence[bytes]) -> FloatArray:
     return np.frombuffer(b"".join(packed)).reshape(len(packed), -1)
-
-
-def _resolving_order(settings: ModellingSettings) -> int:
-    """Return the highest order that a segment of the least length bears."""
-    return min(RESOLVING_ORDER, settings.shortest_samples // 4)
 
 
 def _lsf_of(fits: ReflectionFits, order: int) -> FloatArray:

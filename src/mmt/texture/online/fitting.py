@@ -10,7 +10,8 @@ from scipy.spatial import cKDTree
 from mmt.texture.model.fits import Fit, points_of
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.online.methods import ModellingMethod
-from mmt.texture.online.work import SegmentRange, Stopwatch, Work
+from mmt.texture.online.work import Stopwatch, Work
+from mmt.texture.segmentation.segments import SampleRange
 from mmt.texture.settings import ModellingSettings
 
 LARGEST_MODEL: Final = 1000
@@ -34,7 +35,7 @@ class FittingStage:
         self._method = method
         self._space = InputSpace(settings.inputs)
         self._numbers = itertools.count()
-        self.fits: dict[SegmentRange, Fit] = {}
+        self.fits: dict[SampleRange, Fit] = {}
         """By the range of their segments, in the order in which they came."""
 
     def fit(self, work: Work) -> None:
@@ -45,12 +46,12 @@ class FittingStage:
             removed += [key for key in self.fits if key[1] > work.forget_from]
         work.removed_count += self._remove(removed)
         for fit in self._method.add(work.added, self._numbers):
-            self.fits[fit.segment.start, fit.segment.stop] = fit
+            self.fits[fit.segment.span] = fit
         work.removed_count += self._thin_out()
         work.fits = tuple(self.fits.values())
         clock.lap("fit")
 
-    def _remove(self, ranges: Iterable[SegmentRange]) -> int:
+    def _remove(self, ranges: Iterable[SampleRange]) -> int:
         """Take fits out; return how many there were."""
         return sum(self.fits.pop(key, None) is not None for key in ranges)
 

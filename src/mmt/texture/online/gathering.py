@@ -8,7 +8,8 @@ import numpy as np
 
 from mmt.texture.field.blocks import BlockCutter, Blocks
 from mmt.texture.field.cells import FieldCells
-from mmt.texture.online.work import SegmentRange, Work
+from mmt.texture.online.work import Work
+from mmt.texture.segmentation.segments import SampleRange
 from mmt.texture.settings import ModellingSettings
 
 WITHDRAWN_S: Final = 10.0
@@ -20,7 +21,7 @@ class _Step(NamedTuple):
     """What an update does: new blocks, ranges of samples and the first sample to withdraw."""
 
     blocks: Blocks
-    held_out: tuple[SegmentRange, ...]
+    held_out: tuple[SampleRange, ...]
     forget_from: int | None
 
 
@@ -78,14 +79,14 @@ class _Sums:
     def add(self, step: _Step) -> bool:
         """Add blocks, withdraw others; return whether that changes anything."""
         before = self._recent.start
-        recent = self._recent.joined(step.blocks)
+        recent = Blocks.concatenate([self._recent, step.blocks])
         gone = np.zeros(len(recent.start), np.bool_)
         stop = recent.start + self._length
         for first, last in step.held_out:
             gone |= (recent.start < last) & (stop > first)
         if step.forget_from is not None:
             gone |= stop > step.forget_from
-        self._recent = recent.kept(~gone)
+        self._recent = recent[~gone]
         changed = not np.array_equal(self._recent.start, before)
         self._settle()
         return changed
@@ -95,8 +96,8 @@ class _Sums:
         start = self._recent.start
         if len(start) and start[-1] - start[0] > 2 * self._kept_samples:
             old = start < start[-1] - self._kept_samples
-            self._settled = self._settled.joined(self._cells(self._recent.kept(old)))
-            self._recent = self._recent.kept(~old)
+            self._settled = self._settled.joined(self._cells(self._recent[old]))
+            self._recent = self._recent[~old]
 
     def cells(self) -> FieldCells:
         """Return the sums of all blocks."""

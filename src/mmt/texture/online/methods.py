@@ -50,6 +50,11 @@ class ModellingMethod(ABC):
         behind = self._behind_high_pass
         return fit_segments(segments, numbers, self._settings, behind_high_pass=behind)
 
+    def _maker(self, work: Work, cells: "Callable[[], FieldCells] | None" = None) -> ModelMaker:
+        """Return what makes the model of the fits, at least one, whenever it is called."""
+        packed = tuple([fit.packed for fit in work.fits])
+        return partial(_made, self._settings, packed, work.noise_power, cells)
+
     @abstractmethod
     def model(self, work: Work, *, changed: bool) -> ModelMaker | None:
         """Return what makes the model of an update, None where it is the one before.
@@ -98,7 +103,7 @@ class PublishedMethod(ModellingMethod):
 
     def model(self, work: Work, *, changed: bool) -> ModelMaker | None:
         """See `ModellingMethod`."""
-        return _maker(self._settings, work) if changed else None
+        return self._maker(work) if changed else None
 
     def judge(self, work: Work, points: FloatArray, *, anew: bool) -> None:
         """See `ModellingMethod`; this criterion depends on the samples alone."""
@@ -131,7 +136,7 @@ class FieldMethod(ModellingMethod):
         felt = self._gathering.add(work)
         if not (changed or (felt and work.fits)):
             return None
-        return _maker(self._settings, work, self._gathering.cells())
+        return self._maker(work, self._gathering.cells())
 
     def judge(self, work: Work, points: FloatArray, *, anew: bool) -> None:
         """See `ModellingMethod`; evaluated as often as the strokes are news."""
@@ -144,13 +149,6 @@ class FieldMethod(ModellingMethod):
                 _ = model.level_field
                 clock.lap(DEFERRED)
             self.criterion.update(model, work.time_s)
-
-
-def _maker(
-    settings: ModellingSettings, work: Work, cells: "Callable[[], FieldCells] | None" = None
-) -> ModelMaker:
-    """Return what makes the model of the fits, at least one, whenever it is called."""
-    return partial(_made, settings, tuple([f.packed for f in work.fits]), work.noise_power, cells)
 
 
 def _made(

@@ -26,9 +26,9 @@ from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.building import BuildingStage
 from mmt.texture.online.fitting import LARGEST_MODEL, FittingStage
 from mmt.texture.online.methods import method_of
-from mmt.texture.online.work import DEFERRED, ModelUpdate, SegmentRange, Stopwatch, Work
+from mmt.texture.online.work import DEFERRED, ModelUpdate, Stopwatch, Work
 from mmt.texture.segmentation.segmenter import OnlineSegmenter
-from mmt.texture.segmentation.segments import Segment
+from mmt.texture.segmentation.segments import SampleRange, Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.signals.noise_floor import NoiseFloor
@@ -89,7 +89,7 @@ class OnlineModeller:
         return self._method.criterion
 
     @property
-    def fits(self) -> dict[SegmentRange, Fit]:
+    def fits(self) -> dict[SampleRange, Fit]:
         """The fits that there are, by the range of their segments."""
         return self._fitting.fits
 
@@ -141,17 +141,16 @@ class OnlineModeller:
         change = self._segmenter.update(aligned)
         accept = self._accept
         added = [s for s in change.added if accept is None or accept(s)]
-        held_out = [s for s in change.added if accept is not None and not accept(s)]
         clock.lap("segment")
         yield Work(
             modeller=self,
             time_s=self._time_s,
             observed=[aligned],
             added=added,
-            removed=[(s.start, s.stop) for s in change.removed],
+            removed=change.removed,
             noise_power=self._noise.power,
             faults=self._filter.faults,
-            held_out=[(s.start, s.stop) for s in held_out],
+            held_out=[s.span for s in change.added if accept is not None and not accept(s)],
             durations_s=clock.laps,
         )
 

@@ -8,17 +8,13 @@ from typing import TYPE_CHECKING, Final
 from mmt.texture.completion.criterion import Progress
 from mmt.texture.model.fits import Fit
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.segmentation.segments import Segment
+from mmt.texture.segmentation.segments import SampleRange, Segment
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.faults import SignalFaults
 
 if TYPE_CHECKING:
     from mmt.texture.online.modeller import OnlineModeller
     from mmt.texture.surfaces.changes import SurfaceChange
-
-SegmentRange = tuple[int, int]
-"""Sequence numbers of a segment's first sample and of the one after its last."""
-
 
 ModelSource = Callable[[], TextureModel | None]
 """Gives the model of an update, None before the first sample."""
@@ -123,11 +119,11 @@ class Work:
     time_s: float
     observed: list[AlignedBlock]
     added: list[Segment]
-    removed: list[SegmentRange]
+    removed: list[SampleRange]
     noise_power: float
     faults: SignalFaults = field(default_factory=SignalFaults)
     forget_from: int | None = None
-    held_out: list[SegmentRange] = field(default_factory=list)
+    held_out: list[SampleRange] = field(default_factory=list)
     durations_s: dict[str, float] = field(default_factory=dict)
     fits: tuple[Fit, ...] = ()
     removed_count: int = 0
@@ -154,7 +150,7 @@ class Work:
             Whether its new segments count; what it removes always does.
         """
         gone = set(self.removed)
-        kept = [s for s in earlier.added if (s.start, s.stop) not in gone] if segments else []
+        kept = [s for s in earlier.added if s.span not in gone] if segments else []
         self.added = kept + self.added
         self.removed = earlier.removed + self.removed
         self.removed_count += earlier.removed_count

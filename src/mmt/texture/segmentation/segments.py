@@ -60,6 +60,11 @@ class Segment:
         )
 
     @property
+    def span(self) -> SampleRange:
+        """Its samples."""
+        return SampleRange(self.start, self.stop)
+
+    @property
     def measured_count(self) -> int:
         """How many samples of the vibration are measured."""
         every = len(self.vibration_m_s2)

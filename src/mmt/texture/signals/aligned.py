@@ -10,7 +10,21 @@ from mmt.core.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
-class AlignedBlock:
+class Columns:
+    """Arrays of one length, (n, ...) each; a part of it is the same part of every array."""
+
+    def __getitem__(self, part: slice | BoolArray) -> Self:
+        return type(self)(*(getattr(self, field.name)[part] for field in fields(self)))
+
+    @classmethod
+    def concatenate(cls, blocks: Sequence[Self]) -> Self:
+        """Join what follows each other, at least one."""
+        columns = ([getattr(block, field.name) for block in blocks] for field in fields(cls))
+        return cls(*(np.concatenate(column) for column in columns))
+
+
+@dataclass(frozen=True, eq=False)
+class AlignedBlock(Columns):
     """Filtered channels that belong to the same instants, one element a frame.
 
     ``index`` (n,) is the frame's sequence number, strictly ascending, with jumps where
@@ -37,9 +51,6 @@ class AlignedBlock:
     def __len__(self) -> int:
         return len(self.index)
 
-    def __getitem__(self, part: slice) -> Self:
-        return type(self)(*(getattr(self, field.name)[part] for field in fields(self)))
-
     @classmethod
     def empty(cls) -> Self:
         """Return a block of no samples."""
@@ -56,9 +67,3 @@ class AlignedBlock:
             valid=np.zeros(0, np.bool_),
             measured=np.zeros(0, np.bool_),
         )
-
-    @classmethod
-    def concatenate(cls, blocks: Sequence[Self]) -> Self:
-        """Join blocks, at least one, that follow each other."""
-        columns = ([getattr(block, field.name) for block in blocks] for field in fields(cls))
-        return cls(*(np.concatenate(column) for column in columns))

@@ -1,18 +1,19 @@
 """The frames of a stream that can be used, with short gaps in their sequence filled."""
 
-from dataclasses import dataclass, fields
-from typing import Final, Self
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray, RecordArray
+from mmt.texture.signals.aligned import Columns
 
 LARGEST_MEASUREMENT: Final = 1e6
 """No position (mm), force (N) or acceleration (m/s2) is beyond this: a broken number."""
 
 
 @dataclass(frozen=True, eq=False)
-class Elements:
+class Elements(Columns):
     """Frames that came, or that are ``missing`` (n,) and filled, one behind the other.
 
     ``motion`` (n, 4) is position in mm and normal force in N, ``acceleration`` (n, axes) in m/s2.
@@ -23,18 +24,6 @@ class Elements:
     motion: FloatArray
     acceleration: FloatArray
     missing: BoolArray
-
-    def __getitem__(self, part: slice) -> Self:
-        return type(self)(*(getattr(self, field.name)[part] for field in fields(self)))
-
-    def joined(self, other: Self) -> Self:
-        """Return these, and others after them."""
-        return type(self)(
-            *(
-                np.concatenate([getattr(self, field.name), getattr(other, field.name)])
-                for field in fields(self)
-            )
-        )
 
 
 class FrameGaps:
@@ -71,7 +60,7 @@ class FrameGaps:
         Acceleration is not filled here.
         """
         begun = min(len(self._newest.index), 1)
-        joined = self._newest.joined(self._usable(frames))
+        joined = Elements.concatenate([self._newest, self._usable(frames)])
         gap = np.diff(joined.index, prepend=joined.index[:1] - 1) - 1
         self._missed += int(gap.sum())
         self._newest = joined[-1:]

@@ -71,7 +71,8 @@ class RadialBasisNetwork:
         radial[np.diag_indices_from(radial)] += added
         self.weights = np.zeros_like(values)
         for _ in range(2):  # the second time refines
-            self.weights += self._solved(values - radial @ self.weights)
+            left = self._off(values - radial @ self.weights)
+            self.weights += self._off(lapack.dpotrs(self._factor, left, lower=1)[0])
         rest = self._basis.T @ (values - radial @ self.weights)
         self.coefficients = np.asarray((right[kept].T / singular[kept]) @ rest)
 
@@ -99,10 +100,6 @@ class RadialBasisNetwork:
     def _off(self, columns: FloatArray) -> FloatArray:
         """Return what of columns (n, k) is orthogonal to the polynomials."""
         return np.asarray(columns - self._basis @ (self._basis.T @ columns))
-
-    def _solved(self, values: FloatArray) -> FloatArray:
-        solved, _ = lapack.dpotrs(self._factor, self._off(values), lower=1)
-        return self._off(solved)
 
     def _factored(self, projected: FloatArray, rounding: float) -> tuple[FloatArray, float]:
         """Return the Cholesky factor, and what was added to the diagonal for it."""
