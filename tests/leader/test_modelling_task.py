@@ -19,7 +19,7 @@ from mmt.scene.files import scene_from_tables
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.completion.distance import CompletionMonitor
 from mmt.texture.online import modeller as online_modeller
-from mmt.texture.online.modeller import ModellerFactory
+from mmt.texture.online.factory import ModellerFactory
 from mmt.texture.online.work import Made, ModelUpdate, Work
 from mmt.texture.settings import ModellingSettings
 

@@ -22,7 +22,8 @@ from mmt.leader.part import Part, Session, Tick
 from mmt.leader.segmenting import LONGEST_QUEUE_S, SegmentingTask
 from mmt.leader.stage import Activity, Figures, InFlight, Item, ItemQueue
 from mmt.leader.synthesizing import SynthesizingTask
-from mmt.texture.online.modeller import ModellerFactory, OnlineModeller
+from mmt.texture.online.factory import ModellerFactory
+from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.online.work import ModelUpdate, Work
 from mmt.texture.settings import ModellingSettings
 

@@ -10,8 +10,7 @@ The model has `LARGEST_MODEL` samples at most, so that neither memory nor the co
 grows without end where the criteria are never met.
 """
 
-from collections.abc import Callable, Iterable, Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -33,10 +32,6 @@ from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.signals.noise_floor import NoiseFloor
 from mmt.texture.signals.numbering import StreamNumbering
-
-if TYPE_CHECKING:
-    from mmt.texture.surfaces.changes import SaidSurface
-    from mmt.texture.surfaces.modeller import SurfaceModeller
 
 __all__ = ["LARGEST_MODEL", "ModelUpdate", "OnlineModeller", "carry_out"]
 
@@ -226,46 +221,3 @@ def carry_out(steps: Iterator[Work | None]) -> ModelUpdate | None:
         modeller.judge(work)
         update = work.update if work.announced else update
     return update
-
-
-class ModellerFactory:
-    """Makes modellers: of one model, or of one for each surface.
-
-    Parameters
-    ----------
-    settings
-        Settings of the modelling; with ``surfaces`` a model is kept for each surface.
-    period_s
-        Time between two updates of a model.
-    """
-
-    def __init__(self, settings: ModellingSettings, period_s: float) -> None:
-        self._settings = settings
-        self._update_frames = max(1, round(period_s * settings.rate_hz))
-        self.frames_at_once = self._update_frames
-        """How many frames a modeller wants at a time."""
-        if settings.surfaces is not None:
-            from mmt.texture.surfaces.modeller import LOOK_S
-
-            self.frames_at_once = min(self._update_frames, round(LOOK_S * settings.rate_hz))
-
-    def make(self, said: "Iterable[SaidSurface]" = ()) -> "OnlineModeller | SurfaceModeller":
-        """Return one that has seen nothing yet.
-
-        Parameters
-        ----------
-        said
-            What persons say of the surface, if several are told apart.
-        """
-        if self._settings.surfaces is None:
-            return OnlineModeller(self._settings)
-        from mmt.texture.surfaces.modeller import SurfaceModeller
-
-        modeller = SurfaceModeller(self._settings, self._update_frames)
-        for word in said:
-            modeller.say(word)
-        return modeller
-
-    def done(self, update: ModelUpdate) -> bool:
-        """Say whether no update will follow: another surface may always come."""
-        return update.stopped and self._settings.surfaces is None

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol
 
 from mmt.texture.completion.criterion import Progress
 from mmt.texture.model.fits import Fit
@@ -13,8 +13,21 @@ from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.faults import SignalFaults
 
 if TYPE_CHECKING:
-    from mmt.texture.online.modeller import OnlineModeller
     from mmt.texture.surfaces.changes import SurfaceChange
+
+
+class UpdateSteps(Protocol):
+    """The steps of one update; see `mmt.texture.online.modeller.OnlineModeller`."""
+
+    def fit(self, work: "Work") -> None:
+        """Fit the new segments."""
+
+    def build(self, work: "Work") -> None:
+        """Build the model of the fits."""
+
+    def judge(self, work: "Work") -> None:
+        """Judge the model and set ``work.update``."""
+
 
 ModelSource = Callable[[], TextureModel | None]
 """Gives the model of an update, None before the first sample."""
@@ -115,7 +128,7 @@ class Work:
         What has come of it, once it is judged.
     """
 
-    modeller: "OnlineModeller"
+    modeller: "UpdateSteps"
     time_s: float
     observed: list[AlignedBlock]
     added: list[Segment]
@@ -135,7 +148,7 @@ class Work:
     session_time_s: float | None = None
     update: ModelUpdate | None = None
 
-    def of(self, modeller: "OnlineModeller") -> "Work":
+    def of(self, modeller: "UpdateSteps") -> "Work":
         """Return the same new work for another modeller."""
         return replace(self, modeller=modeller, durations_s=self.durations_s.copy())
 

@@ -7,7 +7,6 @@ from enum import StrEnum
 
 import numpy as np
 import numpy.typing as npt
-from scipy.signal import welch
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
@@ -50,6 +49,8 @@ def amplitude_spectra(
     InputError
         A signal is too short or not finite, or `nperseg` is below 2.
     """
+    from scipy.signal import welch  # late: `Spectra` is named in lists that need no numerics
+
     signals = np.asarray(x, dtype=np.float64)
     raw = nperseg is None
     nperseg = signals.shape[-1] if nperseg is None else nperseg

@@ -1,0 +1,54 @@
+"""Makes the modeller that settings ask for: of one model, or of one for each surface."""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
+from mmt.texture.settings import ModellingSettings
+
+if TYPE_CHECKING:
+    from mmt.texture.surfaces.changes import SaidSurface
+    from mmt.texture.surfaces.modeller import SurfaceModeller
+
+
+class ModellerFactory:
+    """Makes modellers: of one model, or of one for each surface.
+
+    Parameters
+    ----------
+    settings
+        Settings of the modelling; with ``surfaces`` a model is kept for each surface.
+    period_s
+        Time between two updates of a model.
+    """
+
+    def __init__(self, settings: ModellingSettings, period_s: float) -> None:
+        self._settings = settings
+        self._update_frames = max(1, round(period_s * settings.rate_hz))
+        self.frames_at_once = self._update_frames
+        """How many frames a modeller wants at a time."""
+        if settings.surfaces is not None:
+            from mmt.texture.surfaces.modeller import LOOK_S
+
+            self.frames_at_once = min(self._update_frames, round(LOOK_S * settings.rate_hz))
+
+    def make(self, said: "Iterable[SaidSurface]" = ()) -> "OnlineModeller | SurfaceModeller":
+        """Return one that has seen nothing yet.
+
+        Parameters
+        ----------
+        said
+            What persons say of the surface, if several are told apart.
+        """
+        if self._settings.surfaces is None:
+            return OnlineModeller(self._settings)
+        from mmt.texture.surfaces.modeller import SurfaceModeller
+
+        modeller = SurfaceModeller(self._settings, self._update_frames)
+        for word in said:
+            modeller.say(word)
+        return modeller
+
+    def done(self, update: ModelUpdate) -> bool:
+        """Say whether no update will follow: another surface may always come."""
+        return update.stopped and self._settings.surfaces is None
