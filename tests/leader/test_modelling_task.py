@@ -21,6 +21,7 @@ from mmt.texture.completion.distance import CompletionMonitor
 from mmt.texture.online import modeller as online_modeller
 from mmt.texture.online.factory import ModellerFactory
 from mmt.texture.online.work import Made, ModelUpdate, Work
+from mmt.texture.segmentation.segments import SampleRange
 from mmt.texture.settings import ModellingSettings
 
 
@@ -360,16 +361,16 @@ class Noted:
     """A modeller of which only the works are looked at."""
 
 
-def work(number: int, removed: list[tuple[int, int]] | None = None) -> Work:
+def work(number: int, removed: list[SampleRange] | None = None) -> Work:
     noted: Any = Noted()
     made = Work(noted, float(number), [], [], removed or [], 0.0)
-    segment: Any = type("S", (), {"start": number, "stop": number + 1})()
+    segment: Any = type("S", (), {"span": SampleRange(number, number + 1)})()
     made.added = [segment]
     return made
 
 
 def starts(made: Work) -> list[int]:
-    return [segment.start for segment in made.added]
+    return [segment.span.start for segment in made.added]
 
 
 def test_a_full_queue_drops_the_oldest_segments_but_still_removes_what_they_removed() -> None:
