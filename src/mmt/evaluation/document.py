@@ -132,7 +132,7 @@ pre { background: var(--soft); padding: .8rem 1rem; overflow-x: auto; border-rad
   body { max-width: none; margin: 0; padding: 0; font-size: 10pt; }
   .scroll, pre { overflow: visible; }
   pre { white-space: pre-wrap; }
-  th, td { padding: .15rem .4rem; }
+  th, td { padding: .15rem .2rem; }
   h2, h3, caption { break-after: avoid; }
   figure, tr { break-inside: avoid; }
   details::details-content { display: block; content-visibility: visible; }
