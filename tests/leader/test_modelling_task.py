@@ -18,7 +18,7 @@ from mmt.leader.stage import Activity, Item, ItemQueue, StageTask
 from mmt.scene.files import scene_from_tables
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.completion.distance import CompletionMonitor
-from mmt.texture.online import modeller as online_modeller
+from mmt.texture.online import factory
 from mmt.texture.online.factory import ModellerFactory
 from mmt.texture.online.work import Made, ModelUpdate, Work
 from mmt.texture.segmentation.segments import SampleRange
@@ -70,7 +70,7 @@ class Modelled:
 
     def __init__(self, period_s: float, monkeypatch: pytest.MonkeyPatch) -> None:
         self._modellers: list[SlowModeller] = []
-        monkeypatch.setattr(online_modeller, "OnlineModeller", self._make)
+        monkeypatch.setattr(factory, "OnlineModeller", self._make)
         self.updates: list[ModelUpdate] = []
         self.seconds: list[float] = []
         self.task = Modelling(ModellingSettings(), period_s, self._note)

@@ -326,7 +326,11 @@ async def test_a_person_hands_control_over_and_takes_it_back(
 
 
 async def test_a_person_sees_the_headings_of_an_anisotropic_model(browser: Any) -> None:
-    async with a_page(browser) as (page, problems), Leading(inputs="anisotropic") as leading:
+    texture = {"stop_share": 0.999}
+    async with (
+        a_page(browser) as (page, problems),
+        Leading(inputs="anisotropic", texture=texture) as leading,
+    ):
         await page.goto(leading.url)
         await shows(page, "#plane-text", "No model yet")
         await leading.model(8.0)

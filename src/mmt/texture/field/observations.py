@@ -92,8 +92,7 @@ def observe(cells: FieldCells, priors: FloatArray) -> Observations:
     found = _left_out(prior, cell, level, moment + scatter, believed)
     smoothed, off, usual = (of_one[0] for of_one in found)
     for _ in range(ROUNDS):
-        right = np.exp(_log_normal(off, usual) - _log_density(off, usual))
-        believed = np.maximum(right, _LEAST_BELIEVED)
+        believed = _believed(off, usual)
         moment = _moment_variance(cell, level, scatter, believed)
         trust = np.maximum(believed, (moment + scatter) / STRAY_DEVIATION**2)
         found = _left_out(prior, cell, level, moment + scatter, trust)
@@ -159,6 +158,12 @@ def _likeliest(priors: FloatArray, cell: IntArray, level: FloatArray, scatter: F
     trust = np.ones(len(part))
     _, off, usual = _left_out(among, part, level[rows], scatter[rows], trust)
     return int(_log_density(off, usual).sum(axis=1).argmax())
+
+
+def _believed(off: FloatArray, usual: FloatArray) -> FloatArray:
+    """Return the probability that nothing is wrong with each row, (r,)."""
+    right = np.exp(_log_normal(off, usual) - _log_density(off, usual))
+    return np.maximum(right, _LEAST_BELIEVED)
 
 
 def _log_density(off: FloatArray, usual: FloatArray) -> FloatArray:
