@@ -100,6 +100,8 @@ def test_evaluation_and_info_say_who_operated_and_judge_all_strokes_alike(tmp_pa
         )
         content = json.loads(written.read_text("utf-8"))
         assert content.pop("control") == periods
+        for step in [*content["steps"], content["at_end"]]:
+            del step["update_ms"]
         figures.append([content[name] for name in ("steps", "at_end", "coverage", "held_out")])
         said = shown_by("session", "info", path, "--json", written)
         assert ("none for 0.4 s" in said) == bool(periods)

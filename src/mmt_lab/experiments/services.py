@@ -8,7 +8,6 @@ import asyncio
 import os
 import secrets
 import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Annotated, Final
@@ -16,6 +15,7 @@ from typing import Annotated, Final
 import typer
 
 from mmt.cli.scene_services import DemoRun
+from mmt.core.children import python_command
 from mmt.core.errors import InputError
 from mmt.core.realtime import require_real_time
 from mmt_lab.bench import strangers as disturbing
@@ -170,7 +170,7 @@ async def _beside(kind: str, duration_s: float) -> DemoRun:
 
     def disturb(url: str) -> None:
         if kind in disturbing.KINDS:
-            command = (sys.executable, "-m", disturbing.__name__, url, kind)
+            command = (*python_command(), "-m", disturbing.__name__, url, kind)
             disturbers.append(
                 subprocess.Popen(command, start_new_session=os.name == "posix")  # noqa: S603
             )
