@@ -165,7 +165,7 @@ class FollowerClient:
             WELCOME: self._on_welcome,
             STOP: self._on_stop,
             NETWORK: self._on_network,
-            MISSING: lambda *arguments: self._frames.request(argument_of(arguments)),
+            MISSING: self._on_missing,
         }
         frequent = {COMMANDS: self._on_commands, CLOCK: self._clock.handle_response}
         if self._endpoint.extra is not None:
@@ -290,6 +290,9 @@ class FollowerClient:
         self._stop_requested = True
         reason = reason_of(argument_of(arguments))
         self._endpoint.notify(self._events.on_stop, reason or "no reason given")
+
+    def _on_missing(self, *arguments: object) -> None:
+        self._frames.request(argument_of(arguments))
 
     def _on_network(self, *arguments: object) -> None:
         if self._network is not None:
