@@ -140,9 +140,11 @@ def test_a_demo_that_is_interrupted_again_leaves_nothing(tmp_path: Path) -> None
         services = psutil.Process(demo.process.pid).children()
         for each in services:
             each.suspend()
-        demo.signal(signal.SIGINT)
-        time.sleep(0.5)
-        demo.signal(signal.SIGINT)
+        for _ in range(20):  # two that a busy machine hears at once count as one
+            demo.signal(signal.SIGINT)
+            time.sleep(0.5)
+            if demo.process.poll() is not None:
+                break
         assert demo.end() == -signal.SIGINT
         for each in services:
             each.resume()
