@@ -16,7 +16,6 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.bounds import check
-from mmt.core.frames import check_frames
 from mmt.texture.completion.criterion import Criterion
 from mmt.texture.completion.distance import distance_sum
 from mmt.texture.model.fits import Fit, points_of
@@ -31,7 +30,6 @@ from mmt.texture.segmentation.segments import SampleRange, Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.signals.noise_floor import NoiseFloor
-from mmt.texture.signals.numbering import StreamNumbering
 
 __all__ = ["LARGEST_MODEL", "ModelUpdate", "OnlineModeller", "carry_out"]
 
@@ -69,10 +67,7 @@ class OnlineModeller:
         self._accept = accept
         self._filter = StreamFilter(self.settings)
         self._segmenter = OnlineSegmenter(self.settings)
-        self._numbering = StreamNumbering()
         self._noise = NoiseFloor()
-        self._first_sequence: int | None = None
-        self._time_s = 0.0
         self._method = method_of(self.settings, deferred=deferred)
         self._fitting = FittingStage(self.settings, self._method)
         self._building = BuildingStage(self._method, deferred=deferred)
@@ -121,13 +116,6 @@ class OnlineModeller:
         lock is never contended for longer than one of them. Cost: O(n).
         """
         clock = Stopwatch()
-        check_frames(frames)
-        frames = self._numbering.number(frames)
-        if len(frames):
-            if self._first_sequence is None:
-                self._first_sequence = int(frames["sequence"][0])
-            newest = int(frames["sequence"].max())
-            self._time_s = max(self._time_s, self._session_time_s(newest + 1))
         aligned = self._filter.process(frames)
         self._noise.update(aligned)
         clock.lap("filter")
@@ -139,7 +127,7 @@ class OnlineModeller:
         clock.lap("segment")
         yield Work(
             modeller=self,
-            time_s=self._time_s,
+            time_s=self._session_time_s(self._filter.newest + 1),
             observed=[aligned],
             added=added,
             removed=change.removed,
@@ -160,10 +148,11 @@ class OnlineModeller:
             The first sequence number that is not of this surface.
         """
         known = self._noise.power, self._filter.faults
-        return Work(self, self._time_s, [], [], [], *known, forget_from=from_sample)
+        time_s = self._session_time_s(self._filter.newest + 1)
+        return Work(self, time_s, [], [], [], *known, forget_from=from_sample)
 
     def _session_time_s(self, sequence: int) -> float:
-        return (sequence - (self._first_sequence or 0)) / self.settings.rate_hz
+        return (sequence - self._filter.first) / self.settings.rate_hz
 
     def fit(self, work: Work) -> None:
         """Fit the new segments."""

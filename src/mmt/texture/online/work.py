@@ -128,7 +128,7 @@ class Work:
         What has come of it, once it is judged.
     """
 
-    modeller: "UpdateSteps"
+    modeller: UpdateSteps
     time_s: float
     observed: list[AlignedBlock]
     added: list[Segment]
@@ -148,7 +148,7 @@ class Work:
     session_time_s: float | None = None
     update: ModelUpdate | None = None
 
-    def of(self, modeller: "UpdateSteps") -> "Work":
+    def of(self, modeller: UpdateSteps) -> "Work":
         """Return the same new work for another modeller."""
         return replace(self, modeller=modeller, durations_s=self.durations_s.copy())
 

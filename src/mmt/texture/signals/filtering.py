@@ -109,6 +109,8 @@ class StreamFilter:
         self._last_position_mm = np.zeros(3)
         self._run_start = -1
         self._numbering = StreamNumbering()
+        self.first, self.newest = 0, -1
+        """Session's numbers of the first frame and of the newest one."""
         self._gaps = FrameGaps(self._normal, self._axes, self._longest_bridged)
         self._waiting = np.zeros((2, 0), np.int64)
         self._bridged = 0
@@ -139,7 +141,11 @@ class StreamFilter:
             They are no frames, or lack position, force or acceleration.
         """
         check_frames(frames)
-        elements, restart = self._gaps.fill(self._numbering.number(frames))
+        numbered = self._numbering.number(frames)
+        if len(numbered):
+            self.first = int(numbered["sequence"][0]) if self.newest < 0 else self.first
+            self.newest = max(self.newest, int(numbered["sequence"].max()))
+        elements, restart = self._gaps.fill(numbered)
         index, motion = elements.index, elements.motion
         settled = self._settled(index, restart)
         raw_motion = motion.take([*self._tangential, 3], axis=1)
