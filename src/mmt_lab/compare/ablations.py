@@ -47,6 +47,12 @@ def _steady(_: Callable[..., Any]) -> Callable[..., Any]:
     return lambda *given: MOMENT_VARIANCE  # noqa: ARG005
 
 
+def _homogeneous(_: Callable[..., Any]) -> Callable[..., Any]:
+    from mmt.texture.field.observations import BLOCK_VARIANCE
+
+    return lambda _: BLOCK_VARIANCE
+
+
 def _as_fitted(_: Callable[..., Any]) -> Callable[..., Any]:
     return lambda points, lsf, weights, around=None: _nearest(points, lsf, around)  # noqa: ARG005
 
@@ -117,7 +123,7 @@ INGREDIENTS: Final[Mapping[str, Ingredient]] = MappingProxyType(
         ),
         "blocks": Ingredient(
             "the scatter between blocks as it was met: that of a homogeneous surface",
-            {f"{_FIELD}.observations:_block_variance": _constantly(lambda _: 0.15)},
+            {f"{_FIELD}.observations:_block_variance": _homogeneous},
         ),
         "steady": Ingredient(
             "that speed and force change by a factor of two at most within a block",
