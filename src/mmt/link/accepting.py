@@ -104,11 +104,7 @@ class Acceptor:
         return int(self._sockets[0].getsockname()[1]) if self._sockets else 0
 
     async def start(
-        self,
-        host: str,
-        port: int,
-        runner: web.AppRunner,
-        tls: ssl.SSLContext | None,
+        self, host: str, port: int, runner: web.AppRunner, tls: ssl.SSLContext | None
     ) -> None:
         """Listen.
 
@@ -172,10 +168,7 @@ class Acceptor:
         return [c for c in self._connections.values() if c.admitted is admitted]
 
     async def _accept(
-        self,
-        listening: socket.socket,
-        make: web.Server,
-        tls: ssl.SSLContext | None,
+        self, listening: socket.socket, make: web.Server, tls: ssl.SSLContext | None
     ) -> None:
         loop = asyncio.get_running_loop()
         while True:
