@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from stroked_sessions import resonant_noise, stroked_frames, strokes_over_plane
 
@@ -96,6 +96,8 @@ def test_what_sticks_at_rest_is_held_from_the_stroke_on(
     frames = strokes_and_rests(10, seed, gravity)
     first = 7 * (REST + STROKE)
     stuck = slice(first + start, first + REST + 300)
+    # of repeats behind steps so small that there were hardly any, nothing has been learnt
+    assume(abs(frames["acceleration_m_s2"][stuck.start - 1, 2] - gravity - away) > 0.1)
     frames["acceleration_m_s2"][stuck, 2] = gravity + away
     aligned, _ = judged(frames)
     late = slice(first + REST + 1, first + REST + 300)
