@@ -3,6 +3,7 @@
 import asyncio
 import errno
 import json
+import signal
 import sys
 from collections.abc import Callable, Coroutine, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -229,6 +230,10 @@ def stop_on_signals(stop: Callable[[], None]) -> None:
         loop.call_soon_threadsafe(stop)
 
     on_end_signal(asked)
+    # Has every signal wake the loop: one that comes just before it waits would go unnoticed until
+    # something else does. This signal does nothing. Windows' loop is woken by all, and has none.
+    with suppress(NotImplementedError, AttributeError):
+        loop.add_signal_handler(signal.SIGURG, lambda: None)
 
 
 def summary_table(title: str, summary: Mapping[str, Any]) -> Table:

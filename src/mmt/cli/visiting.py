@@ -11,6 +11,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+import time
 from contextlib import suppress
 from io import StringIO
 from typing import IO, Final
@@ -73,9 +74,12 @@ class VisitorsPage:
         return f"no page for visitors: {said or 'its process has ended'}"
 
     def wait(self) -> None:
-        """Wait for the page's end."""
-        if self._process is not None:
-            self._process.wait()
+        """Wait for the page's end.
+
+        By looking again and again: a signal that comes just before a wait would not end that.
+        """
+        while self._process is not None and self._process.poll() is None:
+            time.sleep(_POLL_S)
 
     def close(self) -> None:
         """End it."""
