@@ -1,12 +1,12 @@
 """`mmt device list`: what there is, and what is missing."""
 
 import json
-from importlib.metadata import EntryPoint
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 from device_drivers import run
+from plugin_samples import install_package
 
 from mmt.core.errors import MmtError
 from mmt.devices import discovery
@@ -19,8 +19,8 @@ def test_the_list_has_drivers_ports_and_what_is_missing(
     import serial.tools.list_ports as ports
     import usb.core
 
-    monkeypatch.setitem(driver_table.DRIVERS, "good", {"robot": f"{drivers}:Polled"})
-    monkeypatch.setitem(driver_table.DRIVERS, "bad", {"robot": "nowhere.at_all:Polled"})
+    names = {"good.robot": f"{drivers}:Polled", "bad.robot": "nowhere.at_all:Polled"}
+    install_package(tmp_path, monkeypatch, "lab-devices", {driver_table.GROUP: names})
     port = SimpleNamespace(
         device="/dev/none", vid=0x16C0, pid=0x0483, product="Teensy", description="", hwid="USB"
     )
@@ -74,8 +74,8 @@ def test_a_library_that_is_missing_is_named_with_the_drivers_that_want_it(
     def none() -> None:
         raise MmtError("the sound card needs PortAudio")
 
-    monkeypatch.setattr("mmt.devices.haptuator.sound.load_sounddevice", none)
-    monkeypatch.setattr(discovery, "find_library", lambda name: None)
+    monkeypatch.setattr("mmt.devices.haptuator.sound_library.load_sounddevice", none)
+    monkeypatch.setattr("mmt.devices.openhaptics.robot.find_library", lambda name: None)
     result = run("list", "--json", tmp_path / "l.json")
     assert result.exit_code == 0
     problems = json.loads((tmp_path / "l.json").read_text())["problems"]
@@ -88,10 +88,8 @@ def test_the_list_shows_each_role_that_a_driver_can_take(
 ) -> None:
     names = {"lab-arm": "Polled", "lab-handle": "Handle", "lab-coil": "Actuator", "lab-?": "Bare"}
     names |= {"lab-line": "made_sensor"}
-    entries = [
-        EntryPoint(name, f"{drivers}:{made}", driver_table.GROUP) for name, made in names.items()
-    ]
-    monkeypatch.setattr(driver_table, "entry_points", lambda group: entries)
+    targets = {name: f"{drivers}:{made}" for name, made in names.items()}
+    install_package(tmp_path, monkeypatch, "lab-devices", {driver_table.GROUP: targets})
     assert run("list", "--json", tmp_path / "l.json").exit_code == 0
     found = json.loads((tmp_path / "l.json").read_text())["drivers"]
     roles = {driver["name"]: driver["roles"] for driver in found}

@@ -1,12 +1,13 @@
 """Drivers by name: the table, other packages' entry points, options, and what is said."""
 
-from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
+from plugin_samples import install_package
 from pydantic import BaseModel, ConfigDict, Field
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.core.plugins import is_own
 from mmt.devices import drivers
 from mmt.devices.drivers import load_device, read_options
 from mmt.scene import Scene
@@ -38,11 +39,10 @@ def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
 
 
 @pytest.fixture
-def names(module: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A name in the table, and one that another package offers."""
-    monkeypatch.setitem(drivers.DRIVERS, "inside", {"force_sensor": f"{module}:Sensor"})
-    entry = EntryPoint("outside", f"{module}:Plain", drivers.GROUP)
-    monkeypatch.setattr(drivers, "entry_points", lambda group: [entry])
+def names(module: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A driver whose role is named, and one that tells it itself."""
+    names = {"inside.force_sensor": f"{module}:Sensor", "outside": f"{module}:Plain"}
+    install_package(tmp_path, monkeypatch, "lab-devices", {drivers.GROUP: names})
 
 
 def test_a_driver_of_the_table_gets_its_options(names: None) -> None:
@@ -59,15 +59,34 @@ def test_an_unknown_driver_is_answered_with_those_there_are(names: None) -> None
         load_device("insid")
 
 
-def test_every_driver_of_the_table_has_a_factory() -> None:
-    for driver, targets in {**drivers.DRIVERS, **drivers.software()}.items():
-        assert targets
-        for role, location in targets.items():
-            module_name, _, factory = location.partition(":")
-            assert role in drivers.ROLE_NAMES
-            room = "mmt.testing." if driver in drivers.software() else "mmt.devices."
-            assert module_name.startswith(room)
-            assert factory.isidentifier(), driver
+def test_every_driver_of_mmt_has_a_role_and_a_factory() -> None:
+    own = {
+        name: entries
+        for name, entries in drivers.drivers().items()
+        if all(map(is_own, entries.values()))
+    }
+    assert {"openhaptics", "ati-net-ft", "adxl335-serial", "haptuator-sound"} <= set(own)
+    for driver in own:
+        assert drivers.told_roles(driver)
+        for role in drivers.told_roles(driver):
+            assert callable(drivers.load_factory(driver, role))
+
+
+def test_a_name_of_mmt_cannot_be_taken(
+    module: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    names = {"ati-net-ft.force_sensor": f"{module}:Plain"}
+    install_package(tmp_path, monkeypatch, "lab-devices", {drivers.GROUP: names})
+    assert drivers.locate("ati-net-ft") == "mmt.devices.ati.net_ft:net_ft"
+
+
+def test_what_is_no_role_is_part_of_the_name(
+    module: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    install_package(
+        tmp_path, monkeypatch, "lab-devices", {drivers.GROUP: {"a.b": f"{module}:Plain"}}
+    )
+    assert drivers.drivers()["a.b"][""].value == f"{module}:Plain"
 
 
 @pytest.mark.parametrize(

@@ -12,9 +12,9 @@ from running_source import RunningSource
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.core.extras import require
-from mmt.devices.discovery import missing_for
 from mmt.devices.drivers import load_device
 from mmt.devices.franka import arm as arms
+from mmt.devices.franka import driver as franka_driver
 from mmt.devices.franka.driver import FrankaForce, FrankaRobot
 from mmt.testing.emulated.franka import EmulatedFranka, RealtimeConfig, RobotMode, TorqueStopMotion
 
@@ -363,4 +363,4 @@ def test_without_the_library_the_command_that_installs_it_is_given(monkeypatch) 
         require("franky")
     with pytest.raises(InputError, match="franky-control"):
         load_device("franka", {"host": "arm"})
-    assert "pip install" in missing_for("franka")
+    assert "pip install" in franka_driver.missing()

@@ -8,7 +8,8 @@ import pytest
 from iio_drivers import emulated_adxl345, emulated_iio, iio_drivers  # noqa: F401 - fixtures
 
 from mmt.core.errors import InputError, MmtError
-from mmt.devices.discovery import FoundPort, find_iio_accelerometers
+from mmt.devices.discovery import FoundPort
+from mmt.devices.iio.attributes import find_iio_accelerometers
 
 
 def test_what_is_not_there_is_told_with_what_is(emulated, drivers, tmp_path) -> None:

@@ -1,10 +1,10 @@
 """Generators of other packages: found by name, built online, and checked block by block."""
 
 import sys
-from importlib.metadata import EntryPoint
 
 import numpy as np
 import pytest
+from plugin_samples import install_package
 
 from mmt.core.errors import InputError
 from mmt.scene import Scene
@@ -42,11 +42,10 @@ def build_alone(observed):
     return Gives(np.zeros(10))
 
 
-def test_a_builder_is_found_by_module_and_by_entry_point(monkeypatch):
+def test_a_builder_is_found_by_module_and_by_entry_point(tmp_path, monkeypatch):
     here = f"{__name__}:build"
     assert registry.load(here) is build
-    entry = EntryPoint("mine", here, registry.GROUP)
-    monkeypatch.setattr(registry, "entry_points", lambda group: [entry])
+    install_package(tmp_path, monkeypatch, "mine", {registry.GROUP: {"mine": here}})
     assert registry.load("mine") is build
     with pytest.raises(InputError, match=r"'hers' is not known; allowed are mine, package\.module"):
         registry.load("hers")

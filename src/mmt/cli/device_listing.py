@@ -2,7 +2,6 @@
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from rich.table import Table
 
@@ -10,9 +9,6 @@ from mmt.cli.common import output, write_json
 from mmt.core.errors import MmtError
 from mmt.devices import discovery
 from mmt.devices.drivers import ROLE_NAMES
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 
 def list_all(json_file: Path | None) -> None:
@@ -23,14 +19,8 @@ def list_all(json_file: Path | None) -> None:
         if driver.problem:
             wanting.setdefault(driver.problem, []).append(driver.name)
     output.print(_driver_table(drivers))
-    finders: dict[str, Callable[[], list[discovery.FoundPort]]] = {
-        "serial ports": discovery.find_serial_ports,
-        "USB devices": discovery.find_usb_devices,
-        "IIO accelerometers": discovery.find_iio_accelerometers,
-        "sound outputs": discovery.find_sound_outputs,
-    }
     found: dict[str, list[discovery.FoundPort]] = {}
-    for title, find in finders.items():
+    for title, find in discovery.find_all().items():
         try:
             found[title] = find()
         except MmtError as error:

@@ -1,15 +1,17 @@
 """What hardware and which drivers this machine has; nothing is opened or moved."""
 
 import os
-from collections.abc import Mapping
-from ctypes.util import find_library
+import sys
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Final
 
 from mmt.core.errors import MmtError
 from mmt.core.extras import require
-from mmt.devices.drivers import DRIVERS, Role, load_factory, offered, roles_of, software
+from mmt.core.plugins import is_own
+from mmt.devices.drivers import Role, drivers, load_factory, roles_of, told_roles
 
 KNOWN_USB: Final[dict[tuple[int, int], str]] = {
     (0x0CD5, 0x0006): "LabJack U6",
@@ -47,56 +49,47 @@ class FoundPort:
     """Why it cannot be opened, with what to do; empty if it can be."""
 
 
+Finder = Callable[[], list[FoundPort]]
+
+
 def find_drivers() -> list[FoundDriver]:
-    """Return the drivers of the table and of other packages; each is imported."""
-    own = {**DRIVERS, **software()}
-    found = [_own(name, roles) for name, roles in own.items()]
-    found += [
-        _offered(name, entry.value, entry.dist.name if entry.dist is not None else "?")
-        for name, entry in offered().items()
-        if name not in own
-    ]
-    return sorted(found, key=lambda driver: driver.name)
+    """Return the drivers that installed packages offer; each is imported.
+
+    A driver's module may have a function ``missing() -> str``, which says what this machine lacks
+    for it and what to do, and a mapping ``FINDERS`` from a heading to a function that returns
+    what there is for it (`FoundPort`).
+    """
+    return [_found(name, entries) for name, entries in sorted(drivers().items())]
 
 
-def _own(name: str, targets: Mapping[Role, str]) -> FoundDriver:
-    problem = ""
+def _found(name: str, entries: Mapping[str, EntryPoint]) -> FoundDriver:
+    first = next(iter(entries.values()))
+    package = "?" if first.dist is None else first.dist.name
+    if is_own(first):
+        package = first.module.partition(".")[0]
+    targets = told_roles(name) or entries
+    factories = tuple(entry.value for entry in targets.values())
     try:
-        for role in targets:
+        roles = roles_of(name)
+        for role in roles or (None,):
             load_factory(name, role)
     except MmtError as error:
-        problem = str(error)
-    else:
-        problem = missing_for(name)
-    return FoundDriver(name, tuple(targets), tuple(targets.values()), "mmt", problem)
+        return FoundDriver(name, tuple(told_roles(name)), factories, package, str(error))
+    lacking = (getattr(sys.modules[each.module], "missing", str)() for each in entries.values())
+    return FoundDriver(name, roles, factories, package, next(filter(None, lacking), ""))
 
 
-def _offered(name: str, origin: str, package: str) -> FoundDriver:
-    try:
-        return FoundDriver(name, roles_of(name), (origin,), package, "")
-    except MmtError as error:
-        return FoundDriver(name, (), (origin,), package, str(error))
+def find_all() -> dict[str, Finder]:
+    """Return what finds devices, by the heading of what it finds; the drivers' own come last."""
+    found: dict[str, Finder] = {"serial ports": find_serial_ports, "USB devices": find_usb_devices}
+    for entries in drivers().values():
+        for entry in entries.values():
+            found.update(getattr(sys.modules.get(entry.module), "FINDERS", {}))
+    return found
 
 
-def missing_for(driver: str) -> str:
-    """Return what one of mmt's own drivers lacks on this machine, with what to do."""
-    if driver == "haptuator-sound":
-        return _missing_sound()
-    if driver == "openhaptics" and find_library("HD") is None:
-        return (
-            "the vendor's library (libHD) is not where the system looks: install the vendor's "
-            "OpenHaptics package, or give its path by the option 'library'"
-        )
-    if driver == "franka":
-        return _missing_package("franky")
-    if driver in {"labjack-u6", "adxl335-u6"} and not _has_libusb():
-        return NO_LIBUSB
-    if driver in {"ur", "virtual-ur"}:
-        return _missing_package("rtde_control")
-    return ""
-
-
-def _missing_package(name: str) -> str:
+def missing_package(name: str) -> str:
+    """Return how to install a package, empty if it is there."""
     try:
         require(name)
     except MmtError as error:
@@ -104,37 +97,11 @@ def _missing_package(name: str) -> str:
     return ""
 
 
-def _missing_sound() -> str:
-    from mmt.devices.haptuator.sound import load_sounddevice
-
-    try:
-        load_sounddevice()
-    except MmtError as error:
-        return str(error)
-    return ""
-
-
-def _has_libusb() -> bool:
+def missing_libusb() -> str:
+    """Return how to install the library of USB devices, empty if it is there."""
     import usb.backend.libusb1
 
-    return usb.backend.libusb1.get_backend() is not None
-
-
-def find_sound_outputs() -> list[FoundPort]:
-    """Return the sound cards' outputs, by the number and name that a scene can give.
-
-    Raises
-    ------
-    MmtError
-        There is no library to ask.
-    """
-    from mmt.devices.haptuator.sound import load_sounddevice
-
-    return [
-        FoundPort(str(entry["index"]), f"{entry['name']}, {channels} channels", "", "")
-        for entry in load_sounddevice().query_devices()
-        if (channels := entry["max_output_channels"]) > 0
-    ]
+    return "" if usb.backend.libusb1.get_backend() is not None else NO_LIBUSB
 
 
 def find_serial_ports() -> list[FoundPort]:
@@ -158,23 +125,6 @@ def find_serial_ports() -> list[FoundPort]:
         for port in sorted(list_ports.comports())
         if port.hwid != "n/a"
     ]
-
-
-def find_iio_accelerometers(
-    sysfs_root: Path = Path("/sys/bus/iio/devices"), dev_root: Path = Path("/dev")
-) -> list[FoundPort]:
-    """Return the accelerometers of Linux's industrial I/O."""
-    from mmt.devices.iio.attributes import NO_PERMISSION, accelerometers, name_of
-
-    found = []
-    for path in accelerometers(sysfs_root):
-        needed = {dev_root / path.name: os.R_OK, path / "buffer" / "enable": os.W_OK}
-        refused = [
-            file for file, way in needed.items() if file.exists() and not os.access(file, way)
-        ]
-        problem = NO_PERMISSION.format(path=refused[0]) if refused else ""
-        found.append(FoundPort(path.name, name_of(path), "", problem))
-    return found
 
 
 def find_usb_devices() -> list[FoundPort]:

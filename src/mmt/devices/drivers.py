@@ -5,14 +5,15 @@ No driver is imported before a scene asks for it.
 
 import importlib
 import inspect
-from collections.abc import Mapping
-from importlib.metadata import EntryPoint, entry_points
+from collections.abc import Iterable, Mapping
+from importlib.metadata import EntryPoint
 from typing import Any, Final, Literal, TypeVar, get_type_hints
 
 from pydantic import BaseModel, ValidationError
 
 from mmt.core.errors import InputError, MmtError
 from mmt.core.extras import requiring
+from mmt.core.plugins import offered
 from mmt.scene.problems import explain_problems
 
 Role = Literal["robot", "force_sensor", "accelerometer", "handle", "actuator", "board"]
@@ -30,52 +31,32 @@ ROLE_NAMES: Final[dict[Role, str]] = {
 """As a person calls them."""
 
 GROUP: Final = "mmt.devices"
-"""The group of entry points under which another package offers its drivers by name."""
+"""The group of entry points under which packages offer drivers by name."""
 
-DRIVERS: Final[dict[str, Mapping[Role, str]]] = {
-    "adxl335-serial": {"accelerometer": "mmt.devices.adxl335.serial_driver:SerialAdxl335"},
-    "adxl335-u6": {"accelerometer": "mmt.devices.adxl335.u6_driver:U6Adxl335"},
-    "ati-digital-ft": {"force_sensor": "mmt.devices.ati.digital_ft:digital_ft"},
-    "ati-gauges": {"force_sensor": "mmt.devices.ati.gauges:gauges"},
-    "ati-net-ft": {"force_sensor": "mmt.devices.ati.net_ft:net_ft"},
-    "bota-serial": {"force_sensor": "mmt.devices.bota.driver:bota_serial"},
-    "franka": {
-        "robot": "mmt.devices.franka.driver:FrankaRobot",
-        "force_sensor": "mmt.devices.franka.driver:FrankaForce",
-    },
-    "haptuator-serial": {"actuator": "mmt.devices.haptuator.serial_driver:haptuator_serial"},
-    "haptuator-sound": {"actuator": "mmt.devices.haptuator.sound:haptuator_sound"},
-    "iio-accelerometer": {"accelerometer": "mmt.devices.iio.driver:iio_accelerometer"},
-    "inverse3": {
-        "robot": "mmt.devices.haply.robot:Inverse3Robot",
-        "handle": "mmt.devices.haply.handle:Inverse3Handle",
-    },
-    "labjack-u6": {"board": "mmt.devices.labjack.board:labjack_u6"},
-    "openhaptics": {
-        "robot": "mmt.devices.openhaptics.robot:OpenHapticsRobot",
-        "handle": "mmt.devices.openhaptics.handle:OpenHapticsHandle",
-    },
-    "ur": {
-        "robot": "mmt.devices.universal_robots.robot:UrRobot",
-        "force_sensor": "mmt.devices.universal_robots.force:UrForceSensor",
-    },
-}
-"""Name -> role -> ``module:factory`` of the drivers of real devices that are part of mmt."""
-
-SOFTWARE: Final = "mmt.testing.drivers"
-"""The module that registers the devices in software. Like the module of a plug-in it is imported
-by its name, when it is first asked for: no driver depends on it."""
+EMULATED_LIBRARIES: Final = {"emulated": "mmt.testing.emulated.hd:build_library"}
+"""Name -> ``module:function`` that returns the file of a vendor's library in software; the names
+are what a driver's option ``library`` takes in the place of a file."""
 
 
-def software() -> Mapping[str, Mapping[Role, str]]:
-    """Return the drivers of devices in software: name -> role -> ``module:factory``."""
-    drivers: Mapping[str, Mapping[Role, str]] = importlib.import_module(SOFTWARE).DRIVERS
-    return drivers
+def drivers() -> dict[str, dict[str, EntryPoint]]:
+    """Return the entry points of all drivers by name, and each driver's by role.
+
+    An entry point is named with the role that its factory is for, as ``openhaptics.handle``. One
+    without a role has the key "": its factory tells.
+    """
+    found: dict[str, dict[str, EntryPoint]] = {}
+    for name, entry in offered(GROUP).items():
+        driver, _, role = name.partition(".")
+        if role not in ROLE_NAMES:
+            driver, role = name, ""
+        found.setdefault(driver, {})[role] = entry
+    return found
 
 
-def own_roles(driver: str) -> Mapping[Role, str]:
-    """Return role -> ``module:factory`` of a driver that is part of mmt, empty for another."""
-    return DRIVERS.get(driver) or software().get(driver, {})
+def told_roles(driver: str) -> dict[Role, EntryPoint]:
+    """Return a driver's entry points by the roles that they are named with."""
+    told = drivers().get(driver, {})
+    return {role: told[role] for role in ROLE_NAMES if role in told}
 
 
 def library_file(name: str) -> str:
@@ -86,18 +67,10 @@ def library_file(name: str) -> str:
     MmtError
         The library in software cannot be made.
     """
-    if not name.isidentifier():  # a path, or a file's name that the loader looks for
+    if name not in EMULATED_LIBRARIES:
         return name
-    libraries: Mapping[str, str] = importlib.import_module(SOFTWARE).LIBRARIES
-    if name not in libraries:
-        return name
-    module, _, function = libraries[name].partition(":")
+    module, _, function = EMULATED_LIBRARIES[name].partition(":")
     return str(getattr(importlib.import_module(module), function)())
-
-
-def offered() -> dict[str, EntryPoint]:
-    """Return the drivers that other installed packages offer, by name."""
-    return {entry.name: entry for entry in entry_points(group=GROUP)}
 
 
 def locate(driver: str, role: Role | None = None) -> str:
@@ -106,7 +79,7 @@ def locate(driver: str, role: Role | None = None) -> str:
     Parameters
     ----------
     driver
-        A name of the table, one that an installed package offers, or ``package.module:factory``.
+        A name that an installed package offers, or ``package.module:factory``.
     role
         What the device is to be; None takes the driver's first role.
 
@@ -117,34 +90,31 @@ def locate(driver: str, role: Role | None = None) -> str:
     """
     if ":" in driver:
         return driver
-    if targets := own_roles(driver):
-        if role is None:
-            return next(iter(targets.values()))
-        if role in targets:
-            return targets[role]
+    known = drivers()
+    if driver not in known:
         raise InputError(
-            f"driver {driver!r} is for {_named(targets)}, it cannot be the {ROLE_NAMES[role]}; "
-            f"drivers for that are {', '.join([*_able(role), ''])}package.module:factory, and "
-            "what other packages offer"
+            f"driver {driver!r} is not known; allowed are {', '.join([*sorted(known), ''])}"
+            "package.module:factory, and the names that other packages offer as entry points of "
+            f"{GROUP}"
         )
-    others = offered()
-    if driver in others:
-        return others[driver].value
-    names = sorted({*DRIVERS, *software(), *others})
+    targets = told_roles(driver)
+    if not targets:
+        return known[driver][""].value
+    if role is None:
+        return next(iter(targets.values())).value
+    if role in targets:
+        return targets[role].value
+    able = [name for name in sorted(known) if role in told_roles(name)]
     raise InputError(
-        f"driver {driver!r} is not known; allowed are {', '.join([*names, ''])}"
-        "package.module:factory, and the names that other packages offer as entry points of "
-        f"{GROUP}"
+        f"driver {driver!r} is for {_named(targets)}, it cannot be the {ROLE_NAMES[role]}; "
+        f"drivers for that are {', '.join([*able, ''])}package.module:factory, and "
+        "what other packages offer"
     )
 
 
-def _named(targets: Mapping[Role, str]) -> str:
+def _named(targets: Iterable[Role]) -> str:
     names = [ROLE_NAMES[role] for role in targets]
     return " or ".join(f"{'an' if name[0] in 'aeiou' else 'a'} {name}" for name in names)
-
-
-def _able(role: Role) -> list[str]:
-    return [name for name, roles in {**DRIVERS, **software()}.items() if role in roles]
 
 
 Options = TypeVar("Options", bound=BaseModel)
@@ -236,16 +206,16 @@ def read_options(model: type[Options], driver: str, options: Mapping[str, Any]) 
 def roles_of(driver: str) -> tuple[Role, ...]:
     """Return the roles of a driver, () where it does not tell.
 
-    The driver of another package tells by its class, or by the class that its factory says it
-    returns: `read` with an argument is a handle's, with `write` beside it a robot's, alone a
-    sensor's; `write` alone is an actuator's.
+    A driver whose entry point is named without a role tells by its class, or by the class that
+    its factory says it returns: `read` with an argument is a handle's, with `write` beside it a
+    robot's, alone a sensor's; `write` alone is an actuator's.
 
     Raises
     ------
     InputError
         There is no such driver, or it cannot be imported.
     """
-    if roles := own_roles(driver):
+    if roles := told_roles(driver):
         return tuple(roles)
     made = _class_of(load_factory(driver))
     reads, writes = (callable(getattr(made, name, None)) for name in ("read", "write"))
@@ -268,7 +238,7 @@ def role_for(driver: str, wanted: str | None) -> Role | None:
     """
     able = roles_of(driver)
     if wanted is None:
-        return able[0] if len(able) == 1 or own_roles(driver) else None
+        return able[0] if len(able) == 1 or told_roles(driver) else None
     allowed: tuple[Role, ...] = able or tuple(ROLE_NAMES)
     for role in allowed:
         if role == wanted.replace("-", "_").replace(" ", "_"):

@@ -7,12 +7,15 @@ from pydantic import Field, field_validator
 
 from mmt.devices.adxl335.options import Adxl335Options
 from mmt.devices.adxl335.sensor import Adxl335
+from mmt.devices.discovery import missing_libusb
 from mmt.devices.drivers import read_options
 from mmt.devices.labjack.board import U6Voltages
 from mmt.devices.labjack.packets import Channel
 from mmt.devices.protocols import Vector
 
 NAME: Final = "adxl335-u6"
+
+missing = missing_libusb
 
 
 class U6Options(Adxl335Options):

@@ -9,6 +9,7 @@ from typing import Any, Final, Generic, TypeVar
 from mmt.core.errors import DeviceLost, InputError
 from mmt.core.extras import require
 from mmt.devices.axes import Axes
+from mmt.devices.discovery import missing_package
 from mmt.devices.drivers import read_options
 from mmt.devices.franka.arm import Arm, ArmState, enter, leave
 from mmt.devices.franka.control import PositionControl
@@ -22,6 +23,11 @@ _NO_FORCE: Final = (
 )
 
 AnyOptions = TypeVar("AnyOptions", bound=ArmOptions)
+
+
+def missing() -> str:
+    """Return what this machine lacks for the driver, with what to do; empty if nothing."""
+    return missing_package("franky")
 
 
 class _ArmDriver(Generic[AnyOptions]):

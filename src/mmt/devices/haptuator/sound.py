@@ -13,31 +13,14 @@ from pydantic import Field
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.core.extras import require
 from mmt.devices.drivers import read_options
+from mmt.devices.haptuator import sound_library
 from mmt.devices.haptuator.card_buffer import CardBuffer
 from mmt.devices.haptuator.driver import RATE_HZ, SILENCE_NS, HaptuatorDriver
 from mmt.devices.haptuator.options import HaptuatorOptions
+from mmt.devices.haptuator.sound_library import load_sounddevice
 from mmt.devices.protocols import ActuatorStatistics
 
-
-def load_sounddevice() -> Any:
-    """Import the library.
-
-    Raises
-    ------
-    InputError
-        It is not installed.
-    MmtError
-        It lacks PortAudio.
-    """
-    require("sounddevice")
-    try:
-        import sounddevice
-    except OSError as error:
-        raise MmtError(
-            f"the sound card needs PortAudio ({error}): install the system's package for it, "
-            "on Debian and Ubuntu libportaudio2"
-        ) from error
-    return sounddevice
+FINDERS, missing = sound_library.FINDERS, sound_library.missing
 
 
 def find_output(library: Any, device: str | int | None, channel: int) -> int:

@@ -2,10 +2,12 @@
 
 import contextlib
 import errno
+import os
 from pathlib import Path
 from typing import Final
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.devices.discovery import FoundPort
 
 NO_PERMISSION: Final = (
     "no permission for {path}: files of industrial I/O belong to root until a udev rule gives them "
@@ -166,3 +168,18 @@ def name_of(path: Path) -> str:
     with contextlib.suppress(OSError):
         return (path / "name").read_text(encoding="ascii", errors="replace").strip()
     return ""
+
+
+def find_iio_accelerometers(
+    sysfs_root: Path = Path("/sys/bus/iio/devices"), dev_root: Path = Path("/dev")
+) -> list[FoundPort]:
+    """Return the accelerometers of Linux's industrial I/O."""
+    found = []
+    for path in accelerometers(sysfs_root):
+        needed = {dev_root / path.name: os.R_OK, path / "buffer" / "enable": os.W_OK}
+        refused = [
+            file for file, way in needed.items() if file.exists() and not os.access(file, way)
+        ]
+        problem = NO_PERMISSION.format(path=refused[0]) if refused else ""
+        found.append(FoundPort(path.name, name_of(path), "", problem))
+    return found

@@ -13,7 +13,7 @@ from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.accelerometer_axes import signed_axes
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2
 from mmt.devices.drivers import read_options
-from mmt.devices.iio.attributes import find_device
+from mmt.devices.iio.attributes import find_device, find_iio_accelerometers
 from mmt.devices.iio.capture import Capture
 from mmt.devices.iio.options import IioOptions
 from mmt.devices.overload import OverloadNotice
@@ -35,6 +35,9 @@ _AHEAD_NS: Final = 1_000_000
 
 Raw = tuple[int, ...]
 """Counts of an axis each; before it is stamped, the time as well."""
+
+
+FINDERS: Final = {"IIO accelerometers": find_iio_accelerometers}
 
 
 def iio_accelerometer(**options: Any) -> "IioAccelerometer":

@@ -7,6 +7,7 @@ from typing import Any, Final, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from mmt.core.errors import DeviceLost, InputError
+from mmt.devices.discovery import missing_libusb
 from mmt.devices.drivers import read_options
 from mmt.devices.labjack.packets import GAINS, Channel
 from mmt.devices.labjack.sharing import (
@@ -18,6 +19,8 @@ from mmt.devices.labjack.sharing import (
     disconnect,
 )
 from mmt.devices.protocols import VoltageReading
+
+missing = missing_libusb
 
 
 class U6Voltages:

@@ -1,6 +1,7 @@
 """The follower's arm: a Phantom or Touch that is held at commanded positions."""
 
 import math
+from ctypes.util import find_library
 from typing import Any, Final
 
 from mmt.core.errors import InputError
@@ -14,6 +15,16 @@ from mmt.devices.protocols import Vector
 _LONGEST_STEP_S: Final = 0.005
 _STUCK_NS: Final = 200_000_000
 """Under the largest force a tip moves by the least bit within this, unless it is held fast."""
+
+
+def missing() -> str:
+    """Return what this machine lacks for the driver, with what to do; empty if nothing."""
+    if find_library("HD") is not None:
+        return ""
+    return (
+        "the vendor's library (libHD) is not where the system looks: install the vendor's "
+        "OpenHaptics package, or give its path by the option 'library'"
+    )
 
 
 class PositionServo(Servo):

@@ -6,12 +6,18 @@ from typing import Any
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.core.extras import require
+from mmt.devices.discovery import missing_package
 from mmt.devices.drivers import read_options
 from mmt.devices.protocols import Vector
 from mmt.devices.universal_robots import dashboard, sharing
 from mmt.devices.universal_robots.frame import M_TO_MM, SceneFrame
 from mmt.devices.universal_robots.options import RobotOptions
 from mmt.devices.universal_robots.servo import ServoSettings
+
+
+def missing() -> str:
+    """Return what this machine lacks for the driver, with what to do; empty if nothing."""
+    return missing_package("rtde_control")
 
 
 class UrRobot:

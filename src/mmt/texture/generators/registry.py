@@ -2,10 +2,11 @@
 
 import inspect
 from contextlib import suppress
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from typing import TYPE_CHECKING, Final, cast
 
 from mmt.core.errors import InputError, brief
+from mmt.core.plugins import offered
 
 if TYPE_CHECKING:
     from mmt.texture.generators.protocol import Builder
@@ -63,11 +64,11 @@ def origin(name: str) -> str:
 def _find(name: str) -> EntryPoint:
     if ":" in name:
         return EntryPoint(name, name, GROUP)
-    offered = {entry.name: entry for entry in entry_points(group=GROUP)}
-    if name not in offered:
+    builders = offered(GROUP)
+    if name not in builders:
         raise InputError(
-            f"generator {name!r} is not known; allowed are {', '.join([*sorted(offered), ''])}"
+            f"generator {name!r} is not known; allowed are {', '.join([*sorted(builders), ''])}"
             "package.module:builder, and the names that installed packages offer as entry points "
             f"of {GROUP}"
         )
-    return offered[name]
+    return builders[name]

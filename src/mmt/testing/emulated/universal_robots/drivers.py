@@ -5,6 +5,7 @@ from typing import Any, Generic, TypeVar
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.core.extras import require
+from mmt.devices.discovery import missing_package
 from mmt.devices.drivers import Role, load_device, read_options
 from mmt.devices.protocols import Vector
 from mmt.devices.universal_robots.force import UrForceSensor
@@ -12,6 +13,11 @@ from mmt.devices.universal_robots.robot import UrRobot
 from mmt.testing.emulated.drivers import LAB, LabOptions, check_options
 
 AnyDriver = TypeVar("AnyDriver", UrRobot, UrForceSensor)
+
+
+def missing() -> str:
+    """Return what this machine lacks for the driver, with what to do; empty if nothing."""
+    return missing_package("rtde_control")
 
 
 class _VirtualUr(Generic[AnyDriver]):
