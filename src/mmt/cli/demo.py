@@ -3,10 +3,14 @@
 import asyncio
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+import typer
 
 from mmt.cli.common import (
     OPTIONS,
+    Force,
+    json_option,
     messages,
     noting,
     output,
@@ -26,39 +30,39 @@ from mmt.follower.sources import build_source
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
 
+_DEMO = Path("demo")
 
-def run_demo(
-    scene_file: Path,
-    directory: Path,
-    *,
-    duration_s: float | None = None,
-    replay: Path | None = None,
-    json_file: Path | None = None,
-    monitor: bool = False,
-    share: bool = False,
-    realtime: bool = False,
-    force: bool = False,
-    verbose: bool = False,
+
+def demo(
+    scene_file: Annotated[
+        Path, typer.Argument(metavar="SCENE", help="A TOML file, or an example's name.")
+    ] = _DEMO,
+    output_directory: Annotated[
+        Path, typer.Option("--output", help="Where recording and report go.")
+    ] = Path("mmt-demo"),
+    duration: Annotated[float | None, typer.Option(help="Seconds of the session.")] = None,
+    replay: Annotated[Path | None, typer.Option(help="Replay this recorded session.")] = None,
+    json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
+    monitor: Annotated[
+        bool, typer.Option("--monitor", help="Serve a page that shows the run.")
+    ] = False,
+    share: Annotated[
+        bool, typer.Option("--share", help="Let others feel the surface: share the model.")
+    ] = False,
+    realtime: Annotated[
+        bool, typer.Option("--realtime", help="Tick by real-time scheduling (Linux).")
+    ] = False,
+    force: Force = False,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", help="Show all counters at the end.")
+    ] = False,
 ) -> None:
-    """Run a scene's services, print their summaries, and report the recording.
-
-    A recording that is there already stays, and the new one gets a number; with `force` it is
-    replaced. The report is of the newest.
-
-    Raises
-    ------
-    InputError
-        The scene, the session to replay or the directory cannot be used, or a package that the
-        report needs is not installed.
-    MmtError
-        Real-time scheduling is wanted and not permitted, or a service failed; summaries, report
-        and JSON are there nevertheless, as far as they can be.
-    """
+    """Run leader and follower on loopback, then report what was modelled."""
     if realtime:
         require_real_time()
-    wanted = directory / "session.mcap"
-    recording = wanted if force else free_path(wanted)
-    overrides: dict[str, Any] = {"session.duration_s": duration_s}
+    wanted = output_directory / "session.mcap"
+    recording = wanted if force else free_path(wanted)  # one that is there already stays
+    overrides: dict[str, Any] = {"session.duration_s": duration}
     scene = load_scene(
         scene_file, overrides, replay=replay, monitor=monitor, share=share, options=OPTIONS
     )
@@ -77,13 +81,13 @@ def run_demo(
         require("numba")
     if scene.recording is not None:
         require("matplotlib")
-    _check(scene, directory)
+    _check(scene, output_directory)
     page = None if scene.sharing is None else visitors_page(scene.sharing)
     try:
         run = asyncio.run(
-            run_services(scene_file, scene, duration_s, replay, realtime=realtime, visitors=page)
+            run_services(scene_file, scene, duration, replay, realtime=realtime, visitors=page)
         )
-        _report(run, directory, recording, json_file, verbose=verbose)
+        _report(run, output_directory, recording, json_file, verbose=verbose)
         if page is not None and page.address is not None and not run.interrupted:
             with suppress(KeyboardInterrupt):
                 messages.print(f"until Ctrl-C it can be felt at {page.address}", highlight=False)

@@ -5,10 +5,11 @@ from typing import Annotated
 
 import typer
 
+from mmt.cli.commands import command_group
 from mmt.cli.common import Force, json_option
 from mmt.core.existing_files import require_absent
 
-app = typer.Typer(no_args_is_help=True, help="List, test and calibrate devices.")
+app = command_group("List, test and calibrate devices.")
 
 
 @app.callback()

@@ -7,6 +7,7 @@ import typer
 from rich.progress import track
 from rich.table import Table
 
+from mmt.cli.commands import command_group
 from mmt.cli.common import json_option, messages, output, write_json
 from mmt.core.extras import require
 from mmt.core.kernel_cache import compile_kernels
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from mmt.evaluation.document import Block
     from mmt.evaluation.results import Evaluation
 
-reports = typer.Typer(no_args_is_help=True, help="Compare reports.")
+reports = command_group("Compare reports.")
 
 
 def evaluate(

@@ -4,13 +4,15 @@ import asyncio
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import psutil
+import typer
 
 from mmt.cli.common import (
     ALL_ADDRESSES,
     OPTIONS,
+    json_option,
     messages,
     output,
     require_one_output,
@@ -34,29 +36,40 @@ _SPACING_S: Final = 5.0
 """Time between two lines that say how many are listening."""
 
 
-def run_hub(
-    scene_file: Path | None,
-    overrides: dict[str, Any],
-    duration_s: float | None,
-    json_file: Path | None,
-    *,
-    json_lines: bool,
+def hub(
+    url: Annotated[str, typer.Argument(help="Where the leader shares its model.")],
+    scene_file: Annotated[
+        Path | None,
+        typer.Argument(metavar="[SCENE]", help="Tables hub, sharing, listening: a TOML file."),
+    ] = None,
+    redis: Annotated[
+        str | None, typer.Option(metavar="URL", help="The Redis server that joins the hubs.")
+    ] = None,
+    address: Annotated[
+        str | None, typer.Option(metavar="URL", help="Where listeners reach this hub.")
+    ] = None,
+    port: Annotated[
+        int | None, typer.Option(help="Listen on this port; 0 takes any free one.")
+    ] = None,
+    duration: Annotated[float | None, typer.Option(min=0.0, help="Seconds to serve.")] = None,
+    json_file: Annotated[Path | None, json_option("Write the summary.")] = None,
+    json_lines: Annotated[
+        bool, typer.Option("--json-lines", help="Progress and summary as JSON lines on stdout.")
+    ] = False,
 ) -> None:
-    """Serve until Ctrl-C, or for so long; then print or write the summary.
-
-    Raises
-    ------
-    InputError
-        A key, a URL, a token or a certificate cannot be used.
-    MmtError
-        Redis or the leader does not answer, or the port cannot be used.
-    """
+    """Serve a leader's shared model to any number of listeners, together with other hubs."""
     require("redis")
     require_one_output(json_file, json_lines=json_lines)
+    overrides = {
+        "listening.url": url,
+        "hub.redis": redis,
+        "hub.address": address,
+        "sharing.port": port,
+    }
     scene = load_hub_scene(scene_file, overrides, OPTIONS)
     queue_output()
     with Logs("hub", None, None):
-        summary = asyncio.run(_run(scene, duration_s, json_lines=json_lines))
+        summary = asyncio.run(_run(scene, duration, json_lines=json_lines))
     if json_lines:
         write_line("summary", **summary)
     else:
@@ -76,29 +89,29 @@ async def _run(scene: HubScene, duration_s: float | None, *, json_lines: bool) -
     make_room(scene.sharing.most, say)
     ended = asyncio.Event()
     stop_on_signals(ended.set)
-    hub = Hub(scene, lambda port: _address(scene.sharing, port), say)
-    counting = asyncio.create_task(_count(hub, say))
+    serving = Hub(scene, lambda port: _address(scene.sharing, port), say)
+    counting = asyncio.create_task(_count(serving, say))
     begun_s = time.monotonic()
     try:
-        await hub.start()
+        await serving.start()
         if json_lines:
-            write_line("ready", port=hub.server.port, address=hub.address)
+            write_line("ready", port=serving.server.port, address=serving.address)
         else:
-            messages.print(f"hub:      {hub.address}", highlight=False)
+            messages.print(f"hub:      {serving.address}", highlight=False)
         if duration_s is not None:
             asyncio.get_running_loop().call_later(duration_s, ended.set)
-        await hub.run(ended)
+        await serving.run(ended)
     finally:
         counting.cancel()
-        await hub.stop()
+        await serving.stop()
     process = psutil.Process()
     cpu = process.cpu_times()
     return {
-        "address": hub.address,
+        "address": serving.address,
         "duration_s": round(time.monotonic() - begun_s, 3),
-        "most_listeners": hub.most_listeners,
-        "model": {"session_id": hub.copy.session_id, "number": hub.copy.number},
-        "sent": {**hub.relay.sent, "listened_s": round(hub.server.listened_s, 3)},
+        "most_listeners": serving.most_listeners,
+        "model": {"session_id": serving.copy.session_id, "number": serving.copy.number},
+        "sent": {**serving.relay.sent, "listened_s": round(serving.server.listened_s, 3)},
         "process": {
             "cpu_s": round(cpu.user + cpu.system, 3),
             "memory_mb": round(process.memory_info().rss / 1e6, 1),

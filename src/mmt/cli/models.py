@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from mmt.cli.commands import command_group
 from mmt.cli.common import Force, json_option, messages, output, summary_table, write_json
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError, MmtError
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 SUFFIX = ".npz"
 
-app = typer.Typer(no_args_is_help=True, help="Build, select, convert and exchange texture models.")
+app = command_group("Build, select, convert and exchange texture models.")
 
 
 @app.command("build")

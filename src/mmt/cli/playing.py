@@ -3,9 +3,11 @@
 import asyncio
 import socket
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
-from mmt.cli.common import ALL_ADDRESSES, messages, stop_on_signals
+import typer
+
+from mmt.cli.common import ALL_ADDRESSES, Force, messages, stop_on_signals
 from mmt.core.errors import InputError, MmtError
 from mmt.core.kernel_cache import compile_kernels
 from mmt.link.access import Access
@@ -22,27 +24,34 @@ _MCAP: Final = ".mcap"
 
 
 def play(
-    sources: list[Path],
-    *,
-    shared: str | None,
-    results: Path,
-    record: Path | None,
-    seed: int,
-    host: str,
-    port: int,
-    token_file: Path | None,
-    certificate: Path | None,
-    key: Path | None,
-    everyone: bool,
-    force: bool,
+    sources: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="[MODEL]...", help="Files or names of shipped models; all shipped if absent."
+        ),
+    ] = None,
+    shared: Annotated[
+        str | None,
+        typer.Option("--from", metavar="URL", help="Play the model that a leader shares there."),
+    ] = None,
+    results: Annotated[Path, typer.Option(help="Add the scenarios' rows to this file.")] = Path(
+        "mmt-play.csv"
+    ),
+    record: Annotated[
+        Path | None, typer.Option(help="Record touches into this MCAP file, one a texture.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the orders and the excitation.")] = 0,
+    host: Annotated[str, typer.Option(help="Listen on this address.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="Listen on this port; 0 takes any free one.")] = 8770,
+    token_file: Annotated[Path | None, typer.Option(help="A file with the token.")] = None,
+    certificate: Annotated[Path | None, typer.Option(help="PEM file: use TLS.")] = None,
+    key: Annotated[Path | None, typer.Option(help="PEM file of the certificate's key.")] = None,
+    everyone: Annotated[
+        bool, typer.Option("--open", help="Let everyone play who reaches the port.")
+    ] = False,
+    force: Force = False,
 ) -> None:
-    """Serve the page until Ctrl-C.
-
-    Raises
-    ------
-    InputError
-        A model, a file or an address cannot be used.
-    """
+    """Serve a page on which a person strokes textures and hears them."""
     link = _link(host, port, token_file, certificate, key)
     if record is not None and record.suffix.lower() != _MCAP:
         raise InputError(f"--record {record}: the name of a recording must end in {_MCAP}")
@@ -57,7 +66,7 @@ def play(
     if shared is not None:
         asyncio.run(_serve_shared(shared, ResultsFile(results), seed, link, everyone))
         return
-    files = [find_model(source) for source in sources] or list(shipped_models().values())
+    files = [find_model(source) for source in sources or []] or list(shipped_models().values())
     names = [file.stem for file in files]
     repeated = sorted({name for name in names if names.count(name) > 1})
     if repeated:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from mmt.cli.commands import command_group
 from mmt.cli.common import json_option, messages, output, write_json
 from mmt.core.extras import require
 from mmt.scene import Scene
@@ -15,7 +16,7 @@ from mmt.scene.files import load_scene
 if TYPE_CHECKING:
     from mmt.cli.scene.costs import SceneCosts
 
-app = typer.Typer(no_args_is_help=True, help="Show what scenes run and cost.")
+app = command_group("Show what scenes run and cost.")
 
 _KEY = (
     "± is half the 95 % confidence interval, from what scatters between runs, other programs' load "

@@ -13,6 +13,7 @@ from typing import Annotated, Any, Final
 import typer
 from rich.table import Table
 
+from mmt.cli.commands import command_group
 from mmt.cli.common import (
     Force,
     as_text,
@@ -32,7 +33,7 @@ from mmt.scene import Scene
 from mmt.scene.files import load_scene
 from mmt.session import write_session
 
-app = typer.Typer(no_args_is_help=True, help="Make, convert, view and recover sessions.")
+app = command_group("Make, convert, view and recover sessions.")
 
 app.command("inspect")(inspect_file)
 app.command("import")(import_file)

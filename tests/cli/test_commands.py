@@ -1,0 +1,68 @@
+"""Commands are entry points: those of mmt, and those that another package adds."""
+
+from pathlib import Path
+
+import pytest
+from plugin_samples import install_package
+from typer.testing import CliRunner
+
+from mmt.cli import commands, main
+from mmt.core.errors import InputError
+from mmt.core.plugins import offered
+
+MODULE = """
+import typer
+
+group = typer.Typer(help="A group of another package.")
+
+@group.command()
+def one() -> None:
+    print("one")
+
+@group.command()
+def two() -> None:
+    print("two")
+
+def alone(times: int = 2) -> None:
+    print("alone " * times)
+"""
+
+
+@pytest.fixture
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "added_commands.py").write_text(MODULE)
+    names = {
+        "another": "added_commands:group",
+        "model.alone": "added_commands:alone",
+        "session.info": "added_commands:alone",
+        "broken": "added_commands:absent",
+    }
+    install_package(tmp_path, monkeypatch, "added-commands", {commands.GROUP: names})
+
+
+def output_of(*arguments: str) -> str:
+    result = CliRunner().invoke(main.app, list(arguments))
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+def test_another_package_adds_a_group_and_a_command_of_a_group(package: None) -> None:
+    assert output_of("another", "two") == "two\n"
+    assert output_of("model", "alone", "--times", "3") == "alone alone alone \n"
+    assert "alone" in output_of("model", "--help")
+    assert "alone" not in output_of("device", "--help")
+
+
+def test_every_command_of_mmt_has_a_help() -> None:
+    for name in offered(commands.GROUP):
+        first = output_of(*name.split("."), "--help")
+        assert "Usage: " in first
+
+
+def test_a_command_that_cannot_be_imported_says_so_and_leaves_the_others(package: None) -> None:
+    assert "added_commands:absent cannot be imported" in " ".join(
+        output_of("--help").replace("│", " ").split()
+    )
+    result = CliRunner().invoke(main.app, ["broken"])
+    assert isinstance(result.exception, InputError)
+    assert "command broken: added_commands:absent cannot be imported" in str(result.exception)
