@@ -350,6 +350,7 @@ def test_a_data_set_that_cannot_be_read_is_explained(tmp_path, info, said):
 def test_damage_and_wrong_episodes_are_explained(tmp_path, folder):
     with pytest.raises(InputError, match="--episode 2: its episodes are 0 to 1"):
         import_recording(folder, ImportOptions(episode=2))
+    np.savez(tmp_path / "run.npz", time_s=np.arange(3.0))
     with pytest.raises(InputError, match="is no data set with episodes"):
         import_recording(tmp_path / "run.npz", ImportOptions(episode=0))
     (folder / "mmt/episode-000000.parquet").write_bytes(b"PAR1 and then nothing")

@@ -6,8 +6,8 @@ from typing import Any, Final
 import typer
 from typer.core import TyperGroup
 
-from mmt.core.errors import InputError, brief
-from mmt.core.plugins import offered
+from mmt.core.errors import InputError
+from mmt.core.plugins import load, offered
 
 GROUP: Final = "mmt.commands"
 """The entry points of commands, each a function or a `typer.Typer`: named as the command, one of a
@@ -22,7 +22,8 @@ class Commands(TyperGroup):
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Return the names of all commands."""
-        return sorted({*super().list_commands(ctx), *self._added()})
+        own = super().list_commands(ctx)
+        return [*own, *(name for name in sorted(self._added()) if name not in own)]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """Return a command by its name, None where there is none."""
@@ -52,9 +53,9 @@ class Commands(TyperGroup):
 def _load(entry: EntryPoint) -> Any:
     """Return what an entry point names; one that cannot be imported says so when it is called."""
     try:
-        return entry.load()
-    except Exception as error:  # noqa: BLE001 - it may want a library, a file, a version of Python
-        sentence = f"command {entry.name}: {entry.value} cannot be imported ({brief(error)})"
+        return load(entry, f"command {entry.name.replace('.', ' ')}")
+    except InputError as error:
+        sentence = str(error)
 
     def explain() -> None:
         raise InputError(sentence)

@@ -7,10 +7,10 @@ import sys
 from collections.abc import Mapping
 from functools import lru_cache
 from importlib.metadata import EntryPoint, EntryPoints, entry_points
-from typing import Final
+from typing import Any
 
-DISTRIBUTION: Final = "mmt-haptics"
-"""The distribution that the product is installed as."""
+from mmt.core.errors import InputError, brief
+from mmt.core.extras import DISTRIBUTION, requiring
 
 
 def offered(group: str) -> Mapping[str, EntryPoint]:
@@ -25,6 +25,27 @@ def offered(group: str) -> Mapping[str, EntryPoint]:
 def is_own(entry: EntryPoint) -> bool:
     """Return whether an entry point is the product's own."""
     return entry.dist is not None and entry.dist.name == DISTRIBUTION
+
+
+def load(entry: EntryPoint, what: str) -> Any:
+    """Import what an entry point names.
+
+    Raises
+    ------
+    InputError
+        It cannot be imported; the message begins with `what`.
+    """
+    try:
+        with requiring():
+            return entry.load()
+    except InputError:
+        raise
+    except Exception as error:  # it may want a library, a file, a version of Python
+        raise InputError(
+            f"{what}: {entry.value} cannot be imported ({brief(error)}); install the package that "
+            "holds it, and what it needs (pip install -e DIRECTORY), or name the directory in "
+            "PYTHONPATH"
+        ) from error
 
 
 @lru_cache(maxsize=16)

@@ -1,42 +1,19 @@
 """Read, import, write and export session files; the suffix chooses the format.
 
-A new format to write is one function and one line in the table here, a new one to import one in
-`mmt.session.importing.recording`. Its module is imported when a file of that format is met.
+The formats are entry points, see `mmt.session.formats`; a module is imported when a file of its
+format is met.
 """
 
-import importlib
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.session.data import JsonObject, OutputBlock, RecordedSession
+from mmt.session.formats import find_format, suffixes
 
 _log = logging.getLogger(__name__)
-
-_READER_OF_MCAP: Final = "mmt.session.mcap_reader:read_mcap"
-"""Named, as writers are: their modules import this one."""
-
-WRITERS: Final = {
-    ".mcap": "mmt.session.mcap_writer:write_mcap",
-    ".npz": "mmt.session.export_files:write_npz",
-    ".csv": "mmt.session.export_files:write_csv",
-    ".parquet": "mmt.session.export_files:write_parquet",
-    ".h5": "mmt.session.export_files:write_hdf5",
-    ".hdf5": "mmt.session.export_files:write_hdf5",
-    "": "mmt.session.export_bag:write_bag",
-}
-"""Every format that is written: a function of (path, session). A name without suffix is that of
-a folder, a ROS 2 bag."""
-
-
-def _named(name: str) -> Callable[..., Any]:
-    """Return the function ``module:function``."""
-    module, _, function = name.partition(":")
-    found: Callable[..., Any] = getattr(importlib.import_module(module), function)
-    return found
 
 
 def read_session(path: str | Path) -> RecordedSession:
@@ -58,8 +35,9 @@ def read_session(path: str | Path) -> RecordedSession:
     <RecordedSession wood.mcap: 2.0 s, 2000 frames of position, force, acceleration>
     """
     path = Path(path)
-    if path.suffix.lower() == ".mcap":
-        session: RecordedSession = _named(_READER_OF_MCAP)(path)
+    read = find_format("read", path)
+    if read is not None:
+        session: RecordedSession = read(path)
         return session
     from mmt.session.importing.recording import import_recording
 
@@ -137,17 +115,17 @@ def export_session(session: RecordedSession, path: str | Path, *, scalars: bool 
         Writing failed.
     """
     path = Path(path)
-    name = WRITERS.get(path.suffix.lower())
-    if name is None:
+    write = find_format("write", path)
+    if write is None:
         raise InputError(
             f"session {path}: {path.suffix} cannot be written; the suffix must be one of "
-            f"{', '.join(filter(None, WRITERS))}, or none for a ROS 2 bag"
+            f"{', '.join(suffixes('write'))}, or none for a ROS 2 bag"
         )
     if scalars and path.suffix.lower() != ".mcap":
         raise InputError(
             f"session {path}: scalars are messages of .mcap files; leave --scalars out"
         )
-    _named(name)(path, session, **({"scalars": True} if scalars else {}))
+    write(path, session, **({"scalars": True} if scalars else {}))
 
 
 def write_session(

@@ -10,11 +10,12 @@ from mmt.core.archives import load_arrays
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.session.importing.columns import Columns, parsed_events, parsed_scene
+from mmt.session.importing.options import ImportOptions
 
 _OF_THE_SESSION = ("scene_json", "annotations", "events_json")
 
 
-def read_archive(path: Path, wanted: Callable[[str], bool]) -> Columns:
+def read_archive(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> Columns:
     """Read the wanted arrays of a ``.npz``, with scene, annotations and events of a session.
 
     Raises

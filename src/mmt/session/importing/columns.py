@@ -62,6 +62,8 @@ class Columns:
     """What a person should know of how the file was read."""
     began_utc_ns: int | None = None
     """UTC of the earliest of `times` since 1970, None where the file has no dates."""
+    episode: int | None = None
+    """Number of the episode that was read, None if it is no data set with episodes."""
 
 
 def wanted_names(options: ImportOptions) -> Callable[[str], bool]:

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.session.importing.columns import Columns
+from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.parquet_file import read_numbers, read_parquet
 from mmt.session.lerobot_layout import (
     DATA_FOLDER,
@@ -28,9 +29,7 @@ _OFF_THE_GRID_S: Final = 1e-3
 """How far a time, which is in single precision, may lie off its frame's number by the rate."""
 
 
-def read_lerobot(
-    folder: Path, wanted: Callable[[str], bool], episode: int | None, *, mapped: bool
-) -> Columns:
+def read_lerobot(folder: Path, wanted: Callable[[str], bool], options: ImportOptions) -> Columns:
     """Read an episode: the 1 kHz frames that mmt left beside it, else its rows.
 
     Of the rows, features (n,) and (n, k) have their own names, and each named component that of
@@ -42,10 +41,8 @@ def read_lerobot(
         The data set.
     wanted
         Whether a column is read.
-    episode
-        Its number; None is the first.
-    mapped
-        Columns are mapped, so the rows are meant.
+    options
+        With the episode's number, None for the first; if they map columns, the rows are meant.
 
     Raises
     ------
@@ -56,17 +53,17 @@ def read_lerobot(
     origin = f"import {folder}"
     info = _info(folder, origin)
     episodes = info["total_episodes"]
-    number = episode or 0
+    number = options.episode or 0
     if not 0 <= number < episodes:
         raise InputError(f"{origin}: --episode {number}: its episodes are 0 to {episodes - 1}")
     origin += f", episode {number}"
     notes = []
-    if episode is None and episodes > 1:
+    if options.episode is None and episodes > 1:
         notes.append(f"this is episode 0 of {episodes}; --episode takes another")
     file = frames_file(folder, number)
-    if file.is_file() and not mapped:
-        return replace(read_parquet(file, wanted), notes=notes)
-    return replace(_rows(folder, info, number, wanted, origin), notes=notes)
+    if file.is_file() and not options.columns:
+        return replace(read_parquet(file, wanted, options), notes=notes, episode=number)
+    return replace(_rows(folder, info, number, wanted, origin), notes=notes, episode=number)
 
 
 def _info(folder: Path, origin: str) -> dict[str, Any]:

@@ -10,12 +10,13 @@ from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError, brief
 from mmt.core.extras import require
 from mmt.session.importing.columns import Columns
+from mmt.session.importing.options import ImportOptions
 
 _MOST_COMPONENTS = 16
 """Rows up to which an array that is wider than high has its samples along the columns."""
 
 
-def read_matlab(path: Path, wanted: Callable[[str], bool]) -> Columns:
+def read_matlab(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> Columns:
     """Read the wanted variables of a ``.mat`` file of any version, 7.3 by h5py.
 
     Vectors become (n,), and arrays whose samples stand along the columns are turned to

@@ -13,9 +13,10 @@ from mmt.core.extras import require
 from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, frame_dtype
 from mmt.session.data import axis_columns
 from mmt.session.importing.columns import Columns, parsed_events, parsed_scene
+from mmt.session.importing.options import ImportOptions
 
 
-def read_parquet(path: Path, wanted: Callable[[str], bool]) -> Columns:
+def read_parquet(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> Columns:
     """Read the wanted columns of a ``.parquet`` file, and what belongs to a session in mmt's.
 
     A column of lists, all of k numbers, is an array (n, k).

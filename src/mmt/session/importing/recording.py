@@ -1,10 +1,8 @@
 """Import a recording: read its columns, map them, make frames, and say what was found."""
 
-import importlib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 
@@ -12,27 +10,13 @@ from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.core.frames import FIELD_OF_CHANNEL, Channel
 from mmt.session.data import RecordedSession
+from mmt.session.formats import find_format, suffixes
 from mmt.session.importing.checks import ImportReport, assess
 from mmt.session.importing.columns import Columns, to_samples, wanted_names
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.resampling import on_the_grid, to_frames
 from mmt.session.importing.samples import Samples
 from mmt.session.importing.stamps import Stamps
-from mmt.session.lerobot_layout import INFO_FILE
-
-_TEXT = "mmt.session.importing.text_file:read_text"
-_BAG = "mmt.session.importing.ros_bag:read_bag"
-
-READERS: Final = {
-    ".npz": "mmt.session.importing.array_file:read_archive",
-    **dict.fromkeys((".csv", ".txt", ".tsv", ".dat"), _TEXT),
-    ".xlsx": "mmt.session.importing.spreadsheet:read_spreadsheet",
-    ".mat": "mmt.session.importing.matlab_file:read_matlab",
-    ".parquet": "mmt.session.importing.parquet_file:read_parquet",
-    **dict.fromkeys((".db3", ".mcap", ".bag"), _BAG),
-}
-"""What is imported: a function of (path, whether a column of a name is wanted). A folder is a
-LeRobot data set or a ROS 2 bag."""
 
 
 def import_recording(
@@ -91,23 +75,17 @@ def read_columns(
         installed.
     """
     options = options or ImportOptions()
-    if (path / INFO_FILE).is_file():
-        from mmt.session.importing.lerobot_folder import read_lerobot
-
-        return read_lerobot(path, wanted, options.episode, mapped=bool(options.columns))
-    if options.episode is not None:
-        raise InputError(f"--episode {options.episode}: {path} is no data set with episodes")
-    name = _BAG if path.is_dir() else READERS.get(path.suffix.lower())
-    if name is None:
+    read = find_format("import", path)
+    if read is None:
         if not (path.suffix or path.exists()):
             raise InputError(f"session {path}: No such file or directory")
         given = path.suffix or "a name without suffix"
         raise InputError(
             f"session {path}: {given} cannot be read; the suffix must be one of "
-            f"{', '.join(READERS)}, or the name that of a folder with a ROS 2 bag or a LeRobot "
-            "data set"
+            f"{', '.join(suffixes('import'))}, or the name that of a folder with a ROS 2 bag or a "
+            "LeRobot data set"
         )
-    module, _, function = name.partition(":")
-    read: Callable[[Path, Callable[[str], bool]], Columns]
-    read = getattr(importlib.import_module(module), function)
-    return read(path, wanted)
+    columns: Columns = read(path, wanted, options)
+    if options.episode is not None and columns.episode is None:
+        raise InputError(f"--episode {options.episode}: {path} is no data set with episodes")
+    return columns

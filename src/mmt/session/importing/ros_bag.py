@@ -16,6 +16,7 @@ from mmt.core.extras import require
 from mmt.core.frames import FIELD_OF_CHANNEL
 from mmt.session.data import JsonObject
 from mmt.session.importing.columns import Columns
+from mmt.session.importing.options import ImportOptions
 from mmt.session.ros_messages import CHANNEL_TOPICS, EVENTS, SCENE, SEQUENCE
 
 _UNITS: Final = {"position": "m", "translation": "m", "point": "m"}
@@ -34,7 +35,7 @@ _EARLIEST_DATE_NS: Final = 946_684_800_000_000_000
 """The year 2000: earlier stamps are those of a simulation, which begins at zero."""
 
 
-def read_bag(path: Path, wanted: Callable[[str], bool]) -> Columns:
+def read_bag(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> Columns:
     """Read the wanted fields of a bag's messages, each with the times of its topic.
 
     Fields with x, y and z, such as ``/sensor.wrench.force``, are arrays (n, 3); numbers are

@@ -7,10 +7,11 @@ from typing import Any
 from mmt.core.errors import InputError, brief
 from mmt.core.extras import require
 from mmt.session.importing.columns import Columns
+from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.table import read_table
 
 
-def read_spreadsheet(path: Path, wanted: Callable[[str], bool]) -> Columns:
+def read_spreadsheet(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> Columns:
     """Read the wanted columns of a workbook's active sheet, see `read_table`.
 
     Raises

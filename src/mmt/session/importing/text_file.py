@@ -8,13 +8,14 @@ from pathlib import Path
 
 from mmt.core.errors import InputError, brief
 from mmt.session.importing.columns import Columns
+from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.table import read_table
 
 _LOOKED_AT = 50
 _DECIMAL_COMMA = re.compile(r"^\s*[-+]?\d*,\d+(?:[eE][-+]?\d+)?\s*$")
 
 
-def read_text(path: Path, wanted: Callable[[str], bool]) -> Columns:
+def read_text(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> Columns:
     """Read the wanted columns of a text file, see `read_table`.
 
     The separator is that of semicolon, tab and comma which stands in most of the first lines;

@@ -6,6 +6,7 @@ from importlib.metadata import EntryPoint
 from typing import TYPE_CHECKING, Final, cast
 
 from mmt.core.errors import InputError, brief
+from mmt.core.plugins import load as load_entry
 from mmt.core.plugins import offered
 
 if TYPE_CHECKING:
@@ -29,14 +30,7 @@ def load(name: str) -> "Builder":
         There is none of that name, it cannot be imported, or it is no builder.
     """
     entry = _find(name)
-    try:
-        builder = entry.load()
-    except Exception as error:  # it may want a library, a file, a version of Python
-        raise InputError(
-            f"generator {name!r}: {entry.value} cannot be imported ({brief(error)}); install the "
-            "package that holds it, and what it needs (pip install -e DIRECTORY), or name the "
-            "directory in PYTHONPATH"
-        ) from error
+    builder = load_entry(entry, f"generator {name!r}")
     try:
         with suppress(ValueError):  # one in C may have no signature
             inspect.signature(builder).bind(None, None)

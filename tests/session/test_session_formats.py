@@ -1,0 +1,76 @@
+"""A package adds a format of session files by entry points."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from frame_samples import made_frames
+from plugin_samples import install_package
+
+from mmt.core.errors import InputError
+from mmt.session import export_session, read_session
+from mmt.session.data import RecordedSession
+from mmt.session.formats import GROUP, suffixes
+
+MODULE = """
+import numpy as np
+from mmt.session.data import RecordedSession
+from mmt.session.importing.columns import Columns
+
+
+def write(path, session):
+    with path.open("wb") as file:
+        np.save(file, session.frames)
+
+
+def read(path):
+    return RecordedSession(np.load(path), path=path)
+
+
+def read_folder(path, wanted, options):
+    return Columns(f"import {path}", {}, frames=np.load(path / "frames.npy"))
+"""
+
+
+@pytest.fixture
+def session() -> RecordedSession:
+    return RecordedSession(made_frames(0, 50))
+
+
+@pytest.fixture
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "added_formats.py").write_text(MODULE)
+    names = {
+        "write.raw": "added_formats:write",
+        "read.raw": "added_formats:read",
+        "import/frames.npy": "added_formats:read_folder",
+        "read.broken": "added_formats:absent",
+    }
+    install_package(tmp_path, monkeypatch, "added-formats", {GROUP: names})
+
+
+def test_a_format_of_another_package_is_written_and_read(
+    package: None, session: RecordedSession, tmp_path: Path
+) -> None:
+    export_session(session, tmp_path / "a.raw")
+    assert np.array_equal(read_session(tmp_path / "a.raw").frames, session.frames)
+    assert ".raw" in suffixes("write")
+    with pytest.raises(InputError, match=r"added_formats:absent cannot be imported"):
+        read_session(tmp_path / "a.broken")
+
+
+def test_a_folder_is_told_by_a_file_in_it(
+    package: None, session: RecordedSession, tmp_path: Path
+) -> None:
+    (tmp_path / "set").mkdir()
+    np.save(tmp_path / "set" / "frames.npy", session.frames)
+    assert np.array_equal(read_session(tmp_path / "set").frames, session.frames)
+
+
+def test_a_suffix_without_a_format_is_answered_with_those_there_are(
+    session: RecordedSession, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError, match=r"\.raw cannot be written; .* \.csv, \.h5, \.hdf5, "):
+        export_session(session, tmp_path / "a.raw")
+    with pytest.raises(InputError, match=r"\.raw cannot be read; .* \.bag, \.csv, .*\.xlsx"):
+        read_session(tmp_path / "a.raw")
