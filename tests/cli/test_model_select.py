@@ -84,8 +84,8 @@ def test_a_scene_that_models_as_published_selects_as_published(trials: list[Path
 
 
 def test_a_model_whose_heading_counts_is_drawn_in_two_planes(tmp_path: Path):
-    from mmt.evaluation.figures import selection_plane
     from mmt.evaluation.pooling import pool_models
+    from mmt.evaluation.selection_plane import selection_plane
     from mmt.texture.model.inputs import InputSpace
     from mmt.texture.selection import select
 

@@ -173,7 +173,8 @@ def _figures(pool: "Pool", result: "Selection", errors: dict[str, Any]) -> dict[
 
 
 def _draw(path: Path, pool: "Pool", result: "Selection") -> None:
-    from mmt.evaluation.figures import selection_plane, to_png
+    from mmt.evaluation.figures import to_png
+    from mmt.evaluation.selection_plane import selection_plane
 
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
