@@ -46,6 +46,7 @@ def test_several_sessions_become_episodes_and_come_back_to_the_bit(tmp_path, fil
         (("{a}", "{out}.csv", "--fps", "30"), "--fps is for a data set"),
         (("{a}", "{out}.csv", "--task", "x"), "--task is for a data set"),
         (("{a}", "{out}", "--to", "lerobot", "--scalars"), "--scalars is for .mcap files"),
+        (("{a}", "{out}", "--to", "zarr"), "--to zarr: allowed are lerobot"),
     ],
 )
 def test_options_that_do_not_go_together_are_explained(tmp_path, files, arguments, said):

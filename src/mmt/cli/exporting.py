@@ -1,8 +1,7 @@
 """``mmt session export``: sessions in the formats of other tools."""
 
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -10,12 +9,7 @@ from mmt.cli.common import Force, messages
 from mmt.core.errors import InputError
 from mmt.core.existing_files import require_absent
 from mmt.session import export_session, read_session
-
-
-class DataSet(StrEnum):
-    """What sessions are joined to where it is no file."""
-
-    LEROBOT = "lerobot"
+from mmt.session.formats import find_format, suffixes
 
 
 def export_file(
@@ -24,8 +18,12 @@ def export_file(
         Path, typer.Argument(metavar="OUT", help="A file, or a folder for a bag or data set.")
     ],
     data_set: Annotated[
-        DataSet | None,
-        typer.Option("--to", help="Make the folder OUT a data set, with an episode of each FILE."),
+        str | None,
+        typer.Option(
+            "--to",
+            metavar="NAME",
+            help="Make the folder OUT a data set (lerobot), with an episode of each FILE.",
+        ),
     ] = None,
     fps: Annotated[
         int | None, typer.Option(help="Rows a second of the data set; 50 if absent.")
@@ -42,7 +40,7 @@ def export_file(
     if data_set is not None:
         if scalars:
             raise InputError("--scalars is for .mcap files: leave it out")
-        _export_data_set(sources, target, fps, task, force=force)
+        _export_data_set(data_set, sources, target, {"fps": fps, "task": task}, force=force)
         return
     for option, value in {"--fps": fps, "--task": task}.items():
         if value is not None:
@@ -59,16 +57,13 @@ def export_file(
 
 
 def _export_data_set(
-    sources: list[Path], target: Path, fps: int | None, task: str | None, *, force: bool
+    kind: str, sources: list[Path], target: Path, options: dict[str, Any], *, force: bool
 ) -> None:
-    from mmt.session.lerobot import DEFAULT_FPS, DEFAULT_TASK, export_lerobot
-
-    rows = export_lerobot(
-        map(read_session, sources),
-        target,
-        fps=DEFAULT_FPS if fps is None else fps,
-        task=DEFAULT_TASK if task is None else task,
-        replace=force,
-    )
+    join = find_format("join", Path(f"sessions.{kind}"))
+    if join is None:
+        allowed = ", ".join(name[1:] for name in suffixes("join"))
+        raise InputError(f"--to {kind}: allowed are {allowed or 'none'}")
+    given = {name: value for name, value in options.items() if value is not None}
+    rows = join(map(read_session, sources), target, replace=force, **given)
     episodes = f"{len(sources)} episode{'s' if len(sources) > 1 else ''}"
     messages.print(f"{rows} rows in {episodes} written to {target}", highlight=False)

@@ -8,6 +8,10 @@ kind of folder that a file in it tells has that file's path: ``import/meta/info.
 - a writer with the path and the session;
 - an importer with the path, whether a column of a name is wanted, and the `ImportOptions`, and
   returns `Columns`.
+
+``join`` and a name, as ``join.lerobot``, is a function of sessions and a folder that makes a data
+set of them (keywords ``fps``, ``task``, ``replace``); ``model`` and a suffix one that reads a
+texture model of another program.
 """
 
 from collections.abc import Callable
@@ -18,11 +22,11 @@ from mmt.core.plugins import load, offered
 
 GROUP: Final = "mmt.files"
 
-Verb = Literal["read", "write", "import"]
+Verb = Literal["read", "write", "import", "join", "model"]
 
 
 def suffixes(verb: Verb) -> list[str]:
-    """Return the suffixes that can be read, written or imported."""
+    """Return the suffixes, and of data sets the names behind a dot, that there is something for."""
     names = sorted(name for name in offered(GROUP) if name.startswith(f"{verb}."))
     return [name.removeprefix(verb) for name in names]
 

@@ -13,13 +13,14 @@ from functools import lru_cache
 from math import sqrt
 from operator import mul
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.errors import InputError
+from mmt.session.formats import find_format
 from mmt.testing.simulation import RATE_HZ
 from mmt.testing.simulation.surfaces import MODEL_VERSION, strokes_on
 from mmt.texture.model.inputs import InputSpace
@@ -170,9 +171,21 @@ def from_parameters(name: str, parameters: Mapping[str, Any]) -> ModelSurface:
     return ModelSurface(name, model, *shares)
 
 
+class ReadModel(Protocol):
+    """What a reader of another program's models returns."""
+
+    @property
+    def model(self) -> TextureModel:
+        """The texture."""
+
+    @property
+    def friction(self) -> float | None:
+        """Coefficient of kinetic friction, None if the file has none."""
+
+
 @lru_cache(maxsize=32)
 def load_surface(path: str) -> ModelSurface:
-    """Return the surface of a model file, ``.npz`` or HaTT's ``.xml``.
+    """Return the surface of a model file: mmt's own, or another that can be read.
 
     Raises
     ------
@@ -180,10 +193,9 @@ def load_surface(path: str) -> ModelSurface:
         The file is missing, no model, or not at 1 kHz.
     """
     file = Path(path)
-    if file.suffix.lower() == ".xml":
-        from mmt.exchange.hatt import import_hatt
-
-        imported = import_hatt(file)
+    read = find_format("model", file)
+    if read is not None:
+        imported: ReadModel = read(file)
         friction = 0.3 if imported.friction is None else imported.friction
         return ModelSurface(file.stem, imported.model, friction_coefficient=friction)
     return ModelSurface(file.stem, TextureModel.load(file))
