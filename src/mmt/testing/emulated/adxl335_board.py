@@ -8,12 +8,16 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from mmt.devices.adxl335.framing import Counts, Frame, encode_frame
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, Calibration, nominal
 from mmt.devices.adxl335.sensor import TYPICAL_RANGE_M_S2
 from mmt.devices.protocols import Vector
+
+if TYPE_CHECKING:
+    from mmt.testing.emulated.clockwork import Clockwork
+    from mmt.testing.emulated.world import World
 
 NOISE_DENSITY: Final = 150e-6 * GRAVITY_M_S2
 """m/s2 per root hertz (data sheet, X and Y)."""
@@ -231,3 +235,10 @@ class EmulatedAdxl335Board:
             flipped = wire[at] ^ (1 << self._random.randrange(8))
             return wire[:at] + bytes((flipped,)) + wire[at + 1 :]
         return wire
+
+
+def in_lab(world: "World", seed: int, _clockwork: "Clockwork") -> EmulatedAdxl335Board:
+    """Return the accelerometer of the virtual lab."""
+    return EmulatedAdxl335Board(
+        world.acceleration_m_s2, rate_hz=2000.0, bandwidth_hz=1000.0, clock_ppm=-70.0, seed=seed
+    )

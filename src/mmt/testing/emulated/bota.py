@@ -3,12 +3,15 @@
 import random
 import re
 import time
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from mmt.devices.bota.frames import HEADER, RAW, SIZE, Frame, frame_rate_hz, pack_frame
 from mmt.testing.emulated import Truth, with_flipped_bit
 from mmt.testing.emulated.clockwork import Clockwork
 from mmt.testing.emulated.serial_port import EmulatedPort
+
+if TYPE_CHECKING:
+    from mmt.testing.emulated.world import World
 
 _TIMER_NS: Final = 1_000_000
 """An adapter of USB to serial hands on what is there after a millisecond."""
@@ -209,3 +212,8 @@ class EmulatedBota:
             self._flips -= 1
             wire = with_flipped_bit(wire, self._random)
         return wire[: self._cuts.pop(0)] if self._cuts else wire
+
+
+def in_lab(world: "World", seed: int, clockwork: Clockwork) -> EmulatedBota:
+    """Return the force sensor of the virtual lab."""
+    return EmulatedBota(world.force_n, clock_ppm=25.0, seed=seed, clockwork=clockwork)

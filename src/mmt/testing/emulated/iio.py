@@ -12,11 +12,14 @@ import tempfile
 import threading
 import time
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from mmt.testing.emulated import Truth, with_flipped_bit
 from mmt.testing.emulated.clockwork import Clockwork
-from mmt.testing.emulated.iio_chips import ADXL355, Chip, attributes, pack
+from mmt.testing.emulated.iio_chips import ADXL355, ADXL359, Chip, attributes, pack
+
+if TYPE_CHECKING:
+    from mmt.testing.emulated.world import World
 
 _LEAST_WAIT_NS: Final = 100_000
 _IDLE_NS: Final = 10_000_000
@@ -257,3 +260,10 @@ class EmulatedIio:
             largest = max(largest, len(element))
             content += bytes(-len(content) % len(element)) + element
         return content + bytes(-len(content) % largest)
+
+
+def in_lab(world: "World", seed: int, clockwork: Clockwork) -> EmulatedIio:
+    """Return an accelerometer of the virtual lab."""
+    return EmulatedIio(
+        world.acceleration_m_s2, ADXL359, clock_ppm=-120.0, seed=seed, clockwork=clockwork
+    )

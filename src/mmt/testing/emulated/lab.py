@@ -1,76 +1,64 @@
 """A lab in a process of its own: the world, and emulated devices that measure it.
 
-Its robot is moved by datagrams, or is an arm by Universal Robots where a third argument says
-``ur``. It prints the robot's address as one line of JSON, that of a sensor when a line of its
-standard input names it, and ends when that input ends, as it does with the process that started it.
+Its robot is moved by datagrams, or is another that a third argument names, as ``ur``. It prints
+the robot's address as one line of JSON, that of a sensor when a line of its standard input names
+it, and ends when that input ends, as it does with the process that started it.
+
+The devices are entry points of the group ``mmt.emulators``: functions of the world, a seed and the
+lab's clockwork.
 """
 
 import gc
 import json
 import sys
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final, Protocol
 
+from mmt.core.plugins import load, offered
 from mmt.core.process import SWITCH_INTERVAL_S, ask_for_short_turns
-from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
-from mmt.testing.emulated.bota import EmulatedBota
 from mmt.testing.emulated.clockwork import Clockwork
-from mmt.testing.emulated.iio import EmulatedIio
-from mmt.testing.emulated.iio_chips import ADXL359
-from mmt.testing.emulated.net_ft import EmulatedNetFt
-from mmt.testing.emulated.robot import RobotLink
 from mmt.testing.emulated.world import TICK_NS, World
 
-if TYPE_CHECKING:
-    from mmt.testing.emulated.universal_robots.controller import EmulatedUrController
-
-ACCELEROMETER_HZ: Final = 2000.0
-ACCELEROMETER_BANDWIDTH_HZ: Final = 1000.0
+GROUP: Final = "mmt.emulators"
 
 
-def main(surface: str, seed: int, kind: str = "datagrams") -> None:
+class LabDevice(Protocol):
+    """An emulated device of the lab."""
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Options by which its driver finds it."""
+
+    def start(self) -> None:
+        """Begin to measure, and to answer."""
+
+    def stop(self) -> None:
+        """End it."""
+
+
+def main(surface: str, seed: str, robot_name: str = "robot") -> None:
     """Run the lab until standard input ends."""
     ask_for_short_turns(0)  # the service that it is a child of goes first
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     clockwork = Clockwork(TICK_NS)
-    world = World(surface, seed, clockwork)
-    robot = _ur_controller(world, seed) if kind == "ur" else RobotLink(world)
+    world = World(surface, int(seed), clockwork)
+
+    def device(name: str) -> LabDevice:
+        made: LabDevice = load(offered(GROUP)[name], name)(world, int(seed), clockwork)
+        return made
+
+    robot = device(robot_name)
     gc.freeze()  # a real device does not stand still for a collector
-    parts: list[Any] = [world, robot]
+    parts: list[World | LabDevice] = [world, robot]
     for part in parts:
         part.start()
-    _say({"robot" if kind == "datagrams" else kind: robot.options})
+    _say({robot_name: robot.options})
     for line in sys.stdin:
-        device = _sensor(line.strip(), world, seed, clockwork)
-        device.start()
-        parts.append(device)
-        _say({line.strip(): device.options})
+        sensor = device(line.strip())
+        sensor.start()
+        parts.append(sensor)
+        _say({line.strip(): sensor.options})
     for part in reversed(parts):
         part.stop()
-
-
-def _ur_controller(world: World, seed: int) -> "EmulatedUrController":
-    from mmt.testing.emulated.universal_robots.controller import EmulatedUrController
-
-    return EmulatedUrController(world, seed=seed)
-
-
-def _sensor(name: str, world: World, seed: int, clockwork: Clockwork) -> Any:
-    """Return a sensor; one that no scene names costs nothing."""
-    if name == "net_ft":
-        return EmulatedNetFt(world.force_n, clock_ppm=40.0, seed=seed)
-    if name == "bota":
-        return EmulatedBota(world.force_n, clock_ppm=25.0, seed=seed, clockwork=clockwork)
-    if name == "iio":
-        return EmulatedIio(
-            world.acceleration_m_s2, ADXL359, clock_ppm=-120.0, seed=seed, clockwork=clockwork
-        )
-    return EmulatedAdxl335Board(
-        world.acceleration_m_s2,
-        rate_hz=ACCELEROMETER_HZ,
-        bandwidth_hz=ACCELEROMETER_BANDWIDTH_HZ,
-        clock_ppm=-70.0,
-        seed=seed,
-    )
 
 
 def _say(addresses: dict[str, dict[str, Any]]) -> None:
@@ -79,4 +67,4 @@ def _say(addresses: dict[str, dict[str, Any]]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], int(sys.argv[2]), *sys.argv[3:])
+    main(*sys.argv[1:])

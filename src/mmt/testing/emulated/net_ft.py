@@ -5,11 +5,15 @@ import random
 import socket
 import threading
 import time
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import parse_qsl, urlsplit
 
 from mmt.devices.ati.net_wire import START, STOP, Record, pack_record, parse_request
 from mmt.testing.emulated import Truth, with_flipped_bit
+
+if TYPE_CHECKING:
+    from mmt.testing.emulated.clockwork import Clockwork
+    from mmt.testing.emulated.world import World
 
 _BOX_RATE_HZ: Final = 7000
 _PAUSE_S: Final = 0.02
@@ -253,3 +257,8 @@ class EmulatedNetFt:
             self.pages["setuserfilter"] = values["setuserfilter"]
         bias = self.pages["setbias"].split(";")
         self.pages["setbias"] = ";".join(values.get(f"setbias{i}", bias[i]) for i in range(6))
+
+
+def in_lab(world: "World", seed: int, _clockwork: "Clockwork") -> EmulatedNetFt:
+    """Return the force sensor of the virtual lab."""
+    return EmulatedNetFt(world.force_n, clock_ppm=40.0, seed=seed)

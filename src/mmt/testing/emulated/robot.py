@@ -5,10 +5,14 @@ import socket
 import struct
 import threading
 import time
-from typing import Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.protocols import Vector
+
+if TYPE_CHECKING:
+    from mmt.testing.emulated.clockwork import Clockwork
+    from mmt.testing.emulated.world import World
 
 PACKET: Final = struct.Struct("<3d")
 NO_COMMAND: Final = b""
@@ -156,3 +160,8 @@ class DatagramRobot:
             return
         except OSError as error:
             raise DeviceLost(f"the virtual robot is gone: {error}") from error
+
+
+def in_lab(world: "World", _seed: int, _clockwork: "Clockwork") -> RobotLink:
+    """Return the robot of the virtual lab."""
+    return RobotLink(world)

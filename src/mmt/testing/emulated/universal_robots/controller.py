@@ -15,7 +15,7 @@ import threading
 import time
 from collections.abc import Callable
 from functools import partial
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.errors import MmtError
 from mmt.devices.protocols import Vector
@@ -36,6 +36,10 @@ from mmt.testing.emulated.universal_robots.ports import (
     RtdeConnection,
     ScriptConnection,
 )
+
+if TYPE_CHECKING:
+    from mmt.testing.emulated.clockwork import Clockwork
+    from mmt.testing.emulated.world import World
 
 DASHBOARD_PORT: Final = 29999
 SCRIPT_PORT: Final = 30003
@@ -252,3 +256,8 @@ class EmulatedUrController:
             self._selector.unregister(listener)
             listener.close()
         self._listeners.clear()
+
+
+def in_lab(world: "World", seed: int, _clockwork: "Clockwork") -> EmulatedUrController:
+    """Return the arm of the virtual lab, in place of its robot."""
+    return EmulatedUrController(world, seed=seed)
