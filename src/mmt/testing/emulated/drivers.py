@@ -211,20 +211,6 @@ class VirtualAdxl335(VirtualSensor):
         super().__init__("virtual-adxl335", "adxl335-serial", "adxl335", options, port="lab")
 
 
-class VirtualBota(VirtualSensor):
-    """Another force sensor of the virtual lab; it takes the options of ``bota-serial`` too."""
-
-    def __init__(self, **options: Any) -> None:
-        super().__init__("virtual-bota", "bota-serial", "bota", options, port="lab")
-
-
-class VirtualIio(VirtualSensor):
-    """Another accelerometer of the virtual lab; it takes those of ``iio-accelerometer`` too."""
-
-    def __init__(self, **options: Any) -> None:
-        super().__init__("virtual-iio", "iio-accelerometer", "iio", options)
-
-
 class VirtualHandleAdxl335(VirtualSensor):
     """The accelerometer on the emulated handle that the `VirtualHaptuator` shakes."""
 
