@@ -24,8 +24,9 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
+from mmt.core.compiled import kernel
 from mmt.texture.field.cells import FieldCells
-from mmt.texture.linear_algebra import conditioned
+from mmt.texture.linear_algebra import condition
 
 BLOCK_VARIANCE: Final = 0.08
 """Variance of a block's log power, nepers^2, on a homogeneous surface: 25 independent samples of
@@ -137,15 +138,45 @@ def _left_out(
 
     The latter with its variance if nothing is wrong with the row, both (s, r).
     """
-    own = trust / scatter
-    precision, mean = _combined(cell, own, level)
-    rest = mean - (precision @ mean) / precision.sum()
-    _, gains, left = conditioned(priors, 1.0 / precision, rest, left_out=True)
-    smoothed = mean - gains / precision
-    known = 1.0 / precision - left / np.square(precision)
-    variance = 1.0 / np.maximum(1.0 / known[:, cell] - own, _LEAST_PRECISION)
-    predicted = variance * (smoothed[:, cell] / known[:, cell] - own * level)
-    return smoothed, level - predicted, variance + scatter
+    found = np.empty((3, len(priors), max(len(cell), priors.shape[1])))
+    smoothed, off, usual = found[0, :, : priors.shape[1]], *found[1:, :, : len(cell)]
+    if not _leave_out(priors, cell, level, scatter, trust, smoothed, off, usual):
+        raise np.linalg.LinAlgError("the prior is not positive definite")
+    return smoothed, off, usual
+
+
+@kernel("b1(f8[:, :, ::1], i8[::1], f8[::1], f8[::1], f8[::1], f8[:, :], f8[:, :], f8[:, :])")
+def _leave_out(
+    priors: FloatArray,
+    cell: IntArray,
+    level: FloatArray,
+    scatter: FloatArray,
+    trust: FloatArray,
+    smoothed: FloatArray,
+    off: FloatArray,
+    usual: FloatArray,
+) -> bool:
+    """Set the results of `_left_out`; returns whether every prior is positive definite."""
+    count, own = priors.shape[1], trust / scatter
+    precision, mean = np.zeros(count), np.zeros(count)
+    for row in range(len(cell)):
+        precision[cell[row]] += own[row]
+        mean[cell[row]] += own[row] * level[row]
+    middle = mean.sum() / precision.sum()
+    mean /= precision
+    gains, left = np.empty((len(priors), count)), np.empty((len(priors), count))
+    evidence = np.empty(len(priors))
+    if not condition(priors, 1.0 / precision, mean - middle, True, evidence, gains, left):
+        return False
+    for s in range(len(priors)):
+        smoothed[s] = mean - gains[s] / precision
+        known = 1.0 / precision - left[s] / precision**2
+        for row in range(len(cell)):
+            c = cell[row]
+            variance = 1.0 / max(1.0 / known[c] - own[row], _LEAST_PRECISION)
+            predicted = variance * (smoothed[s, c] / known[c] - own[row] * level[row])
+            off[s, row], usual[s, row] = level[row] - predicted, variance + scatter[row]
+    return True
 
 
 def _likeliest(priors: FloatArray, cell: IntArray, level: FloatArray, scatter: FloatArray) -> int:

@@ -23,10 +23,10 @@ from mmt.texture.autoregression.effective_sample_size import UNKNOWN
 from mmt.texture.field.blocks import BLOCK_S
 from mmt.texture.field.cells import FELT_POWER, FieldCells
 from mmt.texture.field.covariance import (
-    Between,
     Coordinates,
     coordinates,
     mean_on_grid,
+    prior_covariance,
     settings,
     variance,
     warped,
@@ -127,8 +127,7 @@ class LevelField:
         self.directed = cells.directed
         self._at = at = cells.centres
         every = settings(SETTINGS, directed=self.directed)
-        between = Between(at, at, directed=self.directed)
-        priors = np.array([between.covariance(setting) for setting in every])
+        priors = prior_covariance(at, at, every)
         self.observed = found = observe(cells, priors)
         share = self._share(found.smoothed + at.law, noise_power)
         level = found.level + np.log(gain * share)
@@ -139,16 +138,31 @@ class LevelField:
 
     def predict(self, at: Coordinates) -> Prediction:
         """Return the posterior at k strokes: of the level itself, not of what would be measured."""
-        between = Between(at, self._at, directed=self.directed)
-        means, variances = [], []
-        for member in self._members:
-            prior = between.covariance(member.setting)
-            explained = np.square(solve_forward(member.factor, prior)).sum(axis=1)
+        return self._predicted(at)[0]
+
+    def predict_jointly(self, at: Coordinates) -> tuple[Prediction, FloatArray]:
+        """Return the posterior at k strokes, and the covariance among them, (k, k), nepers^2.
+
+        The covariance is that of the setting with the largest weight.
+        """
+        found, explained = self._predicted(at)
+        likeliest = int(found.weights.argmax())
+        within = prior_covariance(at, at, self._members[likeliest].setting)
+        return found, within - product(explained[likeliest], explained[likeliest].T)
+
+    def _predicted(self, at: Coordinates) -> tuple[Prediction, list[FloatArray]]:
+        """Return the posterior, and what of each setting's prior is explained, whitened."""
+        every = np.array([member.setting for member in self._members])
+        means, variances, explained = [], [], []
+        for member, prior in zip(self._members, prior_covariance(at, self._at, every), strict=True):
+            white = solve_forward(member.factor, prior)
             mean = np.einsum("ij,j->i", prior, member.cell_weights)
             means.append(mean + self._middle + at.law)
-            variances.append(variance(at, member.setting) - explained)
+            variances.append(variance(at, member.setting) - np.square(white).sum(axis=1))
+            explained.append(white)
         weights = np.array([member.weight for member in self._members])
-        return Prediction(weights, np.array(means), np.maximum(variances, _LEAST_VARIANCE))
+        found = Prediction(weights, np.array(means), np.maximum(variances, _LEAST_VARIANCE))
+        return found, explained
 
     def level_db(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return mean and standard deviation of the level, each (k,), in dB; 0 dB is 1 (m/s2)^2.
@@ -160,17 +174,6 @@ class LevelField:
         """
         found = self.predict(coordinates(points))
         return DB * _rendered(found.mean), DB * found.deviation
-
-    def covariance_among(self, at: Coordinates) -> FloatArray:
-        """Return the posterior covariance among g strokes, (g, g), nepers^2.
-
-        That of the setting with the largest weight.
-        """
-        likeliest = max(self._members, key=lambda member: member.weight)
-        prior = Between(at, self._at, directed=self.directed).covariance(likeliest.setting)
-        explained = solve_forward(likeliest.factor, prior)
-        within = Between(at, at, directed=self.directed).covariance(likeliest.setting)
-        return np.asarray(within - product(explained, explained.T))
 
     @property
     def second_variance(self) -> float:
