@@ -2,8 +2,9 @@
 
 Frames go to `segmenting`, segments to `fitting`, fits to `synthesizing` and models to
 `completing`, which says what each update has come to. Each task hands its numerics to one worker
-thread, step by step: compiled code that releases the interpreter lock, so that the 1 kHz tick is
-not delayed. The model is the same to the bit as that of an offline pass over the same frames.
+thread, step by step: mostly compiled code that releases the interpreter lock. Short calls that
+release it often still delay some ticks of 1 kHz. The model is the same to the bit as that of an
+offline pass over the same frames.
 """
 
 import asyncio
