@@ -59,7 +59,7 @@ def in_turn(count):
 
 def observed(cells):
     every = covariance.settings(16, directed=cells.directed)
-    return observe(cells, covariance.prior_covariance(cells.centres, cells.centres, every))
+    return observe(cells, every)
 
 
 def samples_of(points, power, effective):

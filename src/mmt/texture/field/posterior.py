@@ -8,8 +8,8 @@ Each cell of strokes counts as one observation, with the error that is left of i
 The posterior is a mixture over `SETTINGS` hyperparameters, each weighted by its evidence, so that
 what is not known of a texture's smoothness counts in the standard deviation.
 
-Cost: O(s c^3) for s settings and c cells that were touched, of which there are at most 440, or 780
-with headings, however long the session is; two thirds of it are those of the observations.
+Cost: O(c^3) for each setting with weight and c cells that were touched, of which there are at most
+440, or 780 with headings, however long the session is.
 """
 
 from functools import cached_property
@@ -31,7 +31,7 @@ from mmt.texture.field.covariance import (
     variance,
     warped,
 )
-from mmt.texture.field.observations import BLOCK_VARIANCE, observe
+from mmt.texture.field.observations import BLOCK_VARIANCE, choice, observe
 from mmt.texture.linear_algebra import (
     cholesky,
     conditioned,
@@ -127,14 +127,13 @@ class LevelField:
         self.directed = cells.directed
         self._at = at = cells.centres
         every = settings(SETTINGS, directed=self.directed)
-        priors = prior_covariance(at, at, every)
-        self.observed = found = observe(cells, priors)
+        self.observed = found = observe(cells, every)
         share = self._share(found.smoothed + at.law, noise_power)
         level = found.level + np.log(gain * share)
         self._loudest = float((found.smoothed + at.law).max())
         self._middle = float(np.average(level, weights=1.0 / found.variance))
         errors = found.variance / np.square(share)
-        self._members = _mixture(every, priors, level - self._middle, errors)
+        self._members = _mixture(every, cells, level - self._middle, errors)
 
     def predict(self, at: Coordinates) -> Prediction:
         """Return the posterior at k strokes: of the level itself, not of what would be measured."""
@@ -210,18 +209,23 @@ class LevelField:
 
 
 def _mixture(
-    every: FloatArray, priors: FloatArray, rest: FloatArray, errors: FloatArray
+    every: FloatArray, cells: FieldCells, rest: FloatArray, errors: FloatArray
 ) -> list[_Member]:
     """Return the settings with the weight of their evidence; `rest` (c,) is what is observed."""
-    evidence, _, _ = conditioned(priors, errors, rest, left_out=False)
+    chosen, at = choice(cells)
+    among = prior_covariance(at, at, every)
+    evidence, _, _ = conditioned(among, errors[chosen], rest[chosen], left_out=False)
     weights = np.exp(evidence - evidence.max())
     weights[weights < _NEGLIGIBLE] = 0.0
     weights /= weights.sum()
+    kept = np.flatnonzero(weights)
     members = []
-    for kept in np.flatnonzero(weights):
-        factor = cholesky(priors[kept] + np.diag(errors))
+    for each, prior in zip(
+        kept, prior_covariance(cells.centres, cells.centres, every[kept]), strict=True
+    ):
+        factor = cholesky(prior + np.diag(errors))
         cell_weights = solve_backward(factor, solve_forward(factor, rest))
-        members.append(_Member(float(weights[kept]), every[kept], factor, cell_weights))
+        members.append(_Member(float(weights[each]), every[each], factor, cell_weights))
     return members
 
 
