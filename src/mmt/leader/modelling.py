@@ -229,10 +229,10 @@ class Modelling(Part):
         self._worker.shutdown(cancel_futures=True)
 
     def tick(self, tick: Tick) -> None:
-        """Note how late the ticks are while a task is at work."""
-        if self._activity.busy and self._last_ns and self._session is not None:
+        """Note how late the ticks are, while a task is at work and otherwise."""
+        if self._last_ns and self._session is not None:
             late_ns = tick.now_ns - self._last_ns - self._session.period_ns
-            self._session.log.late_while_modelling.add(max(0, late_ns))
+            self._session.log.late[self._activity.busy > 0].add(max(0, late_ns))
         self._last_ns = tick.now_ns
 
     def status(self) -> dict[str, Any]:
@@ -268,8 +268,13 @@ class Modelling(Part):
             "late_frames": self.late_frames,
             "tasks": {name: figures.as_dict() for name, figures in self.figures.items()},
         }
-        late_ms = log.late_while_modelling.quantile_ms(0.99)
-        return {"texture": table, "ticks": {"late_while_modelling_p99_ms": late_ms}}
+        ticks: dict[str, Any] = {}
+        for busy, name in ((True, "while_modelling"), (False, "otherwise")):
+            late = log.late[busy]
+            ticks[f"late_{name}_p99_ms"] = late.quantile_ms(0.99)
+            (soon,), _ = late.cumulative([1_000_000])
+            ticks[f"late_{name}_share_1ms"] = 1.0 - soon / late.count if late.count else None
+        return {"texture": table, "ticks": ticks}
 
     def metrics(self) -> "Iterable[Metric]":
         """Return the model's figures, and those of each task."""
