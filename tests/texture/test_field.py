@@ -58,9 +58,8 @@ def in_turn(count):
 
 
 def observed(cells):
-    between = covariance.Between(cells.centres, cells.centres, directed=cells.directed)
     every = covariance.settings(16, directed=cells.directed)
-    return observe(cells, np.array([between.covariance(setting) for setting in every]))
+    return observe(cells, every)
 
 
 def samples_of(points, power, effective):
@@ -138,7 +137,7 @@ def test_a_field_drawn_from_the_prior_is_recovered_and_its_error_is_as_large_as_
         random = np.random.default_rng(seed)
         points, asked = scattered(300, directed, seed), scattered(60, directed, seed + 1000)
         at = covariance.coordinates(np.vstack([points, asked]))
-        prior = covariance.Between(at, at, directed=directed).covariance(every[seed % len(every)])
+        prior = covariance.prior_covariance(at, at, every[seed % len(every)])
         root = np.linalg.cholesky(prior + 1e-9 * np.eye(len(prior)))
         drawn = root @ random.standard_normal(len(prior)) + at.law
         power = measured(points, seed, level=lambda _, drawn=drawn: drawn[:300])
@@ -193,8 +192,8 @@ def test_a_row_is_predicted_as_if_it_had_not_been_there(directed):
     cells = FieldCells.of(points, measured(points), in_turn(24))
     cell, level = cells.cell_of_row, cells.sums[:, 1] - cells.centres.law[cells.cell_of_row]
     scatter, trust = np.linspace(0.1, 0.3, len(level)), np.linspace(0.2, 1.0, len(level))
-    between = covariance.Between(cells.centres, cells.centres, directed=directed)
-    prior = between.covariance(covariance.settings(16, directed=directed)[3])
+    setting = covariance.settings(16, directed=directed)[3]
+    prior = covariance.prior_covariance(cells.centres, cells.centres, setting)
     found = observations._left_out(prior[np.newaxis], cell, level, scatter, trust)
     off, usual = found[1][0], found[2][0]
     own = trust / scatter
@@ -353,7 +352,7 @@ def test_without_a_rough_departure_its_size_is_zero_and_the_others_are_spread_al
     at = covariance.coordinates(scattered(6, directed))
     known = list(zip(*at, strict=True))
     wanted = [[covariance_written_out(p, q, found[3]) for q in known] for p in known]
-    prior = covariance.Between(at, at, directed=directed).covariance(found[3])
+    prior = covariance.prior_covariance(at, at, found[3])
     np.testing.assert_allclose(prior, wanted, rtol=1e-12)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mmt.texture.field.covariance import Between, Coordinates, coordinates, settings
+from mmt.texture.field.covariance import Coordinates, coordinates, prior_covariance, settings
 from mmt.texture.field.cross_validation import EVIDENCE, LeaveOneOut
 from mmt.texture.field.posterior import SETTINGS
 
@@ -18,7 +18,7 @@ def observations(n, dimensions, seed=0, channels=3, scatter=0.04):
         points[:, :2] *= generator.choice([-1.0, 1.0], (n, 2))
     at = coordinates(points)
     setting = np.median(settings(SETTINGS, directed=dimensions == 3, rough=False), axis=0)
-    prior = Between(at, at, directed=dimensions == 3).covariance(setting)
+    prior = prior_covariance(at, at, setting)
     scatters = scatter * generator.uniform(0.5, 2.0, n)
     root = np.linalg.cholesky(prior + np.diag(scatters))
     return points, root @ generator.normal(size=(n, channels)), scatters
@@ -35,8 +35,8 @@ def rebuilt(points, values, scatters, present, index, effective):
     own = Coordinates(*(axis[[index]] for axis in at))
     far = Coordinates(*(axis[others] for axis in at))
     for setting in settings(SETTINGS, directed=directed, rough=False):
-        prior = Between(at, at, directed=directed).covariance(setting)
-        across = Between(own, far, directed=directed).covariance(setting)[0]
+        prior = prior_covariance(at, at, setting)
+        across = prior_covariance(own, far, setting)[0]
         for factor in FACTORS:
             total = prior + factor * np.diag(scatters)
             every, left = total[np.ix_(known, known)], total[np.ix_(others, others)]

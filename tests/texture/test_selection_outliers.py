@@ -13,7 +13,7 @@ from selection_samples import sampled_texture
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.burg import burg_batch
 from mmt.texture.autoregression.forms import reflection_to_lsf
-from mmt.texture.field.covariance import Between, coordinates, settings
+from mmt.texture.field.covariance import coordinates, prior_covariance, settings
 from mmt.texture.selection import ModelPoints
 from mmt.texture.selection.outliers import (
     FALSE_ALARMS,
@@ -38,7 +38,7 @@ def drawn_from_the_prior(n, dimensions, seed, *, gain_spread=0.0, knocks=0):
     at = coordinates(points)
     directed = dimensions == 3
     setting = np.median(settings(16, directed=directed, rough=False), axis=0)
-    prior = Between(at, at, directed=directed).covariance(setting, constant=0.5)
+    prior = prior_covariance(at, at, setting, constant=0.5)
     root = np.linalg.cholesky(prior + 1e-9 * np.eye(n))
     cepstra = root @ generator.normal(size=(n, 4)) * np.array([1.0, 0.4, 0.3, 0.2])
     waves = np.cos(2.0 * np.pi * np.outer(np.arange(4), band()))

@@ -2,8 +2,9 @@
 
 Frames go to `segmenting`, segments to `fitting`, fits to `synthesizing` and models to
 `completing`, which says what each update has come to. Each task hands its numerics to one worker
-thread, step by step: compiled code that releases the interpreter lock, so that the 1 kHz tick is
-not delayed. The model is the same to the bit as that of an offline pass over the same frames.
+thread, step by step: mostly compiled code that releases the interpreter lock. Short calls that
+release it often still delay some ticks of 1 kHz. The model is the same to the bit as that of an
+offline pass over the same frames.
 """
 
 import asyncio
@@ -228,10 +229,10 @@ class Modelling(Part):
         self._worker.shutdown(cancel_futures=True)
 
     def tick(self, tick: Tick) -> None:
-        """Note how late the ticks are while a task is at work."""
-        if self._activity.busy and self._last_ns and self._session is not None:
+        """Note how late the ticks are, while a task is at work and otherwise."""
+        if self._last_ns and self._session is not None:
             late_ns = tick.now_ns - self._last_ns - self._session.period_ns
-            self._session.log.late_while_modelling.add(max(0, late_ns))
+            self._session.log.late[self._activity.busy > 0].add(max(0, late_ns))
         self._last_ns = tick.now_ns
 
     def status(self) -> dict[str, Any]:
@@ -267,8 +268,13 @@ class Modelling(Part):
             "late_frames": self.late_frames,
             "tasks": {name: figures.as_dict() for name, figures in self.figures.items()},
         }
-        late_ms = log.late_while_modelling.quantile_ms(0.99)
-        return {"texture": table, "ticks": {"late_while_modelling_p99_ms": late_ms}}
+        ticks: dict[str, Any] = {}
+        for busy, name in ((True, "while_modelling"), (False, "otherwise")):
+            late = log.late[busy]
+            ticks[f"late_{name}_p99_ms"] = late.quantile_ms(0.99)
+            (soon,), _ = late.cumulative([1_000_000])
+            ticks[f"late_{name}_share_1ms"] = 1.0 - soon / late.count if late.count else None
+        return {"texture": table, "ticks": ticks}
 
     def metrics(self) -> "Iterable[Metric]":
         """Return the model's figures, and those of each task."""

@@ -82,7 +82,10 @@ class RunLog:
     update: "ModelUpdate | None" = None
     update_seconds: list[float] = field(default_factory=list)
     switches: list[dict[str, Any]] = field(default_factory=list)
-    late_while_modelling: TimeHistogram = field(default_factory=TimeHistogram)
+    late: dict[bool, TimeHistogram] = field(
+        default_factory=lambda: {True: TimeHistogram(), False: TimeHistogram()}
+    )
+    """How late ticks were, by whether the modelling was at work."""
     start_s: float | None = None
     stop_s: float | None = None
     ready_s: float | None = None

@@ -87,7 +87,7 @@ def summarise(
             "id": log.session_id,
             "duration_s": round(duration_s, 3),
         },
-        "ticks": {**asdict(ticks), "late_while_modelling_p99_ms": None},
+        "ticks": asdict(ticks),
         "process": {
             "ready_s": log.ready_s,
             "core_share": round(cost.core_share, 3),

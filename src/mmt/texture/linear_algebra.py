@@ -1,4 +1,4 @@
-"""Cholesky factors, triangular systems and products of small matrices, in the calling thread.
+"""Cholesky factors, triangular systems, products of small matrices, and nearest points.
 
 A linear algebra library that is threaded divides matrices from some 64 rows on among its threads,
 and waits for them. Where the other processors are busy, as those of a teleoperation machine are,
@@ -9,13 +9,17 @@ computed here instead.
 The algorithms are those of LAPACK's ``potrf`` and ``trtrs`` (Golub and Van Loan, Matrix
 Computations, 2013, sections 3.1 and 4.2.6), in blocks of `_BLOCK` rows: the rows of a block stay
 in the processor's nearest cache while they are subtracted from all others.
+
+A call computes for long without the interpreter lock. Code that gives the lock up often and briefly
+(trees of scipy, sorting by numpy) starves other threads: who waits for the lock is woken each time,
+finds it taken again, and a 1 kHz tick is 1 to 5 ms late.
 """
 
 from typing import Final
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray
+from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.compiled import kernel
 
 _BLOCK: Final = 8
@@ -86,7 +90,7 @@ def conditioned(
     """
     evidence = np.empty(len(priors))
     gains, precision = np.empty((2, len(priors), len(rest) if left_out else 0))
-    if not _condition(priors, errors, rest, left_out, evidence, gains, precision):
+    if not condition(priors, errors, rest, left_out, evidence, gains, precision):
         raise np.linalg.LinAlgError(_INDEFINITE)
     return evidence, gains, precision
 
@@ -106,6 +110,21 @@ def product(a: FloatArray, b: FloatArray) -> FloatArray:
     result = np.zeros((len(a), b.shape[1]))
     _add_product(np.ascontiguousarray(a), np.ascontiguousarray(b), result)
     return result
+
+
+@kernel("i8[::1](f8[:, :], f8[:, :])")
+def nearest_rows(among: FloatArray, points: FloatArray) -> IntArray:
+    """Return which of n points (n, d), at least one, lies nearest to each of k, (k, d); (k,)."""
+    nearest = np.zeros(len(points), np.int64)
+    for i in range(len(points)):
+        least = np.inf
+        for j in range(len(among)):
+            squared = 0.0
+            for axis in range(among.shape[1]):
+                squared += (among[j, axis] - points[i, axis]) ** 2
+            if squared < least:
+                least, nearest[i] = squared, j
+    return nearest
 
 
 @kernel("void(f8[:, ::1], u8, u8, u8, f8[::1], u8, f8[:, ::1], u8)")
@@ -212,7 +231,7 @@ def _add_product(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
 
 
 @kernel("b1(f8[:, :, ::1], f8[::1], f8[::1], b1, f8[::1], f8[:, ::1], f8[:, ::1])")
-def _condition(
+def condition(
     priors: FloatArray,
     errors: FloatArray,
     rest: FloatArray,

@@ -12,18 +12,21 @@ from mmt.scene.files import example_scenes, load_scene
 
 async def run_demo_services(
     duration_s: float,
+    scene_name: str = "demo",
     *,
     realtime: bool = False,
     environment: Mapping[str, str] | None = None,
     visitors: Visitors | None = None,
     on_link: Callable[[str], None] = lambda _: None,
 ) -> DemoRun:
-    """Run the services of the demo's scene, which record to a temporary file.
+    """Run the services of an example scene, which record to a temporary file.
 
     Parameters
     ----------
     duration_s
         How long the session lasts.
+    scene_name
+        Name of the scene.
     realtime, environment, on_link
         See `mmt.cli.scene_services.run_services`.
     visitors
@@ -34,7 +37,7 @@ async def run_demo_services(
     MmtError
         A service failed.
     """
-    scene_file = example_scenes()["demo"]
+    scene_file = example_scenes()[scene_name]
     with tempfile.TemporaryDirectory() as directory:
         overrides: dict[str, Any] = {
             "session.duration_s": duration_s,

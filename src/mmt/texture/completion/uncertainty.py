@@ -189,13 +189,13 @@ def outlook(
         The probability that the level is within one JND, and the increase of the weighted share by
         a further second of stroking at that node.
     """
-    covariance = field.covariance_among(grid.strokes)
+    found, covariance = field.predict_jointly(grid.strokes)
     variance = np.maximum(np.diagonal(covariance), _LEAST)
     gained = np.square(covariance) / (variance + field.second_variance)[:, None]
     nepers = JND_DB / DB
     after = right_probability(nepers, np.maximum(variance - gained, _LEAST))
     gain = after @ weights - right_probability(nepers, variance) @ weights
-    return field.predict(grid.strokes).within(nepers), np.asarray(gain)
+    return found.within(nepers), np.asarray(gain)
 
 
 class UncertaintyCriterion(Criterion):

@@ -22,13 +22,13 @@ their prior, and the posterior is the mixture of all, each with the weight of it
 (`mmt.texture.field.posterior`). The prior's figures are in `HYPERPRIOR`.
 """
 
-from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
 from scipy.special import ndtri
 
-from mmt.core.arrays import FloatArray
+from mmt.core.arrays import FloatArray, IntArray
+from mmt.core.compiled import kernel
 
 
 class LogNormal(NamedTuple):
@@ -134,57 +134,87 @@ def settings(count: int, *, directed: bool, rough: bool = True) -> FloatArray:
     return every
 
 
-def matern(distance: FloatArray, length: float) -> FloatArray:
-    """Return the Matern covariance of smoothness 3/2."""
-    r = (np.sqrt(3.0) / length) * distance
-    return np.asarray((1.0 + r) * np.exp(-r))
-
-
-class Between:
-    """What covariances between two sets of strokes are computed from, whatever the setting.
+def prior_covariance(
+    a: Coordinates, b: Coordinates, every: FloatArray, *, constant: float = _FREE
+) -> FloatArray:
+    """Return the prior covariance between k and l strokes.
 
     Parameters
     ----------
     a, b
         Coordinates of k and of l strokes.
-    directed
-        Whether the heading counts.
+    every
+        One row of `settings`, or s of them.
+    constant
+        Variance of c.
+
+    Returns
+    -------
+    covariance
+        Shape (k, l), or (s, k, l).
     """
+    rows = np.atleast_2d(np.asarray(every, np.float64))
+    out = np.empty((len(rows), len(a.u), len(b.u)))
+    _covariances(np.array(a), np.array(b), rows, constant, out)
+    return out.reshape(np.shape(every)[:-1] + out.shape[1:])
 
-    def __init__(self, a: Coordinates, b: Coordinates, *, directed: bool) -> None:
-        self._linear = SLOPES[0][1] ** 2 * np.multiply.outer(a.u, b.u)
-        self._linear += SLOPES[1][1] ** 2 * np.multiply.outer(a.v, b.v)
-        self._u, self._v = _Axis(a.u, b.u), _Axis(a.v, b.v)
-        self._heading = _Axis(a.heading, b.heading) if directed else None
 
-    def covariance(self, setting: FloatArray, *, constant: float = _FREE) -> FloatArray:
-        """Return the prior covariance (k, l) under one row of `settings`.
+@kernel("f8[:, ::1](f8[::1], f8[::1], i8[::1], i8[::1])")
+def _differences(a: FloatArray, b: FloatArray, of_a: IntArray, of_b: IntArray) -> FloatArray:
+    """Return the differences between different values; set which of these each value is."""
+    own_a, own_b = np.unique(a), np.unique(b)
+    of_a[:], of_b[:] = np.searchsorted(own_a, a), np.searchsorted(own_b, b)
+    apart = np.empty((len(own_a), len(own_b)))
+    for i in range(len(own_a)):
+        for j in range(len(own_b)):
+            apart[i, j] = own_a[i] - own_b[j]
+    return apart
 
-        ``constant`` is the variance of c.
-        """
-        total = self._plane(setting[1], setting[2])
-        total *= setting[0] ** 2
-        if setting[3] > 0.0:
-            total += setting[3] ** 2 * self._rough
-        if self._heading is not None:
-            around = self._heading.every(_around(self._heading.apart, setting))
-            around *= self._plane(*(_HEADED_LENGTHS * setting[1:3]))
-            total += around
-        total += self._linear
-        total += constant
-        return total
 
-    @cached_property
-    def _rough(self) -> FloatArray:
-        length = CELL_WIDTHS[self._heading is not None]
-        return self._plane(length, length)
+@kernel("f8[:, ::1](f8[:, ::1], f8)")
+def matern(distance: FloatArray, length: float) -> FloatArray:
+    """Return the Matern covariance of smoothness 3/2."""
+    r = (np.sqrt(3.0) / length) * np.abs(distance)
+    return np.asarray((1.0 + r) * np.exp(-r))
 
-    def _plane(self, speed_length: float, force_length: float) -> FloatArray:
-        """Return the product of the covariances over u and v."""
-        u, v = self._u, self._v
-        total = u.every(matern(np.abs(u.apart), speed_length))
-        total *= v.every(matern(np.abs(v.apart), force_length))
-        return total
+
+@kernel("f8[:, ::1](f8[:, ::1], f8[::1])")
+def _around(angle: FloatArray, setting: FloatArray) -> FloatArray:
+    """Return the covariance of the departures with heading, at equal speeds and forces."""
+    ridges = setting[4] ** 2 * matern(np.sin(angle), setting[5])  # a heading and its opposite: one
+    return np.asarray(ridges + setting[6] ** 2 * matern(2.0 * np.sin(0.5 * angle), setting[7]))
+
+
+@kernel("void(f8[:, ::1], f8[:, ::1], f8[:, ::1], f8, f8[:, :, ::1])")
+def _covariances(
+    a: FloatArray, b: FloatArray, every: FloatArray, constant: float, out: FloatArray
+) -> None:
+    """Set the covariances (s, k, l) of `prior_covariance`."""
+    of_a, of_b = np.empty(a.shape, np.int64), np.empty(b.shape, np.int64)
+    speed = _differences(a[0], b[0], of_a[0], of_b[0])
+    force = _differences(a[1], b[1], of_a[1], of_b[1])
+    heading = _differences(a[2], b[2], of_a[2], of_b[2])
+    directed = every.shape[1] > _PLANAR
+    width = CELL_WIDTHS[1] if directed else CELL_WIDTHS[0]
+    rough_u, rough_v = matern(speed, width), matern(force, width)
+    around, wide_u, wide_v = heading, speed, force
+    for s in range(len(every)):
+        setting = every[s]
+        u, v = setting[0] ** 2 * matern(speed, setting[1]), matern(force, setting[2])
+        rough = setting[3] ** 2
+        if directed:
+            around = _around(heading, setting)
+            wide_u = matern(speed, _HEADED_LENGTHS * setting[1])
+            wide_v = matern(force, _HEADED_LENGTHS * setting[2])
+        for i in range(a.shape[1]):
+            slope_u, slope_v = SLOPES[0][1] ** 2 * a[0, i], SLOPES[1][1] ** 2 * a[1, i]
+            m, n, h = of_a[0, i], of_a[1, i], of_a[2, i]
+            for j in range(b.shape[1]):
+                p, q = of_b[0, j], of_b[1, j]
+                total = u[m, p] * v[n, q] + rough * rough_u[m, p] * rough_v[n, q]
+                if directed:
+                    total += around[h, of_b[2, j]] * wide_u[m, p] * wide_v[n, q]
+                out[s, i, j] = total + slope_u * b[0, j] + slope_v * b[1, j] + constant
 
 
 def variance(at: Coordinates, setting: FloatArray) -> FloatArray:
@@ -215,8 +245,7 @@ def mean_on_grid(
     every
         Rows of `settings`, the first of the covariance to which the first weights belong, (k, h).
     """
-    u_apart = np.abs(np.subtract.outer(axes.u, at.u))
-    v_apart = np.abs(np.subtract.outer(axes.v, at.v))
+    u_apart, v_apart = np.subtract.outer(axes.u, at.u), np.subtract.outer(axes.v, at.v)
     all_weights, rough = weights.sum(axis=0), np.square(every[:, 3]) @ weights
     length = CELL_WIDTHS[every.shape[1] > _PLANAR]
     total = (matern(u_apart, length) * rough) @ matern(v_apart, length).T
@@ -236,27 +265,3 @@ def mean_on_grid(
         around = _around(np.subtract.outer(axes.heading, at.heading), setting)
         turning += (around * own) @ both.T
     return np.asarray(total + turning.reshape(len(axes.heading), *total.shape))
-
-
-class _Axis:
-    """Two sets of k and l coordinates along one axis, few of which are different.
-
-    ``apart`` holds the differences of those that are.
-    """
-
-    def __init__(self, a: FloatArray, b: FloatArray) -> None:
-        own_a, self._a = np.unique(a, return_inverse=True)
-        own_b, self._b = np.unique(b, return_inverse=True)
-        self.apart: FloatArray = np.subtract.outer(own_a, own_b)
-
-    def every(self, values: FloatArray) -> FloatArray:
-        """Return the values (k, l) for all, from those for the different ones."""
-        return values.take(self._a, axis=0).take(self._b, axis=1)
-
-
-def _around(angle: FloatArray, setting: FloatArray) -> FloatArray:
-    """Return the covariance of the departures with heading, at equal speeds and forces."""
-    line = np.abs(np.sin(angle))  # a heading and its opposite are one
-    turn = 2.0 * np.abs(np.sin(0.5 * angle))
-    ridges = setting[4] ** 2 * matern(line, setting[5])
-    return np.asarray(ridges + setting[6] ** 2 * matern(turn, setting[7]))

@@ -17,7 +17,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
-from mmt.texture.field.covariance import Between, Coordinates, coordinates, settings
+from mmt.texture.field.covariance import Coordinates, coordinates, prior_covariance, settings
 from mmt.texture.field.posterior import SETTINGS
 from mmt.texture.linear_algebra import cholesky, solve_backward, solve_forward
 
@@ -56,10 +56,8 @@ class LeaveOneOut:
 
     def __init__(self, points: FloatArray, scatter: FloatArray, factors: Sequence[float]) -> None:
         self._at = coordinates(points)
-        self._directed = points.shape[1] > 2
         self._scatter, self._factors = scatter, factors
-        self._settings = settings(SETTINGS, directed=self._directed, rough=False)
-        self._between: Between | None = None
+        self._settings = settings(SETTINGS, directed=points.shape[1] > 2, rough=False)
         self._priors: dict[int, FloatArray] = {}
 
     def predict(
@@ -90,10 +88,9 @@ class LeaveOneOut:
         ]
 
     def _prior(self, setting: int) -> FloatArray:
-        if self._between is None:
-            self._between = Between(self._at, self._at, directed=self._directed)
         if setting not in self._priors:
-            self._priors[setting] = self._between.covariance(self._settings[setting])
+            row = self._settings[setting]
+            self._priors[setting] = prior_covariance(self._at, self._at, row)
         return self._priors[setting]
 
     def _weights(
@@ -103,11 +100,9 @@ class LeaveOneOut:
         places = np.linspace(0, len(known) - 1, min(len(known), EVIDENCE)).round().astype(int)
         chosen = known[places]
         at = Coordinates(*(axis[chosen] for axis in self._at))
-        between = Between(at, at, directed=self._directed)
         rests = [values[chosen] - values[known].mean(axis=0) for values in groups]
         evidence = np.zeros((len(groups), len(self._settings), len(self._factors)))
-        for row, setting in enumerate(self._settings):
-            prior = between.covariance(setting)
+        for row, prior in enumerate(prior_covariance(at, at, self._settings)):
             for column, factor in enumerate(self._factors):
                 total = prior.copy()
                 _add_to_diagonal(total, factor * self._scatter[chosen])

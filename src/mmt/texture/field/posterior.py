@@ -8,8 +8,8 @@ Each cell of strokes counts as one observation, with the error that is left of i
 The posterior is a mixture over `SETTINGS` hyperparameters, each weighted by its evidence, so that
 what is not known of a texture's smoothness counts in the standard deviation.
 
-Cost: O(s c^3) for s settings and c cells that were touched, of which there are at most 440, or 780
-with headings, however long the session is; two thirds of it are those of the observations.
+Cost: O(c^3) for each setting with weight and c cells that were touched, of which there are at most
+440, or 780 with headings, however long the session is.
 """
 
 from functools import cached_property
@@ -23,15 +23,15 @@ from mmt.texture.autoregression.effective_sample_size import UNKNOWN
 from mmt.texture.field.blocks import BLOCK_S
 from mmt.texture.field.cells import FELT_POWER, FieldCells
 from mmt.texture.field.covariance import (
-    Between,
     Coordinates,
     coordinates,
     mean_on_grid,
+    prior_covariance,
     settings,
     variance,
     warped,
 )
-from mmt.texture.field.observations import BLOCK_VARIANCE, observe
+from mmt.texture.field.observations import BLOCK_VARIANCE, choice, observe
 from mmt.texture.linear_algebra import (
     cholesky,
     conditioned,
@@ -127,28 +127,41 @@ class LevelField:
         self.directed = cells.directed
         self._at = at = cells.centres
         every = settings(SETTINGS, directed=self.directed)
-        between = Between(at, at, directed=self.directed)
-        priors = np.array([between.covariance(setting) for setting in every])
-        self.observed = found = observe(cells, priors)
+        self.observed = found = observe(cells, every)
         share = self._share(found.smoothed + at.law, noise_power)
         level = found.level + np.log(gain * share)
         self._loudest = float((found.smoothed + at.law).max())
         self._middle = float(np.average(level, weights=1.0 / found.variance))
         errors = found.variance / np.square(share)
-        self._members = _mixture(every, priors, level - self._middle, errors)
+        self._members = _mixture(every, cells, level - self._middle, errors)
 
     def predict(self, at: Coordinates) -> Prediction:
         """Return the posterior at k strokes: of the level itself, not of what would be measured."""
-        between = Between(at, self._at, directed=self.directed)
-        means, variances = [], []
-        for member in self._members:
-            prior = between.covariance(member.setting)
-            explained = np.square(solve_forward(member.factor, prior)).sum(axis=1)
+        return self._predicted(at)[0]
+
+    def predict_jointly(self, at: Coordinates) -> tuple[Prediction, FloatArray]:
+        """Return the posterior at k strokes, and the covariance among them, (k, k), nepers^2.
+
+        The covariance is that of the setting with the largest weight.
+        """
+        found, explained = self._predicted(at)
+        likeliest = int(found.weights.argmax())
+        within = prior_covariance(at, at, self._members[likeliest].setting)
+        return found, within - product(explained[likeliest], explained[likeliest].T)
+
+    def _predicted(self, at: Coordinates) -> tuple[Prediction, list[FloatArray]]:
+        """Return the posterior, and what of each setting's prior is explained, whitened."""
+        every = np.array([member.setting for member in self._members])
+        means, variances, explained = [], [], []
+        for member, prior in zip(self._members, prior_covariance(at, self._at, every), strict=True):
+            white = solve_forward(member.factor, prior)
             mean = np.einsum("ij,j->i", prior, member.cell_weights)
             means.append(mean + self._middle + at.law)
-            variances.append(variance(at, member.setting) - explained)
+            variances.append(variance(at, member.setting) - np.square(white).sum(axis=1))
+            explained.append(white)
         weights = np.array([member.weight for member in self._members])
-        return Prediction(weights, np.array(means), np.maximum(variances, _LEAST_VARIANCE))
+        found = Prediction(weights, np.array(means), np.maximum(variances, _LEAST_VARIANCE))
+        return found, explained
 
     def level_db(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return mean and standard deviation of the level, each (k,), in dB; 0 dB is 1 (m/s2)^2.
@@ -160,17 +173,6 @@ class LevelField:
         """
         found = self.predict(coordinates(points))
         return DB * _rendered(found.mean), DB * found.deviation
-
-    def covariance_among(self, at: Coordinates) -> FloatArray:
-        """Return the posterior covariance among g strokes, (g, g), nepers^2.
-
-        That of the setting with the largest weight.
-        """
-        likeliest = max(self._members, key=lambda member: member.weight)
-        prior = Between(at, self._at, directed=self.directed).covariance(likeliest.setting)
-        explained = solve_forward(likeliest.factor, prior)
-        within = Between(at, at, directed=self.directed).covariance(likeliest.setting)
-        return np.asarray(within - product(explained, explained.T))
 
     @property
     def second_variance(self) -> float:
@@ -207,18 +209,23 @@ class LevelField:
 
 
 def _mixture(
-    every: FloatArray, priors: FloatArray, rest: FloatArray, errors: FloatArray
+    every: FloatArray, cells: FieldCells, rest: FloatArray, errors: FloatArray
 ) -> list[_Member]:
     """Return the settings with the weight of their evidence; `rest` (c,) is what is observed."""
-    evidence, _, _ = conditioned(priors, errors, rest, left_out=False)
+    chosen, at = choice(cells)
+    among = prior_covariance(at, at, every)
+    evidence, _, _ = conditioned(among, errors[chosen], rest[chosen], left_out=False)
     weights = np.exp(evidence - evidence.max())
     weights[weights < _NEGLIGIBLE] = 0.0
     weights /= weights.sum()
+    kept = np.flatnonzero(weights)
     members = []
-    for kept in np.flatnonzero(weights):
-        factor = cholesky(priors[kept] + np.diag(errors))
+    for each, prior in zip(
+        kept, prior_covariance(cells.centres, cells.centres, every[kept]), strict=True
+    ):
+        factor = cholesky(prior + np.diag(errors))
         cell_weights = solve_backward(factor, solve_forward(factor, rest))
-        members.append(_Member(float(weights[kept]), every[kept], factor, cell_weights))
+        members.append(_Member(float(weights[each]), every[each], factor, cell_weights))
     return members
 
 

@@ -27,10 +27,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 from scipy.linalg import eigh
-from scipy.spatial import cKDTree
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.texture.interpolation.vertices import boundary
+from mmt.texture.linear_algebra import nearest_rows
 from mmt.texture.model.samples import TextureSamples
 
 LARGEST: Final = 128
@@ -75,7 +75,7 @@ def smoothed(
     asked, fitted = points, lsf
     if around is not None:
         asked = np.vstack([points, around])
-        fitted = np.vstack([lsf, lsf[cKDTree(points).query(around)[1]]])
+        fitted = np.vstack([lsf, lsf[nearest_rows(points, around)]])
     if len(points) < LEAST_SAMPLES:
         return fitted.copy()
     nodes, values, known = _pooled(points, lsf, weights)

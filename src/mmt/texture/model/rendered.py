@@ -4,12 +4,12 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.forms import lsf_to_reflection
 from mmt.texture.interpolation.interpolant import Interpolant, networked, triangulated
 from mmt.texture.interpolation.vertices import Vertices, vertex_table
+from mmt.texture.linear_algebra import nearest_rows
 from mmt.texture.model.samples import TextureSamples
 from mmt.texture.settings import Method
 
@@ -74,10 +74,11 @@ class FieldRendered(PublishedRendered):
         """
         from mmt.texture.signals.high_pass import gain_without_high_pass
 
-        nearest = cKDTree(self._samples.points).query(points)[1]
-        chosen, row = np.unique(nearest, return_inverse=True)
-        reflection = lsf_to_reflection(self._samples.lsf[chosen])
-        return gain_without_high_pass(reflection, self._rate_hz)[row]
+        nearest = nearest_rows(self._samples.points, points)
+        used = np.bincount(nearest) > 0
+        reflection = lsf_to_reflection(self._samples.lsf[: len(used)][used])
+        gain = gain_without_high_pass(reflection, self._rate_hz)
+        return np.asarray(gain[(used.cumsum() - 1)[nearest]])
 
 
 RENDERED: Final[dict[Method, type[PublishedRendered]]] = {

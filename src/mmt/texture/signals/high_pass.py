@@ -6,6 +6,7 @@ it leaves are divided by it. Below `LOWEST_HZ` there is too little of the textur
 hand's own motion, and no more is given back than there.
 """
 
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -61,6 +62,7 @@ _WEIGHTS: Final = np.r_[0.5, np.ones(PERIOD // 2 - 1), 0.5] / PERIOD
 """Of a spectrum in its power."""
 
 
+@cache
 def _given_back(rate_hz: float) -> FloatArray:
     frequency_hz = np.arange(PERIOD // 2 + 1) * (rate_hz / PERIOD)
     return np.asarray(1.0 + (VIBRATION_CUTOFF_HZ / np.maximum(frequency_hz, LOWEST_HZ)) ** 4)

@@ -6,6 +6,7 @@ the noise to some tenths (25th percentile of 50 squares of white noise: 0.87 of 
 as a quarter of the windows holds nothing else; it errs low rather than high.
 """
 
+import statistics
 from collections import deque
 from typing import Final
 
@@ -24,7 +25,6 @@ WINDOWS_KEPT: Final = 200
 
 _IN_AIR_N: Final = 0.05
 _AT_REST_MM_S: Final = 3.0
-_QUARTILE: Final = 25.0
 
 
 class NoiseFloor:
@@ -42,7 +42,7 @@ class NoiseFloor:
         """Noise power in (m/s2)^2, 0 with fewer than `LEAST_WINDOWS` windows."""
         if len(self._powers) < LEAST_WINDOWS:
             return 0.0
-        return float(np.percentile(self._powers, _QUARTILE))
+        return statistics.quantiles(self._powers, n=4, method="inclusive")[0]
 
 
 def _still_powers(block: AlignedBlock) -> list[float]:
