@@ -111,6 +111,13 @@ async def test_with_a_token_the_socket_asks_for_it(
         await socket.ping(b"who is there")
         assert (await socket.receive()).data == 4401
     assert (await until(await browser.look_on(together, TOKEN), "hello"))["session"] == "session"
+    async with browser.http.ws_connect(address(together), autoping=False) as socket:
+        await socket.send_json({"token": TOKEN})
+        await socket.pong(b"not asked for")
+        await socket.ping(b"who is there")
+        while (message := await socket.receive(10.0)).type is aiohttp.WSMsgType.BINARY:
+            pass
+        assert (message.type, message.data) == (aiohttp.WSMsgType.PONG, b"who is there")
     together.leader.stop()
     await together.end()
 

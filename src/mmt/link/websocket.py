@@ -82,6 +82,7 @@ def receive_directly(
     )
     try:
         websocket.receive = rest  # type: ignore[method-assign]
+        # engineio makes the socket, and aiohttp takes this at construction alone
         websocket._autoping = False
     except AttributeError:
         LOG.info(

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from aiohttp import web
+from aiohttp import WSMessage, WSMsgType, web
 
 from mmt.link.accepting import HANDSHAKE_S, admit_connection
 from mmt.link.access import Access
@@ -107,6 +107,21 @@ def add_page(application: web.Application, path: str, files: Mapping[str, PageFi
     application.router.add_get(f"{path}/{{name:[^/]*}}", file)
 
 
+class _PageSocket(web.WebSocketResponse):
+    """A WebSocket without ``autoping``: a stranger's pings are not answered."""
+
+    answers_pings = False
+
+    async def receive(self, timeout: float | None = None) -> WSMessage:
+        """Return the next message; once admitted, pings are answered and pongs left out."""
+        while True:
+            message = await super().receive(timeout)
+            if not self.answers_pings or message.type not in {WSMsgType.PING, WSMsgType.PONG}:
+                return message
+            if message.type is WSMsgType.PING:
+                await self.pong(message.data)
+
+
 async def open_socket(
     request: web.Request, access: Access, most_bytes: int = _MOST_BYTES
 ) -> tuple[web.WebSocketResponse, bool]:
@@ -114,13 +129,13 @@ async def open_socket(
 
     Without the token it is closed. `most_bytes` is the largest message that it accepts.
     """
-    socket = web.WebSocketResponse(
+    socket = _PageSocket(
         timeout=1.0, heartbeat=_HEARTBEAT_S, compress=False, max_msg_size=most_bytes, autoping=False
     )
     await socket.prepare(request)
     admitted = access.admits(await _token(socket))
-    socket._autoping = True  # a stranger's pings are not answered
     if admitted:
+        socket.answers_pings = True
         admit_connection(request)
     else:
         await socket.close(code=REFUSED, message=b"the token is missing or wrong")
