@@ -1,7 +1,8 @@
 """Parts that other packages add to the leader, and the tables that they add to a scene.
 
 A package names each part as an entry point of the group ``mmt.parts``: an `AddedPart`, in a module
-that imports little. The part's name is that of its table, if it has one.
+that imports nothing of `mmt` but this one, since a scene's tables are made from it. The part's name
+is that of its table, if it has one.
 """
 
 from collections.abc import Callable, Mapping
