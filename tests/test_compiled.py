@@ -130,4 +130,4 @@ def test_a_report_imports_no_kernels_of_the_selection_which_it_does_not_show() -
         [sys.executable, "-c", program], check=True, capture_output=True, text=True, timeout=150
     )
     assert "mmt.evaluation.report" in ended.stdout.split()
-    assert "mmt.texture.selection" not in ended.stdout.split()
+    assert "mmt_methods.selection" not in ended.stdout.split()

@@ -7,19 +7,19 @@ from typing import Final, get_args
 import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
-from mmt.evaluation.pooling import pool_sessions
 from mmt.scene import Hand, Scene
 from mmt.session import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.segmentation.segmenter import segment
-from mmt.texture.selection.points import spectral_error
 from mmt.texture.settings import Inputs
 from mmt.texture.signals.amplitude_spectra import Spectra, amplitude_spectra
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.signals.metrics import gfc_of_rows, power_error_db
 from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt_lab.selection.concatenated import network_settings
+from mmt_methods.selection.points import spectral_error
+from mmt_methods.selection.pooling import pool_sessions
 
 RECORDED_S: Final = 30.0
 """Of each texture for its model; a hand that takes all headings needs as much."""

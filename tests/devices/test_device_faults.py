@@ -22,11 +22,11 @@ from mmt.testing.emulated.net_ft import EmulatedNetFt
 if sys.platform != "linux":
     pytest.skip("the emulated ports are for Linux", allow_module_level=True)
 
-from mmt.devices.bota.frames import INVALID
 from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
-from mmt.testing.emulated.bota import EmulatedBota
 from mmt.testing.emulated.digital_ft import EmulatedDigitalFt
-from mmt.testing.emulated.iio import EmulatedIio
+from mmt_devices.bota.emulated import EmulatedBota
+from mmt_devices.bota.frames import INVALID
+from mmt_devices.iio.emulated import EmulatedIio
 
 PRESSED = (0.0, 0.0, 2.0)
 

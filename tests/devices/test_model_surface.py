@@ -9,7 +9,6 @@ import mmt
 from mmt.cli.main import app
 from mmt.core.errors import InputError
 from mmt.evaluation.truth import known_texture
-from mmt.exchange.hatt import export_hatt
 from mmt.testing.simulation.course import course_from_annotations
 from mmt.testing.simulation.known_surfaces import surface_from_annotations
 from mmt.testing.simulation.model_surface import ModelSurface, ModelVibration
@@ -17,6 +16,7 @@ from mmt.testing.simulation.textures import get_surface
 from mmt.texture import TextureModel
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.samples import TextureSamples
+from mmt_bridges.hatt.models import export_hatt
 
 FREQUENCIES_HZ = np.arange(501.0)
 

@@ -19,7 +19,6 @@ from mmt.evaluation.grid_errors import Strokes
 from mmt.evaluation.strokes_made import StrokesMade
 from mmt.evaluation.truth import KnownTexture
 from mmt.testing.simulation.textures import get_surface
-from mmt.texture.generators.guarded import GeneratorFault, GuardedGenerator
 from mmt.texture.online.history import build as build_models
 from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt_lab.compare.cases import Case
@@ -39,6 +38,7 @@ from mmt_lab.compare.rendered_spectra import (
 )
 from mmt_lab.compare.time_limit import time_limit
 from mmt_lab.experiments import compare
+from mmt_methods.generators.guarded import GeneratorFault, GuardedGenerator
 
 GUIDE = Path(__file__).resolve().parents[2] / "docs" / "how-to" / "add-a-generator.md"
 CLOSE = {

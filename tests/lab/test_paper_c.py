@@ -8,7 +8,6 @@ import pytest
 from typer.testing import CliRunner
 
 from mmt.cli.main import app
-from mmt.texture.selection.published import select_published
 from mmt.texture.signals.amplitude_spectra import Spectra
 from mmt_lab.experiments import paper_c
 from mmt_lab.selection import concatenated, table_two
@@ -21,6 +20,7 @@ from mmt_lab.selection.concatenated import (
     stroke,
 )
 from mmt_lab.selection.table_two import AS_PUBLISHED, ORDER, VARIATIONS, select_from
+from mmt_methods.selection.published import select_published
 
 PLANE = Row("Grass", "sandpaper", 60, 6, directed=False)
 SPACE = Row("Wood", "oak", 70, 7, directed=True)

@@ -12,7 +12,7 @@ from service_processes import LONGEST_S, Service, scene
 
 from mmt.cli.common import stop_on_signals
 from mmt.core.queued_output import finish_output
-from mmt.testing.emulated.inverse3 import EmulatedInverse3
+from mmt_devices.inverse3.emulated import EmulatedInverse3
 
 SOON_S = 10.0
 """Loose bound of what takes less than two seconds on a quiet machine."""

@@ -15,6 +15,7 @@ from service_processes import LONGEST_S, Service, scene
 from mmt.core.extras import PACKAGES
 
 ROOT = Path(__file__).parents[2]
+OWN = {each.name for each in (ROOT / "src").iterdir() if each.is_dir()}
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 EXTRAS: dict[str, list[str]] = PROJECT["optional-dependencies"]
 
@@ -68,7 +69,7 @@ def test_every_import_of_a_package_is_of_the_base_or_of_the_extra_that_is_named(
             if isinstance(node, ast.ImportFrom) and node.module is not None:
                 names = [node.module]
             for top in {name.partition(".")[0] for name in names}:
-                if top in sys.stdlib_module_names or top in {"mmt", "mmt_lab"}:
+                if top in sys.stdlib_module_names or top in OWN:
                     continue
                 if (top, path.stem) in BROUGHT or (top, path.parent.name) in BROUGHT:
                     continue

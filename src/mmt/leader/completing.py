@@ -11,7 +11,6 @@ from mmt.leader.stage import Activity, Item, ItemQueue, StageTask
 from mmt.texture.signals.faults import SignalFaults
 
 if TYPE_CHECKING:
-    from mmt.leader.generating import GeneratingPart
     from mmt.leader.synthesizing import SynthesizingPart
     from mmt.leader.vibration import VibrationPart
     from mmt.session.recorder import McapRecorder
@@ -21,6 +20,16 @@ if TYPE_CHECKING:
 
 def _judge(work: "Work") -> None:
     work.modeller.judge(work)
+
+
+class OtherGenerator(Protocol):
+    """What renders in the model's place by another method."""
+
+    def take_over(self) -> None:
+        """Render, since the start criterion is met."""
+
+    def reset(self) -> None:
+        """Start anew."""
 
 
 class ModelSource(Protocol):
@@ -65,7 +74,7 @@ class ModelOutput(Part):
         self._recorded: dict[int, TextureModel] = {}  # by surface, into:
         self._recorder: McapRecorder | None = None
         self._synthesizing: SynthesizingPart | None = session.find("synthesizing")
-        self._generating: GeneratingPart | None = session.find("generating")
+        self._generating: OtherGenerator | None = session.find("generating")
         self._vibration: VibrationPart | None = session.find("vibration")
         self._modelling: ModelSource | None = session.find("modelling")
         self.takes_over = self.rendered is not None

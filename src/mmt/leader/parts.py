@@ -1,15 +1,18 @@
 """The list of the leader's parts; one that a scene leaves out is not even imported.
 
 The order is that in which their verbs are called: what a tick reads comes before what it plays. To
-add a part, write its module and add a line.
+add a part, write its module and add a line; another package adds one by an entry point
+(`mmt.scene.added`).
 """
 
 from collections.abc import Callable, Collection
+from functools import partial
 from importlib import import_module
 from typing import Final, NamedTuple
 
 from mmt.leader.part import Part, Parts, Session
 from mmt.scene import Scene
+from mmt.scene.added import added_parts
 
 
 class PartEntry(NamedTuple):
@@ -26,7 +29,7 @@ class PartEntry(NamedTuple):
     """Whether no tick calls their kernels before there is a model."""
 
 
-PARTS: Final[dict[str, PartEntry]] = {
+_OWN: Final[dict[str, PartEntry]] = {
     "recording": PartEntry(
         "mmt.leader.recording:RecordingPart",
         lambda scene: scene.recording is not None or scene.monitor is not None,
@@ -60,10 +63,6 @@ PARTS: Final[dict[str, PartEntry]] = {
         numerics=("mmt.texture.synthesis.synthesizer", "mmt.texture.linear_algebra"),
         needs_model=True,
     ),
-    "generating": PartEntry(
-        "mmt.leader.generating:GeneratingPart",
-        lambda scene: scene.rendering is not None and scene.rendering.generator is not None,
-    ),
     "vibration": PartEntry(
         "mmt.leader.vibration:VibrationPart", lambda scene: scene.actuator is not None
     ),
@@ -77,14 +76,32 @@ PARTS: Final[dict[str, PartEntry]] = {
         "mmt.leader.sharing:SharingPart", lambda scene: scene.sharing is not None, ("sharing",)
     ),
     "control": PartEntry("mmt.leader.control:ControlPart", lambda scene: scene.control is not None),
-    "lsl": PartEntry("mmt.leader.lsl:LslPart", lambda scene: scene.lsl is not None),
-    "ros": PartEntry("mmt.leader.ros:RosPart", lambda scene: scene.ros is not None),
     "metrics": PartEntry("mmt.leader.metrics:MetricsPart", lambda scene: scene.metrics is not None),
     "monitor": PartEntry(
         "mmt.leader.monitoring:MonitorPart", lambda scene: scene.monitor is not None, ("monitor",)
     ),
 }
 """By name: the part's home, and which scenes have it."""
+
+
+def _with_added(own: dict[str, PartEntry]) -> dict[str, PartEntry]:
+    """Return the parts with those that other packages add, each before the part that it names."""
+    parts = {}
+    for name, entry in own.items():
+        for added, part in added_parts().items():
+            if part.before == name:
+                has_table = partial(_has_table, name=added)
+                parts[added] = PartEntry(part.home, part.wanted or has_table)
+        parts[name] = entry
+    return parts
+
+
+def _has_table(scene: Scene, name: str) -> bool:
+    return name in scene.added
+
+
+PARTS: Final = _with_added(_OWN)
+"""The product's own parts and added ones."""
 
 
 def tasks_of(scene: Scene) -> tuple[str, ...]:

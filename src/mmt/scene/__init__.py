@@ -1,9 +1,10 @@
 """Scenes: what one run needs, read from TOML and checked."""
 
+from mmt.scene.added import AddedPart, AddedTable
 from mmt.scene.device_tables import Actuator, Devices, Driver, Handle
 from mmt.scene.feedback_table import ForceFeedback
 from mmt.scene.link_table import Link
-from mmt.scene.monitoring_tables import Lsl, Metrics, Monitor, Ros
+from mmt.scene.monitoring_tables import Metrics, Monitor
 from mmt.scene.motion_limits import MotionLimits
 from mmt.scene.network_table import PROFILES, Network
 from mmt.scene.recording_tables import LARGEST_SPEED, Recording, Replay
@@ -14,8 +15,9 @@ from mmt.scene.table import Part, PartTable, Service, Table
 from mmt.scene.texture_table import Texture
 
 __all__ = [
-    "LARGEST_SPEED", "PART_TABLES", "PROFILES", "Actuator", "Course", "Devices", "Driver",
-    "ForceFeedback", "Hand", "Handle", "Link", "Lsl", "Metrics", "Monitor", "MotionLimits",
-    "Network", "Part", "PartTable", "Playout", "Recording", "Rendering", "Replay", "Ros", "Scene",
+    "LARGEST_SPEED", "PART_TABLES", "PROFILES", "Actuator", "AddedPart", "AddedTable", "Course",
+    "Devices", "Driver",
+    "ForceFeedback", "Hand", "Handle", "Link", "Metrics", "Monitor", "MotionLimits",
+    "Network", "Part", "PartTable", "Playout", "Recording", "Rendering", "Replay", "Scene",
     "Service", "Session", "Simulated", "Table", "Texture",
 ]  # fmt: skip

@@ -4,15 +4,16 @@ A table that is absent is a part that does not exist in that run. Both services 
 same file. Every key is documented in ``docs/reference/scene.md``.
 """
 
-from typing import Any, Final, Literal, Self, get_args
+from typing import TYPE_CHECKING, Any, Final, Literal, Self, TypeVar, get_args
 
-from pydantic import Field, model_validator
+from pydantic import Field, create_model, model_validator
 
 from mmt.core.frames import Channel, ordered_channels
+from mmt.scene.added import AddedTable, added_parts, problem_of
 from mmt.scene.device_tables import Actuator, Devices, Handle
 from mmt.scene.feedback_table import ForceFeedback
 from mmt.scene.link_table import Link
-from mmt.scene.monitoring_tables import Lsl, Metrics, Monitor, Ros
+from mmt.scene.monitoring_tables import Metrics, Monitor
 from mmt.scene.motion_limits import MotionLimits
 from mmt.scene.network_table import Network
 from mmt.scene.recording_tables import Recording, Replay
@@ -21,6 +22,8 @@ from mmt.scene.sharing_tables import Control, Listening, Operating, Sharing
 from mmt.scene.simulated_tables import Hand, Simulated
 from mmt.scene.table import Part, Service, Table
 from mmt.scene.texture_table import Texture
+
+_Added = TypeVar("_Added", bound=AddedTable)
 
 
 class Session(Table):
@@ -32,8 +35,8 @@ class Session(Table):
     seed: int = Field(1, ge=0, lt=2**63)
 
 
-class Scene(Table):
-    """One run; a table that is absent (None) is a part that is left out."""
+class SceneTables(Table):
+    """The tables of the product's own parts; `Scene` has those of added parts as well."""
 
     session: Session = Session()
     link: Link | None = None
@@ -51,18 +54,35 @@ class Scene(Table):
     recording: Recording | None = None
     metrics: Metrics | None = None
     monitor: Monitor | None = None
-    lsl: Lsl | None = None
-    ros: Ros | None = None
     sharing: Sharing | None = None
     control: Control | None = None
     listening: Listening | None = None
     operating: Operating | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _loadable(cls, tables: Any) -> Any:
+        for name in tables if isinstance(tables, dict) else ():
+            problem = problem_of(name)
+            if problem is not None:
+                raise ValueError(problem)
+        return tables
 
     @model_validator(mode="after")
     def _combinations(self) -> Self:
         for problem in _impossible(self):
             raise ValueError(problem)
         return self
+
+    @property
+    def added(self) -> dict[str, AddedTable]:
+        """The tables of added parts that this scene has, by name."""
+        named = ((name, getattr(self, name)) for name, part in added_parts().items() if part.table)
+        return {name: table for name, table in named if table is not None}
+
+    def table(self, kind: type[_Added]) -> _Added | None:
+        """Return the added table of this class, or None if the scene has none."""
+        return next((table for table in self.added.values() if isinstance(table, kind)), None)
 
     @property
     def source(self) -> Literal["simulated", "replay", "devices"] | None:
@@ -123,8 +143,8 @@ class Scene(Table):
             wanted.add("force")
             if self.force_feedback.method == "model":
                 wanted.add("position")
-        keeping = (self.recording, self.lsl, self.ros)
-        kept = [table.channels for table in keeping if table is not None]
+        kept = {table.kept_channels for table in self.added.values()} - {None}
+        kept |= {self.recording.channels} if self.recording is not None else set()
         if "all" in kept or (kept and not wanted):
             wanted |= {"position", "force", "acceleration"}
         return ordered_channels(wanted) if wanted else ()
@@ -148,6 +168,19 @@ class Scene(Table):
         return self.model_dump(mode="json", exclude_none=True)
 
 
+if TYPE_CHECKING:
+
+    class Scene(SceneTables):
+        """One run; a table that is absent (None) is a part that is left out."""
+else:
+    Scene = create_model(
+        "Scene",
+        __base__=SceneTables,
+        __module__=__name__,
+        __doc__="One run; a table that is absent (None) is a part that is left out.",
+        **{name: (part.table | None, None) for name, part in added_parts().items() if part.table},
+    )
+
 PART_TABLES: Final[dict[str, type[Part]]] = {
     name: get_args(field.annotation)[0]
     for name, field in Scene.model_fields.items()
@@ -159,7 +192,7 @@ Rules = list[tuple[bool, str]]
 """Whether an invalid combination is given, and the message about it."""
 
 
-def _impossible(scene: Scene) -> list[str]:
+def _impossible(scene: SceneTables) -> list[str]:
     rules = [
         *_source_rules(scene),
         *_interface_rules(scene),
@@ -170,14 +203,18 @@ def _impossible(scene: Scene) -> list[str]:
     return [problem for holds, problem in rules if holds]
 
 
-def _source_rules(scene: Scene) -> Rules:
+def _source_rules(scene: SceneTables) -> Rules:
     sources = [n for n in ("simulated", "replay", "devices") if getattr(scene, n) is not None]
     parts = (
-        *("network", "metrics", "monitor", "lsl", "ros", "texture", "playout", "recording"),
+        *("network", "metrics", "monitor"),
+        *(name for name, table in scene.added.items() if table.needs_follower),
+        *("texture", "playout", "recording"),
         *(("force_feedback",) if scene.operating is None else ()),
         *sources,
     )
     needs_link = [n for n in parts if getattr(scene, n) is not None]
+    following = (n for n, part in added_parts().items() if part.table and part.table.needs_follower)
+    carried = ["texture", "playout", "force_feedback", "recording", *following]
     return [
         (
             len(sources) > 1,
@@ -193,13 +230,16 @@ def _source_rules(scene: Scene) -> Rules:
         ),
         (
             scene.link is not None and not scene.channels(),
-            "[link] would carry nothing: add [texture], [playout], [force_feedback], [recording], "
-            "[lsl] or [ros]",
+            f"[link] would carry nothing: add {_any_of(carried)}",
         ),
     ]
 
 
-def _interface_rules(scene: Scene) -> Rules:
+def _any_of(names: list[str]) -> str:
+    return " or ".join((", ".join(f"[{name}]" for name in names[:-1]), f"[{names[-1]}]"))
+
+
+def _interface_rules(scene: SceneTables) -> Rules:
     return [
         (
             scene.hand is not None and scene.handle is not None,
@@ -225,7 +265,7 @@ def _interface_rules(scene: Scene) -> Rules:
     ]
 
 
-def _rendering_rules(scene: Scene) -> Rules:
+def _rendering_rules(scene: SceneTables) -> Rules:
     rendering = scene.rendering
     if rendering is None:
         return []
@@ -258,7 +298,7 @@ def _rendering_rules(scene: Scene) -> Rules:
     ]
 
 
-def _sharing_rules(scene: Scene) -> Rules:
+def _sharing_rules(scene: SceneTables) -> Rules:
     saved = scene.rendering is not None and scene.rendering.model is not None
     return [
         (
@@ -281,7 +321,7 @@ def _sharing_rules(scene: Scene) -> Rules:
     ]
 
 
-def _control_rules(scene: Scene) -> Rules:
+def _control_rules(scene: SceneTables) -> Rules:
     feedback = scene.force_feedback
     return [
         (

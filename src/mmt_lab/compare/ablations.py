@@ -149,17 +149,13 @@ INGREDIENTS: Final[Mapping[str, Ingredient]] = MappingProxyType(
             "the weight of a segment's filter by its length: all alike",
             {f"{_FIELD}.shape_smoothing:smoothed": _alike},
         ),
-        "return": Ingredient(
-            "that the shapes of a stroke and of its return are alike",
-            {f"{_FIELD}.shape_smoothing:_RETURN": _constantly(0.0)},
-        ),
         "smoothing": Ingredient(
             "the smoothing of the spectra's shapes",
             {f"{_FIELD}.shape_smoothing:smoothed": _as_fitted},
         ),
         "high-pass": Ingredient(
             "giving back what the high-pass takes",
-            {"mmt.texture.signals.high_pass:VIBRATION_CUTOFF_HZ": _constantly(0.0)},
+            {"mmt.texture.signals.high_pass:_given_back": _constantly(lambda _: 1.0)},
         ),
         "noise": Ingredient(
             "the subtraction of the sensor's noise",

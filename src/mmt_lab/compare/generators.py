@@ -14,9 +14,6 @@ from mmt.evaluation.strokes_made import StrokesMade
 from mmt.evaluation.texts import number
 from mmt.evaluation.truth import KnownTexture
 from mmt.testing.simulation.textures import get_surface
-from mmt.texture.generators.building import GeneratorModeller
-from mmt.texture.generators.guarded import GeneratorFault, GuardedGenerator
-from mmt.texture.generators.registry import load
 from mmt_lab.compare.cases import Case
 from mmt_lab.compare.judging import METHODS, PERIOD_S, TIMES_S, Judged, blocks_of, settings_of
 from mmt_lab.compare.rendered_spectra import (
@@ -30,6 +27,9 @@ from mmt_lab.compare.rendered_spectra import (
     spectra_of,
 )
 from mmt_lab.compare.time_limit import time_limit
+from mmt_methods.generators.building import GeneratorModeller
+from mmt_methods.generators.guarded import GeneratorFault, GuardedGenerator
+from mmt_methods.generators.registry import load
 
 NUMBERS: Final = {round(time_s / PERIOD_S) - 1: time_s for time_s in TIMES_S}
 """Times at which is judged, by the number of the update that ends then."""
@@ -110,7 +110,7 @@ def judge_generators(
     case
         The session.
     generators
-        Names that `mmt.texture.generators.registry.load` knows.
+        Names that `mmt_methods.generators.registry.load` knows.
     run_s
         Length of each of two runs at a stroke.
 

@@ -16,10 +16,10 @@ from mmt.core.arrays import FloatArray
 from mmt.evaluation.grid_errors import Strokes
 from mmt.evaluation.levels import band_errors_db, bounded_error_db
 from mmt.evaluation.truth import DENSITY_HZ, LOWEST_HZ, KnownTexture
-from mmt.texture.generators.guarded import GuardedGenerator
 from mmt.texture.signals.amplitude_spectra import amplitude_spectra, expected_amplitude
 from mmt.texture.signals.metrics import within_jnd
 from mmt_lab.compare.time_limit import time_limit
+from mmt_methods.generators.guarded import GuardedGenerator
 
 RATE_HZ: Final = 1000.0
 BLOCK_SAMPLES: Final = 10

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Final
 
-from mmt.texture.generators.guarded import GeneratorFault
+from mmt_methods.generators.guarded import GeneratorFault
 
 _AGAIN_S: Final = 1.0
 

@@ -17,7 +17,6 @@ import numpy as np
 import typer
 
 from mmt.evaluation.document import Table
-from mmt.texture.selection.published import TAU_1, TAU_2
 from mmt.texture.signals.amplitude_spectra import Spectra
 from mmt.texture.signals.filtering import VIBRATION_CUTOFF_HZ
 from mmt_lab.harness.experiment import Experiment, Seed, Seeds, SpectraOption, Workers
@@ -33,6 +32,7 @@ from mmt_lab.selection.table_two import (
     Selected,
     select_from,
 )
+from mmt_methods.selection.published import TAU_1, TAU_2
 
 GOOD_GFC: Final = 0.9
 _MOST_FALSE_ALARMS: Final = 0.03

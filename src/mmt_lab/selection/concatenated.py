@@ -15,7 +15,6 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray, RecordArray
-from mmt.evaluation.pooling import Pool, pool_sessions
 from mmt.scene import Hand, Scene
 from mmt.session import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
@@ -23,11 +22,12 @@ from mmt.texture.interpolation.interpolant import Interpolant, networked
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.segmentation.segmenter import segment
 from mmt.texture.segmentation.segments import Segment
-from mmt.texture.selection import ModelPoints
 from mmt.texture.settings import Inputs, ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
 from mmt_lab.selection.knocks import SHARE, placed_knock, simulated_knock
 from mmt_lab.selection.sessions import ORDER
+from mmt_methods.selection import ModelPoints
+from mmt_methods.selection.pooling import Pool, pool_sessions
 
 TRIAL_S: Final = 20.0
 KNOCKS: Final = 6

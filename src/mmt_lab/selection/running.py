@@ -13,13 +13,13 @@ from scipy.spatial import cKDTree
 from mmt.core.arrays import BoolArray
 from mmt.texture.autoregression.spectra import lsf_spectrum
 from mmt.texture.model.inputs import InputSpace
-from mmt.texture.selection import ModelPoints, select
-from mmt.texture.selection.published import select_published
-from mmt.texture.selection.simplices import enclose
 from mmt.texture.signals.amplitude_spectra import expected_amplitude
 from mmt.texture.signals.metrics import gfc_of_rows
 from mmt_lab.harness.processes import each
 from mmt_lab.selection.sessions import Trials, session_trials
+from mmt_methods.selection import ModelPoints, select
+from mmt_methods.selection.published import select_published
+from mmt_methods.selection.simplices import enclose
 
 Method = Literal["published", "ours", "ours, model's data"]
 METHODS: Final[tuple[Method, ...]] = ("published", "ours", "ours, model's data")

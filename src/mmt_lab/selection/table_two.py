@@ -8,14 +8,6 @@ import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray
 from mmt.evaluation.held_out import Approximation, HeldOutRecording
-from mmt.texture.selection import ModelPoints, select
-from mmt.texture.selection.published import (
-    SMOOTHING,
-    TAU_1,
-    PublishedSelection,
-    local_sparsity,
-    select_published,
-)
 from mmt.texture.signals.amplitude_spectra import Spectra
 from mmt_lab.selection.concatenated import (
     DataSet,
@@ -29,6 +21,14 @@ from mmt_lab.selection.concatenated import (
 )
 from mmt_lab.selection.knocks import SHARE
 from mmt_lab.selection.sessions import fitted
+from mmt_methods.selection import ModelPoints, select
+from mmt_methods.selection.published import (
+    SMOOTHING,
+    TAU_1,
+    PublishedSelection,
+    local_sparsity,
+    select_published,
+)
 
 FRESH_S: Final = 10.0
 """Length of the stroke that no model has seen."""

@@ -155,7 +155,8 @@ def prior_covariance(
     """
     rows = np.atleast_2d(np.asarray(every, np.float64))
     out = np.empty((len(rows), len(a.u), len(b.u)))
-    _covariances(np.array(a), np.array(b), rows, constant, out)
+    slopes = np.array(SLOPES)[:, 1]
+    _covariances(np.array(a), np.array(b), rows, slopes, constant, out)
     return out.reshape(np.shape(every)[:-1] + out.shape[1:])
 
 
@@ -185,9 +186,14 @@ def _around(angle: FloatArray, setting: FloatArray) -> FloatArray:
     return np.asarray(ridges + setting[6] ** 2 * matern(2.0 * np.sin(0.5 * angle), setting[7]))
 
 
-@kernel("void(f8[:, ::1], f8[:, ::1], f8[:, ::1], f8, f8[:, :, ::1])")
+@kernel("void(f8[:, ::1], f8[:, ::1], f8[:, ::1], f8[:], f8, f8[:, :, ::1])")
 def _covariances(
-    a: FloatArray, b: FloatArray, every: FloatArray, constant: float, out: FloatArray
+    a: FloatArray,
+    b: FloatArray,
+    every: FloatArray,
+    slopes: FloatArray,
+    constant: float,
+    out: FloatArray,
 ) -> None:
     """Set the covariances (s, k, l) of `prior_covariance`."""
     of_a, of_b = np.empty(a.shape, np.int64), np.empty(b.shape, np.int64)
@@ -207,7 +213,7 @@ def _covariances(
             wide_u = matern(speed, _HEADED_LENGTHS * setting[1])
             wide_v = matern(force, _HEADED_LENGTHS * setting[2])
         for i in range(a.shape[1]):
-            slope_u, slope_v = SLOPES[0][1] ** 2 * a[0, i], SLOPES[1][1] ** 2 * a[1, i]
+            slope_u, slope_v = slopes[0] ** 2 * a[0, i], slopes[1] ** 2 * a[1, i]
             m, n, h = of_a[0, i], of_a[1, i], of_a[2, i]
             for j in range(b.shape[1]):
                 p, q = of_b[0, j], of_b[1, j]

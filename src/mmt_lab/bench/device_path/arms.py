@@ -11,12 +11,12 @@ from typing import Any, Final
 
 from mmt.core.process import prefer_even_ticks, wake_on_time
 from mmt.devices.protocols import Vector
-from mmt.devices.universal_robots.frame import M_TO_MM
-from mmt.testing.emulated.inverse3 import REST_MM, EmulatedInverse3
-from mmt.testing.emulated.inverse3_tip import EmulatedTip
 from mmt.testing.emulated.robot import RobotLink
-from mmt.testing.emulated.universal_robots.arm import SERVO_LINEAR
-from mmt.testing.emulated.universal_robots.controller import EmulatedUrController
+from mmt_devices.inverse3.emulated import REST_MM, EmulatedInverse3
+from mmt_devices.inverse3.emulated_tip import EmulatedTip
+from mmt_devices.universal_robots.emulated.arm import SERVO_LINEAR
+from mmt_devices.universal_robots.emulated.controller import EmulatedUrController
+from mmt_devices.universal_robots.frame import M_TO_MM
 from mmt_lab.bench.device_path.children import say
 from mmt_lab.bench.device_path.emulated import be_real_time_device, leave_a_processor_to_others
 from mmt_lab.bench.device_path.frame_times import Motion

@@ -21,13 +21,13 @@ from mmt.core.realtime import PRIORITY
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, nominal
 from mmt.devices.protocols import Vector
 from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
-from mmt.testing.emulated.bota import EmulatedBota
 from mmt.testing.emulated.digital_ft import EmulatedDigitalFt
-from mmt.testing.emulated.iio import EmulatedIio
 from mmt.testing.emulated.labjack_u6 import EmulatedU6
 from mmt.testing.emulated.net_ft import EmulatedNetFt
 from mmt.testing.emulated.remote_u6 import U6Server
 from mmt.testing.emulated.robot import RobotLink
+from mmt_devices.bota.emulated import EmulatedBota
+from mmt_devices.iio.emulated import EmulatedIio
 from mmt_lab.bench.device_path.children import say
 from mmt_lab.bench.device_path.frame_times import Motion, pauses_of_device
 

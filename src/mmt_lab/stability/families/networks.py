@@ -14,8 +14,8 @@ from mmt.core.arrays import BoolArray, FloatArray
 from mmt.texture.autoregression.forms import lsf_to_reflection
 from mmt.texture.interpolation.networks.evaluation import nearest_valid_lsf
 from mmt.texture.interpolation.networks.solving import RadialBasisNetwork
-from mmt.texture.selection.networks import NetworkNeighbours
 from mmt_lab.stability.cases import Case, Family, Outcome
+from mmt_methods.selection.networks import NetworkNeighbours
 
 _LEFT_OUT: Final = "the network solved so, to 1e-6"
 _THROUGH: Final = "through the samples to 1e-5; under 10 elsewhere"

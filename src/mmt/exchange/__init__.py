@@ -1,1 +1,0 @@
-"""Texture models of other programs, and vibration as files of sound and of haptics."""

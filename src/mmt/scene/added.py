@@ -1,0 +1,77 @@
+"""Parts that other packages add to the leader, and the tables that they add to a scene.
+
+A package names each part as an entry point of the group ``mmt.parts``: an `AddedPart`, in a module
+that imports nothing of `mmt` but this one, since a scene's tables are made from it. The part's name
+is that of its table, if it has one.
+"""
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple
+
+from mmt.core.errors import InputError
+from mmt.core.plugins import is_own, load, offered
+from mmt.scene.table import PartTable
+
+if TYPE_CHECKING:
+    from mmt.scene.scene import Scene
+
+
+class AddedTable(PartTable):
+    """Base of the tables of added parts."""
+
+    needs_follower: ClassVar[bool] = False
+    """Whether the part has nothing to do without frames of a follower."""
+
+    @property
+    def kept_channels(self) -> Literal["all", "needed"] | None:
+        """The channels that the part passes on, or None if it passes none on."""
+        return None
+
+
+class AddedPart(NamedTuple):
+    """A part of the leader from another package."""
+
+    home: str
+    """The module and the class, as of `mmt.leader.parts.PartEntry`."""
+    before: str
+    """The core's part before whose verbs this one's are called."""
+    table: type[AddedTable] | None = None
+    """The table that the part adds to a scene, or None if it adds none."""
+    wanted: "Callable[[Scene], bool] | None" = None
+    """Whether a scene has the part; None for all scenes with its table."""
+
+
+@cache
+def added_parts() -> Mapping[str, AddedPart]:
+    """Return the added parts of installed packages, by name.
+
+    One that cannot be loaded is left out; `problem_of` tells why.
+
+    Raises
+    ------
+    InputError
+        One of the product's own cannot be loaded.
+    """
+    found = {}
+    for name, entry in offered("mmt.parts").items():
+        try:
+            part = load(entry, f"part {name!r}")
+        except InputError as error:
+            if is_own(entry):
+                raise
+            _problems[name] = str(error)
+            continue
+        if isinstance(part, AddedPart):
+            found[name] = part
+        else:
+            _problems[name] = f"part {name!r}: {entry.value} is no AddedPart"
+    return found
+
+
+_problems: dict[str, str] = {}
+
+
+def problem_of(name: str) -> str | None:
+    """Return why the added part of this name was left out, or None if it was not."""
+    return _problems.get(name)

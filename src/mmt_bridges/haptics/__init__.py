@@ -1,0 +1,1 @@
+"""Vibration as files: MPEG haptics, Apple's patterns."""

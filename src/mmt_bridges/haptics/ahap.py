@@ -1,0 +1,127 @@
+"""Vibration as an Apple Haptic and Audio Pattern (.ahap): strength and sharpness over time.
+
+After Apple's "Representing haptic patterns in AHAP files" (Core Haptics). A pattern holds no
+waveform for the actuator: what is written is the level and the mean frequency of each moment.
+A sound file can be named beside them, which is heard and not felt.
+"""
+
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.core.errors import InputError
+from mmt_bridges.haptics.effects import EffectFile, checked_full_scale, write_document
+
+_STEP_S: Final = 0.02
+_LONGEST_EVENT_S: Final = 30.0  # of a continuous event, says Apple
+
+_DULLEST_HZ: Final = 65.0
+"""Apple gives no frequencies for sharpness; 0 and 1 are taken for those of the encoder of MPEG's
+reference software for haptics."""
+
+_SHARPEST_HZ: Final = 300.0
+
+
+def write_ahap(
+    path: Path | str,
+    samples_m_s2: FloatArray,
+    rate_hz: int,
+    full_scale_m_s2: float | None = None,
+    *,
+    sound: str | None = None,
+) -> EffectFile:
+    """Write the level and mean frequency of vibration, each 20 ms, as a pattern.
+
+    Parameters
+    ----------
+    path
+        Replaced where it is there.
+    samples_m_s2
+        Shape (n,), finite, n at least 1.
+    rate_hz
+        Its sampling rate.
+    full_scale_m_s2
+        The amplitude of the sine that an intensity of 1 stands for, beyond which it is clipped;
+        by default the largest.
+    sound
+        Name of a sound file beside the pattern, to be played with it.
+
+    Raises
+    ------
+    InputError
+        No samples, a full scale that is not positive, or the file cannot be written.
+    """
+    if not len(samples_m_s2):
+        raise InputError("no vibration to write: the motion is too short")
+    times_s, amplitude, frequency_hz = moments(samples_m_s2, rate_hz)
+    full_scale = checked_full_scale(full_scale_m_s2, float(amplitude.max()))
+    seconds = len(samples_m_s2) / rate_hz
+    sharpness = (frequency_hz - _DULLEST_HZ) / (_SHARPEST_HZ - _DULLEST_HZ)
+    pattern = [
+        *_events(seconds),
+        _curve("HapticIntensityControl", times_s, amplitude / full_scale),
+        _curve("HapticSharpnessControl", times_s, sharpness),
+    ]
+    if sound is not None:
+        event = _event("AudioCustom", 0.0, AudioVolume=1.0)
+        pattern.append({"Event": {**event, "EventWaveformPath": sound}})
+    write_document(path, {"Version": 1.0, "Pattern": pattern})
+    return EffectFile(seconds, full_scale)
+
+
+def moments(samples: FloatArray, rate_hz: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the level and the mean frequency of a waveform, each 20 ms and at its end.
+
+    Times in s, amplitudes of the sine of the same power, and mean frequencies of the power
+    spectrum in Hz, 0 for silence: of windows (Hann) of 40 ms, at the ends of what there is of
+    them; shapes (k,), k at least 2.
+    """
+    step = max(1, round(_STEP_S * rate_hz))
+    centres = [*range(0, len(samples), step), len(samples)]
+    taper = np.hanning(2 * step + 1)
+    frequencies_hz = np.fft.rfftfreq(2 * step + 1, 1.0 / rate_hz)
+    found = np.zeros((len(centres), 2))
+    for index, centre in enumerate(centres):
+        first = max(0, centre - step)
+        part = samples[first : centre + step + 1]
+        weight = taper[first - centre + step :][: len(part)]
+        spectrum = np.abs(np.fft.rfft(part * weight, 2 * step + 1)) ** 2
+        found[index, 0] = np.sqrt(2.0 * (part**2 @ weight) / weight.sum())
+        found[index, 1] = spectrum @ frequencies_hz / (spectrum.sum() or 1.0)
+    return np.array(centres) / rate_hz, found[:, 0], found[:, 1]
+
+
+def _events(seconds: float) -> list[dict[str, Any]]:
+    starts = np.arange(0.0, seconds, _LONGEST_EVENT_S)
+    events = []
+    for start in starts.tolist():
+        event = _event("HapticContinuous", start, HapticIntensity=1.0, HapticSharpness=0.0)
+        event["EventDuration"] = min(_LONGEST_EVENT_S, seconds - start)
+        events.append({"Event": event})
+    return events
+
+
+def _event(kind: str, time_s: float, **parameters: float) -> dict[str, Any]:
+    listed = [{"ParameterID": name, "ParameterValue": value} for name, value in parameters.items()]
+    return {"Time": time_s, "EventType": kind, "EventParameters": listed}
+
+
+def _curve(parameter: str, times_s: FloatArray, values: FloatArray) -> dict[str, Any]:
+    """Return a curve through the values, each within 0 and 1.
+
+    A curve of intensity multiplies the event's, which is 1; one of sharpness is added to the
+    event's, which is 0.
+    """
+    points = [
+        {"Time": round(time_s, 6), "ParameterValue": round(value, 5)}
+        for time_s, value in zip(times_s.tolist(), np.clip(values, 0.0, 1.0).tolist(), strict=True)
+    ]
+    return {
+        "ParameterCurve": {
+            "ParameterID": parameter,
+            "Time": 0.0,
+            "ParameterCurveControlPoints": points,
+        }
+    }

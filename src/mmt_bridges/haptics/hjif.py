@@ -1,0 +1,114 @@
+"""Vibration as an MPEG haptics file: the interchange format (.hjif) of ISO/IEC 23090-31.
+
+The file holds the waveform itself, in one wavelet band: the standard's other kinds of band
+hold keyframes, which take fifty times the room for as little error, and which its binary form
+rounds to 8 bits. What the reference software makes of each kind is in the how-to.
+"""
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.core.errors import InputError
+from mmt_bridges.haptics.effects import EffectFile, checked_full_scale, write_document
+from mmt_bridges.haptics.wavelets import wavelet_streams
+
+RATES_HZ: Final = (1000, 2000, 4000, 8000)
+"""Sampling rates with blocks of 2^n samples; a band's frequency ends at 10 kHz."""
+
+_TICKS_A_SECOND: Final = 1000
+_BLOCK_TICKS: Final = 128
+"""As long as a packet of the binary form by default: the reference encoder takes no other."""
+
+
+def write_hjif(
+    path: Path | str,
+    samples_m_s2: FloatArray,
+    rate_hz: int,
+    full_scale_m_s2: float | None = None,
+    *,
+    description: str = "",
+) -> EffectFile:
+    """Write vibration for one actuator, as a wavelet band of the main profile, level 1.
+
+    Parameters
+    ----------
+    path
+        Replaced where it is there.
+    samples_m_s2
+        Shape (n,), finite, n at least 1.
+    rate_hz
+        Its sampling rate, one of `RATES_HZ`.
+    full_scale_m_s2
+        The acceleration that an amplitude of 1 stands for, beyond which samples are clipped; by
+        default the largest of the samples. The file has it as its device's maximum amplitude.
+    description
+        What the vibration is, for people.
+
+    Raises
+    ------
+    InputError
+        Another rate, no samples, a full scale that is not positive, or the file cannot be
+        written.
+    """
+    if rate_hz not in RATES_HZ:
+        allowed = ", ".join(map(str, RATES_HZ))
+        raise InputError(f"{rate_hz} samples a second: .hjif can have {allowed}")
+    if not len(samples_m_s2):
+        raise InputError("no vibration to write: the motion is too short")
+    full_scale = checked_full_scale(full_scale_m_s2, float(np.abs(samples_m_s2).max()))
+    amplitude = np.clip(samples_m_s2 / full_scale, -1.0, 1.0)
+    perception = {
+        "id": 0,
+        "avatar_id": 0,  # of no body model
+        "description": description,
+        "perception_modality": "Vibrotactile",
+        "unit_exponent": -3,
+        "perception_unit_exponent": 0,
+        "reference_devices": [
+            {"id": 1, "name": "full scale in m/s2", "maximum_amplitude": full_scale}
+        ],
+        "effect_library": [],
+        "channels": [_channel(amplitude, rate_hz)],
+    }
+    document = {
+        "version": "2023",
+        "profile": "Main",
+        "level": 1,
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        "description": description,
+        "timescale": _TICKS_A_SECOND,
+        "avatars": [],
+        "perceptions": [perception],
+        "syncs": [],
+    }
+    write_document(path, document)
+    return EffectFile(len(samples_m_s2) / rate_hz, full_scale)
+
+
+def _channel(amplitude: FloatArray, rate_hz: int) -> dict[str, Any]:
+    streams = wavelet_streams(amplitude, _BLOCK_TICKS * rate_hz // _TICKS_A_SECOND)
+    band = {
+        "band_type": "WaveletWave",
+        "block_length": _BLOCK_TICKS,
+        "lower_frequency_limit": 0,
+        "upper_frequency_limit": rate_hz,  # a wavelet band's is its sampling rate
+        "effects": [
+            {"effect_type": "Basis", "position": index * _BLOCK_TICKS, "wavelet_stream": stream}
+            for index, stream in enumerate(streams)
+        ],
+    }
+    return {
+        "id": 0,
+        "description": "vibration",
+        "reference_device_id": 1,
+        "gain": 1.0,
+        "mixing_coefficient": 1.0,
+        "body_part_mask": 0,
+        "frequency_sampling": rate_hz,
+        "sample_count": len(amplitude),
+        "bands": [band],
+    }

@@ -1,0 +1,161 @@
+"""Texture models from files of the Penn Haptic Texture Toolkit (HaTT), and to such files."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mmt.core.arrays import IntArray
+from mmt.core.errors import InputError
+from mmt.texture.autoregression.forms import (
+    lsf_to_ar,
+    lsf_to_reflection,
+    output_power,
+    reflection_to_lsf,
+)
+from mmt.texture.autoregression.moving_average import all_pole
+from mmt.texture.model.inputs import InputSpace
+from mmt.texture.model.texture_model import TextureModel, TextureSamples
+from mmt_bridges.hatt.file import HattModelSet, format_hatt, read_hatt
+
+
+@dataclass(frozen=True)
+class Imported:
+    """A model and what became of the file's content.
+
+    Attributes
+    ----------
+    model
+        To render.
+    material
+        Its name in the file.
+    friction
+        Coefficient of kinetic friction, None where the file has none; the model has no place
+        for it.
+    zeros
+        How many zeros the file's filters had, which the model's all-pole filters stand for.
+    spectrum_error_db
+        The largest difference of a filter's spectrum that this made, root mean square over
+        frequency in dB; 0 without zeros.
+    same_triangles
+        The share of the file's triangles that the model's triangulation has too, None where
+        the file names no triangles.
+    """
+
+    model: TextureModel
+    material: str
+    friction: float | None
+    zeros: int
+    spectrum_error_db: float
+    same_triangles: float | None
+
+
+def import_hatt(path: Path) -> Imported:
+    """Read a model of the user's own toolkit.
+
+    Every vertex of the file, its boundary points included, becomes a sample. The plane is
+    triangulated again, on axes divided by the file's maxima. Filters with zeros are replaced by
+    all-pole filters of a higher order, see `mmt.texture.autoregression.moving_average.all_pole`.
+
+    Parameters
+    ----------
+    path
+        An XML file.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read or holds no valid model; the message says why.
+    """
+    content = read_hatt(path)
+    try:
+        samples, error_db = _samples(content)
+        model = TextureModel(samples, method="published", rate_hz=content.rate_hz)
+    except InputError as error:
+        raise InputError(f"model {path}: {error}") from error
+    return Imported(
+        model,
+        content.material,
+        content.friction,
+        content.zeros.shape[1] - 1,
+        error_db,
+        _same_triangles(content, model),
+    )
+
+
+def export_hatt(model: TextureModel, material: str, friction: float | None = None) -> bytes:
+    """Return the XML file of a model, for the toolkit's own programs.
+
+    Its vertices are the model's samples and boundary points, its triangles the model's.
+
+    Parameters
+    ----------
+    model
+        A model of speed and force.
+    material
+        The texture's name.
+    friction
+        Coefficient of kinetic friction, left out where it is None.
+
+    Raises
+    ------
+    InputError
+        The model depends on the heading, for which the toolkit has no place.
+    """
+    space = model.space
+    if space.directed:
+        raise InputError(
+            "the model depends on the heading: files of HaTT hold models of speed and force"
+        )
+    inputs = model.vertices[:, :2] * space.scale
+    _, variance = model.at(inputs[:, 0], inputs[:, 1])
+    return format_hatt(
+        HattModelSet(
+            material=material,
+            rate_hz=model.rate_hz,
+            friction=friction,
+            maximum_speed_mm_s=space.maximum_speed_mm_s,
+            maximum_force_n=space.maximum_force_n,
+            speed_mm_s=inputs[:, 0],
+            force_n=inputs[:, 1],
+            lsf=model.vertices[:, 3:],
+            zeros=np.ones((len(inputs), 1)),
+            variance=variance,
+            triangles=model.triangles[:, :3],
+        )
+    )
+
+
+def _samples(content: HattModelSet) -> tuple[TextureSamples, float]:
+    """Return the vertices as samples, and the largest error of their spectra in dB."""
+    lsf, error_db = content.lsf, 0.0
+    variance = content.variance * content.zeros[:, 0] ** 2
+    if content.zeros.shape[1] > 1:
+        poles = all_pole(lsf_to_ar(lsf), content.zeros, content.variance)
+        reflection, variance = poles.reflection, poles.variance
+        lsf, error_db = reflection_to_lsf(reflection), float(poles.error_db.max())
+    else:
+        reflection = lsf_to_reflection(lsf)
+    space = InputSpace("isotropic", content.maximum_speed_mm_s, content.maximum_force_n)
+    samples = TextureSamples(
+        np.column_stack([content.speed_mm_s, content.force_n]),
+        lsf,
+        variance,
+        output_power(variance, reflection),
+        space,
+    )
+    return samples, error_db
+
+
+def _same_triangles(content: HattModelSet, model: TextureModel) -> float | None:
+    if not len(content.triangles):
+        return None
+    points = model.vertices[:, :2]
+    wanted = model.points[content.triangles]
+    vertex = np.linalg.norm(points[None, None] - wanted[:, :, None], axis=-1).argmin(axis=-1)
+    found = _sets(model.triangles[:, :3])
+    return len(_sets(vertex) & found) / len(content.triangles)
+
+
+def _sets(triangles: IntArray) -> set[frozenset[int]]:
+    return {frozenset(map(int, corners)) for corners in triangles}

@@ -1,0 +1,262 @@
+"""The follower as a robot of LeRobot, and the leader's hand as its teleoperator.
+
+Names and units are those of an exported data set, see `mmt_bridges.lerobot.dataset`.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, Final, cast
+
+from lerobot.robots import Robot
+from lerobot.teleoperators import Teleoperator
+from lerobot.utils.errors import DeviceAlreadyConnectedError, DeviceNotConnectedError
+
+from mmt.core.errors import MmtError
+from mmt.devices.protocols import Vector
+from mmt.session.data import axis_columns
+from mmt_bridges.lerobot.config_devices import MmtRobotConfig, MmtTeleoperatorConfig
+from mmt_bridges.lerobot.dataset import state_names
+from mmt_bridges.lerobot.session import SharedSession, shared_session
+from mmt_bridges.lerobot.settings import MovedBy, Settings
+
+ACTION_NAMES: Final = axis_columns("position")
+
+_SAME_MM: Final = 1e-3
+"""An action that went through LeRobot's processors is the same to this; they may round it."""
+
+
+@contextmanager
+def _told_to_lerobot() -> Iterator[None]:
+    try:
+        yield
+    except MmtError as error:
+        raise DeviceNotConnectedError(f"mmt: {error}") from None
+
+
+class _SessionDevice:
+    """A device of LeRobot that uses the session of leader and follower."""
+
+    _session: SharedSession
+    _title: str
+    """What messages call it."""
+    _used = False
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether the session runs, and this device uses it."""
+        return self._used and self._session.running
+
+    def connect(self, calibrate: bool = True) -> None:  # noqa: ARG002 - the session does it
+        """Start the session unless the other device has, and wait for the first frame.
+
+        Raises
+        ------
+        DeviceNotConnectedError
+            It cannot begin; the message says why.
+        """
+        if self.is_connected:
+            raise DeviceAlreadyConnectedError(f"{self._title} is already connected")
+        with _told_to_lerobot():
+            self._session.acquire(self)
+        self._used = True
+
+    @property
+    def is_calibrated(self) -> bool:
+        """Always: leader and follower calibrate their devices at each start."""
+        return True
+
+    def calibrate(self) -> None:
+        """Do nothing, see `is_calibrated`."""
+
+    def configure(self) -> None:
+        """Do nothing: the scene says how devices are set."""
+
+    def disconnect(self) -> None:
+        """End the session, unless the other device still uses it.
+
+        Raises
+        ------
+        DeviceNotConnectedError
+            The device is not connected.
+        """
+        self._require()
+        self._used = False
+        self._session.release(self)
+
+    def _require(self) -> None:
+        if not self._used:
+            raise DeviceNotConnectedError(f"{self._title} is not connected: call connect() first")
+
+
+class MmtRobot(_SessionDevice, Robot):
+    """The follower's robot: its measured state, and the command that it follows.
+
+    With ``moved_by="hand"`` the leader commands it at 1 kHz as the scene's hand moves, and
+    `send_action` returns the command in force. With ``moved_by="actions"`` it goes where the
+    actions say, in straight lines between them.
+
+    Parameters
+    ----------
+    config
+        Options.
+
+    Raises
+    ------
+    InputError
+        The scene or an option cannot be used; the message says why.
+    """
+
+    config_class = MmtRobotConfig
+    name = "mmt"
+    _title = "the robot"
+
+    def __init__(self, config: MmtRobotConfig) -> None:
+        super().__init__(config)
+        self.config = config
+        self.cameras: dict[str, Any] = {}
+        """None: LeRobot asks how many there are."""
+        moved_by = cast("MovedBy", config.moved_by)  # the settings check it
+        settings = Settings(config.scene, config.follower, moved_by, config.wait_s)
+        self._session = shared_session(config.scene, settings)
+        self._names = state_names(self._session.scene.channels())
+
+    @property
+    def observation_features(self) -> dict[str, type]:
+        """Position (mm), force (N), level of vibration (m/s2), as far as the scene has them."""
+        return dict.fromkeys(self._names, float)
+
+    @property
+    def action_features(self) -> dict[str, type]:
+        """Commanded position (mm)."""
+        return dict.fromkeys(ACTION_NAMES, float)
+
+    def get_observation(self) -> dict[str, float]:
+        """Return the newest state.
+
+        Raises
+        ------
+        DeviceNotConnectedError
+            The robot is not connected, or the follower was lost.
+        """
+        self._require()
+        with _told_to_lerobot():
+            return dict(zip(self._names, self._session.observe(), strict=True))
+
+    def send_action(self, action: Mapping[str, Any]) -> dict[str, float]:
+        """Return the command that is in force, or with ``moved_by="actions"`` set it.
+
+        Raises
+        ------
+        ValueError
+            The action lacks a component, is not finite, or is not of the hand that moves the robot.
+        DeviceNotConnectedError
+            The robot is not connected, or the follower was lost.
+        """
+        self._require()
+        session, wanted = self._session, _position(action)
+        with _told_to_lerobot():
+            if session.settings.moved_by == "actions":
+                return _action(session.follow(wanted))
+            if session.given is None or math.dist(wanted, session.given) > _SAME_MM:
+                raise ValueError(
+                    "this action is not one of mmt's teleoperator, and the scene's hand moves the "
+                    "robot: set --robot.moved_by=actions for a policy, a replay or another "
+                    "teleoperator"
+                )
+            return _action(session.command())
+
+
+class MmtTeleoperator(_SessionDevice, Teleoperator):
+    """The leader's hand; the force that it feels comes from mmt's own loop at 1 kHz.
+
+    Parameters
+    ----------
+    config
+        Options.
+
+    Raises
+    ------
+    InputError
+        There is no such scene.
+    """
+
+    config_class = MmtTeleoperatorConfig
+    name = "mmt"
+    _title = "the teleoperator"
+
+    def __init__(self, config: MmtTeleoperatorConfig) -> None:
+        super().__init__(config)
+        self.config = config
+        self._session = shared_session(config.scene)
+
+    @property
+    def action_features(self) -> dict[str, type]:
+        """Commanded position (mm)."""
+        return dict.fromkeys(ACTION_NAMES, float)
+
+    @property
+    def feedback_features(self) -> dict[str, type]:
+        """None: LeRobot gives the hand nothing to feel."""
+        return {}
+
+    def connect(self, calibrate: bool = True) -> None:
+        """Start the session unless the robot has, and wait for the first frame.
+
+        Raises
+        ------
+        ValueError
+            Actions move the robot, not a hand.
+        DeviceNotConnectedError
+            It cannot begin; the message says why.
+        """
+        if self._session.settings.moved_by == "actions":
+            raise ValueError(
+                "with --robot.moved_by=actions there is no hand for --teleop.type=mmt: leave one "
+                "of them out"
+            )
+        super().connect(calibrate)
+
+    def get_action(self) -> dict[str, float]:
+        """Return the position (mm) that the hand commands.
+
+        Raises
+        ------
+        DeviceNotConnectedError
+            The teleoperator is not connected, or the follower was lost.
+        """
+        self._require()
+        with _told_to_lerobot():
+            given = self._session.given = self._session.command()
+        return _action(given)
+
+    def send_feedback(self, feedback: Mapping[str, Any]) -> None:
+        """Take no feedback.
+
+        Raises
+        ------
+        ValueError
+            There is some.
+        DeviceNotConnectedError
+            The teleoperator is not connected.
+        """
+        self._require()
+        if feedback:
+            raise ValueError(
+                f"{', '.join(feedback)}: the hand feels what [force_feedback] of the scene gives, "
+                "at 1 kHz; LeRobot cannot add to it"
+            )
+
+
+def _position(action: Mapping[str, Any]) -> Vector:
+    lacking = [name for name in ACTION_NAMES if name not in action]
+    if lacking:
+        raise ValueError(f"an action lacks {', '.join(lacking)}; it has {', '.join(action)}")
+    x, y, z = (float(action[name]) for name in ACTION_NAMES)
+    if not math.isfinite(x + y + z):
+        raise ValueError(f"an action is not finite: {x}, {y}, {z} mm")
+    return (x, y, z)
+
+
+def _action(position_mm: Vector) -> dict[str, float]:
+    return dict(zip(ACTION_NAMES, position_mm, strict=True))

@@ -1,0 +1,188 @@
+"""The process beside LeRobot that runs the leader, and where it is wanted the follower.
+
+``python -m mmt_bridges.lerobot.process SETTINGS`` takes `Settings` as JSON. On standard input come
+requests as JSON lines, ``{"ask": "observe"}``, ``{"ask": "command"}`` or ``{"ask": "follow", "mm":
+[x, y, z]}``, and each is answered by one line on standard output, ``{"values": [...]}`` or
+``{"error": "why"}``. ``{"ready": true}`` comes before them, ``{"event": "..."}`` at any time,
+``{"ended": "why"}`` last. Where standard input ends, as with LeRobot itself, the session does.
+"""
+
+import asyncio
+import json
+import os
+import sys
+import threading
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, Final
+
+from mmt.core.errors import FAILED, MmtError
+from mmt.core.queued_output import finish_output, queue_output
+from mmt_bridges.lerobot.settings import Settings, session_scene
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from mmt.core.kernel_cache import Compilation
+    from mmt.leader.service import Leader
+    from mmt.scene import Scene
+    from mmt_bridges.lerobot.observing import ObservingPart
+
+_LAST_S: Final = 5.0
+
+
+def write(**line: Any) -> None:
+    """Write a line for LeRobot, which may have ended."""
+    sys.stdout.write(json.dumps(line) + "\n")
+
+
+def _event(sentence: str) -> None:
+    write(event=sentence)
+
+
+def run(settings: Settings) -> str:
+    """Run the session to its end, and return its outcome.
+
+    Raises
+    ------
+    MmtError
+        It cannot begin, or has failed.
+    """
+    from mmt.core.extras import requiring
+    from mmt.core.kernel_cache import compile_kernels
+    from mmt.core.logs import Logs
+    from mmt.leader.parts import first_numerics_of, numerics_of
+
+    scene = session_scene(settings)
+    compilation: Compilation | None = None
+    try:
+        if numerics := numerics_of(scene):
+            compilation = compile_kernels(numerics, _event, first_numerics_of(scene))
+        with Logs("leader", None, None), requiring():
+            return asyncio.run(_Run(settings, scene, compilation).run())
+    finally:
+        if compilation is not None:
+            compilation.stop()
+
+
+class _Run:
+    def __init__(
+        self, settings: Settings, scene: "Scene", compilation: "Compilation | None"
+    ) -> None:
+        self._settings = settings
+        self._scene = scene
+        self._compilation = compilation
+
+    async def run(self) -> str:
+        from mmt.cli.common import stop_on_signals
+        from mmt.leader.service import Leader
+        from mmt_bridges.lerobot.observing import ObservingPart
+
+        leader = Leader(self._scene, on_event=_event, compilation=self._compilation)
+        ready = asyncio.Event()
+        part = ObservingPart(leader.session, ready)
+        leader.parts.add("lerobot", part)
+        stop_on_signals(leader.stop)
+        tasks: list[asyncio.Task[None]] = []
+        requests = asyncio.create_task(_answer(leader, part, ready))
+
+        def listening() -> None:
+            if self._settings.follower:
+                tasks.append(asyncio.create_task(self._follow(leader)))
+            else:
+                _event(f"waiting for a follower at port {leader.port}")
+
+        try:
+            summary = await leader.run(listening)
+        finally:
+            requests.cancel()
+            if tasks:
+                await asyncio.wait(tasks, timeout=_LAST_S)
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(requests, *tasks, return_exceptions=True)
+        if summary.problem is not None:
+            raise MmtError(summary.problem.removeprefix(FAILED))
+        return summary.outcome
+
+    async def _follow(self, leader: "Leader") -> None:
+        """Run the follower as a process of its own; the session ends with it."""
+        from mmt.cli.child import Child
+
+        assert self._scene.link is not None and leader.port is not None  # noqa: S101, PT018
+        url = self._scene.link.url(leader.port)
+        arguments = ["follower", self._settings.scene, "--leader", url, "--json-lines"]
+        child = await Child.start("follower", "mmt.cli.child", arguments, on_warning=_event)
+        try:
+            async for line in child.lines():
+                if line["kind"] == "event":
+                    _event(f"follower: {line['event']}")
+            code = await child.wait()
+            if code != 0:
+                why = child.messages.removeprefix("error: ") or f"it ended with exit code {code}"
+                leader.ending.fail(MmtError(f"the follower: {why}"))
+        finally:
+            await child.kill()
+
+
+async def _answer(leader: "Leader", part: "ObservingPart", ready: asyncio.Event) -> None:
+    """Say when LeRobot may ask, and answer it until it asks no more."""
+    lines: asyncio.Queue[bytes] = asyncio.Queue()
+    loop = asyncio.get_running_loop()
+
+    def put(line: bytes) -> None:
+        with suppress(RuntimeError):  # the loop has ended
+            loop.call_soon_threadsafe(lines.put_nowait, line)
+
+    threading.Thread(target=_read, args=(put,), name="requests", daemon=True).start()
+    ended = asyncio.create_task(lines.get())  # nothing is asked before it is ready
+    waiting = asyncio.create_task(ready.wait())
+    try:
+        await asyncio.wait([ended, waiting], return_when=asyncio.FIRST_COMPLETED)
+        if waiting.done():
+            write(ready=True)
+        while line := await ended:
+            write(**_reply(part, json.loads(line)))
+            ended = asyncio.create_task(lines.get())
+        leader.stop()
+    except Exception as error:  # noqa: BLE001 - LeRobot would wait for an answer in vain
+        leader.ending.fail(error)
+    finally:
+        ended.cancel()
+        waiting.cancel()
+
+
+def _reply(part: "ObservingPart", request: dict[str, Any]) -> dict[str, Any]:
+    try:
+        if request["ask"] == "observe":
+            return {"values": part.observe()}
+        if request["ask"] == "command":
+            return {"values": part.command()}
+        x, y, z = request["mm"]
+        return {"values": part.follow((x, y, z))}
+    except MmtError as error:
+        return {"error": str(error)}
+
+
+def _read(put: "Callable[[bytes], None]") -> None:
+    """Read lines from standard input; an empty one is its end."""
+    rest = b""
+    while part := os.read(0, 65_536):
+        *lines, rest = (rest + part).split(b"\n")
+        for line in lines:
+            put(line)
+    put(b"")
+
+
+def main() -> None:
+    """Run the session of the settings that are given."""
+    queue_output()
+    try:
+        ended = run(Settings(**json.loads(sys.argv[1])))
+    except MmtError as error:
+        ended = str(error)
+    write(ended=ended)
+    finish_output()
+
+
+if __name__ == "__main__":
+    main()

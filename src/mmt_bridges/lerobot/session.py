@@ -1,0 +1,247 @@
+"""The session that a robot and a teleoperator of LeRobot share: one process for both."""
+
+import atexit
+import json
+import logging
+import os
+import queue
+import subprocess
+import threading
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Final
+
+from mmt.core.children import python_command
+from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.devices.protocols import Vector
+from mmt.scene import Scene
+from mmt.scene.files import find_scene
+from mmt_bridges.lerobot.settings import Settings, session_scene
+
+LOG: Final = logging.getLogger("mmt_bridges.lerobot")
+
+_REPLY_S: Final = 2.0
+_END_S: Final = 20.0
+_ENDED: Final = "ended"
+
+
+class SharedSession:
+    """Run `mmt_bridges.lerobot.process` while anybody uses it, and ask it.
+
+    Parameters
+    ----------
+    settings
+        What it is made of; may be replaced while nobody uses it.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self._scene: Scene | None = None
+        self._users: set[object] = set()
+        self._asking = threading.Lock()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._reading: threading.Thread | None = None
+        self._lines: queue.Queue[dict[str, Any]] = queue.Queue()
+        self.given: Vector | None = None
+        """The action that the teleoperator gave last."""
+
+    @property
+    def settings(self) -> Settings:
+        """What it is made of."""
+        return self._settings
+
+    @settings.setter
+    def settings(self, settings: Settings) -> None:
+        if settings != self._settings:
+            if self.running:
+                raise InputError(
+                    f"scene {settings.scene}: it runs already, with other settings; disconnect "
+                    "what uses it first"
+                )
+            self._settings, self._scene = settings, None
+
+    @property
+    def scene(self) -> Scene:
+        """What the leader runs.
+
+        Raises
+        ------
+        InputError
+            It cannot be used.
+        """
+        if self._scene is None:
+            self._scene = session_scene(self._settings)
+        return self._scene
+
+    @property
+    def running(self) -> bool:
+        """Whether the process is there."""
+        return self._process is not None and self._process.poll() is None
+
+    def acquire(self, user: object) -> None:
+        """Use it; who comes first waits until it is ready.
+
+        Raises
+        ------
+        MmtError
+            It cannot begin; the message says why.
+        """
+        if not self.running:
+            self._close()
+            self._start()
+        self._users.add(user)
+
+    def release(self, user: object) -> None:
+        """Use it no more; who goes last ends it."""
+        self._users.discard(user)
+        if not self._users:
+            self._close()
+
+    def observe(self) -> list[float]:
+        """Return the newest state, in the order of `mmt_bridges.lerobot.dataset.state_names`.
+
+        Raises
+        ------
+        DeviceLost
+            The follower is lost, or the session has ended.
+        """
+        return self._ask({"ask": "observe"})
+
+    def command(self) -> Vector:
+        """Return the position (mm) that the follower was asked last to take.
+
+        Raises
+        ------
+        DeviceLost
+            The follower is lost, or the session has ended.
+        """
+        return _vector(self._ask({"ask": "command"}))
+
+    def follow(self, action_mm: Vector) -> Vector:
+        """Move the robot to a position (mm), and return it as clipped to the workspace.
+
+        Raises
+        ------
+        DeviceLost
+            The follower is lost, or the session has ended.
+        """
+        return _vector(self._ask({"ask": "follow", "mm": action_mm}))
+
+    # --- the process
+
+    def _start(self) -> None:
+        _ = self.scene  # what it lacks is said here
+        self.given, self._lines = None, queue.Queue()
+        self._process = subprocess.Popen(  # noqa: S603 - this interpreter, and settings
+            python_command("-m", "mmt_bridges.lerobot.process", json.dumps(asdict(self._settings))),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            start_new_session=os.name == "posix",  # Ctrl-C is for LeRobot, which disconnects
+        )
+        atexit.register(self._close)  # LeRobot does not disconnect after each of its errors
+        self._reading = threading.Thread(target=self._read, args=(self._process,), daemon=True)
+        self._reading.start()
+        wait_s = self._settings.wait_s
+        begun: dict[str, Any] = {_ENDED: f"no frame of the follower has come within {wait_s:g} s"}
+        try:
+            with suppress(queue.Empty):
+                begun = self._lines.get(timeout=wait_s)
+        except BaseException:  # Ctrl-C
+            self._close()
+            raise
+        if _ENDED in begun:
+            self._close()
+            raise MmtError(begun[_ENDED])
+
+    def _ask(self, request: dict[str, Any]) -> list[float]:
+        with self._asking:
+            process = self._process
+            if process is None or process.stdin is None:
+                raise DeviceLost("the session of mmt has ended")
+            with suppress(OSError):  # it has ended, and has said why
+                process.stdin.write(json.dumps(request).encode() + b"\n")
+                process.stdin.flush()
+            try:
+                reply = self._lines.get(timeout=_REPLY_S)
+            except queue.Empty:
+                process.kill()
+                reply = {_ENDED: f"no answer within {_REPLY_S:g} s: the session is ended"}
+                self._lines = queue.Queue()  # a late answer would be taken for the next one
+        if _ENDED in reply:
+            self._lines.put(reply)  # for whoever asks next
+            raise DeviceLost(reply[_ENDED])
+        if "error" in reply:
+            raise DeviceLost(reply["error"])
+        values: list[float] = reply["values"]
+        return values
+
+    def _read(self, process: "subprocess.Popen[bytes]") -> None:
+        """Pass on what the process writes; its events, and what a driver prints, are logged."""
+        assert process.stdout is not None  # noqa: S101 - it was asked for
+        lines, why = self._lines, "the process of mmt has ended unexpectedly"
+        for raw in process.stdout:
+            line = _parsed(raw)
+            if "event" in line:
+                LOG.info("%s", line["event"])
+            elif _ENDED in line:
+                why = line[_ENDED]
+            else:
+                lines.put(line)
+        lines.put({_ENDED: why})
+
+    def _close(self) -> None:
+        atexit.unregister(self._close)
+        process, reading = self._process, self._reading
+        self._process = self._reading = None
+        if process is None or reading is None:
+            return
+        assert process.stdin is not None and process.stdout is not None  # noqa: S101, PT018
+        with suppress(OSError):  # what was asked last cannot be sent any more
+            process.stdin.close()
+        try:
+            process.wait(_END_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+        reading.join(_END_S)
+        process.stdout.close()
+
+
+def _parsed(raw: bytes) -> dict[str, Any]:
+    try:
+        line = json.loads(raw)
+    except ValueError:
+        line = None
+    return line if isinstance(line, dict) else {"event": raw.decode(errors="replace").strip()}
+
+
+def _vector(values: Sequence[float]) -> Vector:
+    x, y, z = values
+    return (x, y, z)
+
+
+_SESSIONS: Final[dict[Path, SharedSession]] = {}
+
+
+def shared_session(scene: str, settings: Settings | None = None) -> SharedSession:
+    """Return the session of a scene, the same one for everybody in this process.
+
+    Parameters
+    ----------
+    scene
+        A TOML file, or an example's name.
+    settings
+        Those of the robot; None takes what there is.
+
+    Raises
+    ------
+    InputError
+        There is no such scene, or it runs with other settings.
+    """
+    file = find_scene(Path(scene)).resolve()
+    session = _SESSIONS.setdefault(file, SharedSession(settings or Settings(scene)))
+    if settings is not None:
+        session.settings = settings
+    return session

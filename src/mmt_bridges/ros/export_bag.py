@@ -1,0 +1,92 @@
+"""Export a session as a ROS 2 bag: a folder with an MCAP file of standard messages."""
+
+import heapq
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+from mmt.core.errors import InputError
+from mmt.core.extras import require
+from mmt.session.data import RecordedSession, event_time_s, to_json
+from mmt.session.folders import replacing_folder
+from mmt_bridges.ros.messages import SCENE, Message, Messages
+
+_BAG_SUFFIXES: Final = {".yaml", ".mcap", ".db3"}
+_METADATA_VERSION: Final = 8
+_FRAMES_PER_BLOCK: Final = 4096
+
+
+def write_bag(path: Path, session: RecordedSession) -> None:
+    """Write frames, scene and events; another bag of this name is replaced.
+
+    Stamps are UTC: the session's date and the follower's time. A session that does not know when
+    it began begins now.
+
+    Raises
+    ------
+    InputError
+        rosbags is not installed, or the name is that of a folder with something else in it, or
+        see `mmt.session.export_session`.
+    MmtError
+        Writing failed.
+    """
+    require("rosbags")
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.LATEST)
+    _require_replaceable(path)
+    with replacing_folder(path) as folder:
+        writer = Writer(folder, version=_METADATA_VERSION, storage_plugin=StoragePlugin.MCAP)
+        writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+        with writer:
+            connections: dict[str, Any] = {}
+            for stamp_ns, topic, message in _messages(session, Messages(store.types)):
+                if topic.name not in connections:
+                    connections[topic.name] = writer.add_connection(
+                        topic.name, topic.kind, typestore=store
+                    )
+                data = store.serialize_cdr(message, topic.kind)
+                writer.write(connections[topic.name], stamp_ns, data)
+
+
+def _messages(session: RecordedSession, messages: Messages) -> Iterator[Message]:
+    """Yield the session's messages by time."""
+    began_ns = session.began_utc_ns or time.time_ns()
+    if session.scene is not None:
+        yield began_ns, SCENE, messages.text(to_json(dict(session.scene)))
+    yield from heapq.merge(
+        _frames(session, messages, began_ns),
+        _events(session, messages, began_ns),
+        key=lambda written: written[0],
+    )
+
+
+def _frames(session: RecordedSession, messages: Messages, began_ns: int) -> Iterator[Message]:
+    """Yield the messages of the frames; numbers of Python take ten times the room, so in blocks."""
+    frames = session.frames
+    since_ns = began_ns - int(frames["time_ns"][0]) if len(frames) else 0
+    for first in range(0, len(frames), _FRAMES_PER_BLOCK):
+        block = frames[first : first + _FRAMES_PER_BLOCK]
+        yield from messages.frames(block, session.channels, since_ns)
+
+
+def _events(session: RecordedSession, messages: Messages, began_ns: int) -> Iterator[Message]:
+    for event in session.events:
+        yield from messages.event(began_ns + round(event_time_s(event) * 1e9), event)
+
+
+def _require_replaceable(path: Path) -> None:
+    """Refuse what is there already unless it is a bag and nothing else."""
+    if not path.exists():
+        return
+    if not path.is_dir():
+        raise InputError(f"cannot write {path}: a ROS 2 bag is a folder, and this is a file")
+    files = list(path.iterdir())
+    is_bag = any(file.name == "metadata.yaml" for file in files)
+    if not is_bag or any(file.is_dir() or file.suffix not in _BAG_SUFFIXES for file in files):
+        raise InputError(
+            f"cannot write {path}: this folder holds other things than a ROS 2 bag; choose "
+            "another name"
+        )

@@ -1,0 +1,217 @@
+"""The part that publishes frames, events and the model on topics of ROS 2.
+
+They go to a process, `mmt_bridges.ros.process`, which has a node. Stamps are UTC.
+"""
+
+import asyncio
+import json
+import subprocess
+import sys
+import time
+from collections import deque
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any, Final
+
+import msgpack
+import numpy as np
+
+from mmt.core.children import python_command
+from mmt.core.errors import InputError, MmtError
+from mmt.core.extras import require
+from mmt.leader.part import Session
+from mmt.leader.publishing import Block, Marker, PublishingPart
+from mmt.session.data import to_json
+from mmt_bridges.ros.table import Ros
+
+if TYPE_CHECKING:
+    from mmt.leader.completing import ModelOutput
+    from mmt.texture.model.texture_model import TextureModel
+
+_LEAVE_S: Final = 3.0
+"""How long what waits may take to be passed on at the end."""
+
+
+class RosPart(PublishingPart["RosProcess"]):
+    """Pass frames, events and the model on to the process that publishes them.
+
+    Parameters
+    ----------
+    session
+        Session of the run.
+    table
+        The scene's ``[ros]``.
+    """
+
+    table = "ros"
+    compared = ("UTC compared", "utc_ahead_ns")
+
+    def __init__(self, session: Session, table: Ros) -> None:
+        super().__init__(session, table.chunk_ms)
+        self._namespace = table.namespace
+        self._completing: ModelOutput = session.find("completing")
+        self._model: TextureModel | None = None
+        self._models: deque[TextureModel] = deque(maxlen=1)
+        self._pushed["models"] = 0
+
+    @classmethod
+    def build(cls, session: Session) -> "RosPart | None":
+        """Return the part.
+
+        Raises
+        ------
+        InputError
+            rclpy or rosbags cannot be imported.
+        """
+        table = session.scene.table(Ros)
+        if table is None:
+            return None
+        if find_spec("rclpy") is None:
+            raise InputError(
+                "[ros] needs rclpy, which comes with ROS 2: source the setup.bash of its "
+                f"installation before, for this version of Python ({sys.version_info.major}."
+                f"{sys.version_info.minor})"
+            )
+        require("rosbags")
+        return cls(session, table)
+
+    def connect(self) -> None:
+        """Start the process, which makes the topics.
+
+        Raises
+        ------
+        InputError
+            It cannot make them, such as for a domain that is none.
+        """
+        scene = self._session.scene
+        self._outlet = RosProcess(
+            {
+                "namespace": self._namespace,
+                "channels": scene.channels(),
+                "scene": to_json(scene.dump()),
+            }
+        )
+
+    def clock_s(self) -> float:
+        """Return the UTC of this machine."""
+        return time.time()
+
+    def look(self) -> None:
+        """Queue the model where it is another one; tell once that the process has failed."""
+        super().look()
+        newest = self._completing.newest
+        if newest is not None and newest is not self._model:
+            self._model = newest
+            self._models.append(newest)
+
+    async def stop(self) -> None:
+        """Pass on what waits, as long as that takes no longer than it may."""
+        self.look()
+        process = self._outlet
+        ending = asyncio.create_task(asyncio.to_thread(self._leave))
+        done, _ = await asyncio.wait([ending], timeout=_LEAVE_S)
+        if process is not None and not done:
+            process.kill()
+        await ending
+
+    def close(self) -> None:
+        """End the process."""
+        process = self._outlet
+        if process is not None:
+            process.kill()
+        super().close()
+        if process is not None:
+            process.release()
+
+    def _leave(self) -> None:
+        self._end()
+        if self._outlet is not None:
+            self._outlet.end()
+
+    def _push(self) -> None:
+        super()._push()
+        while self._models and self._outlet is not None:
+            self._outlet.push_model(self._models.popleft().to_bytes())
+            self._pushed["models"] += 1
+
+
+class RosProcess:
+    """The process that publishes; methods raise `MmtError` where it has ended.
+
+    Parameters
+    ----------
+    settings
+        As `mmt_bridges.ros.process.Publisher` takes them.
+
+    Raises
+    ------
+    InputError
+        It cannot make the topics.
+    """
+
+    def __init__(self, settings: Mapping[str, Any]) -> None:
+        self._process = subprocess.Popen(  # noqa: S603 - our own module
+            python_command("-m", "mmt_bridges.ros.process"),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            start_new_session=sys.platform != "win32",
+        )
+        with suppress(OSError):  # it has ended by now, and has said why
+            self._send(settings)
+        said = self._said()
+        if "problem" in said:
+            self.kill()
+            self.release()
+            raise InputError(f"[ros] cannot publish: {said['problem']}")
+
+    def push_frames(self, blocks: Sequence[Block]) -> None:
+        """Push blocks of frames, with their times by UTC."""
+        frames = np.concatenate([block.frames for block in blocks])
+        ahead_ns = [block.ahead_ns for block in blocks]
+        frames["time_ns"] += np.repeat(ahead_ns, [len(block.frames) for block in blocks])
+        self._write({"frames": frames.tobytes()})
+
+    def push_marker(self, marker: Marker) -> None:
+        """Push an event."""
+        self._write({"event": marker})
+
+    def push_model(self, model: bytes) -> None:
+        """Push a model's file."""
+        self._write({"model": model})
+
+    def end(self) -> None:
+        """Let it publish what it has, and wait until it has ended."""
+        assert self._process.stdin is not None  # noqa: S101 - it was asked for
+        with suppress(OSError):  # it has ended by itself
+            self._process.stdin.close()
+        self._process.wait()
+
+    def kill(self) -> None:
+        """End it at once."""
+        self._process.kill()
+        self._process.wait()
+
+    def release(self) -> None:
+        """Close what led to it; it has ended, and so has the thread that wrote to it."""
+        for pipe in (self._process.stdin, self._process.stdout):
+            assert pipe is not None  # noqa: S101 - it was asked for
+            with suppress(OSError):  # what it no longer takes
+                pipe.close()
+
+    def _write(self, message: object) -> None:
+        try:
+            self._send(message)
+        except OSError as error:
+            raise MmtError(str(self._said()["problem"])) from error
+
+    def _send(self, message: object) -> None:
+        assert self._process.stdin is not None  # noqa: S101 - it was asked for
+        self._process.stdin.write(msgpack.packb(message))
+        self._process.stdin.flush()
+
+    def _said(self) -> dict[str, Any]:
+        """Return the next line that it says, a problem where it has ended without one."""
+        assert self._process.stdout is not None  # noqa: S101 - it was asked for
+        line = self._process.stdout.readline()
+        return json.loads(line) if line else {"problem": "the process that publishes has ended"}

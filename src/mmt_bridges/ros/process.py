@@ -1,0 +1,148 @@
+"""The process that publishes on topics of ROS 2, by rclpy.
+
+It is a child of the leader, whose ticks do not wait for what rclpy takes. From standard input come
+msgpack maps: first the settings of `Publisher`, then ``{"frames": bytes}``, ``{"event": [UTC in ns,
+JSON]}`` and ``{"model": bytes}``; it ends with that input. To standard output it writes one JSON
+line once the topics are made, or with the ``problem`` that ends it.
+"""
+
+import json
+import os
+import signal
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from importlib import import_module
+from typing import Any, Final, TextIO
+
+import msgpack
+import numpy as np
+from rosbags.typesys import Stores, get_typestore
+
+from mmt.core.end_signals import handle_end_signals
+from mmt.core.errors import brief
+from mmt.core.frames import Channel, frame_dtype
+from mmt.core.process import step_back
+from mmt_bridges.ros.messages import (
+    CHANNEL_TOPICS,
+    EVENTS,
+    LOG,
+    MODEL,
+    SCENE,
+    SEQUENCE,
+    Message,
+    Messages,
+    Topic,
+)
+
+_CHUNK: Final = 65_536
+_LONGEST: Final = 1 << 30
+_KEPT_FRAMES: Final = 1000
+"""What is sent again to a subscriber that has lost some: a second."""
+_KEPT: Final[dict[Topic, int]] = {EVENTS: 100, LOG: 100, SCENE: 1, MODEL: 1}
+"""Of these topics so many last messages are kept for subscribers that come later."""
+_LINGER_S: Final = 0.5
+"""How long a subscriber may take to confirm the last messages of a topic."""
+
+
+class Publisher:
+    """A node with a publisher for each topic.
+
+    Parameters
+    ----------
+    namespace
+        First part of the topics' names.
+    channels
+        What the frames carry.
+    scene
+        The resolved scene as JSON, which is published at once.
+    """
+
+    def __init__(self, namespace: str, channels: Iterable[Channel], scene: str) -> None:
+        self._channels = tuple(channels)
+        self._dtype = frame_dtype(self._channels)
+        self._store = get_typestore(Stores.LATEST)
+        self._messages = Messages(self._store.types)
+        import rclpy  # here, as that of another Python's ROS fails, which is to be told
+        from rclpy.signals import SignalHandlerOptions
+
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        self._node = rclpy.create_node(
+            "leader", namespace=namespace, enable_rosout=False, start_parameter_services=False
+        )
+        framed = [SEQUENCE, *(CHANNEL_TOPICS[channel] for channel in self._channels)]
+        self._publishers = {topic: self._publisher(topic) for topic in (*framed, *_KEPT)}
+        self._publish(SCENE, self._messages.text(scene))
+
+    def take(self, message: Mapping[str, Any]) -> None:
+        """Publish what a message from the leader holds."""
+        for _, topic, made in self._made(message):
+            self._publish(topic, made)
+
+    def close(self) -> None:
+        """Wait until subscribers have what was published, no longer than `_LINGER_S` a topic."""
+        import rclpy
+        from rclpy.duration import Duration
+
+        for publisher in self._publishers.values():
+            publisher.wait_for_all_acked(Duration(seconds=_LINGER_S))
+        self._node.destroy_node()
+        rclpy.shutdown()
+
+    def _made(self, message: Mapping[str, Any]) -> Iterator[Message]:
+        if "frames" in message:
+            frames = np.frombuffer(message["frames"], self._dtype)
+            yield from self._messages.frames(frames, self._channels, since_ns=0)
+        elif "event" in message:
+            time_ns, text = message["event"]
+            yield from self._messages.event(time_ns, json.loads(text))
+        else:
+            yield 0, MODEL, self._messages.octets(message["model"])
+
+    def _publish(self, topic: Topic, message: Any) -> None:
+        self._publishers[topic].publish(bytes(self._store.serialize_cdr(message, topic.kind)))
+
+    def _publisher(self, topic: Topic) -> Any:
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+
+        package, part, kind = topic.kind.split("/")
+        late = DurabilityPolicy.TRANSIENT_LOCAL if topic in _KEPT else DurabilityPolicy.VOLATILE
+        return self._node.create_publisher(
+            getattr(import_module(f"{package}.{part}"), kind),
+            topic.name.removeprefix("/mmt/"),
+            QoSProfile(depth=_KEPT.get(topic, _KEPT_FRAMES), durability=late),
+        )
+
+
+def _input() -> Iterator[Any]:
+    """Yield what comes on standard input, until it is closed."""
+    unpacker = msgpack.Unpacker(max_buffer_size=_LONGEST)
+    while chunk := os.read(sys.stdin.fileno(), _CHUNK):
+        unpacker.feed(chunk)
+        yield from unpacker
+
+
+def main() -> None:
+    """Run the process."""
+    handle_end_signals(signal.SIG_IGN)  # the leader says when it ends
+    step_back()  # the leader's ticks do not wait for what subscribers take
+    with os.fdopen(os.dup(sys.stdout.fileno()), "w") as leader:
+        os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a middleware prints is no answer
+        _publish(leader)
+
+
+def _publish(leader: TextIO) -> None:
+    """Publish until the input ends; tell the leader once the topics are made, or what is wrong."""
+    messages = _input()
+    try:
+        publisher = Publisher(**next(messages))
+        print(json.dumps({"ready": True}), file=leader, flush=True)
+        for message in messages:
+            publisher.take(message)
+        publisher.close()
+    except Exception as error:  # noqa: BLE001 - the leader tells it
+        problem = brief(error) or type(error).__name__
+        print(json.dumps({"problem": problem}), file=leader, flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,251 @@
+"""``bota-serial``: force through a sensor by Bota Systems on a serial line."""
+
+import time
+from typing import Any, Final, Literal
+
+from pydantic import Field
+
+from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.devices.drivers import read_options
+from mmt.devices.record_clocks import StampClock
+from mmt.devices.wrench import Positive, WrenchConverter, WrenchOptions, diagonal
+from mmt.devices.wrench_sensor import Stamped, WrenchSensor
+from mmt_devices.bota.frames import (
+    CONFIGURE,
+    INVALID,
+    OVERRANGE,
+    RAW,
+    RUN,
+    SIZE,
+    SKIPPED,
+    FrameStream,
+    filter_command,
+    frame_rate_hz,
+    most_frames_hz,
+    setup_command,
+)
+from mmt_devices.bota.line import BotaLine, NoAnswer
+
+DRIVER: Final = "bota-serial"
+
+_BROKEN_NS: Final = 100_000_000
+_TEXT_SHARE: Final = 0.95
+_FRAME_BITS: Final = 10 * SIZE
+_WORDS: Final = {
+    INVALID: "that its measurements are invalid (a gauge in saturation, short or open)",
+    RAW: "values of its gauges in the place of forces",
+}
+
+
+class BotaOptions(WrenchOptions):
+    """Options of ``bota-serial``."""
+
+    port: str
+    """Serial port, as ``/dev/serial/by-id/usb-FTDI_...``."""
+    baud: Literal[460_800, 230_400, 115_200, 57_600, 9600] = 460_800
+    """Bits a second that the sensor is set to."""
+    configure: bool = True
+    """Whether to set filter, calibrated forces and binary frames; else they stay as they are."""
+    sinc_length: int = Field(default=51, ge=51, le=512)
+    """Length of its sinc filter: 51200 / length frames a second."""
+    fir: bool = False
+    """Whether the sensor's FIR filter follows, at 252 Hz for a length of 51."""
+    range_n: tuple[Positive, Positive, Positive] = (100.0, 100.0, 100.0)
+    """Range of Fx, Fy, Fz (N), of the model's data sheet."""
+    range_n_m: tuple[Positive, Positive, Positive] = (10.0, 10.0, 10.0)
+    """Range of Tx, Ty, Tz (N m), likewise."""
+    start_s: float = Field(default=2.0, ge=0.2, le=30.0)
+    """How long the first frame may take."""
+
+
+def bota_serial(**options: Any) -> "BotaSerial":
+    """Make the driver; see `BotaOptions`.
+
+    Raises
+    ------
+    InputError
+        An option is not allowed, or the line does not carry so many frames.
+    """
+    read = read_options(BotaOptions, DRIVER, options)
+    if read.configure and frame_rate_hz(read.sinc_length) > most_frames_hz(read.baud):
+        raise InputError(
+            f"device {DRIVER!r}: sinc_length {read.sinc_length} gives "
+            f"{frame_rate_hz(read.sinc_length):.0f} frames a second, of which {read.baud} baud "
+            f"carry {most_frames_hz(read.baud):.0f}: raise 'sinc_length', or set the sensor to a "
+            "higher 'baud'"
+        )
+    return BotaSerial(read)
+
+
+class BotaSerial(WrenchSensor):
+    """A `SampledSensor` of forces, stamped by the sensor's own microseconds."""
+
+    def __init__(self, options: BotaOptions) -> None:
+        super().__init__(f"Bota sensor at {options.port}", options)
+        self._options = options
+        self._line: BotaLine | None = None
+        self._stream = FrameStream()
+        self._clock = StampClock()
+        self._heard_ns = 0  # when bytes came, usable or not
+        self._usable_ns = 0
+        self._status = 0  # of the newest frame that could not be used
+        delay_ms = options.latency_ms
+        self.latency_ns = round(
+            1e9 * _FRAME_BITS / options.baud if delay_ms is None else 1e6 * delay_ms
+        )
+        self.temperature_c: float | None = None
+        """Of the newest frame."""
+        x, y, z = options.range_n_m
+        self._set_converter(
+            WrenchConverter(
+                diagonal(1.0, 1000.0),
+                options.range_n,
+                (1000.0 * x, 1000.0 * y, 1000.0 * z),
+                options,
+            )
+        )
+
+    def connect(self) -> None:
+        """Open the port, set the filter where the options say so, and await the first frame.
+
+        Raises
+        ------
+        MmtError
+            The port cannot be opened, the sensor does not answer, or no frame can be used; the
+            message says what came instead.
+        """
+        self.close()
+        self._line = line = BotaLine(self._options.port, self._options.baud, self.name)
+        try:
+            self._set_up(line)
+            self._await_first_frame(line)
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Close the port; the sensor goes on sending. Calling it twice is harmless."""
+        if self._line is not None:
+            self._line.close()
+            self._line = None
+
+    def _set_up(self, line: BotaLine) -> None:
+        """Set communication and filter until its power is switched off: nothing is stored."""
+        options = self._options
+        if not options.configure:
+            return
+        try:
+            line.command(CONFIGURE)
+            line.command(setup_command(options.baud))
+            line.command(filter_command(options.sinc_length, fir=options.fir))
+            line.command(RUN)
+        except NoAnswer as error:
+            raise MmtError(f"{error}; {self._explain(line)}") from error
+
+    def _await_first_frame(self, line: BotaLine) -> None:
+        self._stream.reset()
+        self._clock.interrupt()
+        start_s = self._options.start_s
+        self._usable_ns = time.monotonic_ns() + round(1e9 * start_s)  # no judgement yet
+        self._status = 0
+        line.received.clear()
+        if self._await_record(start_s):
+            return
+        if self._status:
+            raise MmtError(self._explain_status())
+        raise MmtError(
+            f"{self.name}: no frame could be used in {start_s:g} s; {self._explain(line)}"
+        )
+
+    def _explain(self, line: BotaLine) -> str:
+        """Say what came instead of what was expected, and what to do."""
+        received = bytes(line.received)
+        if not received:
+            return f"nothing comes; {self._where()}"
+        if FrameStream().feed(received):
+            return (
+                "its frames come, but what is sent to it does not arrive: check the wires from the "
+                "adapter to it (RS-422: TX+ and TX-), or leave its settings with configure = false"
+            )
+        readable = sum(byte in b"\t\r\n" or 32 <= byte < 127 for byte in received)
+        if readable >= _TEXT_SHARE * len(received):
+            return "text comes: set its data format to binary, which configure = true does"
+        return (
+            f"{len(received)} bytes or more came but no good frames: the baud rate is probably not "
+            f"{self._options.baud} (option baud: 460800, 230400, 115200, 57600 or 9600), or the "
+            "model speaks another protocol"
+        )
+
+    def _where(self) -> str:
+        return "check its power, its cable, and that this is its port"
+
+    def _receive(self, now_ns: int) -> list[Stamped]:
+        line = self._line
+        if line is None:
+            raise DeviceLost(f"{self.name} is closed: connect it again")
+        content = line.read()
+        if not content:
+            return []
+        line.note(content)
+        self._heard_ns = now_ns
+        records: list[Stamped] = []
+        for status, wrench, time_us, temperature_c in self._stream.feed(content):
+            time_ns = self._clock.stamp(time_us, now_ns)
+            if time_ns is None or (status and not self._is_usable(status)):
+                continue
+            self.temperature_c = temperature_c
+            records.append((time_ns, wrench))
+        if records:
+            self._usable_ns, self._status = now_ns, 0
+        elif now_ns - self._usable_ns > _BROKEN_NS:
+            raise DeviceLost(self._explain_unusable())
+        return records
+
+    def _is_usable(self, status: int) -> bool:
+        """Count what the sensor reports of a frame."""
+        if status & SKIPPED:
+            self._count("skipped measurements")
+        if status & OVERRANGE:
+            self._count("overrange")
+            self._tell_overload()
+        if status & INVALID:
+            self._count("invalid measurements")
+        if status & RAW:
+            self._count("raw measurements")
+        if status & (INVALID | RAW):
+            self._status = status
+            return False
+        return True
+
+    def complaint(self) -> str:
+        """Return what is wrong with the frames, where they have come but could not be used."""
+        return self._explain_unusable() if self._heard_ns > self._usable_ns else ""
+
+    def _explain_unusable(self) -> str:
+        if self._status:
+            return self._explain_status()
+        return (
+            f"{self.name}: no frame could be used ({self._stream.broken} broken so far): check its "
+            f"cable and shield, and that the baud rate is still {self._options.baud}"
+        )
+
+    def _explain_status(self) -> str:
+        words = " and ".join(word for bit, word in _WORDS.items() if self._status & bit)
+        advice = (
+            "unload it, and switch it off and on; it may be damaged"
+            if self._status & INVALID
+            else "switch its calibration matrix on, which configure = true does"
+        )
+        return f"{self.name}: the sensor reports {words}: {advice}"
+
+    @property
+    def faults(self) -> dict[str, int]:
+        """Counts by what was survived."""
+        counts = {
+            **super().faults,
+            "broken frame": self._stream.broken,
+            "lost frame": self._clock.lost,
+            "repeated frame": self._clock.repeated,
+            "restart": self._clock.restarts,
+        }
+        return {reason: count for reason, count in counts.items() if count}

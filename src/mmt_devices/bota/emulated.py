@@ -1,0 +1,219 @@
+"""A force sensor by Bota Systems in software, on a pseudo terminal."""
+
+import random
+import re
+import time
+from typing import TYPE_CHECKING, Any, Final
+
+from mmt.testing.emulated import Truth, with_flipped_bit
+from mmt.testing.emulated.clockwork import Clockwork
+from mmt.testing.emulated.serial_port import EmulatedPort
+from mmt_devices.bota.frames import HEADER, RAW, SIZE, Frame, frame_rate_hz, pack_frame
+
+if TYPE_CHECKING:
+    from mmt.testing.emulated.world import World
+
+_TIMER_NS: Final = 1_000_000
+"""An adapter of USB to serial hands on what is there after a millisecond."""
+_SHIPPED_FILTER: Final = (512, 0, 0, 1)
+_GREETING: Final = b"App Init\r\nname: BFT-SENS-SER-M8\r\nS/N: 1234\r\nFW version: 1.5.0\r\n"
+_COMMAND: Final = re.compile(rb"[CRI]|c,(\d),(\d),(\d),(\d)|f,(\d+),(\d),(\d),(\d)")
+_WARMTH_C: Final = 31.5
+
+
+class EmulatedBota:
+    """Answer and stream as the sensor does, with faults on demand.
+
+    Parameters
+    ----------
+    truth
+        The force at a time: N at ns of the host's monotonic clock.
+    baud
+        Bits a second that it is set to; a program that opens the port with another reads garbage,
+        and is not understood.
+    clock_ppm, start_us
+        How much too fast its clock runs, and where it begins.
+    noise_n
+        Standard deviation of a force.
+    seed
+        Seed of the noise and the faults.
+    clockwork
+        Whose thread it runs in; None for one of its own.
+    """
+
+    def __init__(
+        self,
+        truth: Truth,
+        baud: int = 460_800,
+        *,
+        clock_ppm: float = 0.0,
+        start_us: int = 0,
+        noise_n: float = 0.01,
+        seed: int = 1,
+        clockwork: Clockwork | None = None,
+    ) -> None:
+        self.filter = _SHIPPED_FILTER
+        """Sinc length, chop, fast, FIR disabled."""
+        self.calibrated = True
+        self.text = False
+        """Send lines of text in the place of frames."""
+        self.header = HEADER
+        """Change it to be a model with another protocol."""
+        self.status = 0
+        """Bits that the status of the frames that follow has."""
+        self.refusal = 0
+        """Code with which commands are answered."""
+        self.stuck = False
+        self.deaf = False
+        """Hear no command."""
+        self._truth = truth
+        self._baud = baud
+        self._speed = 1.0 + 1e-6 * clock_ppm
+        self._start_us = start_us
+        self._noise = noise_n
+        self._random = random.Random(seed)  # noqa: S311 - noise, no secret
+        self._on_line_ns = round(10 * SIZE * 1e9 / baud)
+        self._booted_ns = 0
+        self._running_ns: int | None = None  # since when it streams
+        self._sent = 0
+        self._received = b""
+        self._values = (0.0, 0.0, 0.0)
+        self._silent = False
+        self._flips = 0
+        self._repeats = 0
+        self._cuts: list[int] = []
+        self._garbage = b""
+        self._last = b""
+        self.port = EmulatedPort(_TIMER_NS, self._step, clockwork)
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Options by which the driver finds it."""
+        return {"port": self.port.path, "baud": self._baud}
+
+    def start(self) -> None:
+        """Plug it in; it begins to stream."""
+        self._boot()
+        self.port.start()
+
+    def stop(self) -> None:
+        """End and remove the port."""
+        self.port.stop()
+
+    def unplug(self) -> None:
+        """Have the port vanish, and the power with it."""
+        self.port.unplug()
+        self._running_ns = None
+
+    def plug(self) -> None:
+        """Have the port appear again; it starts as it was shipped, which is what it has stored."""
+        self._start_us = 0
+        self.filter, self.text, self.calibrated = _SHIPPED_FILTER, False, True
+        self._boot()
+        self.port.plug()
+
+    def restart(self) -> None:
+        """Count time from the beginning, but keep the settings."""
+        self._start_us = 0
+        self._booted_ns = time.monotonic_ns()
+
+    def stall(self, *, silent: bool = True) -> None:
+        """Send no frames, or go on."""
+        self._silent = silent
+
+    def flip(self, frames: int = 1) -> None:
+        """Flip a bit in each of the next frames."""
+        self._flips += frames
+
+    def repeat(self, frames: int = 1) -> None:
+        """Send the last frame again in the place of each of the next."""
+        self._repeats += frames
+
+    def cut(self, *lengths: int) -> None:
+        """Cut the next frames to these lengths (bytes)."""
+        self._cuts.extend(lengths)
+
+    def garble(self, content: bytes) -> None:
+        """Send these bytes between two frames."""
+        self._garbage += content
+
+    def _boot(self) -> None:
+        self._booted_ns = time.monotonic_ns()
+        self._received = b""
+        self._garbage = _GREETING
+        self._stream(self._booted_ns)
+
+    def _stream(self, now_ns: int) -> None:
+        self._running_ns, self._sent = now_ns, 0
+
+    def _step(self, now_ns: int, received: bytes) -> None:
+        understood = self.port.baud == self._baud
+        if self._running_ns is not None:
+            self._send_due(self._running_ns, now_ns, understood=understood)
+        if received and understood and not self.deaf:
+            self._received += received
+            while command := _COMMAND.match(self._received):
+                self._received = self._received[command.end() :]
+                self._obey(command, now_ns)
+
+    def _obey(self, command: "re.Match[bytes]", now_ns: int) -> None:
+        name = command[0][:1].decode("ascii")
+        code = self.refusal
+        if name in "CI":
+            self._running_ns = None
+        elif name != "R" and self._running_ns is not None:
+            code = 1  # settings are for the configuration mode
+        elif not code and name == "c":
+            self.calibrated, self.text = command[2] == b"1", command[3] == b"1"
+        elif not code and name == "f":
+            length, chop, fast, no_fir = (int(command[i]) for i in range(5, 9))
+            self.filter = (length, chop, fast, no_fir)
+        self.port.write(f"r,0,{name},{code}\r\n".encode("ascii"))
+        if name == "R" and not code:
+            self._stream(now_ns)
+
+    def _send_due(self, running_ns: int, now_ns: int, *, understood: bool) -> None:
+        rate = frame_rate_hz(self.filter[0]) * self._speed * 1e-9
+        due = max(0, int((now_ns - running_ns - self._on_line_ns) * rate))
+        numbers, self._sent = range(self._sent, due), due
+        if not numbers:
+            return
+        packet, self._garbage = self._garbage, b""
+        if not self._silent:
+            packet += b"".join(self._frame(running_ns + round((k + 1) / rate)) for k in numbers)
+        if not understood:
+            packet = self._random.randbytes(len(packet))
+        self.port.write(packet)
+
+    def _frame(self, time_ns: int) -> bytes:
+        if self._repeats and self._last:
+            self._repeats -= 1
+            return self._last
+        if not self.stuck:
+            x, y, z = (
+                value + self._random.gauss(0.0, self._noise) for value in self._truth(time_ns)
+            )
+            self._values = (x, y, z)
+        x, y, z = self._values
+        if self.text:
+            return f"{x:.3f},{y:.3f},{z:.3f}\r\n".encode("ascii")
+        status = self.status
+        if not self.calibrated:
+            x, y, z = 1e5 * x, 1e5 * y, 1e5 * z
+            status |= RAW
+        time_us = self._start_us + round((time_ns - self._booted_ns) * self._speed / 1000.0)
+        wrench = (x, y, z, 0.001 * y, 0.001 * x, 0.0)
+        whole = Frame(status, wrench, time_us % 2**32, _WARMTH_C)
+        self._last = self._spoil(pack_frame(whole, self.header))
+        return self._last
+
+    def _spoil(self, wire: bytes) -> bytes:
+        if self._flips:
+            self._flips -= 1
+            wire = with_flipped_bit(wire, self._random)
+        return wire[: self._cuts.pop(0)] if self._cuts else wire
+
+
+def in_lab(world: "World", seed: int, clockwork: Clockwork) -> EmulatedBota:
+    """Return the force sensor of the virtual lab."""
+    return EmulatedBota(world.force_n, clock_ppm=25.0, seed=seed, clockwork=clockwork)

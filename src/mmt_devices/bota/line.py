@@ -1,0 +1,75 @@
+"""The serial line to a sensor by Bota Systems: commands and answers, then bytes as they come."""
+
+import time
+from typing import Final
+
+from mmt.core.errors import MmtError
+from mmt.devices.sensor_line import SensorLine
+from mmt_devices.bota.frames import ANSWER
+
+_ANSWER_S: Final = 0.5
+_ATTEMPTS: Final = 4
+"""So long that a sensor which has just got its power has started in between."""
+_BETWEEN_BYTES_S: Final = 0.005
+"""The vendor's driver sends commands no faster; they have no end mark."""
+_KEPT: Final = 8192
+
+
+class NoAnswer(MmtError):  # noqa: N818 - its message names what came
+    """The sensor has not answered a command."""
+
+
+class BotaLine(SensorLine):
+    """The line, once it is open; see `SensorLine`."""
+
+    def __init__(self, port: str, baud: int, name: str) -> None:
+        super().__init__(port, baud, name)
+        self.received = bytearray()
+        """The newest bytes that came, for saying what is wrong."""
+
+    def note(self, content: bytes) -> None:
+        """Keep bytes for saying what is wrong, the newest of them."""
+        self.received += content
+        del self.received[:-_KEPT]
+
+    def command(self, command: str) -> None:
+        """Send a command and await its answer; frames that come meanwhile are thrown away.
+
+        Raises
+        ------
+        NoAnswer
+            None came after four attempts.
+        MmtError
+            The sensor refuses.
+        """
+        for _ in range(_ATTEMPTS):
+            self.note(self.read())
+            self._send(command)
+            code = self._await_answer(command[0])
+            if code == "0":
+                return
+            if code:
+                raise MmtError(
+                    f"{self._name}: it refuses the command {command!r} (code {code}): "
+                    "switch it off and on, or leave its settings with configure = false"
+                )
+        raise NoAnswer(f"{self._name}: it does not answer the command {command!r}")
+
+    def _send(self, command: str) -> None:
+        for character in command:
+            self.write(character.encode("ascii"))
+            time.sleep(_BETWEEN_BYTES_S)
+
+    def _await_answer(self, command: str) -> str:
+        """Return the code of the answer to a command, empty where none came."""
+        received = b""
+        end = time.monotonic() + _ANSWER_S
+        while time.monotonic() < end:
+            content = self.read()
+            self.note(content)
+            received += content
+            for answer in ANSWER.finditer(received):
+                if answer[1] == command.encode("ascii"):
+                    return answer[2].decode("ascii")
+            time.sleep(0.001)
+        return ""

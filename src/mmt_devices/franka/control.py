@@ -1,0 +1,132 @@
+"""How the arm is held at commanded positions."""
+
+import math
+from typing import Any, Final
+
+from mmt.devices.protocols import Vector
+from mmt_devices.franka.options import RobotOptions
+from mmt_devices.franka.problems import ArmProblem
+
+_LONGEST_STEP_S: Final = 0.005
+_SMOOTHING_S: Final = 0.01
+"""Time constant of the point's velocity, which is a difference of positions."""
+
+
+class PositionControl:
+    """A spring and a damper to a point that moves towards the target at a bounded speed.
+
+    The library closes the loop, a thousand times a second in a thread of its own that runs no
+    Python (`CartesianImpedanceTrackingMotion` of franky, on libfranka's torque interface); this
+    moves the point. Nothing moves before the first command. The damper acts on the velocity
+    relative to the point's, so that a stroke does not lag behind by it.
+
+    Parameters
+    ----------
+    franky
+        The library.
+    options
+        Stiffness and limits.
+
+    Attributes
+    ----------
+    target_mm
+        Where the tip is to be, in the robot's base frame; None before the first command.
+    left
+        Set to bring the arm to rest, and to end the control.
+    """
+
+    def __init__(self, franky: Any, options: RobotOptions) -> None:
+        self._franky = franky
+        self._options = options
+        self.target_mm: Vector | None = None
+        self.left = False
+        self._resting = False
+        self._motion: Any = None
+        self._rotation: Any = None
+        self._point = self._velocity = (0.0, 0.0, 0.0)
+        self._moved_ns = 0
+
+    def turn(self, robot: Any, state: Any, now_ns: int) -> bool:
+        """Begin once there is a command, then move the point on; return whether it has ended.
+
+        Raises
+        ------
+        Exception
+            What the library raises where the arm has stopped.
+        """
+        target = self.target_mm
+        if self.left:
+            return self._rest(robot)
+        if target is None:
+            return False
+        if self._motion is None:
+            self._begin(robot, state, now_ns)
+        elif not robot.is_in_control:
+            robot.join_motion()
+            raise ArmProblem("the library has ended the motion without a reason")
+        else:
+            self._move(target, 1e-9 * (now_ns - self._moved_ns))
+            self._moved_ns = now_ns
+            self._publish()
+        return False
+
+    def _rest(self, robot: Any) -> bool:
+        """Have the library bring the arm to rest, where it was moved; return whether it is."""
+        if self._motion is None:
+            return True
+        if not self._resting:
+            self._resting = True
+            robot.move(self._franky.TorqueStopMotion(), asynchronous=True)
+        elif not robot.is_in_control:
+            robot.join_motion()
+            self._motion = None
+        return self._motion is None
+
+    def _begin(self, robot: Any, state: Any, now_ns: int) -> None:
+        options, franky = self._options, self._franky
+        robot.set_collision_behavior(options.collision_torque_nm, options.collision_force_n)
+        stiffness_n_m = 1000.0 * options.stiffness_n_mm
+        motion = franky.CartesianImpedanceTrackingMotion(
+            translational_stiffness=stiffness_n_m,
+            rotational_stiffness=options.rotational_stiffness_nm_rad,
+            translational_error_clip=[options.force_limit_n / stiffness_n_m] * 3,
+            posture_task=franky.PostureTask(
+                target=state.q, stiffness=options.posture_stiffness_nm_rad
+            ),
+        )
+        x, y, z = state.O_T_EE.translation.tolist()
+        self._point = (1e3 * x, 1e3 * y, 1e3 * z)
+        self._rotation = state.O_T_EE.quaternion
+        self._motion, self._moved_ns = motion, now_ns
+        self._publish()
+        robot.move(motion, asynchronous=True)
+
+    def _move(self, target: Vector, passed_s: float) -> None:
+        """Move the point towards the target (mm), and follow its velocity (mm/s)."""
+        step_s = min(max(passed_s, 1e-6), _LONGEST_STEP_S)
+        a, b, c = self._point
+        x, y, z = target[0] - a, target[1] - b, target[2] - c
+        distance = math.sqrt(x * x + y * y + z * z)
+        reach = self._options.speed_limit_mm_s * step_s
+        part = 1.0 if distance <= reach else reach / distance
+        x, y, z = part * x, part * y, part * z
+        self._point = (a + x, b + y, c + z)
+        share = step_s / (step_s + _SMOOTHING_S)
+        u, v, w = self._velocity
+        self._velocity = (
+            u + share * (x / step_s - u),
+            v + share * (y / step_s - v),
+            w + share * (z / step_s - w),
+        )
+
+    def _publish(self) -> None:
+        """Hand the point to the library's loop, which takes it in its next turn."""
+        franky = self._franky
+        point_m = [1e-3 * value for value in self._point]
+        velocity_m_s = [1e-3 * value for value in self._velocity]
+        self._motion.set_reference(
+            franky.CartesianReference(
+                target=franky.Affine(point_m, self._rotation),
+                target_twist=franky.Twist(velocity_m_s),
+            )
+        )

@@ -1,0 +1,186 @@
+"""A Franka arm as the follower's robot, and its estimate of the force at its tip as a sensor."""
+
+import math
+import time
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any, Final, Generic, TypeVar
+
+from mmt.core.errors import DeviceLost, InputError
+from mmt.core.extras import require
+from mmt.devices.axes import Axes
+from mmt.devices.discovery import missing_package
+from mmt.devices.drivers import read_options
+from mmt.devices.protocols import Vector
+from mmt_devices.franka.arm import Arm, ArmState, enter, leave
+from mmt_devices.franka.control import PositionControl
+from mmt_devices.franka.options import ArmOptions, RobotOptions
+
+_BIAS_STATES: Final = 200
+_NO_FORCE: Final = (
+    "force of exactly zero, which is what the arm says near a singularity, and what a simulator "
+    "without contact says"
+)
+
+AnyOptions = TypeVar("AnyOptions", bound=ArmOptions)
+
+
+def missing() -> str:
+    """Return what this machine lacks for the driver, with what to do; empty if nothing."""
+    return missing_package("franky")
+
+
+class _ArmDriver(Generic[AnyOptions]):
+    """What both drivers share: their part in the connection."""
+
+    def __init__(self, options: AnyOptions) -> None:
+        require("franky")
+        self._options = options
+        self._arm: Arm | None = None
+        self._counts: Counter[str] = Counter()
+
+    def connect(self) -> None:
+        """Connect it; it is recovered where it had stopped by a reflex, and nothing moves.
+
+        Raises
+        ------
+        MmtError
+            It cannot be used; the message says what to do.
+        """
+        self.close()
+        self._arm = enter(self._options)
+
+    def close(self) -> None:
+        """Bring it to rest and disconnect it, where nothing else uses it."""
+        arm, self._arm = self._arm, None
+        if arm is not None:
+            leave(arm)
+
+    @property
+    def faults(self) -> Mapping[str, int]:
+        """Counts by what went wrong and was survived."""
+        return self._counts
+
+    def await_turn(self) -> None:
+        """Return soon after the thread that reads the arm has done its turn."""
+        self._connected().await_turn()
+
+    def _connected(self) -> Arm:
+        if self._arm is None:
+            raise DeviceLost(f"the Franka arm {self._options.host} is not connected")
+        return self._arm
+
+
+class FrankaRobot(_ArmDriver[RobotOptions]):
+    """Implements `Robot`; the options are those of `RobotOptions`.
+
+    Parameters
+    ----------
+    **options
+        See `docs/how-to/franka.md`.
+
+    Raises
+    ------
+    InputError
+        An option is not allowed, or franky-control is not installed.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(read_options(RobotOptions, "franka", options))
+        self._axes = Axes(self._options.axes, self._options.origin_mm)
+        self._control: PositionControl | None = None
+
+    def connect(self) -> None:
+        """Connect it; see `_ArmDriver`."""
+        super().connect()
+        arm = self._connected()
+        if arm.control is not None:
+            self.close()
+            raise InputError(f"the {arm.name} is driven already: name it once as a robot")
+        self._control = arm.control = PositionControl(arm.franky, self._options)
+
+    def close(self) -> None:
+        """Bring it to rest, and disconnect it where it is not read as a force sensor as well."""
+        control, self._control = self._control, None
+        if self._arm is not None and control is not None:
+            self._arm.release()
+        super().close()
+
+    def calibrate(self) -> None:
+        """Do nothing: it is calibrated, and the scene's zero is the option `origin_mm`."""
+
+    def read(self) -> Vector:
+        """Return the end effector's position (mm), about a tick old.
+
+        Raises
+        ------
+        DeviceLost
+            It is not there any more, or has stopped; the message says why.
+        """
+        return self._axes.place_in_scene(self._connected().check().position_mm)
+
+    def write(self, position_mm: Vector) -> None:
+        """Command a position (mm); one that is not finite is counted and not obeyed.
+
+        Raises
+        ------
+        DeviceLost
+            As with `read`.
+        """
+        self._connected().check()
+        if not math.isfinite(sum(position_mm)):
+            self._counts["commands that are not finite"] += 1
+        elif self._control is not None:
+            self._control.target_mm = self._axes.place_on_device(position_mm)
+
+
+class FrankaForce(_ArmDriver[ArmOptions]):
+    """Implements `ForceSensor` by the arm's estimate of the external force, `O_F_ext_hat_K`.
+
+    Parameters
+    ----------
+    **options
+        See `docs/how-to/franka.md`.
+
+    Raises
+    ------
+    InputError
+        An option is not allowed, or franky-control is not installed.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(read_options(ArmOptions, "franka", options))
+        self._axes = Axes(self._options.axes)
+        self._bias_n: Vector = (0.0, 0.0, 0.0)
+
+    def calibrate(self) -> None:
+        """Take the mean force of 200 states, 0.2 s, as the bias; the tool is free and at rest.
+
+        Raises
+        ------
+        DeviceLost
+            The arm is not there any more.
+        """
+        arm = self._connected()
+        states: dict[int, ArmState] = {}
+        while len(states) < _BIAS_STATES:
+            state = arm.check()
+            states[state.time_ms] = state
+            time.sleep(0.0005)
+        columns = zip(*(state.force_n for state in states.values()), strict=True)
+        x, y, z = (math.fsum(column) / len(states) for column in columns)
+        self._bias_n = (x, y, z)
+
+    def read(self) -> Vector:
+        """Return the force of what the tip touches on the tool (N), the bias removed.
+
+        Raises
+        ------
+        DeviceLost
+            The arm is not there any more, or has stopped.
+        """
+        x, y, z = self._connected().check().force_n
+        if x == y == z == 0.0:
+            self._counts[_NO_FORCE] += 1
+        a, b, c = self._bias_n
+        return self._axes.to_scene((x - a, y - b, z - c))

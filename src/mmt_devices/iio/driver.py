@@ -1,0 +1,301 @@
+"""``iio-accelerometer``: an accelerometer by the buffer of Linux's industrial I/O."""
+
+import logging
+import sys
+import time
+from collections.abc import Sequence
+from math import hypot
+from pathlib import Path
+from statistics import fmean
+from typing import Any, Final
+
+from mmt.core.errors import DeviceLost, MmtError
+from mmt.devices.accelerometer_axes import signed_axes
+from mmt.devices.adxl335.gravity import GRAVITY_M_S2
+from mmt.devices.drivers import read_options
+from mmt.devices.overload import OverloadNotice
+from mmt.devices.protocols import SensorReading
+from mmt.devices.record_clocks import CountingClock
+from mmt_devices.iio.attributes import find_device, find_iio_accelerometers
+from mmt_devices.iio.capture import Capture
+from mmt_devices.iio.options import IioOptions
+
+DRIVER: Final = "iio-accelerometer"
+LOG: Final = logging.getLogger("mmt.devices")
+
+_REST_S: Final = 0.2
+_LEAST_SAMPLES: Final = 20
+_LONGEST_PAUSE_S: Final = 1.0
+_ERROR_AT_REST: Final = 0.15
+"""Largest error of gravity, relative; data sheets allow several per cent of gain, and 0.1 g."""
+_GAP: Final = 1.75
+"""Periods between two stamps from which samples are missing; an interrupt may be late by less."""
+_AHEAD_NS: Final = 1_000_000
+"""Most by which a stamp may be ahead of the clock that it is of."""
+
+Raw = tuple[int, ...]
+"""Counts of an axis each; before it is stamped, the time as well."""
+
+
+FINDERS: Final = {"IIO accelerometers": find_iio_accelerometers}
+
+
+def iio_accelerometer(**options: Any) -> "IioAccelerometer":
+    """Make the driver; see `IioOptions`.
+
+    Raises
+    ------
+    InputError
+        An option is not allowed.
+    """
+    read = read_options(IioOptions, DRIVER, options)
+    return StampedAccelerometer(read) if read.stamps == "kernel" else IioAccelerometer(read)
+
+
+class IioAccelerometer:
+    """A `SampledSensor` of accelerations, whose samples are counted.
+
+    Parameters
+    ----------
+    options
+        Checked already.
+    """
+
+    def __init__(self, options: IioOptions) -> None:
+        self._options = options
+        self.latency_ns = round(1e6 * options.latency_ms)
+        self.name = f"accelerometer {options.device or ''}".strip()
+        self._capture: Capture | None = None
+        self._rest = b""
+        self._counts: dict[str, int] = {}
+        self._notice = OverloadNotice()
+        self._clock: CountingClock | None = None
+        self._lost_before = 0
+        self._last: Raw = ()
+        self._same_since_ns = 0
+        self._is_stuck = False
+        self._axes: list[tuple[int, float, float, float]] = []
+        """For x, y, z of the scene: which axis, scale, zero, and where that is at its end."""
+
+    @property
+    def faults(self) -> dict[str, int]:
+        """Counts by what was survived."""
+        lost = self._lost_before + (0 if self._clock is None else self._clock.missing)
+        counts = {**self._counts, "lost samples": self._counts.get("lost samples", 0) + lost}
+        return {reason: count for reason, count in counts.items() if count}
+
+    def connect(self) -> None:
+        """Find the device, set it up, have it capture, and await the first sample.
+
+        Raises
+        ------
+        InputError
+            There is no such device, or several.
+        MmtError
+            It cannot capture; the message says why and what to do.
+        """
+        self.close()
+        if sys.platform != "linux":
+            raise MmtError(
+                f"{DRIVER}: industrial I/O is a part of Linux, and this is another system"
+            )
+        options = self._options
+        directory = find_device(Path(options.sysfs_root), options.device)
+        capture = Capture(directory, Path(options.dev_root) / directory.name, self.name)
+        self._capture = capture
+        try:
+            stamped = options.stamps == "kernel"
+            capture.start(options.rate_hz, options.length, options.trigger, stamped=stamped)
+            self._prepare(capture)
+            self._await_sample()
+        except BaseException:
+            self.close()
+            raise
+
+    def calibrate(self) -> None:
+        """Compare the value at rest with gravity, and say where they differ; see the ADXL335's.
+
+        Raises
+        ------
+        MmtError
+            Too few samples came.
+        """
+        self.read()  # what came before is not at rest for certain
+        values: list[Sequence[float]] = []
+        end = time.monotonic() + _REST_S
+        while (now := time.monotonic()) < end or (
+            len(values) < _LEAST_SAMPLES and now < end + _LONGEST_PAUSE_S
+        ):
+            values += [reading.value for reading in self.read()]
+            time.sleep(0.002)
+        if len(values) < _LEAST_SAMPLES:
+            raise MmtError(
+                f"{self.name}: {len(values)} samples came in {_REST_S:g} s, too few; raise "
+                "'rate_hz'"
+            )
+        felt = hypot(*map(fmean, zip(*values, strict=True)))
+        if abs(felt / GRAVITY_M_S2 - 1.0) > _ERROR_AT_REST:
+            LOG.warning(
+                "%s measures %.2f m/s2 at rest, gravity is %.2f: it was moved, or its driver in "
+                "the kernel is for another sensor (in_accel_scale)",
+                self.name,
+                felt,
+                GRAVITY_M_S2,
+            )
+
+    def read(self) -> Sequence[SensorReading]:
+        """Return what has come, in m/s2 along the scene's axes.
+
+        Raises
+        ------
+        DeviceLost
+            It is gone, or its value is stuck.
+        """
+        return [self._convert(time_ns, raw) for time_ns, raw in self._take()]
+
+    def complaint(self) -> str:
+        """Return why nothing comes, as far as the kernel tells."""
+        return "" if self._capture is None else self._capture.complaint()
+
+    def close(self) -> None:
+        """Stop the capture and put back what was changed; calling it twice is harmless."""
+        if self._capture is not None:
+            self._capture.stop()
+            self._capture = None
+
+    def _take(self) -> list[tuple[int, Raw]]:
+        """Return time and counts of the scans that have come."""
+        capture = self._capture
+        if capture is None:
+            raise DeviceLost(f"{self.name} is closed: connect it again")
+        content = capture.read()
+        now_ns = time.monotonic_ns()
+        size = capture.layout.size
+        if len(content) >= capture.length * size:
+            self._count("full buffer")
+        content, self._rest = self._rest + content, b""
+        if odd := len(content) % size:
+            content, self._rest = content[:-odd], content[-odd:]
+        return self._stamp(list(capture.layout.decode(content)), now_ns)
+
+    def _stamp(self, scans: Sequence[Raw], now_ns: int) -> list[tuple[int, Raw]]:
+        """Return the scans with their times."""
+        clock = self._clock
+        assert clock is not None  # noqa: S101 - made before the first scan is taken
+        clock.arrive(len(scans), now_ns)
+        return [(clock.next(), raw) for raw in scans]
+
+    def _prepare(self, capture: Capture) -> None:
+        self._rest = b""
+        offset, scale = capture.scales()
+        self._axes = []
+        for i, sign in signed_axes(self._options.axes):
+            least, largest = capture.bounds[i]
+            end = min(-(least + offset[i]), largest + offset[i]) * scale[i]
+            if self._options.range_g is not None:
+                end = min(end, self._options.range_g * GRAVITY_M_S2)
+            self._axes.append((i, sign * scale[i], sign * scale[i] * offset[i], end))
+        self._start_clock(capture)
+
+    def _start_clock(self, capture: Capture) -> None:
+        if not capture.rate_hz:
+            raise MmtError(
+                f"{self.name}: nothing tells its rate, by which samples are counted: set stamps = "
+                '"kernel"'
+            )
+        if self._clock is not None and self._clock.period_ns == 1e9 / capture.rate_hz:
+            self._clock.interrupt()
+            return
+        if self._clock is not None:
+            self._lost_before += self._clock.missing
+        self._clock = CountingClock(capture.rate_hz)
+
+    def _await_sample(self) -> None:
+        end = time.monotonic() + self._options.start_s
+        came = False
+        while time.monotonic() < end:
+            scans = self._take()
+            if any(not self._is_stuck or raw != self._last for _, raw in scans):
+                self._is_stuck, self._last = False, ()
+                return
+            came = came or bool(scans)
+            time.sleep(0.001)
+        if came:
+            raise MmtError(self._explain_stuck())
+        why = self.complaint().removeprefix(f"{self.name}: ")
+        raise MmtError(
+            f"{self.name}: no sample for {self._options.start_s:g} s though its buffer runs; "
+            + (why or "check the wire from its interrupt to the pin that the overlay names")
+        )
+
+    def _convert(self, time_ns: int, raw: Raw) -> SensorReading:
+        if raw != self._last:
+            self._last, self._same_since_ns, self._is_stuck = raw, time_ns, False
+        elif self._is_stuck or time_ns - self._same_since_ns >= 1e9 * self._options.stuck_s:
+            self._is_stuck = True  # also after it is connected again, until the value changes
+            raise DeviceLost(self._explain_stuck())
+        (i, a, p, x_end), (j, b, q, y_end), (k, c, r, z_end) = self._axes
+        x, y, z = a * raw[i] + p, b * raw[j] + q, c * raw[k] + r
+        if abs(x) >= x_end or abs(y) >= y_end or abs(z) >= z_end:
+            self._count("overload")
+            self._notice.tell(
+                f"{self.name} is overloaded: beyond {x_end / GRAVITY_M_S2:.3g} g along an axis it "
+                "cuts off what it feels; touch the surface and move more gently"
+            )
+        return SensorReading(time_ns, (x, y, z))
+
+    def _explain_stuck(self) -> str:
+        return (
+            f"{self.name}: its value has not changed for {self._options.stuck_s:g} s or more, and "
+            "even at rest it is never quite still: check its supply and wires"
+        )
+
+    def _count(self, reason: str, number: int = 1) -> None:
+        self._counts[reason] = self._counts.get(reason, 0) + number
+
+
+class StampedAccelerometer(IioAccelerometer):
+    """A `SampledSensor` of accelerations that the kernel has stamped by the monotonic clock.
+
+    That is the host's clock, so that a stamp is an arrival too.
+    """
+
+    def __init__(self, options: IioOptions) -> None:
+        super().__init__(options)
+        self._newest_ns = 0
+        self._period_ns = 0.0
+        self._impossible = 0  # since the newest good one
+
+    @property
+    def arrival_ns(self) -> int:
+        """When the newest reading was stamped, by the host's monotonic clock."""
+        return self._newest_ns
+
+    def complaint(self) -> str:
+        """Return why nothing comes, or that what comes has no time that could be right."""
+        if self._impossible:
+            return (
+                f"{self.name}: its samples have impossible time stamps ({self._impossible} in a "
+                'row): look whether current_timestamp_clock says "monotonic"; another program may '
+                "have set it"
+            )
+        return super().complaint()
+
+    def _start_clock(self, capture: Capture) -> None:
+        self._newest_ns = 0
+        self._impossible = 0
+        self._period_ns = 1e9 / capture.rate_hz if capture.rate_hz else 0.0
+
+    def _stamp(self, scans: Sequence[Raw], now_ns: int) -> list[tuple[int, Raw]]:
+        stamped: list[tuple[int, Raw]] = []
+        for *raw, time_ns in scans:
+            if not self._newest_ns < time_ns <= now_ns + _AHEAD_NS:
+                self._count("impossible stamp")
+                self._impossible += 1
+                continue
+            periods = (time_ns - self._newest_ns) / self._period_ns if self._period_ns else 0.0
+            if self._newest_ns and periods > _GAP:
+                self._count("lost samples", round(periods) - 1)
+            self._newest_ns, self._impossible = time_ns, 0
+            stamped.append((time_ns, tuple(raw)))
+        return stamped

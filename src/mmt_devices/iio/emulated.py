@@ -1,0 +1,269 @@
+"""An accelerometer of Linux's industrial I/O in software: attributes in a folder, and a FIFO.
+
+It does by itself what the kernel does when attributes are written. Files in a folder refuse
+nothing, so that what the kernel would refuse is not refused here.
+"""
+
+import contextlib
+import os
+import random
+import shutil
+import tempfile
+import threading
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from mmt.testing.emulated import Truth, with_flipped_bit
+from mmt.testing.emulated.clockwork import Clockwork
+from mmt_devices.iio.emulated_chips import ADXL355, ADXL359, Chip, attributes, pack
+
+if TYPE_CHECKING:
+    from mmt.testing.emulated.world import World
+
+_LEAST_WAIT_NS: Final = 100_000
+_IDLE_NS: Final = 10_000_000
+_PIPE_BYTES: Final = 65_536
+
+
+class EmulatedIio:
+    """Attributes and scans of one device, with faults on demand.
+
+    Parameters
+    ----------
+    truth
+        Proper acceleration (m/s2) along the sensor's own axes at a monotonic time (ns).
+    chip
+        Which sensor.
+    clock_ppm
+        How much too fast it samples.
+    delay_ns
+        Delay of its filter.
+    noise_m_s2
+        Standard deviation of what an axis adds.
+    seed
+        Seed of the noise and the faults.
+    old
+        Whether it has the directories of kernels before 5.11, as later ones have too, or those
+        of later ones alone.
+    clockwork
+        Whose thread it runs in; None for one of its own.
+    """
+
+    def __init__(
+        self,
+        truth: Truth,
+        chip: Chip = ADXL355,
+        *,
+        clock_ppm: float = 0.0,
+        delay_ns: int = 0,
+        noise_m_s2: float = 0.02,
+        seed: int = 1,
+        old: bool = True,
+        clockwork: Clockwork | None = None,
+    ) -> None:
+        self.dropped = 0
+        """Scans for which the buffer had no room."""
+        self.chip = chip
+        """Change it before `start` to be another sensor."""
+        self._buffer = "buffer" if old else "buffer0"
+        self._elements = "scan_elements" if old else self._buffer
+        self._truth = truth
+        self._speed = 1.0 + 1e-6 * clock_ppm
+        self._delay_ns = delay_ns
+        self._noise = noise_m_s2
+        self._random = random.Random(seed)  # noqa: S311 - noise, no secret
+        self._folder = Path(tempfile.mkdtemp(prefix="mmt-iio-"))
+        self._lock = threading.Lock()
+        self._clockwork = clockwork or Clockwork()
+        self._file = self._switch = -1
+        self._seen: tuple[str, int] = ("0", 0)
+        self._enabled: list[tuple[str, str]] = []
+        self._begun_ns: int | None = None
+        self._rate_hz = 0.0
+        self._length = 0
+        self._sent = 0
+        self._realtime = False
+        self._stuck: tuple[int, ...] | None = None
+        self._silent = self._scrambled = False
+        self._lost = self._flips = self._splits = 0
+        self._held = b""
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Options by which the driver finds it."""
+        return {"sysfs_root": str(self._folder / "sys"), "dev_root": str(self._folder / "dev")}
+
+    @property
+    def directory(self) -> Path:
+        """Where its attributes are."""
+        return self._folder / "sys" / "iio:device0"
+
+    def start(self) -> None:
+        """Have it appear."""
+        self.plug()
+        self._clockwork.add(self._turn)
+
+    def stop(self) -> None:
+        """End, and remove the folder."""
+        self._clockwork.remove(self._turn)
+        self.unplug()
+        shutil.rmtree(self._folder)
+
+    def plug(self) -> None:
+        """Have it appear, with the settings that the kernel's driver starts with."""
+        import fcntl
+
+        with self._lock:
+            for path, content in attributes(self.chip, self._buffer, self._elements).items():
+                self.write(path, content)
+            self._switch = os.open(self.directory / self._buffer / "enable", os.O_RDONLY)
+            node = self._folder / "dev" / "iio:device0"
+            node.parent.mkdir(exist_ok=True)
+            os.mkfifo(node)
+            self._file = os.open(node, os.O_RDWR | os.O_NONBLOCK)
+            fcntl.fcntl(self._file, fcntl.F_SETPIPE_SZ, _PIPE_BYTES)
+
+    def unplug(self) -> None:
+        """Have it vanish, as when its bus loses it."""
+        with self._lock:
+            if self._file >= 0:
+                os.close(self._file)
+                os.close(self._switch)
+                self._file = self._switch = -1
+                self._begun_ns, self._seen = None, ("0", 0)
+                shutil.rmtree(self._folder / "sys")
+                shutil.rmtree(self._folder / "dev")
+
+    def read(self, attribute: str) -> str:
+        """Return what an attribute says, from the device's directory."""
+        return (self.directory / attribute).read_text(encoding="ascii").strip()
+
+    def write(self, attribute: str, value: str) -> None:
+        """Write an attribute, as the kernel or another program does."""
+        path = self.directory / attribute
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(value + "\n", encoding="ascii")
+
+    def stall(self, *, stalled: bool = True) -> None:
+        """Capture nothing, as without its interrupt, or go on."""
+        self._silent = stalled
+
+    def scramble(self, *, scrambled: bool = True) -> None:
+        """Stamp the scans by times that cannot be, or go on."""
+        self._scrambled = scrambled
+
+    def stick(self, *, stuck: bool = True) -> None:
+        """Give one value again and again, or go on."""
+        self._stuck = self._measure(time.monotonic_ns()) if stuck else None
+
+    def lose(self, scans: int = 1) -> None:
+        """Leave out the next scans."""
+        self._lost += scans
+
+    def flip(self, scans: int = 1) -> None:
+        """Flip a bit in each of the next scans."""
+        self._flips += scans
+
+    def split(self, scans: int = 1) -> None:
+        """Hand on the next scans in two parts."""
+        self._splits += scans
+
+    def _turn(self, now_ns: int) -> int:
+        with self._lock:
+            if self._file >= 0:
+                with contextlib.suppress(FileNotFoundError, ValueError):
+                    self._obey(now_ns)
+            if self._begun_ns is None:
+                return now_ns + _IDLE_NS
+            return max(self._send_due(self._begun_ns, now_ns), now_ns + _LEAST_WAIT_NS)
+
+    def _obey(self, now_ns: int) -> None:
+        """Begin or end, where the attribute says so; also where it was written twice."""
+        said = os.pread(self._switch, 8, 0).decode("ascii").strip()
+        seen = (said, os.fstat(self._switch).st_mtime_ns)
+        if seen == self._seen or not seen[0]:  # empty: it is being written
+            return
+        self._seen = seen
+        if seen[0] == "0":
+            self._begun_ns = None
+            return
+        with contextlib.suppress(BlockingIOError):  # a capture begins with an empty buffer
+            while os.read(self._file, _PIPE_BYTES):
+                pass
+        scan = self.directory / self._elements
+        names = [path.name.removesuffix("_en") for path in scan.glob("*_en")]
+        on = [name for name in names if self.read(f"{self._elements}/{name}_en") != "0"]
+        on.sort(key=lambda name: int(self.read(f"{self._elements}/{name}_index")))
+        self._enabled = [(name, self.read(f"{self._elements}/{name}_type")) for name in on]
+        self._rate_hz = float(self.read("in_accel_sampling_frequency"))
+        self._length = int(self.read(f"{self._buffer}/length"))
+        self._realtime = self.chip.stamped and self.read("current_timestamp_clock") != "monotonic"
+        self._begun_ns, self._sent, self._held = now_ns, 0, b""
+
+    def _send_due(self, begun_ns: int, now_ns: int) -> int:
+        """Capture what is due; return when the next scan is."""
+        period_ns = 1e9 / (self._rate_hz * self._speed)
+        due = int((now_ns - begun_ns) / period_ns)
+        while self._sent < due:
+            self._sent += 1
+            time_ns = begun_ns + round(self._sent * period_ns)
+            scan = self._scan(time_ns)
+            if self._silent:
+                continue
+            if self._lost:
+                self._lost -= 1
+            else:
+                self._hand_on(self._spoil(scan))
+        return begun_ns + round((due + 1) * period_ns)
+
+    def _hand_on(self, scan: bytes) -> None:
+        import fcntl
+        import termios
+
+        waiting = int.from_bytes(fcntl.ioctl(self._file, termios.FIONREAD, bytes(4)), "little")
+        if waiting >= self._length * len(scan):
+            self.dropped += 1
+            return
+        if self._splits:
+            self._splits -= 1
+            os.write(self._file, self._held + scan[:5])
+            self._held = scan[5:]
+            return
+        os.write(self._file, self._held + scan)
+        self._held = b""
+
+    def _spoil(self, scan: bytes) -> bytes:
+        if not self._flips:
+            return scan
+        self._flips -= 1
+        return with_flipped_bit(scan, self._random)
+
+    def _measure(self, time_ns: int) -> tuple[int, ...]:
+        felt = self._truth(time_ns - self._delay_ns)
+        return tuple(
+            round((value + self._random.gauss(0.0, self._noise)) / self.chip.scale)
+            for value in felt
+        )
+
+    def _scan(self, time_ns: int) -> bytes:
+        """Lay out one scan: each element at a multiple of its own size, likewise the whole."""
+        raw = self._stuck or self._measure(time_ns)
+        values = dict(zip(("in_accel_x", "in_accel_y", "in_accel_z"), raw, strict=True))
+        ahead_ns = time.time_ns() - time.monotonic_ns() if self._realtime else 0
+        stamp = self._random.getrandbits(62) if self._scrambled else time_ns + ahead_ns
+        values |= {"in_temp": 1852, "in_timestamp": stamp}
+        content = b""
+        largest = 1
+        for name, kind in self._enabled:
+            element = pack(kind, values[name])
+            largest = max(largest, len(element))
+            content += bytes(-len(content) % len(element)) + element
+        return content + bytes(-len(content) % largest)
+
+
+def in_lab(world: "World", seed: int, clockwork: Clockwork) -> EmulatedIio:
+    """Return an accelerometer of the virtual lab."""
+    return EmulatedIio(
+        world.acceleration_m_s2, ADXL359, clock_ppm=-120.0, seed=seed, clockwork=clockwork
+    )

@@ -1,0 +1,292 @@
+"""What goes to and from the service a thousand times a second: a command out, a state in."""
+
+import time
+from abc import ABC, abstractmethod
+from collections import Counter
+from collections.abc import Callable
+from typing import Any, Final, NamedTuple
+
+from mmt.core.arrays import towards
+from mmt.devices.plausibility import Watch
+from mmt.devices.protocols import Vector
+from mmt_devices.inverse3.exchange import ABSENT, Measured, State
+from mmt_devices.inverse3.messages import (
+    CommandNames,
+    OtherFormatError,
+    force_command,
+    greeting,
+    kind_of,
+    listed,
+    parse,
+    position_command,
+    read_flag,
+    read_place,
+)
+
+NO_FORCE: Final[Vector] = (0.0, 0.0, 0.0)
+
+UNREADABLE: Final = "answers that cannot be read"
+UNCALIBRATED: Final = "positions without calibration"
+
+_LONGEST_FADE_NS: Final = 10_000_000
+_LOST_NS: Final = 100_000_000
+_LEAST_ANSWERS: Final = 20
+"""An answer that makes no sense is survived; so many, for so long, are a device that is lost."""
+
+STUCK: Final = (
+    "a position that stays the same though it is commanded elsewhere: let go of the tip; see that "
+    "it has power and, in the Haply Hub, that no emergency brake is engaged; where it obeys no "
+    "command at all, try the option 'commands'"
+)
+
+_STUCK_NS: Final = 500_000_000
+"""A tip that is pulled as far as it may be moves by the least bit within this, unless it is held
+fast, or the service does not obey."""
+_LONGEST_STEP_S: Final = 0.005
+
+
+class Found(NamedTuple):
+    """The device that was chosen of those of the service."""
+
+    device: str
+    names: CommandNames
+    entry: dict[str, Any]
+    """What the first message says of it."""
+
+
+class Senseless(NamedTuple):
+    """A row of answers that make no sense."""
+
+    problem: str
+    since_ns: int
+    answers: int
+
+
+class Fade:
+    """The share of the force that is displayed: it fades while commands are stale.
+
+    Parameters
+    ----------
+    stale_ns, ramp_ns
+        The force fades to zero within `ramp_ns` when no command has come for `stale_ns`, and comes
+        back as slowly.
+    """
+
+    def __init__(self, stale_ns: int, ramp_ns: int) -> None:
+        self._stale_ns, self._ramp_ns = stale_ns, ramp_ns
+        self._last_ns: int | None = None
+        self.share = 0.0
+
+    def step(self, now_ns: int, command_ns: int | None) -> tuple[float, bool]:
+        """Return the share now, and whether it begins to fade."""
+        passed_ns = 0 if self._last_ns is None else now_ns - self._last_ns
+        self._last_ns = now_ns
+        change = min(passed_ns, _LONGEST_FADE_NS) / self._ramp_ns
+        if command_ns is not None and now_ns - command_ns < self._stale_ns:
+            self.share = min(self.share + change, 1.0)
+            return self.share, False
+        begins = self.share == 1.0
+        self.share = max(self.share - change, 0.0)
+        return self.share, begins
+
+    def cut(self) -> None:
+        """Take the force away at once."""
+        self.share = 0.0
+
+
+class Servo(ABC):
+    """One device, in the process that talks with the service.
+
+    Parameters
+    ----------
+    found
+        The device.
+    stale_ms
+        For how long a command holds.
+    clock
+        Monotonic time (ns).
+    """
+
+    def __init__(
+        self, found: Found, stale_ms: float, clock: Callable[[], int] = time.monotonic_ns
+    ) -> None:
+        self.device, self._names = found.device, found.names
+        self.kind = kind_of(found.entry)
+        self.clock = clock
+        self.stale_ns = round(stale_ms * 1e6)
+        self.command: Vector = NO_FORCE
+        """A force (N) or a place (mm), in the device's axes."""
+        self.command_ns: int | None = None
+        """When it was given, None before the first."""
+        self.displayed_n: Vector = NO_FORCE
+        """The force that the service was told last."""
+        self.measured: Measured | None = None
+        self.senseless: Senseless | None = None
+        self.fault = ""
+        """What ends this connection, empty while it goes on."""
+        self.counts: Counter[str] = Counter()
+        self.calibrated: bool | None = None
+        """As the service says; None where it does not tell."""
+        self.needs_calibration = False
+        """Whether a position without calibration makes no sense."""
+        self.powered = read_flag(found.entry, "power_supply")
+        self.used_elsewhere = read_flag(found.entry, "in_use") is True
+        """Whether another program had the device when this one came."""
+        self._watch = Watch()
+        self._judge(found.entry, clock())
+
+    def greet(self) -> str:
+        """Return the first message to the service."""
+        return greeting(self.device, self._names)
+
+    def release(self) -> str:
+        """Return the message that takes the force away."""
+        return force_command(self.device, self._names, NO_FORCE)
+
+    @abstractmethod
+    def speak(self, now_ns: int) -> str:
+        """Return the next message to the service."""
+
+    def hear(self, text: str) -> None:
+        """Take an answer of the service."""
+        try:
+            entry = listed(parse(text)).get(self.device)
+        except (ValueError, OtherFormatError):
+            self._distrust(UNREADABLE, self.clock())
+            return
+        if entry is None:
+            self._distrust(ABSENT, self.clock())
+        else:
+            self._judge(entry, self.clock())
+
+    def problem(self) -> str:
+        """Return what it gives, for which it is lost; empty while it works."""
+        senseless = self.senseless
+        if self.fault or senseless is None or senseless.answers < _LEAST_ANSWERS:
+            return self.fault
+        if self.clock() - senseless.since_ns <= _LOST_NS:
+            return ""
+        if senseless.problem == ABSENT:
+            return ABSENT
+        return (
+            f"{senseless.problem} for 100 ms or more, so that there is no force: check its cable "
+            "and calibration, and what the Haply Hub shows of it"
+        )
+
+    def state(self) -> State:
+        """Return what the driver is told."""
+        return State(
+            self.measured, self.displayed_n, self.calibrated, self.powered, self.used_elsewhere
+        )
+
+    def _judge(self, entry: Any, now_ns: int) -> None:
+        calibrated, powered = read_flag(entry, "calibrated"), read_flag(entry, "power_supply")
+        self.calibrated = self.calibrated if calibrated is None else calibrated
+        self.powered = self.powered if powered is None else powered
+        try:
+            position, velocity = read_place(entry)
+        except ValueError:
+            self._distrust(UNREADABLE, now_ns)
+            return
+        problem = self._watch.problem(position, velocity, now_ns)
+        if problem is None and self.needs_calibration and self.calibrated is False:
+            problem = UNCALIBRATED
+        if problem is not None:
+            self._distrust(problem, now_ns)
+            return
+        self.senseless = None
+        self.measured = Measured(position, velocity, now_ns)
+
+    def _distrust(self, problem: str, now_ns: int) -> None:
+        """Take the force away: the answer makes no sense."""
+        self.counts[problem] += 1
+        before = self.senseless
+        since_ns, answers = (now_ns, 0) if before is None else (before.since_ns, before.answers)
+        self.senseless = Senseless(problem, since_ns, answers + 1)
+
+
+class ForceServo(Servo):
+    """Displays a force, for the handle.
+
+    Parameters
+    ----------
+    found, stale_ms, clock
+        See `Servo`.
+    ramp_ms
+        See `Fade`.
+    """
+
+    def __init__(
+        self,
+        found: Found,
+        stale_ms: float,
+        ramp_ms: float,
+        clock: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        super().__init__(found, stale_ms, clock)
+        self._fade = Fade(self.stale_ns, round(ramp_ms * 1e6))
+
+    def speak(self, now_ns: int) -> str:
+        """Return the command of the force, faded."""
+        if self.senseless is not None:
+            self._fade.cut()
+            self.displayed_n = NO_FORCE
+            return self.release()
+        share, begins = self._fade.step(now_ns, self.command_ns)
+        if begins:
+            self.counts["stale commands"] += 1
+        x, y, z = self.command
+        self.displayed_n = (share * x, share * y, share * z)
+        return force_command(self.device, self._names, self.displayed_n)
+
+
+class PositionServo(Servo):
+    """A point that moves towards the target, at which the service holds the tip.
+
+    The point starts where the tip is, moves at a bounded speed, and is never further from the tip
+    than the option `lead_limit_mm`: the service's spring pulls no harder than over that distance,
+    and neither the first command nor one after a pause throws the arm. While commands are stale
+    the arm is limp.
+
+    Parameters
+    ----------
+    found, stale_ms, clock
+        See `Servo`.
+    speed_limit_mm_s, lead_limit_mm
+        See `RobotOptions`.
+    """
+
+    def __init__(
+        self,
+        found: Found,
+        stale_ms: float,
+        speed_limit_mm_s: float,
+        lead_limit_mm: float,
+        clock: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        super().__init__(found, stale_ms, clock)
+        self._speed_mm_s, self._lead_mm = speed_limit_mm_s, lead_limit_mm
+        self._point: Vector | None = None
+        self._pulled_at: Vector | None = None
+        self._pulled_ns = self._spoke_ns = 0
+
+    def speak(self, now_ns: int) -> str:
+        """Return the command of the next place, or of no force."""
+        passed_s = min(1e-9 * (now_ns - self._spoke_ns), _LONGEST_STEP_S)
+        self._spoke_ns = now_ns
+        measured, command_ns = self.measured, self.command_ns
+        fresh = command_ns is not None and now_ns - command_ns < self.stale_ns
+        if measured is None or self.senseless is not None or self.fault or not fresh:
+            if self._point is not None and not fresh:
+                self.counts["stale commands"] += 1
+            self._point = self._pulled_at = None
+            return self.release()
+        tip = measured.position_mm
+        point = towards(self._point or tip, self.command, self._speed_mm_s * passed_s)
+        self._point = towards(tip, point, self._lead_mm)
+        if self._point != point and tip == self._pulled_at:
+            if now_ns - self._pulled_ns > _STUCK_NS:
+                self.fault = STUCK
+        else:
+            self._pulled_at, self._pulled_ns = tip, now_ns
+        return position_command(self.device, self._names, self._point)

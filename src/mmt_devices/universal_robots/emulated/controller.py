@@ -1,0 +1,263 @@
+"""The ports of a UR controller in software, for the real ur_rtde to connect to.
+
+The library has the ports built in: 29999 for the dashboard, 30003 for scripts, 30004 for RTDE.
+The controller therefore listens at a loopback address of its own.
+
+Sources: Universal Robots, "Real-Time Data Exchange (RTDE) guide" and "Dashboard Server e-Series";
+the source of ur_rtde 1.6 (MIT) for what the library says to them.
+"""
+
+import random
+import selectors
+import socket
+import struct
+import threading
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final
+
+from mmt.core.errors import MmtError
+from mmt.devices.protocols import Vector
+from mmt_devices.universal_robots.emulated.arm import (
+    EMERGENCY_STOP,
+    PLAYING,
+    POWER_OFF,
+    PROTECTIVE_STOP,
+    EmulatedArm,
+    Tip,
+)
+from mmt_devices.universal_robots.emulated.ports import (
+    RATE_HZ,
+    VERSION,
+    Connection,
+    DashboardConnection,
+    RtdeConnection,
+    ScriptConnection,
+)
+from mmt_devices.universal_robots.frame import SceneFrame
+
+if TYPE_CHECKING:
+    from mmt.testing.emulated.clockwork import Clockwork
+    from mmt.testing.emulated.world import World
+
+DASHBOARD_PORT: Final = 29999
+SCRIPT_PORT: Final = 30003
+RTDE_PORT: Final = 30004
+
+_SERIAL_NUMBER: Final = "20225500001"
+_TRIES: Final = 50
+_MOST_WAITING: Final = 1 << 16
+
+
+_PORTS: Final[dict[int, type[Connection]]] = {
+    DASHBOARD_PORT: DashboardConnection,
+    SCRIPT_PORT: ScriptConnection,
+    RTDE_PORT: RtdeConnection,
+}
+
+
+class EmulatedUrController:
+    """A controller of the e-Series with its arm, at a loopback address of its own.
+
+    Parameters
+    ----------
+    tip
+        What the arm moves.
+    origin_mm, rotation_rad
+        The tip's frame in the frame of the base, see `SceneFrame`.
+    noise_n
+        Standard deviation of the measured force.
+    seed
+        Seed of the noise.
+    """
+
+    def __init__(
+        self,
+        tip: Tip,
+        origin_mm: Vector = (-120.0, -430.0, 150.0),
+        rotation_rad: Vector = (0.0, 0.0, 0.5),
+        *,
+        noise_n: float = 0.05,
+        seed: int = 1,
+    ) -> None:
+        self._place = {"origin_mm": list(origin_mm), "rotation_rad": list(rotation_rad)}
+        self.arm = EmulatedArm(tip, SceneFrame(origin_mm, rotation_rad), noise_n, seed)
+        self.host = ""
+        self.remote = True
+        """Whether the pendant leaves control to others."""
+        self.refuses_version = False
+        """Whether it speaks the first version of RTDE alone."""
+        self.silent = False
+        """Whether it keeps back all data, as with the cable out of the switch."""
+        self._began_ns = time.monotonic_ns()
+        self._selector = selectors.DefaultSelector()
+        self._listeners: list[socket.socket] = []
+        self._connections: list[Connection] = []
+        self._plugged = True
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="UR controller", daemon=True)
+
+    # --- life
+
+    def start(self) -> None:
+        """Begin to listen at an address whose ports are free.
+
+        Raises
+        ------
+        MmtError
+            None was found.
+        """
+        chance = random.SystemRandom()
+        for _ in range(_TRIES):
+            host = (
+                f"127.{chance.randint(64, 127)}.{chance.randint(0, 255)}.{chance.randint(1, 254)}"
+            )
+            try:
+                self._listen(host)
+            except OSError:
+                self._close_all()
+                continue
+            self.host = host
+            self._thread.start()
+            return
+        raise MmtError("no loopback address has the ports of a UR controller free")
+
+    def stop(self) -> None:
+        """End, and give the ports back."""
+        self._ended.set()
+        self._thread.join()
+        self._close_all()
+        self._selector.close()
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Options by which the robot's driver finds it and its surface."""
+        return {"host": self.host, **self._place}
+
+    def unplug(self) -> None:
+        """Be gone: close every connection and refuse new ones."""
+        self._plugged = False
+        while self._listeners:
+            time.sleep(0.001)
+
+    def plug(self) -> None:
+        """Be there again at the same address, started anew: no program runs."""
+        self.arm.end_program()
+        self._plugged = True
+        while not self._listeners:
+            time.sleep(0.001)
+
+    def switch_to_local(self) -> None:
+        """Take the control away from others, as a person does at the pendant."""
+        self.remote = False
+        self.arm.end_program()
+
+    # --- what its ports do
+
+    def run_script(self) -> None:
+        """Run the control script, where others may control the arm."""
+        if self.remote:
+            self.arm.start_program()
+
+    def take(self, values: dict[str, Any]) -> None:
+        """Take input registers."""
+        self.arm.take(values, self._time_s(time.monotonic_ns()))
+
+    def answer(self, line: str) -> str:
+        """Return what the dashboard server says to a line."""
+        arm = self.arm
+        if line == "stop":
+            arm.end_program()
+        stops = {PROTECTIVE_STOP: "PROTECTIVE_STOP", EMERGENCY_STOP: "ROBOT_EMERGENCY_STOP"}
+        answers = {
+            "PolyscopeVersion": "URSoftware {}.{}.{}.{} (Mar 28 2022)".format(*VERSION),
+            "get serial number": _SERIAL_NUMBER,
+            "is in remote control": str(self.remote).lower(),
+            "robotmode": f"Robotmode: {'POWER_OFF' if arm.mode == POWER_OFF else 'RUNNING'}",
+            "running": f"Program running: {str(arm.runtime_state == PLAYING).lower()}",
+            "safetystatus": f"Safetystatus: {stops.get(arm.safety, 'NORMAL')}",
+            "stop": "Stopped",
+        }
+        return answers.get(line, f'could not understand: "{line}"')
+
+    def drop(self, connection: Connection) -> None:
+        """Forget a client."""
+        if connection in self._connections:
+            self._connections.remove(connection)
+            self._selector.unregister(connection.link)
+            connection.link.close()
+
+    # --- its thread
+
+    def _time_s(self, now_ns: int) -> float:
+        return (now_ns - self._began_ns) / 1e9
+
+    def _run(self) -> None:
+        period_ns, due_ns, tick = 1_000_000_000 // RATE_HZ, time.monotonic_ns(), 0
+        while not self._ended.is_set():
+            due_ns = max(due_ns + period_ns, time.monotonic_ns() - 10 * period_ns)
+            self._serve_until(due_ns)
+            if self._plugged != bool(self._listeners):
+                self._listen(self.host) if self._plugged else self._close_all()
+            tick += 1
+            now_ns = time.monotonic_ns()
+            self.arm.step(self._time_s(now_ns), now_ns, period_ns / 1e9)
+            if not self.silent:
+                fields = self.arm.fields(self._time_s(now_ns))
+                for connection in tuple(self._connections):
+                    connection.send_state(fields, tick)
+
+    def _serve_until(self, due_ns: int) -> None:
+        """Answer what comes; a selector waits for whole milliseconds, the rest is slept."""
+        left_s = 1.0
+        while left_s > 0.0:
+            left_s = max(0, due_ns - time.monotonic_ns()) / 1e9 - 0.001
+            if left_s <= 0.0:
+                time.sleep(left_s + 0.001)
+            for key, _ in self._selector.select(max(0.0, left_s)):
+                act: Callable[[], None] = key.data
+                act()
+
+    def _listen(self, host: str) -> None:
+        for port, kind in _PORTS.items():
+            listener = socket.create_server((host, port))
+            self._listeners.append(listener)
+            self._selector.register(
+                listener,
+                selectors.EVENT_READ,
+                lambda at=listener, kind=kind: self._accept(at, kind),
+            )
+
+    def _accept(self, listener: socket.socket, kind: type[Connection]) -> None:
+        link, _ = listener.accept()
+        link.setblocking(False)
+        link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        connection = kind(self, link)
+        self._connections.append(connection)
+        self._selector.register(link, selectors.EVENT_READ, partial(self._receive, connection))
+        connection.greet()
+
+    def _receive(self, connection: Connection) -> None:
+        try:
+            data = connection.link.recv(_MOST_WAITING)
+            connection.received += data
+            if data:
+                connection.take()
+        except (OSError, ValueError, struct.error, LookupError):
+            data = b""
+        if not data:
+            self.drop(connection)
+
+    def _close_all(self) -> None:
+        for connection in tuple(self._connections):
+            self.drop(connection)
+        for listener in self._listeners:
+            self._selector.unregister(listener)
+            listener.close()
+        self._listeners.clear()
+
+
+def in_lab(world: "World", seed: int, _clockwork: "Clockwork") -> EmulatedUrController:
+    """Return the arm of the virtual lab, in place of its robot."""
+    return EmulatedUrController(world, seed=seed)

@@ -1,0 +1,144 @@
+"""What one client says and hears at each port of an emulated controller."""
+
+import socket
+import struct
+from typing import Any, Final, Protocol
+
+from mmt_devices.universal_robots.emulated import rtde
+from mmt_devices.universal_robots.emulated.rtde import Recipe
+
+VERSION: Final = (5, 12, 2, 1101319)
+"""Of the software that is emulated."""
+RATE_HZ: Final = 500
+
+
+class Controller(Protocol):
+    """What is behind the ports."""
+
+    refuses_version: bool
+    """Whether it speaks the first version of RTDE alone."""
+
+    def answer(self, line: str) -> str:
+        """Return what the dashboard server says to a line."""
+
+    def run_script(self) -> None:
+        """Run the control script."""
+
+    def take(self, values: dict[str, Any]) -> None:
+        """Take input registers."""
+
+    def drop(self, connection: "Connection") -> None:
+        """Forget a client."""
+
+
+class Connection:
+    """One client at one port.
+
+    Parameters
+    ----------
+    controller
+        Whose port it is.
+    link
+        The accepted socket.
+    """
+
+    def __init__(self, controller: Controller, link: socket.socket) -> None:
+        self.controller = controller
+        self.link = link
+        self.received = bytearray()
+
+    def send(self, data: bytes) -> None:
+        """Send; a client that does not read is dropped, as a controller does."""
+        try:
+            self.link.sendall(data)
+        except OSError:
+            self.controller.drop(self)
+
+    def greet(self) -> None:
+        """Say what the port says first: nothing."""
+
+    def take(self) -> None:
+        """Act on what was received: leave it."""
+
+    def send_state(self, fields: dict[str, Any], tick: int) -> None:
+        """Send what is due at a cycle: nothing."""
+
+
+class DashboardConnection(Connection):
+    """Lines of text in, a line each out."""
+
+    def greet(self) -> None:
+        """Say whose port it is."""
+        self.send(b"Connected: Universal Robots Dashboard Server\n")
+
+    def take(self) -> None:
+        """Answer each line."""
+        while b"\n" in self.received:
+            line, _, rest = self.received.partition(b"\n")
+            self.received[:] = rest
+            self.send((self.controller.answer(line.decode("ascii", "replace")) + "\n").encode())
+
+
+class ScriptConnection(Connection):
+    """Scripts in; nothing is answered."""
+
+    def take(self) -> None:
+        """Start ur_rtde's control script once it is whole; it ends by an ``end`` of its own."""
+        if self.received.startswith(b"def rtde_control():") and self.received.endswith(b"\nend\n"):
+            self.received.clear()
+            self.controller.run_script()
+
+
+class RtdeConnection(Connection):
+    """A session of RTDE."""
+
+    def __init__(self, controller: Controller, link: socket.socket) -> None:
+        super().__init__(controller, link)
+        self._outputs: Recipe | None = None
+        self._inputs: list[Recipe] = []
+        self._every = 1
+        self._with_frequency = False
+        self._started = False
+
+    def take(self) -> None:
+        """Answer each package."""
+        for kind, body in rtde.packages(self.received):
+            if kind == rtde.DATA:
+                recipe = self._inputs[body[0] - 1]
+                self.controller.take(recipe.unpack(body[1:]))
+            else:
+                self.send(rtde.pack(kind, self._answer(kind, body)))
+
+    def _answer(self, kind: int, body: bytes) -> bytes:
+        if kind == rtde.PROTOCOL_VERSION:
+            accepted = body == b"\x00\x02" and not self.controller.refuses_version
+            self._with_frequency = accepted
+            return bytes((accepted,))
+        if kind == rtde.CONTROL_VERSION:
+            return struct.pack(">4I", *VERSION)
+        if kind == rtde.OUTPUTS:
+            return self._set_up_outputs(body)
+        if kind == rtde.INPUTS:
+            self._inputs.append(Recipe(body))
+            return self._inputs[-1].answer(len(self._inputs))
+        if kind == rtde.START:
+            self._started = self._outputs is not None and self._outputs.known
+            return bytes((self._started,))
+        if kind == rtde.PAUSE:
+            self._started = False
+            return b"\x01"
+        raise ValueError(f"a package of kind {kind}")
+
+    def _set_up_outputs(self, body: bytes) -> bytes:
+        """Read names after a rate, which a session of the first version has not."""
+        if self._with_frequency:
+            (rate_hz,) = struct.unpack_from(">d", body)
+            self._every = max(1, round(RATE_HZ / rate_hz))
+            body = body[8:]
+        self._outputs = Recipe(body)
+        return self._outputs.answer(1)
+
+    def send_state(self, fields: dict[str, Any], tick: int) -> None:
+        """Send a data package where one is due."""
+        if self._started and self._outputs is not None and tick % self._every == 0:
+            self.send(rtde.pack(rtde.DATA, b"\x01" + self._outputs.pack(fields)))

@@ -1,0 +1,141 @@
+"""The force at the tool of an arm by Universal Robots, as the controller measures it."""
+
+import time
+from typing import Any, Final
+
+from mmt.core.errors import DeviceLost, MmtError
+from mmt.core.extras import require
+from mmt.devices.drivers import read_options
+from mmt.devices.protocols import Vector
+from mmt_devices.universal_robots import sharing
+from mmt_devices.universal_robots.frame import SceneFrame
+from mmt_devices.universal_robots.messages import State
+from mmt_devices.universal_robots.options import ForceOptions
+
+_BIAS_S: Final = 0.2
+_BIAS_STATES: Final = 20
+_BIAS_PATIENCE_S: Final = 2.0
+_UNREST_N: Final = 5.0
+"""Between the least and the largest value along an axis while the bias is taken."""
+_CHANGE_S: Final = 0.5
+
+
+class UrForceSensor:
+    """Implements `ForceSensor`; the options are those of `ForceOptions`.
+
+    RTDE gives ``actual_TCP_force``: what acts on the tool from outside, in the axes of the base,
+    the payload that is set at the controller taken off. A tool that presses on a table under an
+    upright arm measures a positive z. Here it is turned into the scene's axes, less the bias.
+
+    Parameters
+    ----------
+    **options
+        See `docs/how-to/universal-robots.md`.
+
+    Raises
+    ------
+    InputError
+        An option is not allowed, or ur-rtde is not installed.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        self._options = read_options(ForceOptions, "ur", options)
+        require("rtde_receive")
+        self._frame = SceneFrame((0.0, 0.0, 0.0), self._options.rotation_rad)
+        self._member = sharing.Member(self._options)
+        self._arm: sharing.SharedArm | None = None
+        self._bias_n: Vector = (0.0, 0.0, 0.0)
+        self._last_n: Vector | None = None
+        self._same_since_s = 0.0
+        self._stuck = False
+
+    def connect(self) -> None:
+        """Read the arm, by the process of its robot where one is connected.
+
+        Raises
+        ------
+        InputError
+            The robot of the same arm has other options.
+        MmtError
+            It does not answer, or its force is stuck.
+        """
+        self.close()
+        self._arm = sharing.connect(self._member)
+        try:
+            if self._stuck:
+                self._await_change()
+        except BaseException:
+            self.close()
+            raise
+
+    def _await_change(self) -> None:
+        """Wait for a value other than the one at which it was stuck."""
+        deadline = time.monotonic() + _CHANGE_S
+        while self._state().force_n == self._last_n:
+            if time.monotonic() > deadline:
+                raise MmtError(self._explain_stuck())
+            time.sleep(0.001)
+        self._stuck, self._last_n = False, None
+
+    def calibrate(self) -> None:
+        """Take the bias: the mean over 0.2 s.
+
+        Raises
+        ------
+        MmtError
+            The force moves meanwhile, or too little comes.
+        """
+        begun_s = time.monotonic()
+        forces: dict[float, Vector] = {}
+        while (passed_s := time.monotonic() - begun_s) < _BIAS_S or len(forces) < _BIAS_STATES:
+            if passed_s > _BIAS_PATIENCE_S:
+                raise MmtError(
+                    f"{len(forces)} values of the force came from the UR arm in {passed_s:.1f} s "
+                    "while the bias was taken: take load off this machine and its network"
+                )
+            state = self._state()
+            forces[state.timestamp_s] = state.force_n
+            time.sleep(0.001)
+        columns = tuple(zip(*forces.values(), strict=True))
+        if max(max(column) - min(column) for column in columns) > _UNREST_N:
+            raise MmtError(
+                "the force at the UR arm's tool moves while its bias is taken: keep the tool free "
+                "and at rest"
+            )
+        x, y, z = (sum(column) / len(column) for column in columns)
+        self._bias_n = (x, y, z)
+
+    def read(self) -> Vector:
+        """Return the force (N) of the surface on the tool, of the newest cycle.
+
+        Raises
+        ------
+        DeviceLost
+            It does not answer any more, or its force is stuck.
+        """
+        state = self._state()
+        if state.force_n != self._last_n:
+            self._last_n, self._same_since_s = state.force_n, state.timestamp_s
+        elif 0.0 < self._options.stuck_ms <= 1e3 * (state.timestamp_s - self._same_since_s):
+            self._stuck = True
+            raise DeviceLost(self._explain_stuck())
+        (x, y, z), (u, v, w) = state.force_n, self._bias_n
+        return self._frame.to_scene((x - u, y - v, z - w))
+
+    def close(self) -> None:
+        """Let the arm go; calling it twice is harmless."""
+        arm, self._arm = self._arm, None
+        if arm is not None:
+            sharing.disconnect(arm, self._member)
+
+    def _state(self) -> State:
+        if self._arm is None:
+            raise DeviceLost("the UR arm is not connected: connect it first")
+        return self._arm.read()
+
+    def _explain_stuck(self) -> str:
+        return (
+            f"the force at the UR arm at {self._options.host} has had the very same values for "
+            f"{self._options.stuck_ms:.0f} ms or more, which no sensor gives: check its sensor at "
+            "the pendant; for a simulated controller set 'stuck_ms' to 0"
+        )

@@ -1,0 +1,164 @@
+"""The process that talks to an arm through ur_rtde, for the driver that started it.
+
+It is a process of its own because of the library: its constructors hold the interpreter until the
+controller has answered, and a connection that is lost leaves threads behind that hang, or connect
+and start the arm again by themselves. Here they hold up nobody, and end with the process.
+"""
+
+import time
+from typing import Any, Final
+
+from mmt.core.errors import MmtError, brief
+from mmt.devices.driver_process import COUNT, DriverPipes, run_process
+from mmt_devices.universal_robots import messages as to
+from mmt_devices.universal_robots.control import ArmControl
+from mmt_devices.universal_robots.messages import State
+from mmt_devices.universal_robots.servo import ServoSettings
+
+_FIELDS: Final = [
+    "timestamp", "actual_TCP_pose", "actual_TCP_force", "robot_mode", "runtime_state",
+    "safety_status_bits",
+]  # fmt: skip
+_FIRST_S: Final = 2.0
+_SILENT_S: Final = 0.5
+_SILENT_CYCLES: Final = 20
+"""Without new data, which a loss takes too: a host that was held up is no lost controller."""
+_RELEASE_S: Final = 3.0
+_NO_DATA: Final = (
+    "the UR controller at {} gives no data by RTDE{}: check that it is switched on and started, "
+    "that RTDE is enabled (Settings, Security, Services), and that its software is 3.4 or later"
+)
+
+
+class ArmProcess:
+    """One arm, from its first data to the end of the driver's pipe.
+
+    Parameters
+    ----------
+    host, frequency_hz
+        Of its controller.
+    servo
+        Settings of the servo; None where the arm is read alone.
+    pipes
+        To the driver.
+    """
+
+    def __init__(
+        self,
+        host: str,
+        frequency_hz: float,
+        servo: ServoSettings | None,
+        pipes: DriverPipes,
+    ) -> None:
+        self._host, self._frequency_hz, self._settings = host, frequency_hz, servo
+        self._pipes = pipes
+        self._receive: Any = None
+        self._control: ArmControl | None = None
+        self._held_back = 0
+        self._timestamp_s = self._changed_s = 0.0
+        self._empty = 0
+
+    def run(self) -> None:
+        """Talk to it until the driver ends.
+
+        Raises
+        ------
+        MmtError
+            It does not answer, or not any more.
+        """
+        self._connect()
+        if self._settings is not None:
+            self._control = ArmControl(
+                self._host, self._frequency_hz, self._settings, self._receive
+            )
+            self._control.start()
+            self._pipes.tell(to.CONTROLLED)
+        period_s = 1.0 / self._frequency_hz
+        due_s = time.monotonic()
+        while self._take_commands():
+            self._pass_state_on()
+            self._watch_control()
+            due_s = max(due_s + period_s, time.monotonic() - 10.0 * period_s)
+            time.sleep(max(0.0, due_s - time.monotonic()))
+        self._release(_RELEASE_S)
+
+    def _connect(self) -> None:
+        """Wait for the first data."""
+        import rtde_receive
+
+        try:
+            self._receive = rtde_receive.RTDEReceiveInterface(
+                self._host, self._frequency_hz, _FIELDS
+            )
+        except Exception as error:
+            raise MmtError(_NO_DATA.format(self._host, f" ({brief(error)})")) from error
+        deadline = time.monotonic() + _FIRST_S
+        while not self._receive.getTimestamp():
+            if time.monotonic() > deadline:
+                raise MmtError(_NO_DATA.format(self._host, ""))
+            time.sleep(0.001)
+        self._changed_s = time.monotonic()
+
+    def _take_commands(self) -> bool:
+        """Take the newest target; return whether the driver's end of the pipe is open."""
+        commands = self._pipes.take(to.COMMAND)
+        for kind, x, y, z in commands or ():
+            if kind == to.RELEASE:
+                self._release(0.0)
+            elif self._control is not None:
+                self._control.target_m = (x, y, z)
+        return commands is not None
+
+    def _pass_state_on(self) -> None:
+        """Read the arm and tell the driver, where there is something new."""
+        receive, now_s = self._receive, time.monotonic()
+        timestamp_s = receive.getTimestamp()
+        if timestamp_s == self._timestamp_s:
+            self._empty += 1
+            silent = self._empty >= _SILENT_CYCLES and now_s - self._changed_s > _SILENT_S
+            if silent or not receive.isConnected():
+                raise MmtError(
+                    f"the UR controller at {self._host} sends nothing any more: check its cable "
+                    "and that it is switched on"
+                )
+            return
+        self._timestamp_s, self._changed_s, self._empty = timestamp_s, now_s, 0
+        (x, y, z, *_), (u, v, w, *_) = receive.getActualTCPPose(), receive.getActualTCPForce()
+        if self._control is not None:
+            self._control.force_n = (u, v, w)
+        state = State(timestamp_s, (x, y, z), (u, v, w), time.monotonic_ns())
+        self._pipes.tell(to.STATE, to.pack_state(state))
+
+    def _watch_control(self) -> None:
+        """Tell the driver what has become of the control."""
+        control = self._control
+        if control is None:
+            return
+        control.watch()
+        if control.held_back != self._held_back:
+            self._held_back = control.held_back
+            self._pipes.tell(COUNT, "periods held back by force_limit_n")
+        lost = control.lost
+        if lost and self._pipes.tell(to.LOST, f"the arm at {self._host} {lost}"):
+            self._control = None
+
+    def _release(self, patience_s: float) -> None:
+        control, self._control = self._control, None
+        if control is not None:
+            control.release(patience_s)
+
+
+_KEPT: Final[list[ArmProcess]] = []
+"""The library's destructors would wait."""
+
+
+def run(arguments: dict[str, Any], pipes: DriverPipes) -> None:
+    """Talk to the arm that the arguments name until the driver ends."""
+    servo = arguments["servo"]
+    settings = None if servo is None else ServoSettings(**servo)
+    _KEPT.append(ArmProcess(arguments["host"], arguments["frequency_hz"], settings, pipes))
+    _KEPT[0].run()
+
+
+if __name__ == "__main__":
+    run_process(run, "the UR arm")

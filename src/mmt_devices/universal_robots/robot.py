@@ -1,0 +1,145 @@
+"""The follower's arm: an arm by Universal Robots that is sent to commanded positions."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from mmt.core.errors import DeviceLost, MmtError
+from mmt.core.extras import require
+from mmt.devices.discovery import missing_package
+from mmt.devices.drivers import read_options
+from mmt.devices.protocols import Vector
+from mmt_devices.universal_robots import dashboard, sharing
+from mmt_devices.universal_robots.frame import M_TO_MM, SceneFrame
+from mmt_devices.universal_robots.options import RobotOptions
+from mmt_devices.universal_robots.servo import ServoSettings
+
+
+def missing() -> str:
+    """Return what this machine lacks for the driver, with what to do; empty if nothing."""
+    return missing_package("rtde_control")
+
+
+class UrRobot:
+    """Implements `Robot`; the options are those of `RobotOptions`.
+
+    Positions are those of the tool's centre point as it is set at the controller. The tool keeps
+    the orientation that it has when the robot is connected.
+
+    Parameters
+    ----------
+    **options
+        See `docs/how-to/universal-robots.md`.
+
+    Raises
+    ------
+    InputError
+        An option is not allowed, or ur-rtde is not installed.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        self._options = given = read_options(RobotOptions, "ur", options)
+        require("rtde_control")
+        normal = SceneFrame((0.0, 0.0, 0.0), given.rotation_rad).to_base((0.0, 0.0, 1.0))
+        servo = ServoSettings(
+            speed_m_s=given.speed_limit_mm_s / M_TO_MM,
+            acceleration_m_s2=given.acceleration_limit_mm_s2 / M_TO_MM,
+            force_limit_n=given.force_limit_n,
+            normal=normal,
+            lookahead_s=given.lookahead_s,
+            gain=given.gain,
+        )
+        self._member = sharing.Member(given, servo)
+        self._arm: sharing.SharedArm | None = None
+        self._frame: SceneFrame | None = None
+
+    def connect(self) -> None:
+        """Take the arm under control where it stands; it does not move until the first command.
+
+        Raises
+        ------
+        InputError
+            The force sensor of the same arm has other options.
+        MmtError
+            It does not answer, or takes no commands; the message says why.
+        """
+        self.close()
+        host = self._options.host
+        reason = dashboard.problem(host)
+        if reason:
+            raise MmtError(f"the arm at {host} {reason}")
+        arm = sharing.connect(self._member)
+        if self._frame is None:  # where it is connected again, the zero is where it was
+            origin_mm = self._options.origin_mm
+            if origin_mm is None:
+                x, y, z = (M_TO_MM * part for part in arm.read().position_m)
+                origin_mm = (x, y, z)
+            self._frame = SceneFrame(origin_mm, self._options.rotation_rad)
+        self._arm = arm
+
+    def calibrate(self) -> None:
+        """Do nothing: it is calibrated."""
+
+    def read(self) -> Vector:
+        """Return the tip's position (mm) of the newest cycle of the controller.
+
+        Raises
+        ------
+        DeviceLost
+            It does not answer, or takes no commands any more; the message says why.
+        """
+        arm, frame = self._connected()
+        position_m = arm.read().position_m
+        arm.check_control()
+        return frame.place_in_scene(position_m)
+
+    def positions(self, after_ns: int, until_ns: int) -> Sequence[tuple[int, Vector]]:
+        """Return the newest positions (mm) that came between two times, the oldest first."""
+        arm, frame = self._connected()
+        return [
+            (state.time_ns, frame.place_in_scene(state.position_m))
+            for state in arm.kept()
+            if after_ns < state.time_ns < until_ns
+        ]
+
+    def write(self, position_mm: Vector) -> None:
+        """Send the tip to a position (mm), cut to `least_mm` and `most_mm`.
+
+        One that is not finite is counted and not obeyed.
+
+        Raises
+        ------
+        DeviceLost
+            It does not answer, or takes no commands any more; the message says why.
+        """
+        arm, frame = self._connected()
+        arm.read()  # a scene that needs no position asks for none, and a loss must show
+        link = arm.check_control()
+        if not all(map(math.isfinite, position_mm)):
+            self._member.counts["commands that are not finite"] += 1
+            return
+        x, y, z = (
+            min(max(part, least), most)
+            for part, least, most in zip(
+                position_mm, self._options.least_mm, self._options.most_mm, strict=True
+            )
+        )
+        if (x, y, z) != tuple(position_mm):
+            self._member.counts["commands outside of least_mm and most_mm"] += 1
+        link.move(frame.place_in_base((x, y, z)))
+
+    def close(self) -> None:
+        """Stop the arm, end its program and let it go; calling it twice is harmless."""
+        arm, self._arm = self._arm, None
+        if arm is not None:
+            sharing.disconnect(arm, self._member)
+
+    @property
+    def faults(self) -> Mapping[str, int]:
+        """Counts by what was survived."""
+        return dict(self._member.counts)
+
+    def _connected(self) -> tuple[sharing.SharedArm, SceneFrame]:
+        if self._arm is None or self._frame is None:
+            raise DeviceLost("the UR arm is not connected: connect it first")
+        return self._arm, self._frame

@@ -1,0 +1,1 @@
+"""Methods beside the product's own: selection of samples, generators of vibration."""

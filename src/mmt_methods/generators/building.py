@@ -1,0 +1,117 @@
+"""Build generators online: gather what is observed, and ask the builder at each update."""
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from mmt.core.arrays import RecordArray
+from mmt.texture.online.modeller import OnlineModeller
+from mmt.texture.segmentation.segments import SampleRange, Segment
+from mmt.texture.settings import ModellingSettings
+from mmt.texture.signals.aligned import AlignedBlock
+from mmt_methods.generators.guarded import GuardedGenerator, raised
+from mmt_methods.generators.protocol import Builder, Observed
+
+
+class NewSamples(NamedTuple):
+    """What a generator learns from in one update of our model: that part of its `Work`."""
+
+    time_s: float
+    observed: list[AlignedBlock]
+    added: list[Segment]
+    removed: list[SampleRange]
+
+
+class GeneratorModeller:
+    """Build a generator from a stream of frames, as `OnlineModeller` builds a model.
+
+    The frames are filtered and segmented in the same way. All of them are kept: it is for
+    sessions of minutes.
+
+    Parameters
+    ----------
+    name
+        What the generator is called in messages.
+    builder
+        See `mmt_methods.generators.protocol`.
+    settings
+        How frames are filtered and segmented; None takes the defaults.
+    limit_m_s2
+        Bound on the generator's output.
+
+    Attributes
+    ----------
+    generator
+        The newest, None before there is one.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        builder: Builder,
+        settings: ModellingSettings | None = None,
+        *,
+        limit_m_s2: float = 60.0,
+    ) -> None:
+        self._name, self._builder, self._limit_m_s2 = name, builder, limit_m_s2
+        self._settings = settings or ModellingSettings()
+        self._modeller: OnlineModeller | None = None
+        self._samples: list[AlignedBlock] = []
+        self._segments: dict[SampleRange, Segment] = {}
+        self.generator: GuardedGenerator | None = None
+
+    @property
+    def segments(self) -> int:
+        """Number of segments that the newest generator was built from."""
+        return len(self._segments)
+
+    def update(self, frames: RecordArray) -> GuardedGenerator | None:
+        """Add the newest frames and return the new generator, None as long as there is none.
+
+        Parameters
+        ----------
+        frames
+            As for `OnlineModeller.update`.
+
+        Raises
+        ------
+        GeneratorFault
+            The builder has raised, or what it returned is no generator.
+        """
+        self._modeller = self._modeller or OnlineModeller(self._settings)
+        works = self._modeller.segment(frames)
+        return self.add(
+            NewSamples(work.time_s, work.observed, work.added, work.removed)
+            for work in works
+            if work is not None
+        )
+
+    def add(self, news: Iterable[NewSamples]) -> GuardedGenerator | None:
+        """Return the new generator, as `update`, where frames are segmented elsewhere."""
+        observed = self._observe(news)
+        previous = None if self.generator is None else self.generator.generator
+        try:
+            made = self._builder(observed, previous)
+        except Exception as error:
+            raise raised(self._name, "the builder", error) from error
+        if made is None:
+            self.generator = None
+        elif made is not previous:
+            self.generator = GuardedGenerator(self._name, made, limit_m_s2=self._limit_m_s2)
+        return self.generator
+
+    def _observe(self, news: Iterable[NewSamples]) -> Observed:
+        time_s = 0.0
+        for each in news:
+            time_s = each.time_s
+            self._samples += each.observed
+            for key in each.removed:
+                self._segments.pop(key, None)
+            self._segments |= {one.span: one for one in each.added}
+        self._samples = [AlignedBlock.concatenate(self._samples)]
+        return Observed(
+            time_s=time_s,
+            rate_hz=self._settings.rate_hz,
+            inputs=self._settings.inputs,
+            samples=self._samples[0],
+            segments=tuple(self._segments.values()),
+        )

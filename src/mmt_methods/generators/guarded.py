@@ -1,0 +1,115 @@
+"""A generator behind checks: what it gives can be felt, or it is told in a sentence why not."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.core.errors import MmtError, brief
+
+if TYPE_CHECKING:
+    from mmt_methods.generators.protocol import VibrationGenerator
+
+
+class GeneratorFault(MmtError):  # noqa: N818 - it is what was found
+    """A builder or a generator did not do what it must; the message names it, and says what."""
+
+
+class GuardedGenerator:
+    """Ask a generator for blocks, and check each.
+
+    Parameters
+    ----------
+    name
+        What it is called in messages.
+    generator
+        What a builder returned.
+    limit_m_s2
+        Bound on the output, that of the actuator; beyond it the output is clipped.
+
+    Attributes
+    ----------
+    generator
+        The same.
+    directed
+        Whether it is asked by velocity x, y and force, not by speed and force.
+    samples, clipped
+        How many samples it has given, and how many of them were clipped.
+
+    Raises
+    ------
+    GeneratorFault
+        It has no method ``reset`` or ``generate``.
+    """
+
+    def __init__(
+        self, name: str, generator: "VibrationGenerator", *, limit_m_s2: float = 60.0
+    ) -> None:
+        self.name = name
+        self.generator = generator
+        self.limit_m_s2 = limit_m_s2
+        for method in ("reset", "generate"):
+            if not callable(getattr(generator, method, None)):
+                raise GeneratorFault(
+                    f"generator {name}: the builder returned {type(generator).__name__}, which has "
+                    f"no method {method}"
+                )
+        self.directed = bool(getattr(generator, "directed", False))
+        self.samples = self.clipped = 0
+
+    def reset(self, seed: int) -> None:
+        """Begin anew.
+
+        Raises
+        ------
+        GeneratorFault
+            The generator has raised.
+        """
+        try:
+            self.generator.reset(seed)
+        except Exception as error:
+            raise raised(self.name, "reset", error) from error
+
+    def render(self, *inputs: FloatArray) -> FloatArray:
+        """Return the next n samples of vibration in m/s2.
+
+        Parameters
+        ----------
+        *inputs
+            Speed and normal force at each sample, or, where it is `directed`, velocity x, y and
+            normal force; each of shape (n,), n at least 1.
+
+        Raises
+        ------
+        GeneratorFault
+            The generator has raised, or what it gave are not n finite numbers.
+        """
+        try:
+            given = self.generator.generate(*(np.array(each) for each in inputs))
+        except Exception as error:
+            raise raised(self.name, "generate", error) from error
+        values = self._checked(given, len(inputs[0]))
+        bounded = np.clip(values, -self.limit_m_s2, self.limit_m_s2)
+        self.samples += len(values)
+        self.clipped += int(np.count_nonzero(bounded != values))
+        return bounded
+
+    def _checked(self, given: Any, count: int) -> FloatArray:
+        """Return what was given as numbers (count,)."""
+        try:
+            values = np.asarray(given, dtype=np.float64)
+        except (TypeError, ValueError):
+            fault = f"{type(given).__name__}, no array of numbers"
+        else:
+            if values.shape == (count,) and np.isfinite(values).all():
+                return values
+            fault = "a sample that is no number"
+            if values.shape != (count,):
+                fault = f"the shape {values.shape} for inputs of {count} samples: {(count,)} is due"
+        raise GeneratorFault(f"generator {self.name}: generate gave {fault}")
+
+
+def raised(name: str, what: str, error: Exception) -> GeneratorFault:
+    """Return the fault of a generator that has raised."""
+    reason = f"{type(error).__name__}: {brief(error)}" if str(error) else type(error).__name__
+    return GeneratorFault(f"generator {name}: {what} raised {reason}")

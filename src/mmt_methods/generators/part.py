@@ -1,0 +1,302 @@
+"""The part that renders from another method's generator, which two processes fit and render.
+
+It gets the samples of each update that our model gets, once that update is judged. Our model is
+built all the same: it is what completion is judged by, what is saved and shared, and what is
+rendered until the generator is there, and once it has failed.
+"""
+
+import os
+import statistics
+import subprocess
+import time
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from multiprocessing.connection import Connection, Pipe
+from typing import TYPE_CHECKING, Any, Final
+
+import psutil
+
+from mmt.core.children import import_path, python_command
+from mmt.core.errors import InputError, MmtError
+from mmt.leader.part import Part, Session
+from mmt_methods.generators.building import NewSamples
+from mmt_methods.generators.process import FIT, RENDER, RESET
+from mmt_methods.generators.registry import origin
+from mmt_methods.generators.vibration import GeneratedVibration
+
+if TYPE_CHECKING:
+    from prometheus_client.core import Metric
+
+    from mmt.texture.online.work import Work
+
+_LONGEST_START_S: Final = 120.0
+LONGEST_UPDATE_S: Final = 60.0
+"""A fit that takes longer ends the generator."""
+_LEAVE_S: Final = 1.0
+
+
+class GeneratingPart(Part):
+    """Run both processes, hand on samples, and say what they take and why they end.
+
+    Parameters
+    ----------
+    session
+        Session of the run.
+    generator
+        The generator's name, as the scene has it.
+
+    Raises
+    ------
+    InputError
+        There is no such generator.
+    """
+
+    def __init__(self, session: Session, generator: str) -> None:
+        self._session, self._generator = session, generator
+        self._origin = origin(generator)
+        table = session.scene.rendering
+        fade = round(table.crossfade_ms * session.rate_hz / 1000) if table is not None else 0
+        synthesizer = session.find("synthesizing").synthesizer
+        self.vibration = GeneratedVibration(generator, synthesizer, fade)
+        self._crossfade_samples = fade
+        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._ways: dict[str, Connection] = {}
+        self._sender = ThreadPoolExecutor(max_workers=1, thread_name_prefix="generator")
+        self._waiting = 0  # updates that no fit has taken
+        self._since_s = 0.0  # when the fit under way began at the latest
+        self._seconds: list[float] = []
+        self._segments = self._ended_looks = 0
+        self._heard = False
+        self._heard_from_s: float | None = None
+        self._ended = False
+        self._ready: tuple[float, float] | None = None  # when, and the processor time until then
+        self._cost: dict[str, float] = {}
+        session.find("modelling").on_work = self._feed
+
+    @classmethod
+    def build(cls, session: Session) -> "GeneratingPart | None":
+        """Return the part; no process is started yet.
+
+        Raises
+        ------
+        InputError
+            There is no such generator.
+        """
+        table = session.scene.rendering
+        if table is None or table.generator is None:
+            return None
+        return cls(session, table.generator)
+
+    @property
+    def name(self) -> str:
+        """What a person calls it."""
+        return f"generator {self._generator}"
+
+    def connect(self) -> None:
+        """Start both processes, and wait until they have imported the generator's package.
+
+        Raises
+        ------
+        InputError
+            It cannot be imported, or is none.
+        """
+        between = Pipe()
+        for role, end in zip((FIT, RENDER), between, strict=True):
+            ours, theirs = Pipe()
+            self._ways[role] = ours
+            self._processes[role] = _start(role, theirs, end)
+            theirs.close()
+        for end in between:
+            end.close()
+        scene = self._session.scene
+        setup = {
+            "name": self._generator,
+            "settings": scene.texture.settings(self._session.rate_hz) if scene.texture else None,
+            "limit_m_s2": scene.actuator.limit_m_s2 if scene.actuator else 0.0,
+            "seed": scene.session.seed,
+            "crossfade_samples": self._crossfade_samples,
+        }
+        for role in (FIT, RENDER):
+            with suppress(OSError):  # what it says is read below
+                self._ways[role].send(setup)
+        for role in (FIT, RENDER):
+            self._await_ready(role)
+        self.vibration.channel = self._ways[RENDER]
+        self._ready = time.monotonic(), self._measured()[0]
+
+    def close(self) -> None:
+        """End both processes."""
+        self._end()
+        for process in self._processes.values():
+            try:
+                process.wait(_LEAVE_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+        self._sender.shutdown(cancel_futures=True)
+        for way in self._ways.values():
+            way.close()
+
+    def take_over(self) -> None:
+        """Let the generator be heard in place of our model: the start criterion is met."""
+        self.vibration.wanted = True
+
+    def reset(self) -> None:
+        """Begin anew, as our model does."""
+        self.vibration.wanted = False
+        self.vibration.epoch += 1
+        self._send(RESET)
+
+    def look(self) -> None:
+        """Take note of the fits, and tell when the generator is heard, and why it is no more."""
+        vibration = self.vibration
+        if self._ended:
+            return
+        vibration.fault = self._fault() or vibration.fault
+        self._ended = vibration.fault is not None
+        if vibration.heard != self._heard or self._ended:
+            self._heard = vibration.heard
+            if self._heard and self._heard_from_s is None:
+                self._heard_from_s = self._session.journal.time_s
+            self._tell()
+        if self._ended:
+            self._end()
+
+    # --- what it says
+
+    def faults(self) -> list[str]:
+        """Return why the generator renders no more."""
+        return [] if self.vibration.fault is None else [self.vibration.fault]
+
+    def summary(self, duration_s: float) -> dict[str, Any]:
+        """Return what the fits and the blocks took, and what became of the generator."""
+        _ = duration_s
+        vibration, seconds = self.vibration, self._seconds
+        block = [vibration.times.quantile_ms(fraction) for fraction in (0.5, 0.99)]
+        return {
+            "generator": {
+                "name": self._generator,
+                "origin": self._origin,
+                "heard_from_s": self._heard_from_s,
+                "fault": vibration.fault,
+                "fits": len(seconds),
+                "segments": self._segments,
+                "fit_median_ms": round(1e3 * statistics.median(seconds), 2) if seconds else None,
+                "fit_longest_ms": round(1e3 * max(seconds), 2) if seconds else None,
+                "blocks": vibration.blocks,
+                "late_blocks": vibration.late,
+                "block_p50_ms": block[0],
+                "block_p99_ms": block[1],
+                "clipped": vibration.clipped,
+                **self._cost,
+            }
+        }
+
+    def metrics(self) -> "Iterable[Metric]":
+        """Return what was fitted and rendered."""
+        from mmt.core.exposition import counter, gauge
+
+        vibration = self.vibration
+        yield gauge("generator_heard", "Whether the generator is rendered.", vibration.heard)
+        yield counter("generator_fits", "Fits of the generator.", len(self._seconds))
+        yield counter("generator_fit_seconds", "Time spent on fits.", sum(self._seconds))
+        yield counter("generator_blocks", "Blocks asked of the generator.", vibration.blocks)
+        yield counter("generator_late_blocks", "Blocks that came too late.", vibration.late)
+
+    # --- the processes
+
+    def _await_ready(self, role: str) -> None:
+        way = self._ways[role]
+        try:
+            said = way.recv() if way.poll(_LONGEST_START_S) else "no answer"
+        except (EOFError, OSError):
+            said = "its process has ended"
+        if said == "no answer":
+            raise MmtError(f"{self.name}: not imported within {_LONGEST_START_S:g} s")
+        if said != "ready":
+            raise InputError(said if said.startswith("generator ") else f"{self.name}: {said}")
+
+    def _feed(self, work: "Work") -> None:
+        """Hand on the samples of an update of our model."""
+        if self.vibration.fault is None:
+            if self._waiting == 0:
+                self._since_s = time.monotonic()
+            self._waiting += 1
+            self._send(NewSamples(work.time_s, work.observed, work.added, work.removed))
+
+    def _send(self, item: object) -> None:
+        """Send in a thread: the event loop never waits for the process."""
+        if self._processes and not self._ended:
+            self._sender.submit(self._ways[FIT].send, item)
+
+    def _fault(self) -> str | None:
+        """Read what the process that fits says; return why it does so no more."""
+        way = self._ways[FIT]
+        try:
+            while way.poll():
+                said = way.recv()
+                if isinstance(said, str):
+                    return said
+                seconds, self._segments, taken = said
+                self._waiting -= taken
+                self._since_s = time.monotonic()
+                if seconds:
+                    self._seconds.append(seconds)
+        except (EOFError, OSError):
+            self._ended_looks += 1  # the other one may have told why, in a tick to come
+            return (
+                f"{self.name}: the process that fits has ended" if self._ended_looks > 1 else None
+            )
+        if self._waiting and time.monotonic() - self._since_s > LONGEST_UPDATE_S:
+            return f"{self.name}: a fit took longer than {LONGEST_UPDATE_S:g} s"
+        return None
+
+    def _tell(self) -> None:
+        vibration = self.vibration
+        details = {"generator": self._generator, "origin": self._origin, "heard": vibration.heard}
+        sentence = vibration.fault or f"{self.name} ({self._origin})"
+        if vibration.heard:
+            sentence += " renders"
+        elif vibration.wanted or vibration.fault is not None:
+            sentence += ": our model renders in its place"
+        else:
+            sentence += " has begun anew"
+        self._session.journal.event(sentence, **details)
+
+    def _end(self) -> None:
+        """Have both processes end, without waiting for it, and keep what they have cost."""
+        if self._ready is not None and not self._cost:
+            seconds, memory_mb = self._measured()
+            wall_s = time.monotonic() - self._ready[0]
+            share = (seconds - self._ready[1]) / max(wall_s, 1e-3)
+            self._cost = {"core_share": round(share, 3), "memory_mb": round(memory_mb, 1)}
+        for process in self._processes.values():
+            process.kill()
+
+    def _measured(self) -> tuple[float, float]:
+        """Return the processor time in seconds, and the memory in MB, of both processes."""
+        seconds = memory_mb = 0.0
+        for process in self._processes.values():
+            with suppress(psutil.Error):
+                running = psutil.Process(process.pid)
+                times = running.cpu_times()
+                seconds += times.user + times.system
+                memory_mb += running.memory_info().rss / 1e6
+        return seconds, memory_mb
+
+
+def _start(role: str, *connections: Connection) -> "subprocess.Popen[bytes]":
+    """Start a process that imports what this one can, and that Ctrl-C does not reach.
+
+    It is of this one's session: a niceness counts only within one where Linux groups by them.
+    """
+    descriptors = [connection.fileno() for connection in connections]
+    return subprocess.Popen(  # noqa: S603 - our own module
+        python_command("-m", "mmt_methods.generators.process", role, *map(str, descriptors)),
+        stdin=subprocess.DEVNULL,
+        stdout=2,  # the leader's own may be read by a program
+        pass_fds=descriptors,
+        process_group=0,
+        env={**os.environ, "PYTHONPATH": import_path()},
+    )

@@ -1,0 +1,182 @@
+"""Another method's generator in two processes: one fits it, the other renders from it.
+
+Each is ``python -m mmt_methods.generators.process ROLE DESCRIPTOR DESCRIPTOR``, with a connection
+to the leader and one to the other process. What the one has fitted, the other gets as a copy
+(pickle), so that a long fit delays no block, whatever its code does; the leader imports none of it.
+Both end with the leader.
+"""
+
+import os
+import pickle
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from itertools import count
+from multiprocessing.connection import Connection
+from queue import SimpleQueue
+from threading import Thread
+from time import perf_counter, perf_counter_ns, sleep
+from typing import Any, Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.core.end_signals import handle_end_signals
+from mmt.core.errors import MmtError
+from mmt.core.process import SWITCH_INTERVAL_S
+from mmt.leader.model_crossfade import ModelCrossfade
+from mmt_methods.generators.guarded import GeneratorFault, GuardedGenerator, raised
+from mmt_methods.generators.registry import load
+from mmt_methods.generators.vibration import BLOCK_SAMPLES, Rendered
+
+FIT: Final = "fit"
+RENDER: Final = "render"
+
+RESET: Final = "reset"
+"""What the leader sends to the process that fits, in place of samples, to begin anew."""
+
+_NICENESS: Final = 10
+"""A fit may take what the machine has left."""
+
+
+_GRACE_S: Final = 2.0
+"""A process outlives the other one for so long: the leader finds out first which has ended."""
+
+
+class _Slot:
+    """A generator used like a synthesizer; each time it begins, it has another seed."""
+
+    directed = True
+
+    def __init__(self, seeds: Iterator[int]) -> None:
+        self.model: GuardedGenerator | None = None
+        self.clipped = 0
+        self._seeds = seeds
+
+    def reset(self) -> None:
+        if self.model is not None:
+            self.model.reset(next(self._seeds))
+
+    def render(self, *motion: FloatArray) -> FloatArray:
+        x_mm_s, y_mm_s, force_n = motion
+        model = self.model
+        if model is None:
+            return np.zeros(len(force_n))
+        before = model.clipped
+        inputs = motion if model.directed else (np.hypot(x_mm_s, y_mm_s), force_n)
+        output = model.render(*inputs)
+        self.clipped += model.clipped - before
+        return output
+
+
+def fit(leader: Connection, renderer: Connection) -> None:
+    """Fit the generator to the samples that come, all that wait at once, and hand on a copy."""
+    from mmt_methods.generators.building import GeneratorModeller
+
+    setup = leader.recv()
+    if hasattr(os, "nice"):
+        os.nice(_NICENESS)
+    name, builder = setup["name"], load(setup["name"])
+    leader.send("ready")
+    news: SimpleQueue[Any] = SimpleQueue()
+    _read(leader, news.put)
+
+    def begun() -> GeneratorModeller:
+        return GeneratorModeller(name, builder, setup["settings"], limit_m_s2=setup["limit_m_s2"])
+
+    epoch, modeller, copy = 0, begun(), None
+    while True:
+        waiting = [news.get()]
+        while not news.empty():
+            waiting.append(news.get())
+        taken = len(waiting) - waiting.count(RESET)
+        while RESET in waiting:
+            del waiting[: waiting.index(RESET) + 1]
+            epoch, modeller, copy = epoch + 1, begun(), None
+            renderer.send((epoch, None))
+        started, seconds = perf_counter(), 0.0
+        if waiting:
+            last, made = copy, modeller.add(waiting)
+            copy = None if made is None else _copy(name, made.generator)
+            if copy != last:
+                renderer.send((epoch, copy))
+            seconds = perf_counter() - started
+        leader.send((seconds, modeller.segments, taken))
+
+
+def render(leader: Connection, fitter: Connection) -> None:
+    """Render block by block from the newest copy, going over from one to the next by a fade."""
+    setup = leader.recv()
+    sys.setswitchinterval(SWITCH_INTERVAL_S)  # copies are read in a thread beside
+    name, limit_m_s2 = setup["name"], setup["limit_m_s2"]
+    load(name)
+    seeds = count(setup["seed"])
+    slots = _Slot(seeds), _Slot(seeds)
+    fade = ModelCrossfade(*slots, crossfade_samples=setup["crossfade_samples"])
+    made: SimpleQueue[tuple[int, GuardedGenerator | GeneratorFault | None]] = SimpleQueue()
+    _read(fitter, lambda item: made.put((item[0], _restored(name, item[1], limit_m_s2))))
+    leader.send("ready")
+    epoch = build = 0
+    while True:
+        number, motion = leader.recv()
+        while not made.empty():
+            epoch, generator = made.get()
+            if isinstance(generator, GeneratorFault):
+                raise generator
+            build = 0 if generator is None else build + 1
+            fade.cross_to(generator)
+        started_ns = perf_counter_ns()
+        output = fade.render(*np.frombuffer(motion).reshape(3, BLOCK_SAMPLES))
+        elapsed_ns = perf_counter_ns() - started_ns
+        clipped = sum(each.clipped for each in slots)
+        leader.send(Rendered(number, epoch, build, elapsed_ns, clipped, output.tobytes()))
+
+
+def _read(connection: Connection, use: Callable[[Any], object]) -> None:
+    """Read all the while, in a thread; end the process where the other side has ended."""
+
+    def run() -> None:
+        with suppress(EOFError, OSError):
+            while True:
+                use(connection.recv())
+        sleep(_GRACE_S)
+        os._exit(0)
+
+    Thread(target=run, daemon=True).start()
+
+
+def _copy(name: str, generator: object) -> bytes:
+    try:
+        return pickle.dumps(generator)
+    except Exception as error:
+        raise raised(name, "copying it to the process that renders (pickle)", error) from error
+
+
+def _restored(
+    name: str, copy: bytes | None, limit_m_s2: float
+) -> GuardedGenerator | GeneratorFault | None:
+    if copy is None:
+        return None
+    try:
+        return GuardedGenerator(name, pickle.loads(copy), limit_m_s2=limit_m_s2)  # noqa: S301 - from ours
+    except GeneratorFault as fault:
+        return fault
+    except Exception as error:  # noqa: BLE001 - it is told
+        return raised(name, "reading its copy in the process that renders (pickle)", error)
+
+
+def main(role: str, leader: Connection, other: Connection) -> None:
+    """Run one of the two until the leader ends, or tell it in a sentence why not."""
+    handle_end_signals(signal.SIG_IGN)
+    try:
+        (fit if role == FIT else render)(leader, other)
+    except (EOFError, OSError):
+        return  # the leader has ended
+    except MmtError as error:
+        with suppress(OSError):
+            leader.send(str(error))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], Connection(int(sys.argv[2])), Connection(int(sys.argv[3])))

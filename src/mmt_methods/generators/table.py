@@ -1,0 +1,11 @@
+"""The part that renders by another method's generator, as the leader finds it."""
+
+from typing import Final
+
+from mmt.scene.added import AddedPart
+
+PART: Final = AddedPart(
+    "mmt_methods.generators.part:GeneratingPart",
+    before="vibration",
+    wanted=lambda scene: scene.rendering is not None and scene.rendering.generator is not None,
+)

@@ -1,0 +1,184 @@
+"""``mmt model select``: which samples of trials or models are needed, and which are wrong."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from mmt.cli.common import Force, json_option, messages, output, write_json
+from mmt.cli.models import SUFFIX, save
+from mmt.core.errors import InputError
+from mmt.core.existing_files import require_absent
+from mmt.scene import Texture
+
+if TYPE_CHECKING:
+    from mmt_methods.selection import Selection
+    from mmt_methods.selection.pooling import Pool
+
+
+class Method(StrEnum):
+    """How samples are selected."""
+
+    OURS = "ours"
+    PUBLISHED = "published"
+
+
+def select_samples(
+    sources: Annotated[
+        list[Path], typer.Argument(metavar="MODEL|SESSION...", help="Models, or sessions.")
+    ],
+    target: Annotated[
+        Path | None, typer.Option("--output", help="Write the selected model, a .npz file.")
+    ] = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw the plane, a .png file.")] = None,
+    scene_file: Annotated[
+        Path | None, typer.Option("--scene", help="Sessions: take \\[texture] from this scene.")
+    ] = None,
+    tau: Annotated[
+        float, typer.Option(min=0.0, help="Largest spectral error of the thinner model.")
+    ] = 0.27,
+    false_alarms: Annotated[
+        float, typer.Option(min=0.001, max=0.2, help="Share of good samples taken for outliers.")
+    ] = 0.01,
+    largest: Annotated[
+        int | None, typer.Option(min=1, help="Keep no more samples, but for the hull's corners.")
+    ] = None,
+    method: Annotated[
+        Method | None, typer.Option(help="Ours, or paper C's algorithm; else as the scene models.")
+    ] = None,
+    json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
+    force: Force = False,
+) -> None:
+    """Select samples: which are kept, redundant or outliers, and how that changes the error."""
+    for path, suffix in ((target, SUFFIX), (plot, ".png")):
+        if path is not None and path.suffix.lower() != suffix:
+            raise InputError(f"{path}: its name must end in {suffix}")
+    if target is not None:
+        require_absent(target, force=force)
+    from mmt_methods.selection import SelectionSettings, select
+    from mmt_methods.selection.pooling import left_out_errors
+
+    pool = _pool(sources, scene_file)
+    if (method or pool.settings.method) == "published":
+        result = _published(pool)
+    else:
+        result = select(pool.data, SelectionSettings(false_alarms, tau, largest))
+    errors = left_out_errors(pool.data, result.outlier, result.kept)
+    _print(pool, result, errors)
+    write_json(json_file, _figures(pool, result, errors))
+    if plot is not None:
+        _draw(plot, pool, result)
+    if target is not None:
+        save(pool.model(result.kept), target)
+        messages.print(f"model: {target}", highlight=False)
+
+
+def _pool(sources: list[Path], scene_file: Path | None) -> "Pool":
+    from mmt.cli.reporting import scene_of
+    from mmt.session import read_session
+    from mmt.texture.model.texture_model import TextureModel
+    from mmt_methods.selection.pooling import is_model, pool_models, pool_sessions
+
+    kinds = {is_model(path) for path in sources}
+    if len(kinds) > 1:
+        raise InputError("models and sessions are named together: name one kind")
+    if kinds == {True}:
+        if scene_file is not None:
+            raise InputError("--scene has the settings to model sessions, but models are given")
+        models = [TextureModel.load(path) for path in sources]
+        return pool_models(models, [str(path) for path in sources])
+    sessions = [read_session(path) for path in sources]
+    scene = scene_of(sessions[0], scene_file)
+    texture = scene.texture or Texture()
+    return pool_sessions(sessions, texture.settings(float(scene.session.rate_hz)))
+
+
+def _published(pool: "Pool") -> "Selection":
+    import numpy as np
+
+    from mmt_methods.selection import Selection
+    from mmt_methods.selection.published import select_published
+
+    found = select_published(pool.data)
+    words = [
+        f"its spectral error {error:.2f} exceeds {threshold:.2f}" if bad else ""
+        for error, threshold, bad in zip(found.error, found.threshold, found.outlier, strict=True)
+    ]
+    score = np.nan_to_num(found.error)
+    return Selection(found.outlier, found.kept, found.minimal, score, tuple(words), score)
+
+
+def _print(pool: "Pool", result: "Selection", errors: dict[str, Any]) -> None:
+    channels = pool.samples.space.channels
+    for index in result.outlier.nonzero()[0].tolist():
+        place = ", ".join(
+            f"{value:.4g} {_unit(name)}"
+            for name, value in zip(channels, pool.samples.inputs[index], strict=True)
+        )
+        output.print(
+            f"outlier at {place}: {result.reason[index]}; {pool.origin[index]}", highlight=False
+        )
+    output.print(
+        f"{len(result.kept)} samples: {result.kept.sum()} kept, of these "
+        f"{result.minimal.sum()} corners of the hull; {result.redundant.sum()} redundant; "
+        f"{result.outlier.sum()} outlier{'' if result.outlier.sum() == 1 else 's'}",
+        highlight=False,
+    )
+    if pool.data.segments is None:
+        output.print("a model has no segments: fewer outliers can be found", highlight=False)
+    for name in ("before", "after"):
+        if name in errors:
+            figures = errors[name]
+            output.print(
+                f"{name}: spectral error {figures['spectral_error']:.3f}, GFC "
+                f"{figures['gfc']:.4f}, power {figures['power_error_db']:.2f} dB rms, at the "
+                f"places of {errors['places']} good samples",
+                highlight=False,
+            )
+
+
+def _unit(channel: str) -> str:
+    return "N" if channel.endswith("_n") else "mm/s"
+
+
+def _figures(pool: "Pool", result: "Selection", errors: dict[str, Any]) -> dict[str, Any]:
+    rows = []
+    for index, place in enumerate(pool.samples.inputs.tolist()):
+        kind = "redundant"
+        if result.outlier[index]:
+            kind = "outlier"
+        elif result.kept[index]:
+            kind = "kept"
+        rows.append(
+            {
+                **dict(zip(pool.samples.space.channels, place, strict=True)),
+                "kind": kind,
+                "minimal": bool(result.minimal[index]),
+                "score": float(result.score[index]),
+                "reason": result.reason[index],
+                "source": pool.origin[index],
+            }
+        )
+    return {
+        "count": len(rows),
+        "kept": int(result.kept.sum()),
+        "redundant": int(result.redundant.sum()),
+        "outliers": int(result.outlier.sum()),
+        "compression": result.compression,
+        "limit": result.limit,
+        "errors": errors,
+        "samples": rows,
+    }
+
+
+def _draw(path: Path, pool: "Pool", result: "Selection") -> None:
+    from mmt.evaluation.figures import to_png
+    from mmt_methods.selection.plane import selection_plane
+
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(to_png(selection_plane(pool.samples, result)))
+    except OSError as error:
+        raise InputError(f"--plot {path}: {error.strerror or error}") from error
+    messages.print(f"plot: {path}", highlight=False)

@@ -1,0 +1,183 @@
+"""The published sample selection, exactly as described in the paper.
+
+"Sample selection of multi-trial data for data-driven haptic texture modeling", algorithm 1:
+an edited nearest neighbour rule that removes outliers one after the other, then a condensed
+one that begins with the minimal set and adds what the model so far misses. The result depends
+on the order of the points, as the paper says.
+
+Where the paper leaves a choice, or contradicts itself:
+
+- The minimal set is the corners of the convex hull (section IV.B). They come first, are never
+  tested, and always stay.
+- Text and pseudo-code disagree which sparsity stands on top of the fraction; only local over
+  average makes sparse places more tolerant, as the text wants. Both are of the initial set.
+- The pseudo-code trains the condensing model with the candidate in it, which an interpolation
+  then meets exactly, so that nothing would ever be added; the text trains without, as here.
+- The error compares spectra of signals, whose scatter alone (0.66 between two realisations)
+  exceeds both thresholds. Here it compares the exact amplitude spectra of the filters.
+- Inputs are normalised from 0 to 1 (section IV.B), here by their range over the points.
+- The model is the radial basis function network of the authors' earlier work, of all frequencies
+  and the variance (section IV). The papers name neither its radial function nor how its weights
+  are trained: see `SMOOTHING`.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import BoolArray, FloatArray
+from mmt.core.errors import InputError
+from mmt_methods.selection.networks import NetworkNeighbours
+from mmt_methods.selection.points import ModelPoints, amplitude_of, spectral_error
+from mmt_methods.selection.simplices import enclose_without, hull_of
+
+SMOOTHING: Final = 0.03
+"""Ridge regression: a network that goes through every point takes the scatter of each fit for the
+texture, and calls two to four times as many good points outliers."""
+
+TAU_1: Final = 0.25
+TAU_2: Final = 0.42
+
+_LEAST_GAP_RAD: Final = 0.01
+
+
+def valid_filter(lsf: FloatArray, variance: float) -> tuple[FloatArray, float]:
+    """Return line spectral frequencies in order inside (0, pi), and a positive variance.
+
+    A network knows nothing of filters. Valid ones are returned unchanged; otherwise the
+    frequencies are sorted and pushed apart to 0.01 rad (less if the order leaves no room for it).
+    """
+    variance = max(variance, float(np.finfo(np.float64).tiny))
+    if (np.diff(lsf, prepend=0.0, append=np.pi) > 0).all():
+        return lsf, variance
+    gap = min(_LEAST_GAP_RAD, 0.5 * np.pi / (len(lsf) + 1))
+    steps = gap * np.arange(1, len(lsf) + 1)
+    ordered = np.maximum.accumulate(np.sort(lsf) - steps)
+    top = np.pi - gap * (len(lsf) + 1)
+    return np.clip(ordered, 0.0, top) + steps, variance
+
+
+@dataclass(frozen=True)
+class PublishedSelection:
+    """Result of algorithm 1 for n points, arrays of shape (n,).
+
+    ``minimal``: corners of the hull. ``outlier``: removed by the first stage. ``kept``: in the
+    selected set. ``error``: relative spectral error of the first stage at the moment of the
+    test, ``threshold`` its threshold; both NaN for points that were not tested.
+    """
+
+    minimal: BoolArray
+    outlier: BoolArray
+    kept: BoolArray
+    error: FloatArray
+    threshold: FloatArray
+
+
+def _amplitude(model: NetworkNeighbours, index: int) -> FloatArray | None:
+    """Return the spectrum (f,) predicted without a point; None if the others are too few."""
+    values = model.predict(index)
+    if values is None or not np.isfinite(values).all():
+        return None
+    lsf, variance = valid_filter(values[:-1], float(values[-1]))
+    return np.asarray(amplitude_of(lsf[None], np.array([variance]))[0])
+
+
+def local_sparsity(points: FloatArray) -> FloatArray:
+    """Return the mean distance (n,) to the corners of the simplex around each point's place.
+
+    NaN for corners of the hull. The simplex is that of the triangulation without the point.
+    """
+    around = enclose_without(points)
+    distances = np.linalg.norm(points[around.members] - points[:, None], axis=2).mean(axis=1)
+    return np.where(around.members[:, 0] >= 0, distances, np.nan)
+
+
+def thresholds(points: FloatArray, tau_1: float = TAU_1) -> FloatArray:
+    """Return the thresholds (n,) of points (n, d), lines 1, 6 and 7; NaN at corners."""
+    sparsity = local_sparsity(points)
+    known = sparsity[np.isfinite(sparsity)]
+    average = float(known.mean()) if known.size else 0.0
+    if average == 0.0:
+        return np.where(np.isfinite(sparsity), tau_1, np.nan)
+    alpha = tau_1 * float(np.abs(known - average).mean()) / average
+    return np.asarray(tau_1 + alpha * (sparsity / average - 1.0))
+
+
+def select_published(
+    data: ModelPoints,
+    *,
+    tau_1: float = TAU_1,
+    tau_2: float = TAU_2,
+    smoothing: float = SMOOTHING,
+    threshold: FloatArray | None = None,
+) -> PublishedSelection:
+    """Run algorithm 1 in the order in which the points stand.
+
+    Parameters
+    ----------
+    data
+        The points; segments are not used.
+    tau_1, tau_2
+        Thresholds on the relative spectral error.
+    smoothing
+        Of the network that is trained, on points in the unit box.
+    threshold
+        Of the first stage, shape (n,), for another reading of the paper; by default that of
+        `thresholds`.
+
+    Raises
+    ------
+    InputError
+        A threshold is not positive.
+
+    Notes
+    -----
+    O(n^3) for the first stage and O(n kept^2) for the second.
+    """
+    if not (tau_1 > 0 and tau_2 > 0):
+        raise InputError(f"tau_1 is {tau_1} and tau_2 {tau_2}: both must be positive")
+    truth = amplitude_of(data.lsf, data.variance)
+    values = np.column_stack([data.lsf, data.variance])
+    extent = np.ptp(data.points, axis=0)
+    points = (data.points - data.points.min(axis=0)) / np.where(extent > 0.0, extent, 1.0)
+    minimal = np.zeros(len(data), dtype=np.bool_)
+    minimal[hull_of(points)] = True
+    limit = thresholds(points, tau_1) if threshold is None else threshold
+    limit = np.where(minimal, np.nan, limit)
+    everyone = np.ones(len(data), dtype=np.bool_)
+    error = _edit(NetworkNeighbours(points, values, everyone, smoothing), truth, limit)
+    outlier = error > limit  # false if not tested
+    model = NetworkNeighbours(points, values, minimal, smoothing)
+    kept = _condense(model, truth, minimal, ~outlier, tau_2)
+    return PublishedSelection(minimal, outlier, kept, error, limit)
+
+
+def _edit(model: NetworkNeighbours, truth: FloatArray, limit: FloatArray) -> FloatArray:
+    """Return the error (n,) in the first stage, lines 2 to 11, NaN if not tested."""
+    error = np.full(len(truth), np.nan)
+    for index in np.flatnonzero(np.isfinite(limit)).tolist():
+        predicted = _amplitude(model, index)
+        if predicted is None:
+            continue
+        error[index] = spectral_error(predicted, truth[index])
+        if error[index] > limit[index]:
+            model.remove(index)
+    return error
+
+
+def _condense(
+    model: NetworkNeighbours,
+    truth: FloatArray,
+    minimal: BoolArray,
+    candidates: BoolArray,
+    tau_2: float,
+) -> BoolArray:
+    """Return what the second stage keeps, lines 12 to 20; the model has the minimal set."""
+    kept = minimal.copy()
+    for index in np.flatnonzero(candidates & ~minimal).tolist():
+        predicted = _amplitude(model, index)
+        if predicted is None or spectral_error(predicted, truth[index]) > tau_2:
+            model.add(index)
+            kept[index] = True
+    return kept

@@ -1,0 +1,161 @@
+"""Evidence of knocks in a segment's own samples: damped tones behind the predicted filter.
+
+A struck object rings in its modes, each a damped sinusoid from the instant of the knock. Against a
+texture of known spectrum the most powerful test for one of them is the matched filter behind the
+prediction error filter of the texture (Kay, "Fundamentals of statistical signal processing", volume
+II, 1998, section 7.4): the squared projection of the prediction error on the filtered cosine and
+sine. Mode and instant are unknown, so the largest over a grid is taken, a generalised likelihood
+ratio. It also detects tones at the frequencies of the texture itself: behind the filter, such a
+tone leaves the click of its onset.
+"""
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import wrightomega
+
+from mmt.core.arrays import FloatArray
+from mmt.core.compiled import kernel
+from mmt.texture.autoregression.forms import reflection_to_ar
+from mmt.texture.autoregression.reshaping import levinson
+from mmt_methods.selection.points import band
+
+ComplexArray = npt.NDArray[np.complex128]
+
+SHORTEST: Final = 64
+"""Least samples of prediction error in which a tone is looked for."""
+
+MODES: Final = np.exp(-1.0 / 25.0 + 2j * np.pi * np.geomspace(0.025, 0.33, 24))
+"""Grid of modes as factors from one sample to the next; each falls to 1/e in 25 samples. Tones
+twice or half as long are detected nearly as well."""
+
+_LEFT: Final = 8  # samples that a mode must have left in the segment
+_LEAST: Final = 1e-9  # of the determinant: cosine and sine that cannot be told apart
+_TINY: Final = float(np.finfo(np.float64).tiny)
+_LARGEST: Final = 1e100  # times the energy that was expected: more makes no difference
+_LARGEST_SHARE: Final = 1.0 - 1e-9  # of the energy, that a tone explains
+
+
+class Whitening(NamedTuple):
+    """Prediction error filters: ``ar`` (n, m) without the leading 1, ``variance`` (n,)."""
+
+    ar: FloatArray
+    variance: FloatArray
+
+
+def whitening(density: FloatArray, order: int) -> Whitening:
+    """Return the prediction error filters of power spectra (n, f) at `band`.
+
+    Levinson's recursion on their autocorrelations, all at once; O(n (f order + order^2)).
+    """
+    lags = np.cos(2.0 * np.pi * np.outer(band(density.shape[1]), np.arange(order + 1)))
+    correlation = density @ lags / density.shape[1]
+    scale = correlation[:, :1].copy()
+    correlation /= scale
+    correlation[:, 0] += 1e-9  # a floor 90 dB down keeps it definite
+    reflection = levinson(correlation)
+    error = correlation[:, 0] * np.prod(1.0 - np.square(reflection), axis=1)
+    return Whitening(reflection_to_ar(reflection), 0.5 * error * scale[:, 0])
+
+
+def loudest_tone_energy(error: FloatArray, ar: FloatArray, modes: ComplexArray = MODES) -> float:
+    """Return the largest energy of a prediction error (n,) that one damped tone explains.
+
+    Parameters
+    ----------
+    error
+        Prediction error, shape (n,).
+    ar
+        The filter that it comes from, without the leading 1, shape (m,).
+    modes
+        See `MODES`, shape (k,).
+
+    Notes
+    -----
+    O(n (m + k)): all instants of one mode are a recursion in reversed time. Every mode decays,
+    so that it is stable.
+    """
+    whitener = np.append(1.0, ar)
+    return float(_loudest(np.convolve(error[::-1], whitener)[: len(error)], whitener, modes))
+
+
+@kernel("f8(f8[::1], f8[::1], c16[::1])")
+def _loudest(matched: FloatArray, whitener: FloatArray, modes: ComplexArray) -> float:
+    """Return the largest energy from the error, filtered once more in reversed time.
+
+    ``w`` is the filtered mode's next sample: as the tone begins one sample earlier, one more of
+    them lies in the segment.
+    """
+    loudest = 0.0
+    for k in range(modes.size):
+        mode = modes[k]
+        inner, square, tone, part, delay = 0j, 0j, 1.0 + 0j, 0j, 1.0 + 0j
+        power = 0.0
+        for left in range(matched.size):
+            if left < whitener.size:
+                part += whitener[left] * delay
+                delay /= mode
+            w = tone * part
+            tone *= mode
+            inner = matched[left] + mode * inner
+            power += w.real * w.real + w.imag * w.imag
+            square += w * w
+            cosine, sine = 0.5 * (power + square.real), 0.5 * (power - square.real)
+            cross = 0.5 * square.imag
+            determinant = cosine * sine - cross * cross
+            if left >= _LEFT - 1 and determinant > _LEAST * cosine * sine:
+                explained = sine * inner.real * inner.real + cosine * inner.imag * inner.imag
+                explained -= 2.0 * cross * inner.real * inner.imag
+                loudest = max(loudest, explained / determinant)
+    return loudest
+
+
+def tone_evidence(
+    segments: Sequence[FloatArray], filters: Whitening, level_variance: FloatArray
+) -> FloatArray:
+    """Return how much likelier segments are with the likeliest damped tone, in nepers, (n,).
+
+    Parameters
+    ----------
+    segments
+        Vibration.
+    filters
+        Predicted ones.
+    level_variance
+        Variance of the logarithm of the predicted excitation's variance, positive, shape (n,).
+
+    Notes
+    -----
+    The level is unknown within its predicted error, with the tone and without: each likelihood is
+    that of the likeliest level. Of more instants the largest is larger, by the logarithm of their
+    number (Gumbel), which is subtracted. Zero if a segment is too short to tell.
+    """
+    found = np.zeros((3, len(segments)))
+    order = filters.ar.shape[1]
+    for index, (segment, ar, variance) in enumerate(zip(segments, *filters, strict=True)):
+        if len(segment) - order < SHORTEST:
+            continue
+        error = np.convolve(segment, np.append(1.0, ar), "valid")
+        energy = max(float(error @ error), _TINY)
+        share = min(loudest_tone_energy(error, ar) / energy, _LARGEST_SHARE)
+        found[:, index] = error.size, min(energy / max(variance, _TINY), _LARGEST), share
+    count, energies, shares = found
+    rest = (1.0 - shares) * energies
+    gain = _surprise(energies, count, level_variance) - _surprise(rest, count, level_variance)
+    return np.where(count > 0.0, gain - np.log(np.maximum(count, 1.0)), 0.0)
+
+
+def _surprise(energy: FloatArray, count: FloatArray, variance: FloatArray) -> FloatArray:
+    """Return minus the log likelihood of white noise at the likeliest level, but for a constant.
+
+    The least over s, a normal offset of the level, of
+    ``count / 2 s + energy / 2 exp(-s) + s^2 / (2 variance)``, which is where
+    ``s = omega(ln(variance energy / 2) + variance count / 2) - variance count / 2``, by Wright's
+    omega function (Corless and Jeffrey, "The Wright omega function", 2002). There the derivative is
+    zero, and ``energy exp(-s)`` is ``count + 2 s / variance``.
+    """
+    expected = 0.5 * variance * count
+    s = wrightomega(np.log(np.maximum(0.5 * variance * energy, _TINY)) + expected) - expected
+    return np.asarray(0.5 * (count * (s + 1.0) + s * (s + 2.0) / variance))

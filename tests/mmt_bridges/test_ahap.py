@@ -1,0 +1,87 @@
+"""Apple patterns: the level and mean frequency of each moment, as Core Haptics would read them."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mmt.core.arrays import FloatArray
+from mmt.core.errors import InputError
+from mmt_bridges.haptics.ahap import moments, write_ahap
+
+
+def read(path: Path) -> tuple[list[dict[str, Any]], dict[str, FloatArray]]:
+    """Return the events, and each curve as points of (time, value)."""
+    document = json.loads(path.read_text())
+    assert document.keys() == {"Version", "Pattern"}
+    events, curves = [], {}
+    for entry in document["Pattern"]:
+        if "Event" in entry:
+            events.append(entry["Event"])
+        else:
+            curve = entry["ParameterCurve"]
+            curves[curve["ParameterID"]] = np.array(
+                [
+                    (curve["Time"] + point["Time"], point["ParameterValue"])
+                    for point in curve["ParameterCurveControlPoints"]
+                ]
+            )
+    return events, curves
+
+
+@pytest.mark.parametrize("rate_hz", [2000, 11_025, 44_100])
+def test_a_growing_sine_has_its_level_and_frequency(rate_hz: int, tmp_path: Path) -> None:
+    time_s = np.arange(rate_hz) / rate_hz
+    samples = (1.0 + 3.0 * time_s) * np.sin(2.0 * np.pi * 200.0 * time_s)
+    written = write_ahap(tmp_path / "x.ahap", samples, rate_hz, 5.0)
+    assert written == (1.0, 5.0)
+    (event,), curves = read(tmp_path / "x.ahap")
+    assert (event["EventType"], event["Time"]) == ("HapticContinuous", 0.0)
+    assert event["EventDuration"] == 1.0
+    at_s, intensity = curves["HapticIntensityControl"].T
+    assert (at_s[0], at_s[-1]) == (0.0, 1.0)
+    np.testing.assert_allclose(intensity[1:-1] * 5.0, 1.0 + 3.0 * at_s[1:-1], rtol=0.02)
+    sharpness = curves["HapticSharpnessControl"][1:-1, 1]
+    np.testing.assert_allclose(sharpness, (200.0 - 65.0) / (300.0 - 65.0), atol=0.03)
+
+
+def test_the_ends_have_the_level_of_what_there_is() -> None:
+    samples = np.sin(2.0 * np.pi * 150.0 * np.arange(3000) / 1000.0)
+    _, amplitude, _ = moments(samples, 1000.0)
+    np.testing.assert_allclose(amplitude, 1.0, atol=0.08)
+
+
+def test_silence_and_pauses_are_still(tmp_path: Path) -> None:
+    write_ahap(tmp_path / "x.ahap", np.zeros(1000), 1000)
+    _, curves = read(tmp_path / "x.ahap")
+    assert all(not curve[:, 1].any() for curve in curves.values())
+
+
+def test_long_vibration_is_events_of_half_a_minute(tmp_path: Path) -> None:
+    write_ahap(tmp_path / "x.ahap", np.ones(70_000), 1000)
+    events, _ = read(tmp_path / "x.ahap")
+    spans = [(event["Time"], event["EventDuration"]) for event in events]
+    assert spans == [(0.0, 30.0), (30.0, 30.0), (60.0, 10.0)]
+
+
+def test_too_loud_and_too_sharp_are_clipped(tmp_path: Path) -> None:
+    samples = np.sin(2.0 * np.pi * 400.0 * np.arange(2000) / 2000.0)
+    write_ahap(tmp_path / "x.ahap", samples, 2000, 0.1)
+    _, curves = read(tmp_path / "x.ahap")
+    assert all((curve[1:-1, 1] == 1.0).all() for curve in curves.values())
+
+
+def test_a_sound_beside_it_is_named(tmp_path: Path) -> None:
+    write_ahap(tmp_path / "x.ahap", np.ones(100), 1000, sound="x.wav")
+    events, _ = read(tmp_path / "x.ahap")
+    sounds = [event for event in events if event["EventType"] == "AudioCustom"]
+    assert [event["EventWaveformPath"] for event in sounds] == ["x.wav"]
+
+
+def test_mistakes_are_explained(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="full scale"):
+        write_ahap(tmp_path / "x.ahap", np.ones(10), 1000, -1.0)
+    with pytest.raises(InputError, match="too short"):
+        write_ahap(tmp_path / "x.ahap", np.ones(0), 1000)

@@ -1,0 +1,119 @@
+"""LeRobot's own commands record through mmt; run where it is installed (`pip install lerobot`)."""
+
+import json
+import os
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mmt.session import read_session
+
+PROGRAM = Path(__file__).with_name("lerobot_dataset_program.py")
+PACKAGES = ("lerobot", "datasets", "rerun", "imageio", "diffusers", "cv2")
+SCENE = """
+[link]
+[simulated]
+surface = "wood"
+[hand]
+[force_feedback]
+[recording]
+file = "session.mcap"
+"""
+PLUGIN = ("--robot.discover_packages_path=mmt_bridges.lerobot", "--robot.type=mmt")
+ROBOT = (*PLUGIN, "--robot.scene=scene.toml")
+HAND = ("--teleop.type=mmt", "--teleop.scene=scene.toml")
+DATA_SET = ("--dataset.repo_id=me/strokes", "--dataset.root=strokes")
+
+pytestmark = pytest.mark.skipif(
+    any(find_spec(name) is None for name in PACKAGES),
+    reason="needs lerobot with all that its commands need: pip install lerobot",
+)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "scene.toml").write_text(SCENE)
+    return tmp_path
+
+
+def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run a program of LeRobot, which asks no server."""
+    offline = {"HF_HUB_OFFLINE": "1", "HF_HOME": str(folder / "cache")}
+    return subprocess.run(
+        [sys.executable, *arguments],
+        cwd=folder,
+        env={**os.environ, **offline},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=150,
+    )
+
+
+def command(folder: Path, name: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return run(folder, "-m", f"lerobot.scripts.lerobot_{name}", *arguments)
+
+
+def test_what_is_recorded_opens_and_the_forces_rise_in_contact(folder: Path) -> None:
+    recorded = command(
+        folder,
+        "record",
+        *(*ROBOT, *HAND, *DATA_SET),
+        *("--dataset.single_task=stroke wood", "--dataset.fps=30", "--dataset.num_episodes=2"),
+        *("--dataset.episode_time_s=4", "--dataset.reset_time_s=0"),
+        *("--dataset.push_to_hub=false", "--play_sounds=false"),
+    )
+    assert recorded.returncode == 0, recorded.stderr
+    read = run(folder, str(PROGRAM), "strokes")
+    assert read.returncode == 0, read.stderr
+    found = json.loads(read.stdout)
+    assert (found["robot"], found["fps"]) == ("mmt", 30)
+    assert len(found["episodes"]) == 2
+    assert all(60 <= rows <= 121 for rows in found["episodes"])  # fewer on a busy machine
+    state, action = np.array(found["state"]), np.array(found["action"])
+    assert len(state) == sum(found["episodes"])
+    np.testing.assert_array_equal(found["last"], state[-1])
+    assert found["action_names"] == found["state_names"][:3]
+    column = {name: state[:, k] for k, name in enumerate(found["state_names"])}
+    pressed = column["force_z_n"] > 0.2
+    assert not pressed[0]  # the tool begins above the surface
+    assert pressed.mean() > 0.3
+    assert action[pressed, 2].mean() < 0.0  # the hand goes below the surface
+    level = column["vibration_rms_m_s2"]
+    assert np.median(level[pressed]) > np.median(level[~pressed])
+    frames = read_session(folder / "session.mcap").frames
+    assert len(frames) > 30 * len(state)  # those of 1 kHz are beside it
+    measured = frames["position_mm"][frames["force_n"][:, 2] > 0.2]
+    low, high = measured.min(axis=0) - 1.0, measured.max(axis=0) + 1.0
+    assert np.all((state[pressed, :3] > low) & (state[pressed, :3] < high))
+
+    replayed = command(
+        folder,
+        "replay",
+        *(*ROBOT, "--robot.moved_by=actions", *DATA_SET),
+        *("--dataset.episode=0", "--play_sounds=false"),
+    )
+    assert replayed.returncode == 0, replayed.stderr
+    again = read_session(folder / "session-2.mcap").frames
+    rows = found["episodes"][0]
+    reached = np.sort(again["position_mm"][:, 0])[[0, -1]]
+    asked = np.sort(action[:rows, 0])[[0, -1]]
+    np.testing.assert_allclose(reached, asked, atol=5.0)  # along x it strokes over 50 mm and more
+
+
+def test_the_hand_may_be_connected_first_and_a_problem_is_one_sentence(folder: Path) -> None:
+    shown = command(folder, "teleoperate", *ROBOT, *HAND, "--fps=30", "--teleop_time_s=1")
+    assert shown.returncode == 0, shown.stderr
+    assert "Teleop loop time" in shown.stdout
+    scene = folder / "scene.toml"
+    scene.write_text(SCENE.replace("[simulated]\n", '[devices]\nrobot = "nowhere"\n', 1))
+    scene.write_text(scene.read_text().replace('surface = "wood"\n', ""))
+    failed = command(folder, "teleoperate", *ROBOT, *HAND, "--fps=30", "--teleop_time_s=1")
+    assert failed.returncode == 1
+    last = failed.stderr.strip().splitlines()[-1]
+    assert "mmt: the follower: " in last
+    assert "driver 'nowhere' is not known" in last

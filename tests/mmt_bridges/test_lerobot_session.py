@@ -1,0 +1,331 @@
+"""What LeRobot's plug-in does without LeRobot: the process beside it, and its parts."""
+
+import math
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import psutil
+import pytest
+from frame_samples import made_frames
+from service_processes import LONGEST_S
+
+from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.session.data import RecordedSession
+from mmt_bridges.lerobot.dataset import state_names
+from mmt_bridges.lerobot.handle import ActionHandle
+from mmt_bridges.lerobot.observing import LONGEST_FRAMES, ObservingPart
+from mmt_bridges.lerobot.rows import low_rate_rows
+from mmt_bridges.lerobot.session import SharedSession, shared_session
+from mmt_bridges.lerobot.settings import Settings, session_scene
+
+SCENE = """
+[link]
+patience_s = 0.5
+[simulated]
+workspace_mm = [[-50, -50, -10], [50, 50, 50]]
+[hand]
+[playout]
+conceal = "silence"
+[actuator]
+[force_feedback]
+[recording]
+"""
+
+PROGRAM = """
+import sys
+import psutil
+from mmt_bridges.lerobot.session import SharedSession
+from mmt_bridges.lerobot.settings import Settings
+
+session = SharedSession(Settings(sys.argv[1]))
+session.acquire("test")
+session.release("test")
+session.acquire("test")
+session.observe()
+print(*(child.pid for child in psutil.Process().children()))
+"""
+"""Uses a session twice, and ends without a word."""
+
+
+@pytest.fixture
+def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.toml").write_text(SCENE)
+    return str(tmp_path / "scene.toml")
+
+
+@pytest.fixture
+def started() -> Iterator[Callable[[Settings], SharedSession]]:
+    sessions = []
+
+    def start(settings: Settings) -> SharedSession:
+        sessions.append(SharedSession(settings))
+        sessions[-1].acquire("test")
+        return sessions[-1]
+
+    yield start
+    for session in sessions:
+        session.release("test")
+
+
+def wait_until(holds: Callable[[], bool]) -> None:
+    give_up_s = time.monotonic() + LONGEST_S
+    while not holds():
+        assert time.monotonic() < give_up_s
+        time.sleep(0.01)
+
+
+def beside(session: SharedSession) -> psutil.Process:
+    """The process of the session."""
+    assert session.running
+    children = psutil.Process(os.getpid()).children()
+    (process,) = (each for each in children if "mmt_bridges.lerobot.process" in each.cmdline())
+    return process
+
+
+# --- the process
+
+
+def test_two_users_see_one_session_whose_hand_presses_until_the_last_leaves(scene: str) -> None:
+    session = shared_session(scene, Settings(scene))
+    assert shared_session(os.path.relpath(scene)) is session
+    session.acquire("teleoperator")
+    process = beside(session)
+    session.acquire("robot")
+    assert beside(session) == process
+    with pytest.raises(InputError, match="with other settings"):
+        shared_session(scene, Settings(scene, moved_by="actions"))
+    names = state_names(session.scene.channels())
+    force, level = names.index("force_z_n"), names.index("vibration_rms_m_s2")
+    wait_until(lambda: session.observe()[force] > 0.5)
+    wait_until(lambda: session.observe()[level] > 0.1)
+    x, y, z = session.command()
+    assert z < 0.0  # below the surface, as the hand presses
+    assert math.dist((x, y), session.observe()[:2]) < 50.0
+    session.release("teleoperator")
+    wait_until(lambda: session.command() != (x, y, z))
+    with pytest.raises(MmtError, match="hand moves the robot, it follows no actions"):
+        session.follow((0.0, 0.0, 0.0))
+    children = process.children(recursive=True)
+    assert children
+    session.release("robot")
+    assert not session.running
+    assert not psutil.wait_procs(children, LONGEST_S)[1]
+    assert (Path(scene).parent / "mmt-demo" / "session.mcap").stat().st_size > 1000
+
+
+def test_actions_move_the_robot_within_its_workspace_until_the_process_dies(
+    scene: str, started: Callable[[Settings], SharedSession]
+) -> None:
+    session = started(Settings(scene, moved_by="actions"))
+    start = session.observe()[:3]
+    assert math.dist(start, (0.0, 0.0, 5.0)) < 1.0
+    with pytest.raises(MmtError, match="no action has come yet"):
+        session.command()
+    assert session.follow((2.0, -1.0, 6.0)) == (2.0, -1.0, 6.0)
+    wait_until(lambda: math.dist(session.observe()[:3], (2.0, -1.0, 6.0)) < 0.5)
+    assert session.command() == (2.0, -1.0, 6.0)
+    assert session.follow((2.0, -1.0, -30.0)) == (2.0, -1.0, -10.0)
+    wait_until(lambda: session.observe()[5] > 1.0)  # it presses
+    process = beside(session)
+    children = process.children()
+    process.kill()
+    wait_until(lambda: not session.running)
+    for _ in range(2):
+        with pytest.raises(DeviceLost, match="ended unexpectedly"):
+            session.observe()
+    assert not psutil.wait_procs(children, LONGEST_S)[1]  # without a leader they end
+
+
+def test_a_follower_that_is_lost_is_told(
+    scene: str, started: Callable[[Settings], SharedSession]
+) -> None:
+    session = started(Settings(scene))
+    (follower,) = beside(session).children()
+    follower.kill()
+
+    def lost() -> bool:
+        try:
+            session.observe()
+        except DeviceLost:
+            return True
+        return False
+
+    wait_until(lost)
+    wait_until(lambda: not session.running)
+    with pytest.raises(DeviceLost, match="follower"):
+        session.observe()
+
+
+def test_a_program_that_ends_ends_its_second_session_too(scene: str) -> None:
+    ended = subprocess.run(
+        [sys.executable, "-c", PROGRAM, scene],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=LONGEST_S,
+    )
+    assert (ended.returncode, ended.stderr) == (0, "")
+    (process,) = map(int, ended.stdout.split())
+    assert not psutil.pid_exists(process)
+    assert (Path(scene).parent / "mmt-demo" / "session-2.mcap").stat().st_size > 1000
+
+
+def test_why_a_session_does_not_begin_is_one_sentence(scene: str) -> None:
+    text = SCENE.replace("[simulated]", '[devices]\nrobot = "lost_lab:Robot"')
+    Path(scene).write_text(text)
+    session = SharedSession(Settings(scene))
+    with pytest.raises(MmtError, match="lost_lab") as raised:
+        session.acquire("test")
+    assert "Traceback" not in str(raised.value)
+    assert not session.running
+
+
+def test_a_follower_elsewhere_is_not_waited_for_too_long(
+    scene: str, unused_tcp_port: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MMT_LINK__PORT", str(unused_tcp_port))
+    session = SharedSession(Settings(scene, follower=False, wait_s=0.1))
+    with pytest.raises(MmtError, match=r"no frame .* within 0\.1 s"):
+        session.acquire("test")
+    assert not session.running
+
+
+def test_an_answer_that_comes_too_late_is_not_taken_for_the_next(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("mmt_bridges.lerobot.session._REPLY_S", 0.01)
+    session, silent = SharedSession(Settings()), "import sys; sys.stdin.read()"
+    session._process = subprocess.Popen([sys.executable, "-c", silent], stdin=subprocess.PIPE)
+    lines = session._lines
+    with pytest.raises(DeviceLost, match="no answer within"):
+        session.observe()
+    lines.put({"values": [1.0]})
+    for _ in range(2):
+        with pytest.raises(DeviceLost, match="no answer within"):
+            session.observe()
+    assert session._process.wait(LONGEST_S) != 0
+    assert session._process.stdin is not None
+    with suppress(OSError):  # what was asked last cannot be sent any more
+        session._process.stdin.close()
+
+
+# --- the scene
+
+
+@pytest.mark.parametrize("name", ["replay", "listener"])
+def test_a_scene_without_a_robot_to_move_is_refused(name: str) -> None:
+    with pytest.raises(InputError, match="moves none: take one with"):
+        session_scene(Settings(name))
+
+
+def test_settings_that_are_not_allowed_are_refused() -> None:
+    with pytest.raises(InputError, match="'feet' is not known, allowed are hand, actions"):
+        Settings(moved_by="feet")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="wait_s nan"):
+        Settings(wait_s=math.nan)
+
+
+def test_actions_take_the_place_of_the_hand_and_all_else_stays() -> None:
+    by_hand, by_actions = (
+        session_scene(Settings("demo", moved_by=who)).dump() for who in ("hand", "actions")
+    )
+    assert by_actions.pop("handle")["driver"] == "mmt_bridges.lerobot.handle:ActionHandle"
+    assert by_hand.pop("hand")
+    assert by_actions == by_hand
+
+
+# --- the handle that nobody holds
+
+
+def test_before_an_action_nothing_is_commanded() -> None:
+    assert ActionHandle().read(1) is None
+
+
+def test_the_way_to_the_first_action_and_after_a_pause_is_bounded_in_speed() -> None:
+    handle = ActionHandle(recovery_mm_s=50.0)
+    for start, goal in ((0.0, 100.0), (100.0, 0.0)):
+        handle.follow((goal, 0.0, 0.0), (0.0, 0.0, 0.0))
+        state = handle.read(1000)
+        assert state is not None
+        assert state.position_mm[0] == pytest.approx(start + (goal - start) / 2)
+        assert state.velocity_mm_s[0] == pytest.approx((goal - start) / 2)
+        state = handle.read(1000)
+        assert state is not None
+        assert state.position_mm == (goal, 0.0, 0.0)
+        assert handle.read(1) == (state.position_mm, (0.0, 0.0, 0.0), 0.0, False)
+
+
+def test_actions_at_a_rate_give_a_steady_motion_a_period_late() -> None:
+    handle, positions = ActionHandle(), []
+    for k in range(11):
+        handle.follow((0.0, 3.0 * k, 0.0), (0.0, 0.0, 0.0))
+        for _ in range(30):
+            state = handle.read(1)
+            assert state is not None
+            positions.append(state.position_mm[1])
+    np.testing.assert_allclose(np.diff(positions[30:]), 0.1, atol=1e-9)
+    assert positions[-1] == 30.0
+
+
+def test_the_displayed_force_is_that_of_the_hand() -> None:
+    handle = ActionHandle(box_mm=((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)))
+    assert handle.follow((9.0, 0.0, -9.0), None) == (1.0, 0.0, -1.0)
+    handle.write((0.3, 0.0, 1.5))
+    assert handle.read(1) == ((1.0, 0.0, -1.0), (0.0, 0.0, 0.0), 1.5, True)
+    handle.write((0.3, 0.0, -1.5))
+    assert handle.read(1) == ((1.0, 0.0, -1.0), (0.0, 0.0, 0.0), 0.0, False)
+
+
+# --- what is observed
+
+
+class Remote:
+    connected = True
+
+
+def observing(remote: Remote) -> ObservingPart:
+    import asyncio
+
+    scene = session_scene(Settings("demo"))
+    hand = SimpleNamespace(device=None, command_mm=(1.0, 2.0, 3.0))
+    session = SimpleNamespace(scene=scene, find={"hand": hand}.get, remote=remote)
+    return ObservingPart(session, asyncio.Event())  # type: ignore[arg-type]
+
+
+def test_a_state_is_a_row_of_the_export() -> None:
+    frames = made_frames(0, 1000)
+    rows = low_rate_rows(RecordedSession(frames), 50)["observation.state"]
+    part = observing(Remote())
+    for k, row in enumerate(rows):
+        for one in frames[20 * k : 20 * k + 20]:
+            part.on_frames(np.array([one]), 0)
+        np.testing.assert_allclose(part.observe(), row, rtol=1e-5)
+    np.testing.assert_allclose(part.observe()[-1], rows[-1][-1], rtol=1e-5)  # held
+
+
+def test_what_is_long_past_is_not_in_the_level() -> None:
+    frames = made_frames(0, 1000)
+    part = observing(Remote())
+    part.on_frames(frames, 0)
+    newest = frames["acceleration_m_s2"][-LONGEST_FRAMES:].astype(float)
+    expected = math.sqrt(newest.var(axis=0).sum())
+    assert part.observe()[-1] == pytest.approx(expected, rel=1e-6)
+
+
+def test_nothing_old_is_observed() -> None:
+    remote = Remote()
+    part = observing(remote)
+    part.on_frames(made_frames(0, 1), 0)
+    assert part.command() == (1.0, 2.0, 3.0)
+    remote.connected = False
+    for ask in (part.observe, part.command):
+        with pytest.raises(DeviceLost, match="follower is lost"):
+            ask()

@@ -1,0 +1,272 @@
+"""The part for LSL against a stand-in of pylsl; the library itself: `tests/services`."""
+
+import asyncio
+import json
+import sys
+import threading
+import time
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from frame_samples import made_frames
+
+from mmt.core.errors import InputError
+from mmt.leader import publishing
+from mmt.leader.part import Session
+from mmt.leader.publishing import clock_ahead_ns
+from mmt.scene.files import scene_from_tables
+from mmt_bridges.lsl import part as lsl
+from mmt_bridges.lsl import streams as lsl_streams
+from mmt_bridges.lsl.part import LslPart
+from mmt_bridges.lsl.streams import load_pylsl
+
+AHEAD_NS = 7_000_000_000_000
+OFFSET_NS = 5_000_000_000_123
+
+
+class Outlet:
+    """Keeps what is pushed; waits before it where it is held, and fails where it is broken."""
+
+    def __init__(self, info: Any, max_buffered: int) -> None:
+        self.info = info
+        self.samples: list[tuple[Any, Any]] = []
+        self.holding = threading.Event()
+        self.holding.set()
+        self.arrived = threading.Event()
+        self.broken = False
+
+    def push_chunk(self, values: Any, stamps_s: list[float]) -> None:
+        self.arrived.set()
+        assert self.holding.wait(30)
+        if self.broken:
+            raise RuntimeError("an internal error has occurred.")
+        assert values.shape == (len(stamps_s), self.info["channel_count"])
+        assert values.dtype == np.float32
+        self.samples += zip(stamps_s, values.tolist(), strict=True)
+
+    def push_sample(self, values: list[str], stamp_s: float) -> None:
+        self.samples.append((stamp_s, *values))
+
+    def have_consumers(self) -> bool:
+        return False
+
+
+class Info(dict[str, Any]):
+    def desc(self) -> "Info":
+        return self
+
+    def append_child(self, name: str) -> "Info":
+        return self
+
+    def append_child_value(self, name: str, value: str) -> "Info":
+        self.setdefault(name, []).append(value)
+        return self
+
+
+def stream_info(
+    name: str, kind: str, channel_count: int, rate_hz: float, form: int, source: str
+) -> Info:
+    return Info(name=name, channel_count=channel_count, rate_hz=rate_hz, source=source)
+
+
+class Running:
+    """The part in a session whose follower's clock is known, with its outlets."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, **link: object) -> None:
+        made: list[Outlet] = []
+
+        def outlet(info: Info, max_buffered: int) -> Outlet:
+            made.append(Outlet(info, max_buffered))
+            return made[-1]
+
+        library = SimpleNamespace(
+            StreamInfo=stream_info,
+            StreamOutlet=outlet,
+            local_clock=lambda: 0.0,
+            IRREGULAR_RATE=0.0,
+            cf_float32=1,
+            cf_string=3,
+        )
+        monkeypatch.setattr(lsl_streams, "load_pylsl", lambda: library)
+        monkeypatch.setattr(lsl, "require", lambda _: None)
+        monkeypatch.setattr(publishing, "clock_ahead_ns", lambda _: AHEAD_NS)
+        self.said: list[str] = []
+        tables = {"link": link, "simulated": {}, "hand": {}, "lsl": {"chunk_ms": 1}}
+        self.session = Session(scene_from_tables(tables), self.said.append, lambda: 1.25)
+        self.remote = SimpleNamespace(clock_offset_ns=OFFSET_NS, follower_time_ns=0)
+        self.session.remote = self.remote  # type: ignore[assignment]
+        part = LslPart.build(self.session)
+        assert part is not None
+        self.part = part
+        self.session.parts.add("lsl", part)
+        part.connect()
+        self.frames, self.events = made
+
+    def send(self, frames: Any, follower_time_ns: int | None = None) -> None:
+        newest_ns = int(frames["time_ns"][-1])
+        self.remote.follower_time_ns = newest_ns if follower_time_ns is None else follower_time_ns
+        self.part.on_frames(frames, 0)
+
+    def end(self) -> dict[str, Any]:
+        asyncio.run(self.part.stop())
+        self.part.close()
+        return self.part.summary(1.0)["lsl"]
+
+
+@pytest.fixture
+def running(monkeypatch: pytest.MonkeyPatch) -> Any:
+    made = Running(monkeypatch)
+    made.part.begin()
+    yield made
+    made.frames.holding.set()
+    made.part.close()
+
+
+def test_stamps_are_the_followers_by_the_leaders_clock_by_that_of_lsl(running: Running) -> None:
+    frames = made_frames(10, 40)
+    gap = np.delete(frames, slice(10, 25))
+    running.send(gap[:5])
+    running.send(gap[5:])
+    assert running.end() == {"frames": 25, "events": 1, "dropped": 0, "unstamped": 0, "error": None}
+    stamps_s = [stamp_s for stamp_s, _ in running.frames.samples]
+    expected_ns = gap["time_ns"] - OFFSET_NS + AHEAD_NS
+    assert stamps_s == (expected_ns / 1e9).tolist()
+    values = np.array([values for _, values in running.frames.samples], np.float32)
+    for column, field in (0, "position_mm"), (3, "force_n"), (6, "acceleration_m_s2"):
+        np.testing.assert_array_equal(values[:, column : column + 3], gap[field])
+
+
+def test_a_follower_that_was_started_anew_is_stamped_by_its_own_clock(running: Running) -> None:
+    frames = made_frames(500, 4)  # numbered on, its times with them
+    running.send(frames, follower_time_ns=77_003_000_000)
+    running.end()
+    own_ns = np.arange(77_000_000_000, 77_004_000_000, 1_000_000)
+    expected_s = (own_ns - OFFSET_NS + AHEAD_NS) / 1e9
+    assert [stamp_s for stamp_s, _ in running.frames.samples] == expected_s.tolist()
+
+
+def test_frames_before_the_clock_is_known_are_counted(running: Running) -> None:
+    running.remote.clock_offset_ns = None
+    running.send(made_frames(0, 7))
+    running.remote.clock_offset_ns = OFFSET_NS
+    running.send(made_frames(7, 3))
+    figures = running.end()
+    assert (figures["unstamped"], figures["frames"]) == (7, 3)
+    assert running.part.faults() == []
+
+
+def test_a_clock_that_is_never_compared_is_a_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = Running(monkeypatch, clock_hz=0)
+    made.part.begin()
+    made.send(made_frames(0, 1))
+    assert made.part.faults() == []
+    made.remote.clock_offset_ns = None
+    made.send(made_frames(1, 1))
+    (fault,) = made.part.faults()
+    assert "clock_hz of [link] is 0" in fault
+    made.end()
+
+
+def test_a_library_that_stands_still_holds_nothing_up_and_the_newest_are_kept(
+    running: Running, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    running.frames.holding.clear()
+    running.send(made_frames(0, 2))
+    assert running.frames.arrived.wait(30)
+    blocks = publishing.QUEUE_LIMIT + 50
+    for number in range(blocks):  # it returns although nothing is taken
+        running.send(made_frames(2 + number, 1))
+    running.frames.holding.set()
+    figures = running.end()
+    assert figures["dropped"] == 50
+    assert figures["frames"] == 2 + publishing.QUEUE_LIMIT
+    newest_ns = made_frames(1 + blocks, 1)["time_ns"][0] - OFFSET_NS + AHEAD_NS
+    assert running.frames.samples[-1][0] == newest_ns / 1e9
+
+
+def test_a_library_that_fails_is_told_once_and_the_session_goes_on(running: Running) -> None:
+    running.frames.broken = True
+    running.send(made_frames(0, 5))
+    assert running.part._thread is not None
+    running.part._thread.join(30)
+    running.send(made_frames(5, 5))
+    running.part.look()
+    running.part.look()
+    (sentence,) = running.said
+    assert "[lsl] has failed: an internal error has occurred: the session goes on" in sentence
+    assert running.part.faults() == ["[lsl] has failed: an internal error has occurred"]
+    figures = running.end()
+    assert (figures["frames"], figures["dropped"]) == (0, 10)
+    assert figures["error"] == running.part.error
+
+
+def test_events_are_markers_at_the_moment_at_which_they_are_told(running: Running) -> None:
+    before_ns = time.monotonic_ns()
+    running.session.journal.event("the model is ready", samples=3)
+    running.session.journal.record({"event": "clocks compared"})
+    after_ns = time.monotonic_ns()
+    assert running.end()["events"] == 3
+    compared, ready, clocks = running.events.samples
+    assert json.loads(compared[1])["lsl_clock_ahead_ns"] == AHEAD_NS
+    said = {"time_s": 1.25, "event": "the model is ready", "samples": 3}
+    assert json.loads(ready[1]) == said
+    assert json.loads(clocks[1])["event"] == "clocks compared"
+    for stamp_s, _ in (ready, clocks):
+        assert before_ns <= round(stamp_s * 1e9) - AHEAD_NS + 2000
+        assert round(stamp_s * 1e9) - AHEAD_NS - 2000 <= after_ns
+
+
+def test_streams_are_named_and_described(running: Running) -> None:
+    info = running.frames.info
+    assert (info["name"], running.events.info["name"]) == ("mmt-frames", "mmt-events")
+    assert info["rate_hz"] == 1000.0
+    assert info["unit"] == ["mm"] * 3 + ["N"] * 3 + ["m/s2"] * 3
+    assert info["label"][:4] == ["position_x_mm", "position_y_mm", "position_z_mm", "force_x_n"]
+    assert info["can_drop_samples"] == ["true"]
+    assert info["source"] != running.events.info["source"]
+
+
+def test_the_clocks_are_compared_by_the_quickest_look(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Looks that were interrupted, by up to 9 ms, do not count."""
+    now_ns = 1_000_000_000
+    delays_ns = iter([9, 4, 7, 1, 8, 3, 6, 2, 5])
+
+    def clock_s() -> float:
+        nonlocal now_ns
+        there_ns = now_ns + AHEAD_NS
+        now_ns += next(delays_ns) * 1_000_000
+        return there_ns / 1e9
+
+    monkeypatch.setattr(publishing.time, "monotonic_ns", lambda: now_ns)
+    assert clock_ahead_ns(clock_s) == AHEAD_NS - 500_000
+
+
+def test_a_missing_package_and_a_missing_library_are_explained(
+    tmp_path: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in [name for name in sys.modules if name.partition(".")[0] == "pylsl"]:
+        monkeypatch.delitem(sys.modules, name)
+    (tmp_path / "pylsl.py").write_text(
+        "raise RuntimeError('LSL binary library file was not found')"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with pytest.raises(InputError, match=r"was not found\); on Linux .* PYLSL_LIB"):
+        load_pylsl()
+    monkeypatch.setitem(sys.modules, "pylsl", None)
+    scene = scene_from_tables({"link": {}, "simulated": {}, "hand": {}, "lsl": {}})
+    with pytest.raises(InputError, match=r"\[lsl\] needs pylsl, which is not .*\[lsl\]"):
+        LslPart.build(Session(scene))
+
+
+def test_the_streams_carry_every_channel_unless_only_the_needed_ones_are_wanted() -> None:
+    tables: dict[str, dict[str, object]] = {"link": {}, "simulated": {}, "hand": {}, "lsl": {}}
+    every = ("position", "force", "acceleration")
+    assert scene_from_tables(tables).channels() == every
+    tables["lsl"] = {"channels": "needed"}
+    assert scene_from_tables(tables).channels() == every, "nothing else needs any"
+    tables["force_feedback"] = {"method": "streamed"}
+    assert scene_from_tables(tables).channels() == ("force",)
+    with pytest.raises(InputError, match=r"\[lsl\] needs a follower: add \[link\]"):
+        scene_from_tables({"hand": {}, "lsl": {}})

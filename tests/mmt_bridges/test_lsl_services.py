@@ -1,0 +1,170 @@
+"""Frames and events by the real library, from a follower whose clock is another one."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+from network_namespaces import LEADER_ADDRESS, veth
+from service_processes import LONGEST_S, Service
+
+from mmt.core.errors import InputError
+from mmt.session import read_session
+from mmt_bridges.lsl.streams import load_pylsl
+
+AHEAD_S = 5000
+SCENE = """
+[session]
+duration_s = 3
+[link]
+host = "{address}"
+open = true
+[simulated]
+[hand]
+[lsl]
+name = "bench"
+[recording]
+file = "session.mcap"
+"""
+LIBRARY = """
+[multicast]
+ResolveScope = machine
+[ports]
+IPv6 = disable
+[log]
+level = -2
+"""
+"""Settings of liblsl: it finds streams on this machine alone, and prints errors only."""
+
+RECEIVER = """
+import json, pathlib, sys
+import pylsl
+
+names = ("bench-frames", "bench-events")
+inlets = {}
+for name in names:
+    (found,) = pylsl.resolve_byprop("name", name, timeout=30)
+    inlets[name] = pylsl.StreamInlet(found, recover=False)
+    inlets[name].open_stream(timeout=30)
+print("ready", flush=True)
+received = {name: [[], []] for name in names}
+for name, inlet in inlets.items():
+    received[name].append(inlet.info(timeout=30).as_xml())
+ended = False
+while not ended:
+    for name, inlet in inlets.items():
+        try:
+            samples, stamps = inlet.pull_chunk(timeout=0.05, max_samples=4096)
+        except pylsl.util.LostError:
+            ended = True
+            continue
+        received[name][0] += [[v if isinstance(v, str) else float(v) for v in s] for s in samples]
+        received[name][1] += [float(stamp) for stamp in stamps]
+pathlib.Path(sys.argv[1]).write_text(json.dumps(received))
+"""
+
+
+def needs_the_library() -> None:
+    if find_spec("pylsl") is None:
+        pytest.skip("needs the extra 'lsl'")
+    try:
+        load_pylsl()
+    except InputError as error:
+        pytest.skip(str(error))
+
+
+def receiving(folder: Path, within: Sequence[str], **variables: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [*within, sys.executable, "-c", RECEIVER, str(folder / "received.json")],
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, **variables},
+    )
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Any, dict[str, Any]]:
+    """What a recipient got of a session, the session, and the leader's summary."""
+    needs_the_library()
+    folder = tmp_path_factory.mktemp("lsl")
+    scene = folder / "lsl.toml"
+    scene.write_text(SCENE.format(address=LEADER_ADDRESS))
+    (folder / "lsl_api.cfg").write_text(LIBRARY)
+    variables = {"LSLAPICFG": str(folder / "lsl_api.cfg")}
+    with veth() as made:
+        leading = Service(
+            *("leader", scene, "--json-lines", "--port", 0),
+            cwd=folder,
+            within=made.within_leader(),
+            **variables,
+        )
+        with leading as leader:
+            url = f"http://{LEADER_ADDRESS}:{leader.port()}"
+            with receiving(folder, made.within_leader(), **variables) as receiver:
+                try:
+                    assert receiver.stdout is not None
+                    assert receiver.stdout.readline() == "ready\n"
+                    with Service(
+                        *("follower", scene, "--json-lines", "--leader", url),
+                        cwd=folder,
+                        within=made.within_follower(AHEAD_S),
+                    ) as follower:
+                        ended = leader.end(), follower.end()
+                    assert ended == (0, 0), leader.stderr + follower.stderr
+                    assert receiver.wait(LONGEST_S) == 0
+                finally:
+                    receiver.kill()
+            received = json.loads((folder / "received.json").read_text())
+            return received, read_session(folder / "session.mcap"), leader.summary()
+
+
+def test_frames_arrive_as_they_were_recorded_stamped_by_the_leaders_clock(run: Any) -> None:
+    received, session, summary = run
+    samples, stamps_s, _ = received["bench-frames"]
+    frames = session.frames
+    assert summary["lsl"]["frames"] == len(samples)
+    assert summary["lsl"]["frames"] + summary["lsl"]["unstamped"] == len(frames)
+    assert summary["lsl"]["dropped"] == 0
+    assert summary["lsl"]["error"] is None
+    assert 1000 < len(samples) < len(frames), "the clock is compared in the first second"
+    frames = frames[-len(samples) :]
+    fields = ("position_mm", "force_n", "acceleration_m_s2")
+    expected = np.concatenate([frames[field] for field in fields], axis=1)
+    np.testing.assert_array_equal(np.array(samples, np.float32), expected)
+    there_s = frames["time_ns"] / 1e9 - AHEAD_S
+    uncertainty_s = 1e-3 * summary["link"]["clock"]["uncertainty_ms"]
+    assert np.abs(np.array(stamps_s) - there_s).max() < 0.05 + uncertainty_s
+
+
+def test_events_arrive_as_markers(run: Any) -> None:
+    received, session, summary = run
+    markers, stamps_s, _ = received["bench-events"]
+    texts = [json.loads(marker) for (marker,) in markers]
+    assert "follower connected" in " ".join(text["event"] for text in texts)
+    assert summary["lsl"]["events"] >= len(markers)
+    recorded = [event["event"] for event in session.events]
+    assert {text["event"] for text in texts} <= set(recorded)
+    assert stamps_s == sorted(stamps_s)
+    (compared,) = [event for event in session.events if "lsl_clock_ahead_ns" in event]
+    assert abs(compared["lsl_clock_ahead_ns"]) < 1_000_000_000, "on Linux it is the same clock"
+
+
+def test_the_description_has_labels_units_and_the_session(run: Any) -> None:
+    received, session, _ = run
+    info = ET.fromstring(received["bench-frames"][2])
+    assert (info.findtext("type"), float(info.findtext("nominal_srate") or 0)) == ("Haptics", 1000)
+    channels = info.findall("desc/channels/channel")
+    assert [channel.findtext("unit") for channel in channels] == (
+        ["mm"] * 3 + ["N"] * 3 + ["m/s2"] * 3
+    )
+    assert channels[5].findtext("label") == "force_z_n"
+    assert channels[5].findtext("type") == "ForceZ"
+    assert info.findtext("desc/synchronization/can_drop_samples") == "true"
+    assert info.findtext("desc/session_id") == session.session_id

@@ -1,0 +1,409 @@
+"""Sessions as LeRobot data sets, and data sets as sessions."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+from session_samples import made_frames
+
+from mmt.core.errors import InputError, MmtError
+from mmt.core.frames import frame_dtype
+from mmt.session import export_session, import_session, read_session
+from mmt.session.data import RecordedSession
+from mmt.session.importing.options import ImportOptions
+from mmt.session.importing.proposal import propose
+from mmt.session.importing.recording import import_recording
+from mmt_bridges.lerobot.dataset import export_lerobot
+from mmt_bridges.lerobot.rows import low_rate_rows
+
+pq = pytest.importorskip("pyarrow.parquet", reason="needs the extra 'export'")
+pa = pytest.importorskip("pyarrow", reason="needs the extra 'export'")
+
+SCENE = {"session": {"name": "wood"}}
+EVENTS = [{"time_s": 0.5, "event": "mark"}]
+
+
+def session_of(count, *, seed=1, steps=None, channels=None):
+    channels = channels or ("position", "force", "acceleration")
+    return RecordedSession(made_frames(count, channels, seed=seed, steps=steps), SCENE)
+
+
+@pytest.fixture
+def sessions():
+    steps = np.ones(1029, dtype=int)
+    steps[100] = 60
+    first = made_frames(1030, seed=1, steps=steps)
+    return [
+        RecordedSession(first, SCENE, b"\x00truth", (), EVENTS),
+        RecordedSession(made_frames(505, seed=2)),
+    ]
+
+
+@pytest.fixture
+def folder(tmp_path, sessions):
+    assert export_lerobot(sessions, tmp_path / "set", task="stroke oak") == 54 + 25
+    return tmp_path / "set"
+
+
+def read(folder, name):
+    return pq.read_table(folder / name)
+
+
+def arrays(folder, name):
+    return np.array(read(folder, "data/chunk-000/file-000.parquet")[name].to_pylist())
+
+
+# --- what is written
+
+
+def test_a_row_has_the_newest_frame_of_its_period_and_where_the_next_one_is(folder, sessions):
+    frames = sessions[1].frames
+    state, action = (arrays(folder, name)[54:] for name in ("observation.state", "action"))
+    np.testing.assert_array_equal(state[:, :3], frames["position_mm"][19:500:20])
+    np.testing.assert_array_equal(state[:, 3:6], frames["force_n"][19:500:20])
+    np.testing.assert_array_equal(action[:-1], state[1:, :3])
+    np.testing.assert_array_equal(action[-1], state[-1, :3])
+    blocks = frames["acceleration_m_s2"][:500].reshape(25, 20, 3).astype(float)
+    spread = np.sqrt(np.sum(np.var(blocks, axis=1), axis=1))
+    np.testing.assert_allclose(state[:, 6], spread, rtol=1e-6)
+
+
+def test_rows_are_numbered_as_lerobot_does(folder):
+    assert arrays(folder, "index").tolist() == list(range(79))
+    assert arrays(folder, "frame_index").tolist() == [*range(54), *range(25)]
+    assert arrays(folder, "episode_index").tolist() == [0] * 54 + [1] * 25
+    assert set(arrays(folder, "task_index")) == {0}
+    times = (np.arange(54) / 50).astype(np.float32)
+    np.testing.assert_array_equal(arrays(folder, "timestamp")[:54].astype(np.float32), times)
+    file = pq.ParquetFile(folder / "data/chunk-000/file-000.parquet")
+    assert [file.metadata.row_group(n).num_rows for n in range(file.num_row_groups)] == [54, 25]
+
+
+def test_missing_frames_are_held_and_counted(folder, sessions):
+    counts = arrays(folder, "mmt.frames")[:54]
+    assert counts.tolist() == [20, 20, 20, 20, 20, 1, 0, 0, *[20] * 46]
+    state = arrays(folder, "observation.state")
+    np.testing.assert_array_equal(state[6:8], state[[5, 5]])
+    np.testing.assert_array_equal(state[5, :3], sessions[0].frames["position_mm"][100])
+    assert state[5, 6] == 0.0
+
+
+def test_the_metadata_say_what_is_in_it(folder):
+    info = json.loads((folder / "meta/info.json").read_text())
+    told = ("codebase_version", "fps", "total_episodes", "total_frames", "total_tasks", "splits")
+    assert [info[name] for name in told] == ["v3.0", 50, 2, 79, 1, {"train": "0:2"}]
+    assert info["features"]["observation.state"] == {
+        "dtype": "float32",
+        "shape": [7],
+        "names": [
+            *("position_x_mm", "position_y_mm", "position_z_mm"),
+            *("force_x_n", "force_y_n", "force_z_n", "vibration_rms_m_s2"),
+        ],
+    }
+    schema = read(folder, "data/chunk-000/file-000.parquet").schema
+    assert schema.names == list(info["features"])
+    assert schema.field("observation.state").type == pa.list_(pa.float32(), 7)
+    assert read(folder, "meta/tasks.parquet").to_pylist() == [
+        {"task_index": 0, "task": "stroke oak"}
+    ]
+    episodes = read(folder, "meta/episodes/chunk-000/file-000.parquet").to_pylist()
+    span = ("episode_index", "tasks", "length", "dataset_from_index", "dataset_to_index")
+    assert [[line[name] for name in span] for line in episodes] == [
+        [0, ["stroke oak"], 54, 0, 54],
+        [1, ["stroke oak"], 25, 54, 79],
+    ]
+
+
+def test_statistics_are_those_of_the_rows(folder):
+    stats = json.loads((folder / "meta/stats.json").read_text())
+    line = read(folder, "meta/episodes/chunk-000/file-000.parquet").to_pylist()[1]
+    assert set(stats) == set(json.loads((folder / "meta/info.json").read_text())["features"])
+    state = arrays(folder, "observation.state")
+    for values, figures in (
+        (state, stats["observation.state"]),
+        (state[54:], {n: line[f"stats/observation.state/{n}"] for n in stats["action"]}),
+    ):
+        assert figures["count"] == [len(values)]
+        for name in ("min", "max", "mean", "std"):
+            np.testing.assert_allclose(figures[name], getattr(np, name)(values, axis=0), rtol=1e-5)
+        for name in ("q01", "q10", "q50", "q90", "q99"):
+            expected = np.quantile(values, int(name[1:]) / 100, axis=0)
+            np.testing.assert_allclose(figures[name], expected, rtol=1e-5)
+
+
+@pytest.mark.parametrize("fps", [1, 30, 60, 1000])
+def test_any_rate_shares_out_all_frames(fps):
+    rows = low_rate_rows(session_of(2007), fps)
+    counts = rows["mmt.frames"]
+    assert len(counts) == 2007 * fps // 1000
+    assert counts.sum() == int(np.ceil(len(counts) * 1000 / fps))
+    assert counts.max() - counts.min() <= 1
+
+
+def test_where_the_numbers_fall_rows_go_on():
+    frames = made_frames(100)
+    frames["sequence"][50:] -= 30
+    rows = low_rate_rows(RecordedSession(frames), 50)
+    assert rows["mmt.frames"].tolist() == [20] * 5
+    np.testing.assert_array_equal(rows["observation.state"][2, :3], frames["position_mm"][59])
+
+
+@pytest.mark.parametrize(
+    ("channels", "width", "acts"),
+    [
+        (("position",), 3, True),
+        (("force", "acceleration"), 4, False),
+        (("acceleration",), 1, False),
+    ],
+)
+def test_a_session_with_few_channels_has_few_columns(tmp_path, channels, width, acts):
+    session = session_of(60, channels=channels)
+    export_lerobot([session], tmp_path / "set")
+    state = arrays(tmp_path / "set", "observation.state")
+    assert state.reshape(3, -1).shape == (3, width)
+    features = json.loads((tmp_path / "set/meta/info.json").read_text())["features"]
+    assert ("action" in features) == acts
+    back = read_session(tmp_path / "set")
+    np.testing.assert_array_equal(back.frames, session.frames)
+
+
+# --- what is refused
+
+
+@pytest.mark.parametrize(
+    ("made", "said"),
+    [
+        ([], "there is no session"),
+        ([session_of(19)], "its 19 frames make no row of 20 ms"),
+        ([session_of(0)], "its 0 frames make no row"),
+        ([session_of(40), session_of(40, channels=("force",))], "the sessions before it other"),
+        ([session_of(40, steps=[600_001] * 39)], "600 s of frames are missing in one place"),
+    ],
+)
+def test_what_makes_no_data_set_is_said_and_leaves_nothing(tmp_path, made, said):
+    with pytest.raises(InputError, match=said):
+        export_lerobot(made, tmp_path / "set")
+    assert not list(tmp_path.iterdir())
+
+
+def test_values_that_are_not_finite_are_refused_with_their_time(tmp_path):
+    frames = made_frames(100)
+    frames["force_n"][59, 1] = np.nan
+    with pytest.raises(InputError, match=r"a value at 0\.040 s is not finite"):
+        export_lerobot([RecordedSession(frames)], tmp_path / "set")
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [({"fps": 0}, "must be 1 to 1000"), ({"fps": 1001}, "must be"), ({"task": " "}, "--task")],
+)
+def test_wrong_options_are_refused(tmp_path, options, said):
+    with pytest.raises(InputError, match=said):
+        export_lerobot([session_of(40)], tmp_path / "set", **options)
+
+
+def test_only_a_data_set_is_replaced_and_only_when_asked(tmp_path, folder):
+    with pytest.raises(InputError, match="it exists already"):
+        export_lerobot([session_of(40)], folder)
+    assert len(arrays(folder, "index")) == 79
+    export_lerobot([session_of(40)], folder, replace=True)
+    assert len(arrays(folder, "index")) == 2
+    assert not (folder / "mmt/episode-000001.parquet").exists()
+    other = tmp_path / "other"
+    other.mkdir()
+    export_lerobot([session_of(40)], other)  # an empty folder
+    shutil.rmtree(other / "meta")
+    with pytest.raises(InputError, match="it exists already"):
+        export_lerobot([session_of(40)], other, replace=True)
+    with pytest.raises(InputError, match=r"cannot write .*nowhere"):
+        export_lerobot([session_of(40)], tmp_path / "nowhere" / "set")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["other", "set"]
+
+
+def test_a_failed_export_keeps_what_was_there(folder, monkeypatch):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(pq, "write_table", full)
+    with pytest.raises(MmtError, match="No space left"):
+        export_lerobot([session_of(40)], folder, replace=True)
+    assert len(arrays(folder, "index")) == 79
+    assert [path.name for path in folder.parent.iterdir()] == ["set"]
+
+
+# --- back again
+
+
+@pytest.mark.parametrize("episode", [0, 1])
+def test_an_episode_comes_back_to_the_bit(folder, sessions, episode):
+    options = ImportOptions(episode=episode)
+    session, report = import_recording(folder, options)
+    assert session.frames.dtype == sessions[episode].frames.dtype
+    assert session.frames.tobytes() == sessions[episode].frames.tobytes()
+    assert session.scene == sessions[episode].scene
+    assert session.annotations == sessions[episode].annotations
+    assert list(session.events) == list(sessions[episode].events)
+    assert report.channels[0].missing_rows == (59 if episode == 0 else 0)
+
+
+def test_the_first_episode_is_taken_with_a_word(folder, sessions):
+    session, report = import_recording(folder)
+    assert session.frames.tobytes() == sessions[0].frames.tobytes()
+    assert report.warnings[0] == "this is episode 0 of 2; --episode takes another"
+    assert not propose(folder).options.columns
+
+
+def test_the_frames_of_a_file_alone_come_back_too(tmp_path):
+    frames = made_frames(300)
+    frames["sequence"][101:] -= 60  # the follower began anew
+    frames["time_ns"][101:] -= 80_000_000
+    frames["force_n"][7, 1] = np.nan
+    export_session(RecordedSession(frames), tmp_path / "run.parquet")
+    assert read_session(tmp_path / "run.parquet").frames.tobytes() == frames.tobytes()
+
+
+def test_rows_are_imported_by_their_names(folder, sessions):
+    shutil.rmtree(folder / "mmt")
+    proposal = propose(folder)
+    assert proposal.options.columns == {
+        **{f"position_{a}": f"observation.state.position_{a}_mm" for a in "xyz"},
+        **{f"force_{a}": f"observation.state.force_{a}_n" for a in "xyz"},
+    }
+    assert proposal.lacking == ("acceleration",)
+    session, report = import_recording(
+        folder, ImportOptions(proposal.options.columns, proposal.options.units, episode=1)
+    )
+    assert session.channels == ("position", "force")
+    assert len(session.frames) == 481
+    rows = session.frames[::20]
+    np.testing.assert_allclose(rows["position_mm"], sessions[1].frames["position_mm"][19:500:20])
+    assert report.channels[0].rate_hz == pytest.approx(50.0)
+
+
+def test_mapped_columns_are_those_of_the_rows(folder, sessions):
+    columns = {f"position_{a}": f"action[{n}]" for n, a in enumerate("xyz")}
+    session = import_session(folder, columns=columns, units={"position": "m"})
+    expected = 1000.0 * sessions[0].frames["position_mm"][39]
+    np.testing.assert_allclose(session.frames["position_mm"][0], expected, rtol=1e-6)
+
+
+def foreign(folder, features, rows, **info):
+    """Write a data set as other programs do, with rows over two files."""
+    (folder / "meta").mkdir(parents=True)
+    content = {"codebase_version": "v3.0", "fps": 10, "total_episodes": 1, **info}
+    (folder / "meta/info.json").write_text(json.dumps({"features": features, **content}))
+    half = len(rows["timestamp"]) // 2
+    for chunk, part in enumerate((slice(None, half), slice(half, None))):
+        table = pa.table({name: values[part] for name, values in rows.items()})
+        file = folder / f"data/chunk-000/file-{chunk:03}.parquet"
+        file.parent.mkdir(parents=True, exist_ok=True)
+        pq.write_table(table, file)
+
+
+def test_a_data_set_of_another_program_is_read(tmp_path):
+    count = 20
+    x = np.arange(count) / 1000
+    rows = {
+        "observation.state": [[v, 2 * v, 0.0] for v in x],
+        "wrench": pa.array([[0.0, 0.0, 1.0]] * count, pa.list_(pa.float64(), 3)),
+        "frame_index": np.arange(count),
+        "timestamp": (np.arange(count) / 10 + 1e-5).astype(np.float32),
+        "episode_index": np.zeros(count, dtype=np.int64),
+    }
+    features = {
+        "observation.images.top": {"dtype": "video", "shape": [3, 4, 4], "names": None},
+        "observation.state": {
+            "dtype": "float32",
+            "shape": [3],
+            "names": {"motors": ["ee.x", "ee.y", "ee.z"]},
+        },
+        "wrench": {"dtype": "float64", "shape": [3], "names": None},
+    }
+    foreign(tmp_path / "set", features, rows)
+    proposal = propose(tmp_path / "set")
+    assert "observation.images.top" not in proposal.names
+    assert proposal.options.columns["position_y"] == "observation.state.ee.y"
+    columns = {**proposal.options.columns, "force": "wrench"}
+    session = import_session(tmp_path / "set", columns=columns, units={"position": "m"})
+    frames = session.frames
+    assert len(frames) == 1901
+    np.testing.assert_allclose(frames["position_mm"][:, 0], np.linspace(0, 19, 1901), atol=1e-4)
+    np.testing.assert_allclose(frames["force_n"], [[0, 0, 1]] * 1901, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("info", "said"),
+    [
+        ({"codebase_version": "v2.1"}, r"its format is v2\.1, only v3\.0 is read"),
+        ({"total_episodes": 0}, "it has no episode"),
+        ({"fps": 0}, "or no rate"),
+        ({"total_episodes": "many"}, "is not that of a LeRobot data set"),
+    ],
+)
+def test_a_data_set_that_cannot_be_read_is_explained(tmp_path, info, said):
+    foreign(tmp_path / "set", {}, {"timestamp": [0.0, 0.1]}, **info)
+    with pytest.raises(InputError, match=said):
+        import_session(tmp_path / "set")
+
+
+def test_damage_and_wrong_episodes_are_explained(tmp_path, folder):
+    with pytest.raises(InputError, match="--episode 2: its episodes are 0 to 1"):
+        import_recording(folder, ImportOptions(episode=2))
+    np.savez(tmp_path / "run.npz", time_s=np.arange(3.0))
+    with pytest.raises(InputError, match="is no data set with episodes"):
+        import_recording(tmp_path / "run.npz", ImportOptions(episode=0))
+    (folder / "mmt/episode-000000.parquet").write_bytes(b"PAR1 and then nothing")
+    with pytest.raises(InputError, match="this is not a Parquet file"):
+        import_session(folder)
+    shutil.rmtree(folder / "data")
+    with pytest.raises(InputError, match="there is no file in"):
+        import_session(folder, columns={"position": "action"})
+    (folder / "meta/info.json").write_text("{")
+    with pytest.raises(InputError, match="is not that of a LeRobot data set"):
+        import_session(folder)
+
+
+# --- Parquet files
+
+
+def test_a_table_of_another_program_is_read(tmp_path):
+    count = 30
+    table = {
+        "t": np.arange(count) / 1000,
+        "tcp.pos": [[n / 10, 0.0, 0.0] for n in range(count)],
+        "fz": pa.array([None if n == 5 else 1.0 for n in range(count)], pa.float32()),
+        "note": ["stroke"] * count,
+    }
+    pq.write_table(pa.table(table), tmp_path / "mine.parquet")
+    columns = {"time": "t", "position": "tcp.pos", "force_z": "fz", "force_x": "0", "force_y": "0"}
+    with pytest.raises(InputError, match="force_z is empty or NaN in row 5"):
+        import_session(tmp_path / "mine.parquet", columns=columns)
+    session = import_session(
+        tmp_path / "mine.parquet", columns={"time": "t", "position": "tcp.pos"}
+    )
+    np.testing.assert_allclose(session.frames["position_mm"][:, 0], np.arange(count) / 10)
+    with pytest.raises(InputError, match="note holds string, not numbers"):
+        import_session(tmp_path / "mine.parquet", columns={"time": "t", "position_x": "note"})
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [([[1.0], [2.0, 3.0]], "are not all of one length"), ([[1.0, 2.0], None], "not all of one")],
+)
+def test_lists_of_several_lengths_are_refused(tmp_path, values, said):
+    pq.write_table(pa.table({"t": [0.0, 1.0], "p": values}), tmp_path / "mine.parquet")
+    with pytest.raises(InputError, match=said):
+        import_session(tmp_path / "mine.parquet", columns={"time": "t", "position": "p"})
+
+
+def test_what_is_no_parquet_file_is_said(tmp_path):
+    (tmp_path / "mine.parquet").write_bytes(b"nothing")
+    with pytest.raises(InputError, match="this is not a Parquet file"):
+        read_session(tmp_path / "mine.parquet")
+    with pytest.raises(InputError, match="No such file"):
+        read_session(tmp_path / "none.parquet")
+    empty = RecordedSession(np.zeros(0, dtype=frame_dtype(["force"])))
+    export_session(empty, tmp_path / "empty.parquet")
+    with pytest.raises(InputError, match="it holds no frame"):
+        read_session(tmp_path / "empty.parquet")

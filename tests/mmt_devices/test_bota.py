@@ -1,0 +1,274 @@
+"""The driver of Bota's serial sensors on the emulated sensor, over a pseudo terminal."""
+
+import itertools
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from sensor_reading import read_some, read_until, read_until_fault
+
+from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.devices.drivers import load_device
+from mmt_devices.bota.driver import BotaOptions, BotaSerial
+from mmt_devices.bota.frames import INVALID, OVERRANGE, RAW, SKIPPED
+
+if sys.platform != "linux":
+    pytest.skip("the emulated port is for Linux", allow_module_level=True)
+
+from mmt_devices.bota.emulated import EmulatedBota
+
+FORCE = (0.5, -0.25, 2.0)
+NEAR = pytest.approx(FORCE, abs=0.06)
+PERIOD_NS = 51 / 51_200 * 1e9
+
+
+@pytest.fixture
+def emulated() -> Iterator[EmulatedBota]:
+    made = EmulatedBota(lambda _time_ns: FORCE)
+    made.start()
+    yield made
+    made.stop()
+
+
+@pytest.fixture
+def sensor(emulated: EmulatedBota) -> Iterator[BotaSerial]:
+    driver = load_device("bota-serial", emulated.options)
+    driver.connect()
+    yield driver
+    driver.close()
+
+
+def test_forces_come_at_the_rate_of_the_filter_by_the_sensors_clock(emulated, sensor) -> None:
+    assert emulated.filter == (51, 0, 0, 1)
+    readings = read_some(sensor, 200)
+    steps = sorted(b.time_ns - a.time_ns for a, b in itertools.pairwise(readings))
+    assert steps[0] > 0
+    assert steps[100] == pytest.approx(PERIOD_NS, abs=1000)
+    assert all(reading.value == NEAR for reading in readings)
+    assert sensor.latency_ns == round(1e9 * 370 / 460_800)  # the time on the line
+    assert sensor.temperature_c == 31.5
+    assert not sensor.faults.keys() - {"lost frame"}  # a busy machine loses some
+
+
+def test_the_filter_is_set_as_the_options_say(emulated) -> None:
+    sensor = load_device("bota-serial", {**emulated.options, "sinc_length": 64, "fir": True})
+    sensor.connect()
+    assert emulated.filter == (64, 0, 0, 0)
+    readings = read_some(sensor)
+    sensor.close()
+    steps = sorted(b.time_ns - a.time_ns for a, b in itertools.pairwise(readings))
+    assert steps[25] == pytest.approx(1.25e6, abs=1000)
+
+
+def test_a_sensor_can_be_left_as_it_is(emulated) -> None:
+    emulated.deaf = True
+    sensor = load_device("bota-serial", {**emulated.options, "configure": False})
+    sensor.connect()
+    assert emulated.filter == (512, 0, 0, 1)
+    readings = read_some(sensor, 3)
+    sensor.close()
+    assert readings[1].time_ns - readings[0].time_ns == pytest.approx(1e7, abs=1000)
+
+
+def test_text_and_raw_values_are_switched_to_forces(emulated) -> None:
+    emulated.text, emulated.calibrated = True, False
+    sensor = load_device("bota-serial", emulated.options)
+    sensor.connect()
+    assert read_some(sensor)[-1].value == NEAR
+    sensor.close()
+
+
+def test_the_bias_is_removed(sensor) -> None:
+    sensor.calibrate()
+    assert read_some(sensor)[-1].value == pytest.approx((0, 0, 0), abs=0.06)
+
+
+def test_the_counter_of_microseconds_wraps_unseen() -> None:
+    emulated = EmulatedBota(lambda _time_ns: FORCE, start_us=2**32 - 700_000)
+    emulated.start()
+    sensor = load_device("bota-serial", emulated.options)
+    sensor.connect()
+    readings = read_until(sensor, has_wrapped)
+    assert "restart" not in sensor.faults
+    times = [reading.time_ns for reading in readings]
+    assert times == sorted(set(times))
+    sensor.close()
+    emulated.stop()
+
+
+def has_wrapped(readings) -> bool:
+    return bool(readings) and readings[-1].time_ns > (2**32 + 50_000) * 1000
+
+
+def test_flipped_bits_and_half_frames_are_survived(emulated, sensor) -> None:
+    readings = read_some(sensor)
+    faults: tuple[Callable[[], None], ...] = (
+        lambda: emulated.flip(4),
+        lambda: emulated.cut(5),
+        lambda: emulated.cut(36, 37, 0, 1),
+        lambda: emulated.garble(b"garbage \xaa\x00\xff"),
+    )
+    for fault in faults:
+        fault()
+        readings += read_until_fault(sensor, "broken frame")
+        readings += read_some(sensor)
+    assert all(reading.value == NEAR for reading in readings)  # the CRC sees them all
+    times = [reading.time_ns for reading in readings]
+    assert times == sorted(set(times))
+    assert sensor.faults["lost frame"] >= 4
+
+
+def test_a_gap_is_counted_and_no_error_in_time(emulated) -> None:
+    sensor = load_device("bota-serial", {**emulated.options, "silence_ms": 10_000})
+    sensor.connect()
+    before = read_some(sensor)
+    emulated.cut(*[0] * 100)
+    readings = before[-1:] + read_until_fault(sensor, "lost frame", 100) + read_some(sensor)
+    longest_ns = max(b.time_ns - a.time_ns for a, b in itertools.pairwise(readings))
+    assert longest_ns >= 100 * PERIOD_NS
+    sensor.close()
+
+
+def test_frames_that_come_twice_are_left_out(emulated, sensor) -> None:
+    emulated.repeat(3)
+    readings = read_until_fault(sensor, "repeated frame", 3)
+    times = [reading.time_ns for reading in readings]
+    assert times == sorted(set(times))
+
+
+def test_a_restart_continues_the_time(emulated, sensor) -> None:
+    before = read_some(sensor)
+    emulated.restart()
+    after = read_until_fault(sensor, "restart")
+    times = [reading.time_ns for reading in before + after]
+    assert times == sorted(set(times))
+
+
+def test_an_unplugged_sensor_is_lost_and_comes_back_with_its_settings(emulated, sensor) -> None:
+    sensor.calibrate()
+    before = read_some(sensor)
+    emulated.unplug()
+    with pytest.raises(DeviceLost, match="the port is gone"):
+        read_until(sensor, lambda _: False)
+    with pytest.raises(MmtError, match="its serial port: there is none; plug"):
+        sensor.connect()
+    with pytest.raises(DeviceLost, match="is closed"):
+        sensor.read()
+    emulated.plug()
+    sensor.connect()
+    assert emulated.filter == (51, 0, 0, 1)
+    after = read_some(sensor)
+    assert after[0].time_ns > before[-1].time_ns
+    assert after[-1].value == pytest.approx((0, 0, 0), abs=0.06)
+
+
+def test_silence_is_lost(emulated, sensor) -> None:
+    read_some(sensor)
+    emulated.stall()
+    with pytest.raises(DeviceLost, match=r"no record for \d+ ms; check its power, its cable"):
+        read_until(sensor, lambda _: False)
+    sensor.close()
+    with pytest.raises(MmtError, match=r"used in 0\.2 s; nothing comes; check its power"):
+        load_device("bota-serial", {**emulated.options, "start_s": 0.2}).connect()
+
+
+def test_stuck_values_are_seen(emulated, sensor) -> None:
+    emulated.stuck = True
+    with pytest.raises(DeviceLost, match=r"the very same values for \d+ ms"):
+        read_until(sensor, lambda _: False)
+
+
+@pytest.mark.parametrize(
+    ("bit", "fault", "words"),
+    [
+        (INVALID, "invalid measurements", r"its measurements are invalid .*: unload it"),
+        (RAW, "raw measurements", r"values of its gauges .*: switch its calibration matrix on"),
+    ],
+)
+def test_a_status_that_makes_frames_useless_is_told(emulated, bit, fault, words) -> None:
+    sensor = load_device("bota-serial", {**emulated.options, "start_s": 0.3})
+    sensor.connect()
+    read_some(sensor)
+    emulated.status = bit
+    with pytest.raises(DeviceLost, match=words):
+        read_until(sensor, lambda _: False)
+    assert sensor.faults[fault] > 0
+    with pytest.raises(MmtError, match=words):
+        sensor.connect()
+
+
+def test_overrange_and_skipped_measurements_are_counted(emulated, sensor) -> None:
+    emulated.status = OVERRANGE | SKIPPED
+    readings = read_until_fault(sensor, "overrange", 5)
+    assert sensor.faults["skipped measurements"] >= 5
+    assert readings[-1].value == NEAR
+
+
+def test_more_than_its_range_is_an_overload_and_much_more_is_left_out(emulated) -> None:
+    sensor = load_device("bota-serial", {**emulated.options, "range_n": [2.0, 2.0, 2.0]})
+    sensor.connect()
+    emulated._truth = lambda _time_ns: (0.0, 0.0, 3.0)
+    read_until_fault(sensor, "overload", 5)
+    emulated._truth = lambda _time_ns: (0.0, 0.0, float("nan"))
+    read_until_fault(sensor, "impossible value", 5)
+    sensor.close()
+
+
+def test_a_wrong_baud_rate_is_explained(emulated, monkeypatch) -> None:
+    monkeypatch.setattr("mmt_devices.bota.line._ANSWER_S", 0.1)
+    for configure in (True, False):
+        options = {"port": emulated.port.path, "baud": 115_200, "sinc_length": 256}
+        wrong = load_device("bota-serial", {**options, "configure": configure, "start_s": 0.3})
+        with pytest.raises(MmtError, match="no good frames: the baud rate is probably not 115200"):
+            wrong.connect()
+
+
+def test_a_model_with_another_protocol_is_explained(emulated) -> None:
+    emulated.header = 0xAB
+    with pytest.raises(MmtError, match="or the model speaks another protocol"):
+        load_device("bota-serial", {**emulated.options, "start_s": 0.3}).connect()
+
+
+def test_a_sensor_that_sends_text_is_explained(emulated) -> None:
+    emulated.text = True
+    options = {**emulated.options, "configure": False, "start_s": 0.3}
+    with pytest.raises(MmtError, match="text comes: set its data format to binary"):
+        load_device("bota-serial", options).connect()
+
+
+def test_a_sensor_that_does_not_answer_is_explained(emulated, monkeypatch) -> None:
+    monkeypatch.setattr("mmt_devices.bota.line._ANSWER_S", 0.1)
+    emulated.deaf = True
+    with pytest.raises(MmtError, match="not answer the command 'C'; its frames come, but what is"):
+        load_device("bota-serial", emulated.options).connect()
+
+
+def test_a_command_that_is_refused_is_told(emulated) -> None:
+    emulated.refusal = 3
+    with pytest.raises(MmtError, match=r"it refuses the command 'C' \(code 3\): switch it off"):
+        load_device("bota-serial", emulated.options).connect()
+
+
+def test_a_port_that_cannot_be_used_is_explained(emulated, sensor, monkeypatch) -> None:
+    with pytest.raises(MmtError, match="another program has it open"):
+        load_device("bota-serial", emulated.options).connect()
+
+    def refuse(*_arguments):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("os.open", refuse)
+    with pytest.raises(MmtError, match=r"no permission\. On Linux add yourself to the group"):
+        load_device("bota-serial", emulated.options).connect()
+
+
+def test_options_are_validated_and_documented() -> None:
+    for wrong in ({}, {"port": "x", "baud": 1200}, {"port": "x", "sinc_length": 50}):
+        with pytest.raises(InputError, match="device 'bota-serial'"):
+            load_device("bota-serial", wrong)
+    with pytest.raises(InputError, match="of which 230400 baud carry 623: raise 'sinc_length'"):
+        load_device("bota-serial", {"port": "x", "baud": 230_400})
+    assert load_device("bota-serial", {"port": "x", "baud": 230_400, "sinc_length": 128})
+    page = (Path(__file__).parents[2] / "docs/how-to/bota.md").read_text(encoding="utf-8")
+    for option in BotaOptions.model_fields:
+        assert f"`{option}`" in page

@@ -1,0 +1,366 @@
+"""The Franka drivers' own logic, on a stand-in for the library and the arm."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from emulated_arm import PATIENCE_S, until
+from running_source import RunningSource
+
+from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.core.extras import require
+from mmt.devices.drivers import load_device
+from mmt_devices.franka import arm as arms
+from mmt_devices.franka import driver as franka_driver
+from mmt_devices.franka.driver import FrankaForce, FrankaRobot
+from mmt_devices.franka.emulated import EmulatedFranka, RealtimeConfig, RobotMode, TorqueStopMotion
+
+REFLEX = 'libfranka: Move command aborted: motion aborted by reflex! ["cartesian_reflex"]'
+USER_STOP = "libfranka: Move command aborted: User Stop pressed!"
+HOME = (500.0, 0.0, 300.0)
+
+
+@pytest.fixture
+def emulated() -> Iterator[EmulatedFranka]:
+    arm = EmulatedFranka()
+    with arm.library():
+        yield arm
+
+
+@pytest.fixture
+def make(emulated: EmulatedFranka) -> Iterator[Callable[..., Any]]:
+    made = []
+
+    def device(kind: type = FrankaRobot, **options: object) -> Any:
+        made.append(kind(host="arm", **options))
+        return made[-1]
+
+    yield device
+    for each in made:
+        each.close()
+    until(lambda: emulated.connections == 0)
+
+
+def moved(by: tuple[float, float, float]) -> tuple[float, float, float]:
+    x, y, z = (a + b for a, b in zip(HOME, by, strict=True))
+    return (x, y, z)
+
+
+def near(robot: FrankaRobot, target: tuple[float, float, float], mm: float = 0.05) -> bool:
+    return float(np.linalg.norm(np.subtract(robot.read(), target))) < mm
+
+
+def test_the_arm_goes_where_it_is_told_in_the_scenes_axes(make, emulated) -> None:
+    robot = make(axes="-y,x,z", origin_mm=(0.0, 500.0, 200.0))
+    robot.connect()
+    robot.calibrate()
+    assert robot.read() == pytest.approx((0.0, 0.0, 100.0))
+    target = (12.0, -7.0, 96.0)
+    until(lambda: near(robot, target), lambda: robot.write(target))
+    assert emulated.position_m == pytest.approx([0.493, -0.012, 0.296], abs=1e-4)
+    assert robot.faults == {}
+
+
+def test_nothing_moves_before_the_first_command(make, emulated) -> None:
+    robot = make()
+    robot.connect()
+    turns = robot._arm.turns
+    until(lambda: robot._arm.turns > turns + 20)
+    assert emulated.motions == []
+    assert robot.read() == pytest.approx(HOME)
+
+
+def test_options_reach_the_arm(make, emulated) -> None:
+    robot = make(
+        realtime="ignore",
+        stiffness_n_mm=2.0,
+        rotational_stiffness_nm_rad=30.0,
+        posture_stiffness_nm_rad=5.0,
+        force_limit_n=10.0,
+        collision_force_n=25.0,
+        collision_torque_nm=15.0,
+    )
+    robot.connect()
+    until(lambda: bool(emulated.motions), lambda: robot.write(HOME))
+    (motion,) = emulated.motions
+    assert motion.translational_stiffness == 2000.0
+    assert motion.rotational_stiffness == 30.0
+    assert motion.translational_error_clip == [0.005] * 3
+    assert motion.posture_task.stiffness == 5.0
+    assert motion.posture_task.target[3] == -1.6
+    assert emulated.collisions == (15.0, 25.0)
+    assert emulated.realtime is RealtimeConfig.Ignore
+
+
+def test_a_far_command_is_approached_at_the_speed_limit(make, emulated) -> None:
+    robot = make(speed_limit_mm_s=50.0)
+    robot.connect()
+    began = time.monotonic()
+    until(lambda: bool(emulated.motions), lambda: robot.write(moved((400.0, 0.0, 0.0))))
+    (motion,) = emulated.motions
+    until(lambda: motion.reference.target.translation[0] > 0.505)
+    reached_mm = 1e3 * (motion.reference.target.translation[0] - 0.5)
+    assert reached_mm <= 50.0 * (time.monotonic() - began) + 0.01
+    assert motion.reference.target_twist.linear_velocity[0] <= 0.05 + 1e-9
+    until(lambda: motion.reference.target_twist.linear_velocity[0] > 0.04)
+
+
+def test_a_command_that_is_no_number_is_counted_and_not_obeyed(make, emulated) -> None:
+    robot = make()
+    robot.connect()
+    for _ in range(20):
+        robot.write((float("nan"), 0.0, 0.0))
+        robot.write((0.0, float("inf"), 0.0))
+    turns = robot._arm.turns
+    until(lambda: robot._arm.turns > turns + 5)
+    assert robot.faults == {"commands that are not finite": 40}
+    assert emulated.motions == []
+
+
+def test_no_call_waits_for_the_arm(make, emulated) -> None:
+    robot, force = make(), make(FrankaForce)
+    robot.connect()
+    force.connect()
+    until(lambda: bool(emulated.motions), lambda: robot.write(HOME))
+
+    def tick() -> None:
+        for _ in range(200):
+            robot.write(HOME)
+            robot.read()
+            force.read()
+
+    with emulated._lock:  # whoever asks the arm for anything waits
+        ticking = threading.Thread(target=tick)
+        ticking.start()
+        ticking.join(PATIENCE_S)
+        assert not ticking.is_alive()
+
+
+@pytest.mark.parametrize(
+    ("text", "mode", "sentence"),
+    [
+        (REFLEX, RobotMode.Reflex, "beyond 'collision_force_n'"),
+        (REFLEX.replace("cartesian", "joint"), RobotMode.Reflex, "'collision_torque_nm'"),
+        (REFLEX.replace("cartesian_reflex", "power_limit_violation"), RobotMode.Reflex, "power_li"),
+        (
+            REFLEX.replace("cartesian_reflex", "communication_constraints_violation"),
+            RobotMode.Reflex,
+            "commands came too late: use a kernel with PREEMPT_RT",
+        ),
+        (USER_STOP, RobotMode.UserStopped, "its user stop is pressed: see that nobody"),
+        ("libfranka: something new", RobotMode.Idle, "the library reports: something new"),
+    ],
+)
+def test_a_stop_while_it_moves_is_a_loss_that_says_why(
+    make, emulated, text, mode, sentence
+) -> None:
+    robot = make()
+    robot.connect()
+    until(lambda: bool(emulated.motions), lambda: robot.write(HOME))
+    emulated.stop(text, mode)
+    with pytest.raises(DeviceLost, match=sentence):
+        until(lambda: False, robot.read)
+    with pytest.raises(DeviceLost, match="Franka arm arm"):
+        robot.write(HOME)
+
+
+def test_a_reflex_is_recovered_on_connecting_and_nothing_moves_until_a_command(
+    make, emulated, caplog
+) -> None:
+    robot = make()
+    robot.connect()
+    until(lambda: near(robot, moved((5.0, 0.0, 0.0))), lambda: robot.write(moved((5.0, 0.0, 0.0))))
+    emulated.stop(REFLEX, error="cartesian_reflex")
+    with pytest.raises(DeviceLost):
+        until(lambda: False, robot.read)
+    robot.close()
+    robot.connect()
+    assert emulated.recoveries == 1
+    assert "was recovered from ['cartesian_reflex']" in caplog.text
+    begun = len(emulated.motions)
+    turns = robot._arm.turns
+    until(lambda: robot._arm.turns > turns + 20)
+    assert len(emulated.motions) == begun
+    assert near(robot, moved((5.0, 0.0, 0.0)))
+    until(lambda: near(robot, moved((8.0, 0.0, 0.0))), lambda: robot.write(moved((8.0, 0.0, 0.0))))
+
+
+def test_an_arm_that_cannot_be_recovered_says_from_what(make, emulated) -> None:
+    emulated.stop(REFLEX, error="tau_j_range_violation")
+    emulated.recoverable = False
+    robot = make()
+    with pytest.raises(MmtError, match=r"cannot be recovered from .*tau_j_range_violation"):
+        robot.connect()
+    emulated.recoverable = True
+    robot.connect()
+    assert robot.read() == pytest.approx(HOME)
+
+
+@pytest.mark.parametrize(
+    ("mode", "sentence"),
+    [
+        (RobotMode.UserStopped, "user stop is pressed"),
+        (RobotMode.Guiding, "guided by hand"),
+        (RobotMode.Other, "activate FCI in Desk"),
+    ],
+)
+def test_an_arm_in_no_state_to_be_used_is_refused_or_lost_until_it_is(
+    make, emulated, mode, sentence
+) -> None:
+    robot = make()
+    robot.connect()
+    emulated.mode = mode
+    with pytest.raises(DeviceLost, match=sentence):
+        until(lambda: False, robot.read)
+    robot.close()
+    with pytest.raises(MmtError, match=sentence):
+        robot.connect()
+    assert emulated.recoveries == 0  # for these a person has to do something
+    emulated.mode = RobotMode.Idle
+    robot.connect()
+    assert robot.read() == pytest.approx(HOME)
+
+
+def test_an_arm_without_power_is_lost_and_comes_back(make, emulated) -> None:
+    robot = make()
+    robot.connect()
+    emulated.powered = False
+    with pytest.raises(DeviceLost, match="does not answer: check its power and its cable"):
+        until(lambda: False, robot.read)
+    robot.close()
+    with pytest.raises(MmtError, match="takes no connection: check 'host'"):
+        robot.connect()
+    emulated.powered = True
+    robot.connect()
+    assert robot.read() == pytest.approx(HOME)
+
+
+def test_an_arm_whose_states_stand_still_is_lost(make, emulated) -> None:
+    robot = make()
+    robot.connect()
+    until(lambda: bool(emulated.motions), lambda: robot.write(HOME))
+    emulated.answering = False
+    with pytest.raises(DeviceLost, match="sends no new state"):
+        until(lambda: False, robot.read)
+
+
+def test_a_library_that_does_not_return_is_a_loss(make, emulated, monkeypatch) -> None:
+    monkeypatch.setattr(arms, "_STUCK_NS", 50_000_000)
+    monkeypatch.setattr(arms, "_END_S", 0.05)
+    robot = make()
+    robot.connect()
+    with emulated._lock, pytest.raises(DeviceLost, match="does not answer"):
+        until(lambda: False, robot.read)
+    robot.close()
+
+
+def test_a_connection_that_takes_too_long_is_told_and_not_made_twice(
+    make, emulated, monkeypatch
+) -> None:
+    monkeypatch.setattr(arms, "_CONNECT_S", 0.05)
+    robot = make()
+    with emulated._lock:
+        for _ in range(3):
+            with pytest.raises(MmtError, match="takes the connection but does not answer"):
+                robot.connect()
+        names = [each.name for each in threading.enumerate()]
+        assert names.count("Franka arm arm") == 1
+    monkeypatch.setattr(arms, "_CONNECT_S", 10.0)
+    until(lambda: emulated.connections == 0)
+    robot.connect()
+    assert robot.read() == pytest.approx(HOME)
+
+
+def test_closing_brings_a_moving_arm_to_rest_and_gives_the_connection_back(make, emulated) -> None:
+    robot = make()
+    robot.connect()
+    until(lambda: bool(emulated.motions), lambda: robot.write(moved((3.0, 0.0, 0.0))))
+    robot.close()
+    robot.close()
+    assert isinstance(emulated.motions[-1], TorqueStopMotion)
+    assert (emulated.moving, emulated.connections) == (False, 0)
+    with pytest.raises(DeviceLost, match="not connected"):
+        robot.read()
+
+
+def test_arm_and_force_sensor_share_a_connection(make, emulated) -> None:
+    robot, force = make(), make(FrankaForce, axes="-y,x,z")
+    force.connect()
+    robot.connect()
+    assert emulated.connections == 1
+    emulated.pushes_n = (1.0, 0.5, -3.0)  # down, on what is below it
+    until(lambda: force.read() == pytest.approx((0.5, -1.0, 3.0)))
+    until(lambda: bool(emulated.motions), lambda: robot.write(HOME))
+    robot.close()
+    assert not emulated.moving
+    assert force.read() == pytest.approx((0.5, -1.0, 3.0))
+    robot.connect()
+    until(lambda: len(emulated.motions) == 3, lambda: robot.write(HOME))
+
+
+def test_the_force_at_rest_is_the_zero_and_none_at_all_is_counted(make, emulated) -> None:
+    emulated.pushes_n = (0.2, -0.1, 0.4)
+    force = make(FrankaForce)
+    force.connect()
+    force.calibrate()
+    assert force.read() == pytest.approx((0.0, 0.0, 0.0))
+    emulated.pushes_n = (0.2, -0.1, -1.6)
+    until(lambda: force.read() == pytest.approx((0.0, 0.0, 2.0)))
+    assert force.faults == {}
+    emulated.pushes_n = (0.0, 0.0, 0.0)
+    until(lambda: bool(force.faults), force.read)
+    assert "singularity" in next(iter(force.faults))
+
+
+def test_two_robots_at_one_arm_and_drivers_that_do_not_agree_are_refused(make) -> None:
+    first, second = make(), make()
+    first.connect()
+    with pytest.raises(InputError, match="driven already"):
+        second.connect()
+    with pytest.raises(InputError, match="differ in 'realtime'"):
+        make(FrankaForce, realtime="ignore").connect()
+    assert first.read() == pytest.approx(HOME)
+
+
+def test_a_session_goes_on_after_a_reflex(make, emulated) -> None:
+    """Both devices are lost at once, and connected again side by side."""
+    emulated.pushes_n = (0.0, 0.0, 0.1)
+    running = RunningSource(make(FrankaForce), None, make())
+    running.start()
+    try:
+        running.run(lambda number: number >= 50)
+        emulated.stop(REFLEX, error="cartesian_reflex")
+        running.run_until_told("robot .*is lost", "force sensor .*is lost")
+        running.run(lambda _: not running.is_lost)
+        frames = running.run(lambda number: number >= 50)
+        assert frames["position_mm"][-1] == pytest.approx(HOME, abs=0.1)
+        assert emulated.connections == 1
+    finally:
+        running.source.close()
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ({}, "host"),
+        ({"host": "arm", "axes": "x,y,-z"}, "mirrors"),
+        ({"host": "arm", "stiffness_n_mm": 5.0}, "stiffness_n_mm is 5"),
+        ({"host": "arm", "force_limit_n": 30.0}, "lower the first, or raise the second"),
+        ({"host": "arm", "speed": 1.0}, "speed is not a key; allowed are host, realtime, axes"),
+    ],
+)
+def test_options_that_cannot_be_are_explained(options, sentence) -> None:
+    with pytest.raises(InputError, match=sentence):
+        load_device("franka", options)
+
+
+def test_without_the_library_the_command_that_installs_it_is_given(monkeypatch) -> None:
+    monkeypatch.setattr("mmt.core.extras.find_spec", lambda _: None)
+    with pytest.raises(InputError, match=r"franky-control .*which is not installed; .*\[franka\]"):
+        require("franky")
+    with pytest.raises(InputError, match="franky-control"):
+        load_device("franka", {"host": "arm"})
+    assert "pip install" in franka_driver.missing()

@@ -1,0 +1,125 @@
+"""The Franka drivers through the real library, against a simulator of the robot's protocol."""
+
+import os
+from collections.abc import Iterator
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+import pytest
+from emulated_arm import until
+from franka_simulator import SimulatedArm, simulated_arm
+
+from mmt.core.errors import DeviceLost, MmtError
+from mmt_devices.franka.control import PositionControl
+from mmt_devices.franka.driver import FrankaForce, FrankaRobot
+from mmt_devices.franka.options import RobotOptions
+
+franky: Any = pytest.importorskip(
+    "franky", reason="franky-control is not installed: see docs/how-to/franka.md"
+)
+needs_simulator = pytest.mark.skipif(
+    find_spec("franky_sim") is None,
+    reason="franky-sim, with MuJoCo, is not installed: see docs/how-to/franka.md",
+)
+
+
+@pytest.fixture
+def simulated() -> Iterator[SimulatedArm]:
+    """At an address of its own, since the port is the protocol's."""
+    number = os.getpid()
+    with simulated_arm(f"127.{1 + number // 65536 % 250}.{number // 256 % 256}.7") as arm:
+        yield arm
+
+
+@pytest.fixture
+def devices(simulated: SimulatedArm) -> Iterator[tuple[FrankaRobot, FrankaForce]]:
+    robot = FrankaRobot(host=simulated.host, realtime="ignore", stiffness_n_mm=3.0)
+    force = FrankaForce(host=simulated.host, realtime="ignore")
+    robot.connect()
+    force.connect()
+    yield robot, force
+    robot.close()
+    force.close()
+
+
+def test_the_library_has_what_the_driver_calls() -> None:
+    class State:
+        q = np.zeros(7)
+        O_T_EE = franky.Affine([0.5, 0.0, 0.3])
+
+    class Robot:
+        is_in_control = True
+        motion: Any = None
+
+        def set_collision_behavior(self, torque_nm: float, force_n: float) -> None:
+            """Take them."""
+
+        def move(self, motion: Any, *, asynchronous: bool) -> None:
+            assert asynchronous
+            self.motion = motion
+
+    robot, control = Robot(), PositionControl(franky, RobotOptions(host="arm", force_limit_n=10.0))
+    control.target_mm = (510.0, 0.0, 300.0)
+    control.turn(robot, State(), 0)
+    control.turn(robot, State(), 4_000_000)
+    reference = robot.motion.get_reference()
+    assert reference.target.translation == pytest.approx([0.501, 0.0, 0.3])
+    assert reference.target_twist.linear == pytest.approx([0.25 * 4 / 14, 0.0, 0.0])
+    assert robot.motion.params.translational_error_clip == pytest.approx([0.01] * 3)
+    control.left = True
+    control.turn(robot, State(), 5_000_000)
+    assert isinstance(robot.motion, franky.TorqueStopMotion)
+    for name in ("state", "has_errors", "recover_from_errors", "is_in_control", "join_motion"):
+        assert hasattr(franky.Robot, name)
+    for name in ("Idle", "Other", "Guiding", "Reflex", "UserStopped"):
+        assert getattr(franky.RobotMode, name).name == name
+
+
+@needs_simulator
+def test_the_simulated_arm_is_moved_and_read(devices) -> None:
+    robot, force = devices
+    force.calibrate()
+    home = robot.read()
+    assert force.read() == (0.0, 0.0, 0.0)
+    target = (home[0] + 20.0, home[1], home[2] - 10.0)
+
+    def off_mm() -> float:
+        return float(np.linalg.norm(np.subtract(robot.read(), target)))
+
+    until(lambda: off_mm() < 3.0, lambda: robot.write(target))  # it has friction
+    robot.close()
+    stayed = force.read()
+    assert stayed == (0.0, 0.0, 0.0)
+
+
+def lose(robot: FrankaRobot, sentence: str) -> None:
+    with pytest.raises(DeviceLost, match=sentence):
+        until(lambda: False, lambda: (robot.write(robot.read()),))
+
+
+@needs_simulator
+def test_reflex_user_stop_and_lost_power_are_told_and_survived(simulated, devices) -> None:
+    robot, force = devices
+    until(lambda: robot._arm.turns > 20, lambda: robot.write(robot.read()))
+    simulated.tell("reflex")
+    lose(robot, r"beyond 'collision_force_n'.*cartesian_reflex")
+    robot.connect()
+    force.connect()
+    until(lambda: robot._arm.turns > 20, lambda: robot.write(robot.read()))
+    simulated.tell("user-stop")
+    lose(robot, r"user stop is pressed.*User Stop pressed!")
+    with pytest.raises(MmtError, match="user stop is pressed"):
+        robot.connect()
+    simulated.tell("release")
+    robot.connect()
+    force.connect()
+    until(lambda: robot._arm.turns > 20, lambda: robot.write(robot.read()))
+    simulated.kill()
+    lose(robot, "sends no new state|does not answer")
+    with pytest.raises(MmtError, match="takes no connection"):
+        robot.connect()
+    simulated.start()
+    robot.connect()
+    force.connect()
+    assert force.read() == (0.0, 0.0, 0.0)

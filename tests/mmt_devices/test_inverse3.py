@@ -1,0 +1,435 @@
+"""The Haply Inverse3 as handle and as robot, at an emulated service."""
+
+import logging
+import math
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import psutil
+import pytest
+from emulated_arm import until
+
+from mmt.core.errors import DeviceLost, MmtError
+from mmt.devices.drivers import load_device
+from mmt_devices.inverse3.emulated import REST_MM, EmulatedInverse3
+from mmt_devices.inverse3.emulated_tip import EmulatedTip
+
+PROCESS = "mmt_devices.inverse3.process"
+TWO = {"049D": EmulatedTip(REST_MM), "04BA": EmulatedTip(REST_MM)}
+
+
+@pytest.fixture
+def service() -> Iterator[EmulatedInverse3]:
+    made = EmulatedInverse3()
+    made.start()
+    yield made
+    made.stop()
+
+
+@pytest.fixture
+def make(service: EmulatedInverse3) -> Iterator[Callable[..., Any]]:
+    made = []
+
+    def device(role: str, **options: object) -> Any:
+        options = {**service.options, "timeout_ms": 1000, **options}
+        made.append(load_device("inverse3", options, role=role))
+        return made[-1]
+
+    yield device
+    for each in made:
+        each.close()
+    assert not conversations()
+
+
+def conversations(parent: int | None = None) -> list[psutil.Process]:
+    """Return the processes that talk with a service for a process, by default this one."""
+    children = psutil.Process(parent).children()
+    return [child for child in children if PROCESS in child.cmdline()]
+
+
+def connected(device: Any) -> Any:
+    device.connect()
+    device.calibrate()
+    return device
+
+
+def on_device(x: float, y: float, z: float) -> tuple[float, float, float]:
+    return (x + REST_MM[0], y + REST_MM[1], z + REST_MM[2])
+
+
+# --- the handle
+
+
+def test_the_handle_says_where_it_is_and_how_it_moves(make, service) -> None:
+    handle = connected(make("handle", origin_mm=(0.0, -150.0, 120.0)))
+    assert handle.read(1).position_mm == pytest.approx((0.0, 0.0, 30.0))
+    service.tip.hold(on_device(0.0, 40.0, 100.0), 0.2)
+    until(lambda: handle.read(1).velocity_mm_s[2] > 50.0)
+    until(lambda: handle.read(1).position_mm == pytest.approx((0.0, 40.0, 130.0), abs=0.1))
+    assert handle.read(1).force_n == 0.0
+    assert service.profile == "mmt"
+
+
+def test_other_axes_turn_positions_and_forces(make, service) -> None:
+    service.tip.place((10.0, 20.0, 30.0))
+    service.tip.hold((10.0, 20.0, 30.0), 5.0)
+    handle = connected(make("handle", axes="y,-x,z", origin_mm=(0.0, 0.0, 0.0)))
+    assert handle.read(1).position_mm == pytest.approx((20.0, -10.0, 30.0))
+    until(
+        lambda: service.look().motor_n == pytest.approx((-0.2, 0.1, 0.3)),
+        lambda: handle.write((0.1, 0.2, 0.3)),
+    )
+
+
+@pytest.mark.parametrize("version", ["3.4", "3.5"])
+def test_a_displayed_force_reaches_the_hand_and_fades_without_commands(version, make, service):
+    service.version = version
+    service.tip.hold(REST_MM, 0.5)
+    handle = connected(make("handle"))
+    until(lambda: handle.read(1).force_n > 0.99, lambda: handle.write((0.3, 0.2, 1.0)))
+    assert handle.read(1).contact
+    until(
+        lambda: service.look().motor_n == pytest.approx((0.3, 0.2, 1.0)),
+        lambda: handle.write((0.3, 0.2, 1.0)),
+    )
+    until(
+        lambda: handle.read(1).position_mm == pytest.approx((0.6, 0.4, 2.0), abs=0.05),
+        lambda: handle.write((0.3, 0.2, 1.0)),
+    )
+    until(lambda: service.look().motor_n == (0.0, 0.0, 0.0))  # commands have stopped
+    until(lambda: handle.faults.get("stale commands", 0) >= 1)  # told after the service is
+    until(lambda: not handle.read(1).contact)
+
+
+def test_names_that_are_given_go_before_what_the_service_seems_to_be(make, service) -> None:
+    service.tip.hold(REST_MM, 5.0)
+    handle = connected(make("handle", commands="3.1"))
+    heard = service.heard
+    until(lambda: service.heard > heard + 200, lambda: handle.write((0.0, 0.0, 1.0)))
+    assert service.look().motor_n == (0.0, 0.0, 0.0)  # it does not understand them
+
+
+def test_the_displayed_force_is_cut_to_the_limit(make, service) -> None:
+    service.tip.hold(REST_MM, 20.0)
+    handle = connected(make("handle", force_limit_n=2.0))
+    until(
+        lambda: math.hypot(*service.look().motor_n) > 2.0 - 1e-9,
+        lambda: handle.write((0.0, 80.0, 60.0)),
+    )
+    assert service.look().motor_n == pytest.approx((0.0, 1.6, 1.2))
+    for force in ((math.nan, 0.0, 0.0), (0.0, math.inf, 0.0)):
+        handle.write(force)
+    assert handle.faults["commands that are not finite"] == 2
+    assert math.hypot(*service.look().motor_n) <= 2.0 + 1e-9
+
+
+def test_where_no_force_is_displayed_the_depth_tells_how_hard_the_hand_presses(make, service):
+    handle = connected(make("handle", hand_force="depth", depth_stiffness_n_mm=0.4))
+    service.tip.hold(on_device(0.0, 0.0, -5.0), 2.0)
+    until(lambda: handle.read(1).force_n == pytest.approx(2.0, abs=0.01))
+    assert handle.read(1).contact
+
+
+def test_at_the_end_there_is_no_force(make, service) -> None:
+    service.tip.hold(REST_MM, 20.0)
+    handle = connected(make("handle", stale_ms=1000))
+    until(lambda: service.look().motor_n[2] > 0.5, lambda: handle.write((0.0, 0.0, 1.0)))
+    handle.close()
+    until(lambda: service.look().motor_n == (0.0, 0.0, 0.0))
+    handle.close()
+    with pytest.raises(DeviceLost, match="not connected"):
+        handle.read(1)
+
+
+# --- the robot
+
+
+def test_the_arm_goes_where_it_is_told_in_the_scenes_axes(make, service) -> None:
+    robot = connected(make("robot"))
+    target = (12.0, -7.0, 4.0)
+    until(lambda: math.dist(robot.read(), target) < 0.05, lambda: robot.write(target))
+    assert service.look().position_mm == pytest.approx(on_device(*target), abs=0.1)
+    robot.await_turn()
+    for position in ((math.nan, 0.0, 0.0), (0.0, -math.inf, 0.0)):
+        robot.write(position)
+    assert robot.faults["commands that are not finite"] == 2
+
+
+def test_an_arm_is_limp_without_commands(make, service) -> None:
+    robot = connected(make("robot"))
+    until(lambda: service.heard > 20)
+    assert service.look().motor_n == (0.0, 0.0, 0.0)
+    service.tip.hold(on_device(5.0, 0.0, 0.0), 1.0)
+    until(lambda: service.look().motor_n[0] < -1.0, lambda: robot.write((0.0, 0.0, 0.0)))
+    until(lambda: service.look().motor_n == (0.0, 0.0, 0.0))  # commands have stopped
+    until(lambda: robot.faults.get("stale commands", 0) >= 1)  # told after the service is
+
+
+def test_an_arm_that_is_held_fast_is_lost_and_another_connection_begins_where_it_is(make, service):
+    robot = connected(make("robot", lead_limit_mm=2.0))
+    service.tip.braked = True
+    with pytest.raises(DeviceLost, match=r"stays the same though .* no emergency brake"):
+        until(lambda: False, lambda: robot.write((30.0, 0.0, 0.0)))
+    service.tip.braked = False
+    robot.connect()
+    until(lambda: robot.read()[0] > 5.0, lambda: robot.write((30.0, 0.0, 0.0)))
+
+
+# --- faults, of both
+
+
+@pytest.fixture(params=["handle", "robot"])
+def device(request: pytest.FixtureRequest, make: Callable[..., Any]) -> Any:
+    """A device that runs, its position ready to be read as `position`."""
+    made = connected(make(request.param))
+    made.position = lambda: tuple(made.read(1)[0]) if request.param == "handle" else made.read()
+    return made
+
+
+def lost(device: Any, sentence: str) -> None:
+    with pytest.raises(DeviceLost, match=sentence):
+        until(lambda: False, device.position)
+    with pytest.raises(DeviceLost):
+        device.write((0.0, 0.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("fault", "sentence"),
+    [
+        ("absent", "does not list inverse3 049D at ws://.* any more: check its cable"),
+        ("nonsense", "has given answers that cannot be read for 100 ms"),
+        ("numberless", "has given answers that cannot be read for 100 ms"),
+        ("nan", "has given positions that are no numbers"),
+        ("far", "has given positions out of reach"),
+        ("uncalibrated", "has given positions without calibration"),
+    ],
+)
+def test_a_device_that_gives_nothing_usable_is_lost_and_comes_back(
+    fault, sentence, device, service
+) -> None:
+    service.fail(fault)
+    lost(device, sentence)
+    counted = device.faults
+    assert sum(counted.values()) >= 20
+    assert service.look().motor_n == (0.0, 0.0, 0.0)
+    service.fail(fault, on=False)
+    device.connect()
+    assert device.position() == pytest.approx((0.0, 0.0, 0.0))
+    assert all(device.faults[fault] >= count for fault, count in counted.items())
+
+
+def test_a_service_that_is_stuck_is_lost_and_comes_back(make, service) -> None:
+    robot = connected(make("robot", timeout_ms=50))
+    robot.position = robot.read
+    service.stall()
+    lost(robot, "has not answered for 50 ms: it is stuck or overloaded")
+    with pytest.raises(MmtError, match="has not answered"):
+        robot.connect()
+    service.stall(silent=False)
+    robot.connect()
+    assert robot.read() == pytest.approx((0.0, 0.0, 0.0))
+
+
+def test_a_service_that_leaves_is_lost_and_another_at_its_place_is_taken(device, service) -> None:
+    service.drop()
+    lost(device, r"has closed the connection \(.+\): see whether it still runs")
+    service.stop()
+    with pytest.raises(MmtError, match=r"does not answer at .*: start it"):
+        device.connect()
+    service.start()
+    device.connect()
+    assert device.position() == pytest.approx((0.0, 0.0, 0.0))
+
+
+def test_a_short_interruption_is_survived_and_counted(device, service) -> None:
+    service.fail("nan")
+    until(lambda: sum(device.faults.values()) > 0)
+    service.fail("nan", on=False)
+    heard = service.heard
+    until(lambda: service.heard > heard + 20, device.position)
+
+
+# --- its process
+
+
+def test_a_process_that_dies_is_a_device_that_is_lost_and_comes_back(device, service) -> None:
+    (process,) = conversations()
+    process.kill()
+    lost(device, "the process that talks with ws://.* has ended")
+    device.connect()
+    assert device.position() == pytest.approx((0.0, 0.0, 0.0))
+
+
+def test_a_process_that_stands_still_holds_up_no_call(make, service) -> None:
+    robot = connected(make("robot", timeout_ms=50))
+    robot.position = robot.read
+    (process,) = conversations()
+    process.suspend()
+    for tick in range(5000):  # more than the pipe holds
+        robot.write((0.001 * tick, 0.0, 0.0))
+    lost(robot, "nothing has come from the process")
+    process.kill()
+
+
+HOLDING = """
+import sys, time
+from mmt.devices.drivers import load_device
+handle = load_device("inverse3", {"address": sys.argv[1], "timeout_ms": 2000}, role="handle")
+handle.connect()
+while True:
+    handle.write((0.0, 0.0, 1.0))
+    time.sleep(0.001)
+"""
+
+
+@pytest.fixture
+def holder(service: EmulatedInverse3) -> Iterator[subprocess.Popen[bytes]]:
+    """Another program that displays a force."""
+    service.tip.hold(REST_MM, 20.0)
+    with subprocess.Popen(
+        [sys.executable, "-c", HOLDING, service.options["address"]], stderr=subprocess.DEVNULL
+    ) as program:
+        try:
+            until(lambda: service.look().motor_n == pytest.approx((0.0, 0.0, 1.0)))
+            yield program
+        finally:
+            program.kill()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals are for Linux and macOS")
+def test_the_force_fades_while_the_program_stands_still_and_comes_back(holder, service) -> None:
+    shown: list[float] = []
+    holder.send_signal(signal.SIGSTOP)
+    until(lambda: service.look().motor_n[2] == 0.0, lambda: shown.append(service.look().motor_n[2]))
+    assert any(0.1 < force_n < 0.9 for force_n in shown)  # by a ramp
+    heard = service.heard
+    until(lambda: service.heard > heard + 20)  # the conversation goes on
+    holder.send_signal(signal.SIGCONT)
+    until(lambda: service.look().motor_n == pytest.approx((0.0, 0.0, 1.0)))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals are for Linux and macOS")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_however_a_program_ends_no_process_and_no_force_is_left(number, holder, service) -> None:
+    (process,) = conversations(holder.pid)
+    os.kill(holder.pid, number)
+    holder.wait(60.0)
+    psutil.wait_procs([process], timeout=20.0)
+    assert not process.is_running()
+    assert service.look().motor_n == (0.0, 0.0, 0.0)
+
+
+# --- refused when it starts
+
+
+def test_where_there_is_no_service_that_is_said(make) -> None:
+    with socket.socket() as unused:
+        unused.bind(("127.0.0.1", 0))
+        handle = make("handle", address=f"ws://127.0.0.1:{unused.getsockname()[1]}")
+        with pytest.raises(MmtError, match=r"does not answer at .*haply-inverse-service"):
+            handle.connect()
+
+
+def test_a_server_of_something_else_is_told_from_a_service(make, service) -> None:
+    handle = make("handle", address=service.options["address"] + "/elsewhere")
+    with pytest.raises(MmtError, match=r"is no Haply Inverse Service \(it says 404"):
+        handle.connect()
+
+
+def test_a_service_of_the_older_format_is_explained(make, service) -> None:
+    service.version = "3.0"
+    with pytest.raises(MmtError, match=r"speaks the format 3\.0: give the port .* 10001"):
+        make("handle").connect()
+
+
+@pytest.mark.parametrize(
+    ("fault", "sentence"),
+    [
+        ("absent", "knows no Inverse3: plug it in and switch it on"),
+        ("nonsense", "is no Haply Inverse Service: its first message is '<html>'"),
+        ("nan", "inverse3 049D at ws://.* gives no position that makes sense"),
+    ],
+)
+def test_a_first_message_that_cannot_be_used_is_explained(fault, sentence, make, service) -> None:
+    service.fail(fault)
+    with pytest.raises(MmtError, match=sentence):
+        make("handle").connect()
+
+
+def test_a_service_that_says_nothing_is_explained(make, service, monkeypatch) -> None:
+    monkeypatch.setattr("mmt_devices.inverse3.link._FIRST_S", 0.2)
+    service.fail("mute")
+    with pytest.raises(MmtError, match=r"does not say which devices there are, within 0\.2 s"):
+        make("handle").connect()
+
+
+def test_of_two_devices_one_must_be_named(make, service) -> None:
+    service.tips = TWO
+    with pytest.raises(
+        MmtError, match=r"has '049D' \(inverse3\), '04BA' \(inverse3\): name one by .*'device'"
+    ):
+        make("robot").connect()
+    with pytest.raises(MmtError, match=r"has no device '0000', but '049D'"):
+        make("robot", device="0000").connect()
+    robot = make("robot", device="04BA")
+    robot.connect()
+    until(lambda: TWO["04BA"].mode == "position", lambda: robot.write((0.0, 0.0, 0.0)))
+    assert TWO["049D"].mode == "idle"
+
+
+def test_an_uncalibrated_device_is_waited_for(make, service, caplog) -> None:
+    service.fail("uncalibrated")
+    impatient = make("handle", calibration_s=0)
+    impatient.connect()
+    with pytest.raises(MmtError, match="is not calibrated: put its grip where"):
+        impatient.calibrate()
+    assert any("is not calibrated" in remark for remark in impatient.remarks())
+    impatient.close()
+    handle = make("handle", calibration_s=20)
+    handle.connect()
+    later = threading.Timer(0.2, lambda: service.fail("uncalibrated", on=False))
+    later.start()
+    with caplog.at_level(logging.WARNING):
+        handle.calibrate()
+    later.join(60.0)
+    assert "is not calibrated" in caplog.text
+    handle.read(1)
+
+
+def test_what_is_doubtful_about_a_device_is_remarked(make, service) -> None:
+    service.fail("unpowered")
+    first, second = make("handle"), make("robot")
+    first.connect()
+    second.connect()
+    assert [remark.split("at ws")[1].partition(" ")[2] for remark in second.remarks()] == [
+        "has no power supply and thus no force: plug it in",
+        "is used by another program as well: end that one",
+    ]
+    assert first.remarks() == second.remarks()[:1]
+
+
+# --- the virtual one
+
+
+def test_the_virtual_handle_strokes_by_itself_and_the_virtual_arm_follows() -> None:
+    handle = load_device("virtual-inverse3", {"timeout_ms": 2000}, role="handle")
+    robot = load_device("virtual-inverse3", {"timeout_ms": 2000}, role="robot")
+    for device in (handle, robot):
+        with pytest.raises(DeviceLost, match="not connected"):
+            device.write((0.0, 0.0, 0.0))
+        connected(device)
+    try:
+        until(
+            lambda: math.hypot(*robot.read()[:2]) > 3.0 and robot.read()[2] < 0.0,
+            lambda: robot.write(handle.read(1).position_mm),
+        )
+        assert robot.remarks() == []
+    finally:
+        handle.close()
+        robot.close()

@@ -1,0 +1,287 @@
+"""What is said to the Haply Inverse Service and what is taken of its answers, without a service."""
+
+import json
+import math
+from itertools import pairwise
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mmt.core.errors import InputError
+from mmt.devices.drivers import load_device, roles_of
+from mmt.devices.plausibility import JUMP, NOT_FINITE, OUT_OF_REACH
+from mmt_devices.inverse3.exchange import ABSENT
+from mmt_devices.inverse3.messages import NAMES, OtherFormatError, listed, parse, version_of
+from mmt_devices.inverse3.servo import (
+    UNCALIBRATED,
+    UNREADABLE,
+    ForceServo,
+    Found,
+    PositionServo,
+)
+
+MS = 1_000_000
+
+
+class Clock:
+    now_ns = 10**12
+
+    def __call__(self) -> int:
+        return self.now_ns
+
+
+def entry(x_m: float = 0.0, y_m: float = -0.15, z_m: float = 0.15, **status: bool) -> dict:
+    position = {"x": x_m, "y": y_m, "z": z_m}
+    state = {"cursor_position": position, "cursor_velocity": {"x": 0.1, "y": 0.0, "z": -0.2}}
+    return {"device_id": "049D", "state": state, "status": status}
+
+
+def answer(*arguments: float, **status: bool) -> str:
+    return json.dumps({"inverse3": [entry(*arguments, **status)]})
+
+
+def handle(clock: Clock, names: str = "3.5") -> ForceServo:
+    return ForceServo(Found("049D", NAMES[names], entry()), 50.0, 100.0, clock)
+
+
+def robot(clock: Clock, **options: float) -> PositionServo:
+    given = {"speed_limit_mm_s": 500.0, "lead_limit_mm": 10.0, **options}
+    return PositionServo(Found("049D", NAMES["3.5"], entry()), 50.0, **given, clock=clock)
+
+
+def said(text: str) -> dict:
+    (only,) = json.loads(text)["inverse3"]
+    assert only["device_id"] == "049D"
+    return only["commands"]
+
+
+def vector(numbers: dict) -> tuple[float, ...]:
+    return tuple(numbers[axis] for axis in "xyz")
+
+
+# --- messages
+
+
+@pytest.mark.parametrize("version", NAMES)
+def test_each_version_is_told_forces_by_its_own_names(version: str) -> None:
+    clock = Clock()
+    servo = handle(clock, version)
+    assert vector(said(servo.release())["set_cursor_force"][NAMES[version].force]) == (0, 0, 0)
+    greeting = json.loads(servo.greet())
+    assert ("session" in greeting) == (version == "3.5")
+
+
+def test_the_version_is_known_by_the_first_message() -> None:
+    assert version_of({"session_id": 7}, entry()) == "3.5"
+    newer = {**entry(), "state": {"control_mode": "idle"}}
+    assert version_of({}, newer) == "3.5"
+    assert version_of({}, {**entry(), "state": {"mode": "idle"}}) == "3.1"
+
+
+def test_a_message_of_the_older_format_is_told_from_one_without_devices() -> None:
+    with pytest.raises(OtherFormatError):
+        listed({"inverse3": {"049D": {}}})
+    for without in ({}, {"inverse3": []}, {"inverse3": None}, {"inverse3": [3, {"device_id": 4}]}):
+        assert listed(without) == {}
+
+
+@pytest.mark.parametrize("text", ["", "<html>", "[1]", "3", "null", "[" * 100_000])
+def test_what_is_no_object_is_no_message(text: str) -> None:
+    with pytest.raises(ValueError):  # noqa: PT011 - whichever says it
+        parse(text)
+
+
+# --- answers
+
+
+def test_positions_and_velocities_are_taken_in_millimetres() -> None:
+    clock = Clock()
+    servo = handle(clock)
+    clock.now_ns += MS
+    servo.hear(answer(0.001, -0.15, 0.152))
+    assert servo.measured is not None
+    assert servo.measured.position_mm == pytest.approx((1.0, -150.0, 152.0))
+    assert servo.measured.velocity_mm_s == pytest.approx((100.0, 0.0, -200.0))
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        (answer(math.nan), NOT_FINITE),
+        (answer(math.inf), NOT_FINITE),
+        (answer(3.0), OUT_OF_REACH),
+        (answer(0.1), JUMP),
+        (answer("0.1"), UNREADABLE),
+        (answer(True), UNREADABLE),
+        (answer(10**400), UNREADABLE),
+        ("{", UNREADABLE),
+        ('{"inverse3": {"049D": {}}}', UNREADABLE),
+        ('{"inverse3": [{"device_id": "049D"}]}', UNREADABLE),
+        ('{"inverse3": [{"device_id": "049D", "state": []}]}', UNREADABLE),
+        ('{"inverse3": []}', ABSENT),
+        ('{"inverse3": [{"device_id": "0000"}]}', ABSENT),
+    ],
+)
+def test_an_answer_that_makes_no_sense_is_counted_and_takes_the_force_away(text, problem) -> None:
+    clock = Clock()
+    servo = handle(clock)
+    servo.command = (0.0, 0.0, 2.0)
+    for _ in range(200):
+        clock.now_ns += MS
+        servo.command_ns = clock()
+        servo.hear(answer())
+        servo.speak(clock())
+    assert servo.displayed_n == (0.0, 0.0, 2.0)
+    before = servo.measured
+    servo.hear(text)
+    assert servo.counts == {problem: 1}
+    assert servo.measured == before
+    assert vector(said(servo.speak(clock()))["set_cursor_force"]["vector"]) == (0.0, 0.0, 0.0)
+    clock.now_ns += MS
+    servo.command_ns = clock()
+    servo.hear(answer())
+    assert servo.senseless is None
+    servo.speak(clock())
+    assert 0.0 <= servo.displayed_n[2] <= 2.0 * 10 / 100  # it comes back by its ramp
+
+
+def test_where_calibration_is_needed_a_position_without_it_makes_no_sense() -> None:
+    servo = handle(Clock())
+    servo.hear(answer(calibrated=False))
+    assert servo.counts == {}
+    servo.needs_calibration = True
+    servo.hear(answer(calibrated=False))
+    assert servo.counts == {UNCALIBRATED: 1}
+    servo.hear(answer())  # an answer that does not tell leaves it as it was
+    assert servo.counts == {UNCALIBRATED: 2}
+    servo.hear(answer(calibrated=True))
+    assert servo.senseless is None
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.recursive(st.none() | st.booleans() | st.floats() | st.text() | st.integers(),
+                    lambda c: st.lists(c, max_size=3) | st.dictionaries(
+                        st.sampled_from(["inverse3", "device_id", "state", "status", "x",
+                                         "cursor_position", "cursor_velocity"]), c)))  # fmt: skip
+def test_no_answer_ends_the_conversation_or_moves_the_device(message: object) -> None:
+    servo = handle(Clock())
+    before = servo.measured
+    servo.hear(json.dumps(message))
+    assert servo.measured == before
+    assert servo.senseless is not None
+
+
+# --- the force of a handle
+
+
+def test_the_force_fades_when_commands_stop_and_comes_back_as_slowly() -> None:
+    clock = Clock()
+    servo = handle(clock)
+    servo.command = (1.0, 0.0, 0.0)
+    shown = []
+    for tick in range(600):
+        clock.now_ns += MS
+        if not 200 <= tick < 400:
+            servo.command_ns = clock()
+        shown.append(vector(said(servo.speak(clock()))["set_cursor_force"]["vector"])[0])
+    steps = [abs(late - early) for early, late in pairwise(shown)]
+    assert max(steps) < 0.011
+    assert shown[150] == shown[240] == shown[599] == 1.0
+    assert shown[360] == shown[399] == 0.0
+    assert servo.counts == {"stale commands": 1}
+
+
+# --- the point of an arm
+
+
+def test_the_point_starts_at_the_tip_and_moves_at_a_bounded_speed() -> None:
+    clock = Clock()
+    servo = robot(clock, speed_limit_mm_s=100.0, lead_limit_mm=100.0)
+    assert "set_cursor_force" in said(servo.speak(clock()))  # it is limp before the first command
+    servo.command = (50.0, -150.0, 150.0)
+    at = [0.0]
+    for _ in range(700):
+        clock.now_ns += MS
+        servo.command_ns = clock()
+        place = vector(said(servo.speak(clock()))["set_cursor_position"]["position"])
+        assert place[1:] == pytest.approx((-0.15, 0.15))
+        at.append(1e3 * place[0])
+    assert max(late - early for early, late in pairwise(at)) < 0.1 + 1e-9
+    assert at[250] == pytest.approx(25.0)
+    assert at[-1] == pytest.approx(50.0)
+
+
+def test_the_point_leads_the_tip_by_no_more_than_its_limit() -> None:
+    clock = Clock()
+    servo = robot(clock, lead_limit_mm=4.0)
+    servo.command = (50.0, -150.0, 150.0)
+    for tick in range(400):
+        clock.now_ns += MS
+        servo.command_ns = clock()
+        servo.hear(answer(1e-6 * tick))
+        place = vector(said(servo.speak(clock()))["set_cursor_position"]["position"])
+        assert 1e3 * place[0] <= 1e-3 * tick + 4.0 + 1e-9
+    assert servo.fault == ""
+
+
+def test_a_tip_that_does_not_move_although_it_is_pulled_ends_the_connection() -> None:
+    clock = Clock()
+    servo = robot(clock, lead_limit_mm=4.0)
+    servo.command = (50.0, -150.0, 150.0)
+    for _ in range(600):
+        clock.now_ns += MS
+        servo.command_ns = clock()
+        servo.hear(answer())
+        servo.speak(clock())
+    assert servo.fault.startswith("a position that stays the same")
+    assert "set_cursor_force" in said(servo.speak(clock()))
+    near = robot(clock)
+    near.command = (3.0, -150.0, 150.0)  # held by friction close to its target
+    for _ in range(2000):
+        clock.now_ns += MS
+        near.command_ns = clock()
+        near.hear(answer())
+        near.speak(clock())
+    assert near.fault == ""
+
+
+def test_an_arm_without_fresh_commands_is_limp_and_starts_anew_where_it_is() -> None:
+    clock = Clock()
+    servo = robot(clock)
+    servo.command, servo.command_ns = (50.0, -150.0, 150.0), clock()
+    clock.now_ns += 5 * MS
+    assert "set_cursor_position" in said(servo.speak(clock()))
+    clock.now_ns += 60 * MS
+    assert vector(said(servo.speak(clock()))["set_cursor_force"]["vector"]) == (0, 0, 0)
+    assert servo.counts == {"stale commands": 1}
+    servo.hear(answer(0.02))
+    servo.command_ns = clock()
+    place = vector(said(servo.speak(clock()))["set_cursor_position"]["position"])
+    assert place == pytest.approx((0.02, -0.15, 0.15))
+
+
+# --- options
+
+
+def test_it_is_a_robot_and_a_handle() -> None:
+    assert roles_of("inverse3") == ("robot", "handle")
+    assert roles_of("virtual-inverse3") == ("robot", "handle")
+
+
+@pytest.mark.parametrize("driver", ["inverse3", "virtual-inverse3"])
+@pytest.mark.parametrize(
+    ("role", "options", "sentence"),
+    [
+        ("handle", {"address": "localhost:10001"}, "address"),
+        ("handle", {"force_limit_n": 11.0}, "force_limit_n"),
+        ("handle", {"lead_limit_mm": 5.0}, "lead_limit_mm is not a key; allowed are address"),
+        ("robot", {"force_limit_n": 2.0}, "force_limit_n is not a key; allowed are address"),
+        ("robot", {"axes": "x,y,-z"}, "mirrors"),
+        ("robot", {"origin_mm": [0.0, math.nan, 0.0]}, "origin_mm"),
+        ("robot", {"commands": "2.0"}, "commands"),
+    ],
+)
+def test_a_wrong_option_is_named(driver, role, options, sentence) -> None:
+    with pytest.raises(InputError, match=sentence):
+        load_device(driver, options, role=role)

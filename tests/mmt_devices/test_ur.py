@@ -1,0 +1,364 @@
+"""Robot and force sensor of Universal Robots, by the real ur_rtde, on an emulated controller."""
+
+import itertools
+import os
+import re
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from importlib.util import find_spec
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from emulated_arm import until
+from running_source import RunningSource
+
+from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.devices.drivers import load_device
+from mmt.devices.protocols import Vector
+from mmt.testing.emulated import drivers as lab_drivers
+from mmt_devices.universal_robots import sharing
+from mmt_devices.universal_robots import virtual as ur_drivers
+from mmt_devices.universal_robots.emulated.arm import PLAYING, POWER_OFF, STOPPED
+from mmt_devices.universal_robots.emulated.controller import EmulatedUrController
+from mmt_devices.universal_robots.emulated.ports import RtdeConnection
+
+if find_spec("rtde_control") is None:
+    pytest.skip("ur-rtde is not installed (pip install ur-rtde)", allow_module_level=True)
+if sys.platform != "linux":
+    pytest.skip("loopback addresses of one's own are for Linux", allow_module_level=True)
+
+TOOL_DOWN = (2.2, 2.2, 0.0)
+
+
+class Spring:
+    """A tip that is where it is told, on a surface of 2 N/mm."""
+
+    command_mm: Vector | None = None
+
+    def position_mm(self, time_ns: int) -> Vector:
+        return self.command_mm or (0.0, 0.0, 5.0)
+
+    def force_n(self, time_ns: int) -> Vector:
+        return (0.0, 0.0, max(0.0, -2.0 * self.position_mm(time_ns)[2]))
+
+
+class Lab:
+    """An emulated controller, and the drivers of its arm."""
+
+    def __init__(self) -> None:
+        self.tip = Spring()
+        self.controller = EmulatedUrController(self.tip)
+        self.controller.start()
+        self.arm = self.controller.arm
+        self.robot = self.make("robot")
+        self.force = self.make("force_sensor")
+
+    def make(self, role: Any, **options: Any) -> Any:
+        given = self.controller.options
+        if role == "robot":
+            given |= {"speed_limit_mm_s": 1000, "acceleration_limit_mm_s2": 20_000}
+        else:
+            del given["origin_mm"]
+        return load_device("ur", {**given, **options}, role=role)
+
+    def go(self, position_mm: Vector) -> None:
+        self.robot.write(position_mm)
+        until(lambda: self.robot.read() == pytest.approx(position_mm, abs=0.1))
+
+    def lost(self, device: Any) -> str:
+        """Read until the device is lost, and return why."""
+        with pytest.raises(DeviceLost) as caught:
+            until(lambda: False, device.read)
+        return str(caught.value)
+
+
+@pytest.fixture
+def lab() -> Iterator[Lab]:
+    made = Lab()
+    yield made
+    made.robot.close()
+    made.force.close()
+    made.controller.stop()
+    assert not sharing._ARMS
+
+
+def test_the_arm_follows_commands_with_its_tool_as_it_was_and_feels_the_surface(lab: Lab) -> None:
+    lab.robot.connect()
+    lab.force.connect()
+    lab.force.calibrate()
+    assert lab.robot.read() == pytest.approx((0.0, 0.0, 5.0))
+    assert lab.tip.command_mm is None  # nothing moves before the first command
+    lab.go((10.0, -4.0, 1.0))
+    lab.go((20.0, 8.0, -2.0))
+    assert lab.tip.position_mm(0) == pytest.approx((20.0, 8.0, -2.0), abs=0.1)
+    until(lambda: lab.force.read() == pytest.approx((0.0, 0.0, 4.0), abs=0.3))
+    assert lab.arm.rotation_rad == pytest.approx(TOOL_DOWN)
+    lab.robot.close()
+    lab.robot.close()
+    until(lambda: lab.arm.runtime_state == STOPPED)
+    assert lab.force.read()[2] == pytest.approx(4.0, abs=0.5)
+
+
+def test_robot_and_force_sensor_share_one_receive_interface_and_must_agree(lab: Lab) -> None:
+    lab.force.connect()
+    lab.robot.connect()
+    lab.force.read()
+
+    def sessions() -> int:
+        connections = tuple(lab.controller._connections)
+        return sum(isinstance(each, RtdeConnection) for each in connections)
+
+    until(lambda: sessions() == 2)  # one that receives, one that controls
+    lab.force.close()
+    lab.robot.read()
+    lab.force.connect()
+    assert sessions() == 2
+    with pytest.raises(InputError, match=r"one has rotation_rad.*give both the same"):
+        lab.make("force_sensor", rotation_rad=[0, 0, 1]).connect()
+    with pytest.raises(InputError, match="robot of two drivers"):
+        lab.make("robot").connect()
+    assert lab.robot.read() == pytest.approx((0.0, 0.0, 5.0))
+
+
+def test_the_bias_is_taken_off_at_rest_alone_and_stays_in_the_next_connection(lab: Lab) -> None:
+    lab.tip.command_mm = (0.0, 0.0, -1.0)
+    lab.force.connect()
+    lab.force.calibrate()
+    assert lab.force.read() == pytest.approx((0.0, 0.0, 0.0), abs=0.3)
+    lab.tip.command_mm = (0.0, 0.0, -3.0)
+    lab.force.close()
+    lab.force.connect()
+    until(lambda: lab.force.read() == pytest.approx((0.0, 0.0, 4.0), abs=0.3))
+    lab.arm._noise_n = 5.0
+    with pytest.raises(MmtError, match="moves while its bias is taken"):
+        lab.force.calibrate()
+
+
+FAULTS: dict[str, tuple[Callable[[Lab], None], Callable[[Lab], None], str, str]] = {
+    "protective stop": (
+        lambda lab: lab.arm.protective_stop(),
+        lambda lab: lab.arm.restore(),
+        "in a protective stop: the pendant shows why",
+        "in a protective stop: the pendant shows why",
+    ),
+    "emergency stop": (
+        lambda lab: lab.arm.emergency_stop(),
+        lambda lab: lab.arm.restore(),
+        "release the red button",
+        "release the red button",
+    ),
+    "local control": (
+        lambda lab: lab.controller.switch_to_local(),
+        lambda lab: setattr(lab.controller, "remote", True),
+        "not in remote control: switch it from Local",
+        "not in remote control: switch it from Local",
+    ),
+    "unplugged": (
+        lambda lab: lab.controller.unplug(),
+        lambda lab: lab.controller.plug(),
+        "sends nothing any more|takes no commands any more|has ended, as the library may",
+        "no UR controller answers",
+    ),
+}
+
+
+def test_a_lost_arm_says_why_and_what_to_do_and_comes_back(lab: Lab) -> None:
+    lab.robot.connect()
+    lab.go((5.0, 0.0, 4.0))
+    for begin, end, told, refused in FAULTS.values():
+        begin(lab)
+        assert re.search(told, lab.lost(lab.robot))
+        with pytest.raises(DeviceLost):
+            lab.robot.write((0.0, 0.0, 0.0))
+        lab.robot.close()
+        with pytest.raises(MmtError, match=refused):
+            lab.robot.connect()
+        end(lab)
+        until(lambda: not lab.controller._connections)  # the old control is gone
+        lab.robot.connect()
+        assert lab.robot.read() == pytest.approx((5.0, 0.0, 4.0), abs=0.2)
+    lab.go((0.0, 5.0, 6.0))
+
+
+def test_an_arm_that_is_commanded_and_never_read_is_lost_too(lab: Lab) -> None:
+    lab.robot.connect()
+    lab.arm.protective_stop()
+    with pytest.raises(DeviceLost, match="in a protective stop"):
+        until(lambda: False, lambda: lab.robot.write((0.0, 0.0, 5.0)))
+
+
+def test_an_arm_without_power_and_a_stop_of_its_program_are_told(lab: Lab) -> None:
+    lab.robot.connect()
+    lab.arm.mode = POWER_OFF
+    assert "is not running (the pendant shows POWER_OFF)" in lab.lost(lab.robot)
+    lab.arm.restore()
+    lab.robot.close()
+    until(lambda: not lab.controller._connections)
+    lab.robot.connect()
+    lab.arm.end_program()
+    assert "Stop was pressed at the pendant" in lab.lost(lab.robot)
+
+
+def test_a_controller_that_falls_silent_is_lost_and_comes_back(lab: Lab) -> None:
+    lab.force.connect()
+    lab.controller.silent = True
+    assert "sends nothing any more" in lab.lost(lab.force)
+    lab.controller.silent = False
+    lab.force.connect()
+    assert lab.force.read() == pytest.approx((0.0, 0.0, 0.0), abs=0.5)
+
+
+def test_a_controller_that_speaks_another_version_is_refused(lab: Lab) -> None:
+    lab.controller.refuses_version = True
+    with pytest.raises(MmtError, match=r"gives no data by RTDE.*software is 3\.4 or later"):
+        lab.force.connect()
+
+
+def test_a_force_that_is_stuck_stays_lost_until_it_changes(lab: Lab) -> None:
+    force = lab.make("force_sensor", stuck_ms=100)
+    force.connect()
+    lab.arm.stuck = True
+    assert "very same values for 100 ms" in lab.lost(force)
+    with pytest.raises(MmtError, match="very same values"):
+        force.connect()
+    lab.arm.stuck = False
+    force.connect()
+    force.read()
+    force.close()
+
+
+def test_a_pose_that_stays_where_it_is_is_an_arm_that_does_not_follow(lab: Lab) -> None:
+    lab.robot.connect()
+    lab.arm.stuck = True
+    lab.robot.write((50.0, 0.0, 5.0))
+    assert "does not follow: its tip stays" in lab.lost(lab.robot)
+
+
+def process_of(lab: Lab) -> Any:
+    link = sharing._ARMS[lab.controller.host]._link
+    assert link is not None
+    return link._process.child
+
+
+def test_a_process_that_dies_leaves_an_arm_that_its_watchdog_stops(lab: Lab) -> None:
+    lab.robot.connect()
+    lab.go((5.0, 0.0, 4.0))
+    process_of(lab).kill()
+    assert "has ended" in lab.lost(lab.robot)
+    until(lambda: lab.arm.runtime_state == STOPPED)
+    lab.robot.close()
+    lab.robot.connect()
+    lab.go((0.0, 0.0, 6.0))
+
+
+def test_a_process_that_stands_still_holds_up_no_call(lab: Lab) -> None:
+    lab.robot.connect()
+    process = process_of(lab)
+    os.kill(process.pid, signal.SIGSTOP)
+    for tick in range(5000):  # more than the pipe holds
+        lab.robot.write((0.001 * tick, 0.0, 5.0))
+    assert "nothing has come from the UR arm" in lab.lost(lab.robot)
+    process.kill()
+
+
+def test_commands_are_cut_to_the_box_and_those_that_are_no_numbers_counted(lab: Lab) -> None:
+    lab.robot = lab.make("robot", least_mm=[-10, -10, 0], most_mm=[10, 10, 20])
+    lab.robot.connect()
+    lab.robot.write((30.0, 0.0, -5.0))
+    until(lambda: lab.robot.read() == pytest.approx((10.0, 0.0, 0.0), abs=0.01))
+    lab.robot.write((float("nan"), 0.0, 5.0))
+    assert dict(lab.robot.faults) == {
+        "commands outside of least_mm and most_mm": 1,
+        "commands that are not finite": 1,
+    }
+
+
+def test_an_arm_that_presses_too_hard_is_sent_no_deeper(lab: Lab) -> None:
+    lab.robot = lab.make("robot", force_limit_n=6.0, speed_limit_mm_s=20)
+    lab.robot.connect()
+    lab.robot.write((0.0, 0.0, -20.0))
+    held_back = "periods held back by force_limit_n"
+    until(lambda: lab.robot.faults.get(held_back, 0) > 50, lab.robot.read)
+    assert -3.0 >= lab.robot.read()[2] > -6.0  # 2 N/mm, and a little more for the servo's lag
+
+
+def test_without_an_origin_the_scene_begins_where_the_tip_is(lab: Lab) -> None:
+    lab.robot = load_device(
+        "ur",
+        {"host": lab.controller.host, "rotation_rad": lab.controller.options["rotation_rad"]},
+        role="robot",
+    )
+    lab.robot.connect()
+    assert lab.robot.read() == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
+    lab.go((3.0, 0.0, 2.0))
+    lab.robot.close()
+    lab.robot.connect()  # its zero is not taken anew
+    assert lab.robot.read() == pytest.approx((3.0, 0.0, 2.0), abs=0.2)
+
+
+def test_what_is_not_connected_is_lost_and_what_is_not_installed_is_told(lab: Lab) -> None:
+    for device in (lab.robot, lab.force):
+        with pytest.raises(DeviceLost, match="connect it first"):
+            device.read()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(sys.modules, "rtde_control", None)
+        for driver in ("ur", "virtual-ur"):
+            options = {} if driver == "virtual-ur" else {"host": lab.controller.host}
+            with pytest.raises(InputError, match=r"need ur-rtde, which is not installed.*\[ur\]"):
+                load_device(driver, options)
+    with pytest.raises(InputError, match=r"^virtual-ur: device 'ur': foo is not a key; allowed"):
+        load_device("virtual-ur", {"foo": 1})
+
+
+def test_frames_cease_in_a_protective_stop_and_go_on_after_it(lab: Lab) -> None:
+    running = RunningSource(lab.force, None, lab.robot)
+    running.start()
+    try:
+        running.command_mm = (5.0, 0.0, -1.0)
+        frames = running.run(lambda number: number >= 250)
+        assert frames["position_mm"][-1] == pytest.approx((5.0, 0.0, -1.0), abs=0.1)
+        assert frames["force_n"][-1] == pytest.approx((0.0, 0.0, 2.0), abs=0.5)
+        lab.arm.protective_stop()
+        running.run(lambda _: running.told)
+        assert running.told[0][0]
+        assert "the robot (UrRobot) is lost" in running.told[0][1]
+        turns = itertools.count()
+        assert len(running.run(lambda _: next(turns) > 50)) == 0
+        lab.arm.restore()
+        running.run(lambda _: not running.told[-1][0])
+        frames = running.run(lambda number: number >= 60)
+        assert frames["position_mm"][-1] == pytest.approx((5.0, 0.0, -1.0), abs=0.1)
+        assert lab.arm.runtime_state == PLAYING
+        assert [sentence for _, sentence in running.told if "force" in sentence] == []
+    finally:
+        running.source.close()
+
+
+def test_the_virtual_arm_strokes_the_simulated_surface_of_the_lab() -> None:
+    robot = load_device("virtual-ur", {"surface": "wood"}, role="robot")
+    force = load_device("virtual-ur", role="force_sensor")
+    accelerometer = load_device("virtual-adxl335", role="accelerometer")
+    devices = (robot, force, accelerometer)
+    try:
+        for device in devices:
+            device.connect()
+            device.calibrate()
+        robot.write((5.0, 0.0, -2.0))
+        until(lambda: force.read()[2] >= 1.0 and robot.read()[0] >= 4.0)
+        assert accelerometer.read()
+    finally:
+        for device in devices:
+            device.close()
+    assert lab_drivers.LAB._process is None
+
+
+def test_a_virtual_arm_beside_another_robot_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    left: list[object] = []
+    lab = SimpleNamespace(enter=lambda *_: {"robot": {"port": 1}}, leave=left.append)
+    monkeypatch.setattr(ur_drivers, "LAB", lab)
+    force = load_device("virtual-ur", role="force_sensor")
+    with pytest.raises(MmtError, match="has another robot already"):
+        force.connect()
+    assert left == [force]

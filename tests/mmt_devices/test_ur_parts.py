@@ -1,0 +1,335 @@
+"""The parts of the driver for Universal Robots that need no arm: frame, servo point, packages."""
+
+import itertools
+import math
+import re
+import socket
+import sys
+import threading
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mmt.core.errors import InputError, MmtError
+from mmt.devices.discovery import find_drivers
+from mmt.devices.drivers import load_device
+from mmt_devices.universal_robots import dashboard
+from mmt_devices.universal_robots.emulated import rtde
+from mmt_devices.universal_robots.emulated.arm import (
+    DONE,
+    END,
+    PLAYING,
+    READY,
+    SERVO_LINEAR,
+    SERVO_STOP,
+    SET_WATCHDOG,
+    STOPPED,
+    EmulatedArm,
+)
+from mmt_devices.universal_robots.frame import SceneFrame, rotation_matrix
+from mmt_devices.universal_robots.servo import ServoPoint, ServoSettings
+
+PERIOD_S = 0.002
+SETTINGS = ServoSettings(
+    speed_m_s=0.25,
+    acceleration_m_s2=5.0,
+    force_limit_n=10.0,
+    normal=(0.0, 0.0, 1.0),
+    lookahead_s=0.03,
+    gain=300.0,
+)
+FREE = (0.0, 0.0, 0.0)
+
+
+# --- the frame
+
+
+@pytest.mark.parametrize("vector", [(0.0, 0.0, 0.0), (0.3, -1.1, 0.7), (2.2, 2.2, 0.0)])
+def test_a_rotation_vector_turns_as_its_matrix_exponential_does(vector) -> None:
+    x, y, z = vector
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    term, total = np.eye(3), np.eye(3)
+    for power in range(1, 40):
+        term = term @ cross / power
+        total = total + term
+    assert np.array(rotation_matrix(vector)) == pytest.approx(total, abs=1e-12)
+
+
+def test_a_scene_that_is_turned_a_quarter_about_z_has_its_x_along_the_bases_y() -> None:
+    frame = SceneFrame((100.0, 200.0, 300.0), (0.0, 0.0, math.pi / 2))
+    assert frame.place_in_base((10.0, 0.0, 5.0)) == pytest.approx((0.1, 0.21, 0.305))
+    assert frame.place_in_scene((0.1, 0.21, 0.305)) == pytest.approx((10.0, 0.0, 5.0))
+    assert frame.to_scene((0.0, 2.0, 3.0)) == pytest.approx((2.0, 0.0, 3.0))
+    assert frame.to_base((2.0, 0.0, 3.0)) == pytest.approx((0.0, 2.0, 3.0))
+
+
+# --- the servo point
+
+
+def travelled(point: ServoPoint, target, periods: int = 2000, force_n=FREE) -> np.ndarray:
+    return np.array([point.move(target, force_n, PERIOD_S) for _ in range(periods)])
+
+
+def test_the_point_keeps_its_bounds_and_comes_to_rest_without_overshoot() -> None:
+    target = np.array([0.1, -0.05, 0.02])
+    path = travelled(ServoPoint(SETTINGS, FREE), tuple(target))
+    path = np.vstack([np.zeros((2, 3)), path])
+    velocity = np.diff(path, axis=0) / PERIOD_S
+    speed = np.linalg.norm(velocity, axis=1)
+    change = np.linalg.norm(np.diff(velocity, axis=0), axis=1) / PERIOD_S
+    assert speed.max() == pytest.approx(0.25, rel=1e-6)
+    assert change.max() <= 5.0 * (1.0 + 1e-6)
+    assert path[-1] == pytest.approx(target, abs=1e-9)
+    along = path @ target / np.linalg.norm(target)
+    assert along.max() <= np.linalg.norm(target) + 1e-5
+
+
+def test_the_point_trails_a_steady_stroke_by_what_it_says() -> None:
+    point = ServoPoint(SETTINGS, FREE)
+    for tick in range(1, 1000):
+        target = (0.1 * tick * PERIOD_S, 0.0, 0.0)
+        place = point.move(target, FREE, PERIOD_S)
+    expected_m = 0.1**2 / (2 * 5.0)
+    assert target[0] - place[0] == pytest.approx(expected_m, rel=0.5)
+
+
+def test_a_pressed_tip_is_sent_no_deeper_but_along_the_surface_and_back() -> None:
+    point = ServoPoint(SETTINGS, FREE)
+    assert travelled(point, (0.02, 0.0, -0.01), 500, (0.0, 0.0, 11.0))[-1] == pytest.approx(
+        (0.02, 0.0, 0.0), abs=1e-6
+    )
+    assert point.held_back
+    assert travelled(point, (0.02, 0.0, 0.01), 500, (0.0, 0.0, 11.0))[-1][2] == pytest.approx(0.01)
+    assert not point.held_back
+    tilted = ServoPoint(replace(SETTINGS, normal=(0.0, 1.0, 0.0)), FREE)
+    assert travelled(tilted, (0.0, -0.01, -0.01), 500, (0.0, 11.0, 0.0))[-1] == pytest.approx(
+        (0.0, 0.0, -0.01), abs=1e-6
+    )
+
+
+# --- packages
+
+
+def test_packages_of_rtde_come_out_whole_however_they_were_cut() -> None:
+    recipe = rtde.Recipe(b"timestamp,actual_TCP_pose,output_int_register_7,")
+    values = {
+        "timestamp": 1.5,
+        "actual_TCP_pose": (1.0, 2.0, 3.0, 4.0, 5.0, 6.0),
+        "output_int_register_7": -3,
+    }
+    sent = rtde.pack(rtde.DATA, recipe.pack(values)) + rtde.pack(rtde.START)
+    received, found = bytearray(), []
+    for byte in sent:
+        received.append(byte)
+        found += rtde.packages(received)
+    assert [kind for kind, _ in found] == [rtde.DATA, rtde.START]
+    assert recipe.unpack(found[0][1]) == values
+    assert sent[:3] == b"\x00\x3fU"  # size 3 + 8 + 48 + 4, big-endian, and the kind
+    assert recipe.answer(1) == b"\x01DOUBLE,VECTOR6D,INT32"
+    assert rtde.Recipe(b"timestamp,payload_mass").answer(1) == b"\x00DOUBLE,NOT_FOUND"
+    with pytest.raises(ValueError, match="2 bytes"):
+        list(rtde.packages(bytearray(b"\x00\x02U")))
+
+
+# --- the emulated arm
+
+
+class Spring:
+    """A tip that is where it is told, on a surface of 2 N/mm."""
+
+    command_mm: tuple[float, float, float] | None = None
+
+    def position_mm(self, time_ns: int) -> tuple[float, float, float]:
+        return self.command_mm or (0.0, 0.0, 5.0)
+
+    def force_n(self, time_ns: int) -> tuple[float, float, float]:
+        return (0.0, 0.0, max(0.0, -2.0 * self.position_mm(time_ns)[2]))
+
+
+class Cycles:
+    """An emulated arm whose controller's cycles are counted by hand."""
+
+    def __init__(self) -> None:
+        self.tip = Spring()
+        self.arm = EmulatedArm(self.tip, SceneFrame(FREE, FREE), 0.0, 1)
+        self.time_s = 0.0
+
+    def run(self, cycles: int = 1, **registers: float) -> None:
+        if registers:
+            self.arm.take(
+                {f"input_{name}": value for name, value in registers.items()}, self.time_s
+            )
+        for _ in range(cycles):
+            self.time_s += PERIOD_S
+            self.arm.step(self.time_s, 0, PERIOD_S)
+
+    def servo(self, x_m: float, z_m: float, lookahead_s: float = 0.1) -> dict[str, float]:
+        values = (x_m, 0.0, z_m, 2.2, 2.2, 0.0, 0.0, 0.0, PERIOD_S, lookahead_s, 300.0)
+        numbered = {f"double_register_{i}": value for i, value in enumerate(values)}
+        return {"int_register_0": SERVO_LINEAR, **numbered}
+
+    @property
+    def answer(self) -> int:
+        return self.arm.outputs["output_int_register_0"]
+
+
+@pytest.fixture
+def cycles() -> Cycles:
+    made = Cycles()
+    made.arm.start_program()
+    made.run()
+    assert made.answer == READY
+    return made
+
+
+def test_the_arm_trails_a_steady_motion_by_the_lookahead_time(cycles: Cycles) -> None:
+    for tick in range(1000):
+        cycles.run(1, **cycles.servo(0.1 * tick * PERIOD_S, 0.0))
+    behind_m = 0.1 * cycles.time_s - cycles.tip.position_mm(0)[0] / 1000.0
+    assert behind_m == pytest.approx(0.1 * 0.1, rel=0.05)
+    assert cycles.answer == READY  # the library does not wait for what is continuous
+
+
+def test_a_command_is_done_once_and_the_next_one_waits_for_its_end(cycles: Cycles) -> None:
+    cycles.run(50, **cycles.servo(0.01, 0.0))
+    cycles.run(3, int_register_0=SERVO_STOP, double_register_0=5.0)
+    assert cycles.answer == DONE
+    place = cycles.tip.position_mm(0)
+    cycles.run(100, int_register_0=0)
+    assert cycles.answer == READY
+    assert cycles.tip.position_mm(0) == place
+
+
+def test_the_watchdog_ends_the_program_where_commands_cease(cycles: Cycles) -> None:
+    cycles.run(1, int_register_0=SET_WATCHDOG, double_register_0=10.0)
+    cycles.run(30, int_register_0=0)
+    assert cycles.arm.runtime_state == PLAYING
+    cycles.run(30)
+    assert cycles.arm.runtime_state == STOPPED
+
+
+@pytest.mark.parametrize("command", [END, 12345])
+def test_the_end_and_what_is_not_known_end_the_program(cycles: Cycles, command: int) -> None:
+    cycles.run(1, int_register_0=command)
+    assert cycles.arm.runtime_state == STOPPED
+
+
+def test_no_program_starts_in_a_stop_nor_without_power(cycles: Cycles) -> None:
+    for stop in (cycles.arm.protective_stop, cycles.arm.emergency_stop):
+        stop()
+        cycles.arm.start_program()
+        assert cycles.arm.runtime_state != PLAYING
+        cycles.arm.restore()
+    cycles.arm.start_program()
+    assert cycles.arm.runtime_state == PLAYING
+
+
+# --- the dashboard
+
+
+@pytest.fixture
+def answering() -> Iterator[dict[str, str]]:
+    """A dashboard server at the loopback address 127.0.0.1, and what it answers."""
+    answers = {
+        "safetystatus": "Safetystatus: NORMAL",
+        "robotmode": "Robotmode: RUNNING",
+        "is in remote control": "true",
+    }
+
+    def serve() -> None:
+        while True:
+            try:
+                link, _ = server.accept()
+            except OSError:
+                return
+            with link, link.makefile("rw", encoding="ascii", newline="\n") as lines:
+                lines.write("Connected: Universal Robots Dashboard Server\n")
+                lines.flush()
+                for line in lines:
+                    lines.write(answers.get(line.strip(), "could not understand") + "\n")
+                    lines.flush()
+
+    server = socket.create_server(("127.0.0.1", 0))
+    thread = threading.Thread(target=serve)
+    thread.start()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(dashboard, "PORT", server.getsockname()[1])
+        yield answers
+    server.shutdown(socket.SHUT_RDWR)
+    server.close()
+    thread.join(60.0)
+
+
+@pytest.mark.parametrize(
+    ("question", "answer", "told"),
+    [
+        ("safetystatus", "Safetystatus: NORMAL", ""),
+        ("safetystatus", "Safetystatus: REDUCED", ""),
+        ("safetystatus", "Safetystatus: PROTECTIVE_STOP", "is in a protective stop"),
+        ("safetystatus", "Safetystatus: SAFEGUARD_STOP", "stopped by a safeguard"),
+        ("safetystatus", "Safetystatus: AUTOMATIC_MODE_SAFEGUARD_STOP", "stopped by a safeguard"),
+        ("safetystatus", "Safetystatus: ROBOT_EMERGENCY_STOP", "release the red button"),
+        ("safetystatus", "Safetystatus: SYSTEM_EMERGENCY_STOP", "emergency stop of the system"),
+        ("safetystatus", "Safetystatus: VIOLATION", "violated a safety limit"),
+        ("safetystatus", "Safetystatus: FAULT", "safety fault"),
+        ("safetystatus", "Safetystatus: RECOVERY", "recovery mode"),
+        ("robotmode", "Robotmode: IDLE", "shows IDLE.*release its brakes"),
+        ("robotmode", "Robotmode: POWER_OFF", "shows POWER_OFF"),
+        ("is in remote control", "false", "not in remote control"),
+        ("is in remote control", "could not understand", ""),
+    ],
+)
+def test_what_the_dashboard_says_is_told_with_what_to_do(answering, question, answer, told) -> None:
+    answering[question] = answer
+    found = dashboard.problem("127.0.0.1")
+    assert bool(found) == bool(told)
+    if told:
+        assert re.search(told, found)
+
+
+def test_a_host_without_a_controller_is_named() -> None:
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        socket.create_server(("127.0.0.1", 0)) as taken,
+    ):
+        patch.setattr(dashboard, "PORT", taken.getsockname()[1])
+        taken.close()
+        with pytest.raises(MmtError, match=r"no UR controller answers at 127\.0\.0\.1"):
+            dashboard.problem("127.0.0.1")
+
+
+# --- options
+
+
+@pytest.mark.parametrize(
+    ("role", "options", "told"),
+    [
+        ("robot", {}, "host"),
+        ("robot", {"host": "a", "lookahead_s": 0.01}, "lookahead_s"),
+        ("robot", {"host": "a", "gain": 50}, "gain"),
+        ("robot", {"host": "a", "frequency_hz": 1000}, "frequency_hz"),
+        ("robot", {"host": "a", "speed_limit_mm_s": 0}, "speed_limit_mm_s"),
+        ("robot", {"host": "a", "least_mm": [0, 0, 5], "most_mm": [1, 1, 5]}, "along z"),
+        ("robot", {"host": "a", "stuck_ms": 5}, "stuck_ms"),
+        ("force_sensor", {"host": "a", "origin_mm": [0, 0, 0]}, "origin_mm"),
+    ],
+)
+def test_options_that_are_not_allowed_are_named(role, options, told) -> None:
+    with pytest.raises(InputError, match=told):
+        load_device("ur", options, role=role)
+
+
+def test_the_list_of_drivers_says_where_the_library_is_missing(monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, "rtde_control", None)
+    found = {driver.name: driver.problem for driver in find_drivers()}
+    for driver in ("ur", "virtual-ur"):
+        assert "need ur-rtde, which is not installed" in found[driver]
+
+
+def test_frames_of_both_kinds_go_both_ways() -> None:
+    frame = SceneFrame((1.0, -2.0, 3.0), (0.4, -0.8, 1.9))
+    for place in itertools.product((-50.0, 70.0), repeat=3):
+        assert frame.place_in_scene(frame.place_in_base(place)) == pytest.approx(place)
+        assert frame.to_scene(frame.to_base(place)) == pytest.approx(place)

@@ -1,0 +1,114 @@
+"""`mmt model select`: trials and models, from files to a thinner model."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+from mmt.cli.main import app
+from mmt.core.errors import InputError
+from mmt.scene import Scene
+from mmt.session import write_session
+from mmt.testing.simulation.offline import simulate_session
+from mmt.texture.model.samples import TextureSamples
+from mmt.texture.model.texture_model import TextureModel
+
+KNOCK_AT = (4150, 9150)  # well inside of segments
+
+
+@pytest.fixture(scope="module")
+def trials(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Two trials on plastic; on the first somebody knocks twice."""
+    folder = tmp_path_factory.mktemp("trials")
+    paths = []
+    for seed in (1, 2):
+        frames, annotations = simulate_session(Scene(), "plastic", 12.0, seed)
+        if seed == 1:
+            decay = np.exp(-np.arange(80) / 15.0) * np.sin(np.arange(80))
+            for start in KNOCK_AT:
+                frames["acceleration_m_s2"][start : start + 80, 2] += 20.0 * decay
+        paths.append(folder / f"trial{seed}.npz")
+        write_session(paths[-1], frames, annotations=annotations)
+    return paths
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(app, ["model", "select", *map(str, arguments)])
+
+
+def test_trials_become_a_thinner_model_without_the_knocks(trials: list[Path], tmp_path: Path):
+    result = run(
+        *trials,
+        *("--output", tmp_path / "thin.npz", "--plot", tmp_path / "plane.png"),
+        *("--json", tmp_path / "s.json"),
+    )
+    assert result.exit_code == 0, result.output
+    figures = json.loads((tmp_path / "s.json").read_text())
+    assert figures["count"] == figures["kept"] + figures["redundant"] + figures["outliers"]
+    outliers = [row for row in figures["samples"] if row["kind"] == "outlier"]
+    assert len([row for row in outliers if row["source"] == str(trials[0])]) >= 2
+    assert all(row["reason"] for row in outliers)
+    assert "outlier at" in result.output
+    assert "before: spectral error" in result.output
+    model = TextureModel.load(tmp_path / "thin.npz")
+    assert len(model.samples) == figures["kept"] < figures["count"]
+    assert (tmp_path / "plane.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_models_are_pooled_and_the_published_algorithm_can_be_asked(
+    trials: list[Path], tmp_path: Path
+):
+    whole = tmp_path / "whole.npz"
+    assert run(*trials, "--tau", 0, "--output", whole).exit_code == 0
+    result = run(whole, whole, "--json", tmp_path / "m.json")
+    assert result.exit_code == 0, result.output
+    assert "a model has no segments" in result.output
+    assert json.loads((tmp_path / "m.json").read_text())["compression"] >= 2.0
+    published = run(*trials, "--method", "published", "--json", tmp_path / "p.json")
+    assert published.exit_code == 0, published.output
+    assert "spectral error" in published.output
+
+
+def test_a_scene_that_models_as_published_selects_as_published(trials: list[Path], tmp_path: Path):
+    scene = tmp_path / "published.toml"
+    scene.write_text('[link]\n[simulated]\n[hand]\n[texture]\nmethod = "published"\n')
+    by_scene = run(*trials, "--scene", scene, "--json", tmp_path / "scene.json")
+    asked = run(*trials, "--method", "published", "--json", tmp_path / "asked.json")
+    assert (by_scene.exit_code, asked.exit_code) == (0, 0), by_scene.output
+    first, other = (json.loads((tmp_path / f).read_text()) for f in ("scene.json", "asked.json"))
+    assert first["samples"] == other["samples"]
+    ours = run(*trials, "--scene", scene, "--method", "ours")
+    assert "its spectral error" not in ours.output
+
+
+def test_a_model_whose_heading_counts_is_drawn_in_two_planes(tmp_path: Path):
+    from mmt.texture.model.inputs import InputSpace
+    from mmt_methods.selection import select
+    from mmt_methods.selection.plane import selection_plane
+    from mmt_methods.selection.pooling import pool_models
+
+    generator = np.random.default_rng(0)
+    velocity = generator.uniform(-150, 150, (40, 2))
+    inputs = np.column_stack([velocity, generator.uniform(0.3, 2.5, 40)])
+    lsf = np.tile([0.5, 1.0, 1.5, 2.0], (40, 1)) + 0.01 * generator.random((40, 1))
+    samples = TextureSamples(inputs, lsf, np.ones(40), 2 * np.ones(40), InputSpace("anisotropic"))
+    pool = pool_models([TextureModel(samples)], ["a"])
+    figure = selection_plane(pool.samples, select(pool.data))
+    assert len(figure.axes) == 2
+    assert pool.model(np.arange(40) < 20).space.directed
+
+
+def test_what_cannot_be_selected_from_is_refused(trials: list[Path], tmp_path: Path):
+    whole = tmp_path / "whole.npz"
+    assert run(*trials, "--output", whole).exit_code == 0
+    for arguments, words in (
+        ((whole, trials[0]), "one kind"),
+        ((trials[0], "--output", tmp_path / "x.txt"), "must end in"),
+        ((tmp_path / "absent.npz",), "absent"),
+        ((whole, "--scene", "demo"), "--scene"),
+    ):
+        result = run(*arguments)
+        assert isinstance(result.exception, InputError)
+        assert words in str(result.exception)

@@ -1,0 +1,117 @@
+"""A part of the leader from a package that the product does not know, with its table."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from plugin_samples import install_package
+from service_processes import LONGEST_S, scene
+
+TABLE = '''
+from typing import Final
+
+from pydantic import Field
+
+from mmt.scene.added import AddedPart, AddedTable
+
+
+class Loudness(AddedTable):
+    """The largest vibration that was played."""
+
+    digits: int = Field(3, ge=0, le=9)
+
+
+PART: Final = AddedPart("loudness_part:LoudnessPart", before="metrics", table=Loudness)
+'''
+
+PART = '''
+from loudness_table import Loudness
+
+from mmt.leader.part import Part
+
+
+class LoudnessPart(Part):
+    """Keeps it."""
+
+    def __init__(self, digits):
+        self._digits, self._largest = digits, 0.0
+
+    @classmethod
+    def build(cls, session):
+        return cls(session.scene.table(Loudness).digits)
+
+    def on_output(self, first_ns, mode, vibration_m_s2):
+        self._largest = max(self._largest, float(abs(vibration_m_s2).max()))
+
+    def summary(self, duration_s):
+        return {"loudness": {"largest_m_s2": round(self._largest, self._digits)}}
+'''
+
+
+def run(folder: Path, *arguments: object) -> "subprocess.CompletedProcess[str]":
+    path = os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])])
+    return subprocess.run(
+        [sys.executable, "-m", "mmt.cli.entry", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"PYTHONPATH": path},
+        timeout=LONGEST_S,
+    )
+
+
+def with_table(tmp_path: Path, table: str) -> Path:
+    """The demo's scene, without a follower, with one more table."""
+    file = tmp_path / "scene.toml"
+    own = Path(scene("model-only"))
+    text = own.read_text().replace('"models/', f'"{own.parent.as_posix()}/models/')
+    file.write_text(f"{text}\n[loudness]\n{table}\n")
+    return file
+
+
+@pytest.fixture
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    folder = tmp_path / "site"
+    folder.mkdir()
+    (folder / "loudness_table.py").write_text(TABLE)
+    (folder / "loudness_part.py").write_text(PART)
+    entries = {"mmt.parts": {"loudness": "loudness_table:PART"}}
+    install_package(folder, monkeypatch, "loudness-plugin", entries)
+    return folder
+
+
+def test_it_runs_in_scenes_that_have_its_table(package: Path, tmp_path: Path) -> None:
+    summary = tmp_path / "summary.json"
+    found = run(
+        package, "leader", with_table(tmp_path, "digits = 2"), "--duration", 2, "--json", summary
+    )
+    assert found.returncode == 0, found.stderr
+    largest = json.loads(summary.read_text())["loudness"]["largest_m_s2"]
+    assert largest > 0.0
+    assert largest == round(largest, 2)
+
+
+def test_its_table_is_checked(package: Path, tmp_path: Path) -> None:
+    found = run(package, "leader", with_table(tmp_path, "digits = 12"))
+    assert found.returncode == 2
+    assert "digits" in found.stderr
+    assert "12" in found.stderr
+    assert "Traceback" not in found.stderr
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [("raise OSError('no such board')", "no such board"), ("PART = 3", "is no AddedPart")],
+)
+def test_one_that_cannot_be_loaded_is_told_of_where_it_is_wanted(
+    package: Path, tmp_path: Path, text: str, said: str
+) -> None:
+    (package / "loudness_table.py").write_text(text)
+    found = run(package, "leader", with_table(tmp_path, ""))
+    assert found.returncode == 2
+    assert said in " ".join(found.stderr.split())
+    assert "Traceback" not in found.stderr
+    assert run(package, "main", "--version").returncode == 0
