@@ -12,6 +12,7 @@ from frame_samples import made_frames
 from mmt.core.kernel_cache import Compilation
 from mmt.leader.modelling import Modelling
 from mmt.leader.part import Session
+from mmt.leader.parts import first_numerics_of, numerics_of
 from mmt.scene.files import load_scene
 
 
@@ -72,18 +73,30 @@ async def test_every_period_that_waited_for_the_compiler_is_modelled_by_itself(
     await asyncio.sleep(0.05)
     assert first_start.times_s == []
     assert not first_start.modelling.working
-    threading.Timer(0.05, first_start.compilation.done.set).start()
+    first_start.compilation.done.set()
+    async with asyncio.timeout(30):
+        while len(first_start.times_s) < 30:
+            await asyncio.sleep(0.005)
     await first_start.modelling.finish()
     assert first_start.modelling.dropped_frames == 0
     assert first_start.times_s == [float(s) for s in range(1, 31)]
     assert "modelling begins: 30000 frames have waited" in first_start.said
 
 
-async def test_a_person_who_stops_the_session_does_not_wait_for_the_compiler(
-    first_start: FirstStart,
+@pytest.mark.parametrize("outcome", ["stopped", "completed"])
+async def test_a_session_that_ends_before_says_so_and_does_not_wait_for_the_compiler(
+    first_start: FirstStart, outcome: str
 ) -> None:
     first_start.modelling.on_frames(made_frames(0, 3000))
-    first_start.session.ending.stop("stopped")
+    first_start.session.ending.stop(outcome)
     await first_start.modelling.finish()
     assert not first_start.compilation.done.is_set()
     assert first_start.said == ["modelling had not begun; mmt model build does it later"]
+
+
+@pytest.mark.parametrize(("duration_s", "waits"), [(18.0, True), (120.0, True), (600.0, False)])
+def test_a_short_session_begins_when_its_modelling_can(duration_s: float, waits: bool) -> None:
+    scene = load_scene(Path("demo"), {"session.duration_s": duration_s})
+    first = first_numerics_of(scene)
+    assert (first is None) == waits
+    assert first is None or set(first) < set(numerics_of(scene))

@@ -1,6 +1,5 @@
 """A file that was cut off or damaged gives back every whole chunk."""
 
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -262,11 +261,13 @@ def test_a_killed_recorder_loses_at_most_the_last_flush(tmp_path):
     arguments = [sys.executable, "-c", WRITER, str(path), str(Path(__file__).parent)]
     with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True) as child:
         assert child.stdout is not None
-        for line in child.stdout:
-            sent, flushed = map(int, line.split())
-            if sent > 1300 and flushed > 0:
-                break
-        child.send_signal(signal.SIGKILL)
+        try:
+            for line in child.stdout:
+                sent, flushed = map(int, line.split())
+                if sent > 1300 and flushed > 0:
+                    break
+        finally:  # else leaving the block would wait for it
+            child.kill()
     with pytest.raises(InputError, match="mmt session recover"):
         read_session(path)
     saved = recover(path, tmp_path / "saved.mcap")

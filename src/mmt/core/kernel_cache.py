@@ -14,6 +14,9 @@ from mmt.core.process import release_compiler, step_back
 if TYPE_CHECKING:
     from mmt.core.compiled import Kernels
 
+LONGEST_COMPILATION_S: Final = 120.0
+"""On a busy machine; a shorter session could be over before its modelling begins beside it."""
+
 _MOST_PROCESSES: Final = 4
 """Each begins with imports and the compiler's own: more of them are hardly quicker."""
 
@@ -101,7 +104,7 @@ def compile_kernels(
         compile_collected(kernels)
         return None
     lasts = "5 to 15 s" if first is None else "2 to 5 s; modelling begins some 10 s later"
-    on_start(f"compiling the numerics, at the first start only ({lasts})")
+    on_start(f"compiling the numerics, at the first start only ({lasts}, on a busy machine longer)")
     compilation = Compilation(kernels, _start_processes(modules, first))
     try:
         if first is not None:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
-from mmt.core.kernel_cache import Compilation
+from mmt.core.kernel_cache import LONGEST_COMPILATION_S, Compilation
 from mmt.leader.completing import CompletingTask
 from mmt.leader.fitting import FittingTask
 from mmt.leader.part import Part, Session, Tick
@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from mmt.texture.model.texture_model import TextureModel
 
 _POLL_S: Final = 0.005
-_LONGEST_COMPILATION_S: Final = 120.0
-"""At a first start frames of this time may wait for the compiler too."""
 _LAST_UPDATES_S: Final = 1.0
 
 
@@ -74,7 +72,7 @@ class Modelling(Part):
         self._compilation, self._compiled = compilation, None
         if compilation is not None:
             self._compiled = self._worker.submit(compilation.finish)
-            keep_frames += round(_LONGEST_COMPILATION_S * settings.rate_hz)
+            keep_frames += round(LONGEST_COMPILATION_S * settings.rate_hz)
         self._activity = Activity()
         self._behind_segmenting = InFlight()
         frames = self._factory.frames_at_once
@@ -198,16 +196,10 @@ class Modelling(Part):
         self.finished = self.frozen = False
 
     async def finish(self, timeout_s: float = _LAST_UPDATES_S) -> None:
-        """Wait until whole periods that wait are modelled, for at most this long.
-
-        At the first start also for the compiler, unless a person has stopped the session.
-        """
+        """Wait until whole periods that wait are modelled, for at most this long."""
         if self._compiled is not None and not self._compiled.done() and self._session is not None:
-            if self._session.ending.outcome == "stopped":
-                self._session.journal.say("modelling had not begun; mmt model build does it later")
-                return
-            self._session.journal.say("the session is modelled once the numerics are compiled")
-            timeout_s += _LONGEST_COMPILATION_S
+            self._session.journal.say("modelling had not begun; mmt model build does it later")
+            return
         with suppress(TimeoutError):
             async with asyncio.timeout(timeout_s):
                 while self.working or self._behind_segmenting or self._frames_due:

@@ -10,6 +10,7 @@ from functools import partial
 from importlib import import_module
 from typing import Final, NamedTuple
 
+from mmt.core.kernel_cache import LONGEST_COMPILATION_S
 from mmt.leader.part import Part, Parts, Session
 from mmt.scene import Scene
 from mmt.scene.added import added_parts
@@ -119,8 +120,13 @@ def numerics_of(scene: Scene) -> list[str]:
 
 
 def first_numerics_of(scene: Scene) -> list[str] | None:
-    """Return the modules whose kernels the ticks call before there is a model, None all."""
-    if scene.texture is None or _takes_a_model(scene):
+    """Return the modules whose kernels are compiled before a session begins, None all.
+
+    Those that its ticks call before there is a model. All where it takes a model, and where it
+    could be over before the others are compiled beside it.
+    """
+    short = scene.session.duration_s <= LONGEST_COMPILATION_S
+    if short or scene.texture is None or _takes_a_model(scene):
         return None
     entries = [entry for entry in PARTS.values() if entry.wanted(scene) and not entry.needs_model]
     return [name for entry in entries for name in entry.numerics]
