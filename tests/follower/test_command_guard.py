@@ -101,6 +101,7 @@ def test_commands_pass_as_they_are_where_the_robot_is_there_already() -> None:
     assert robot.positions == [pytest.approx(position) for position in path]
     assert robot.guard.summary == {
         "silences": 0,
+        "silence_limit_ms": 100.0,
         "silent_s": 0.0,
         "stale_commands": 0,
         "implausible_commands": 0,

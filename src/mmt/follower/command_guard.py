@@ -11,6 +11,7 @@ from mmt.core.frames import steps_ahead
 from mmt.core.logs import RepeatLimit
 from mmt.devices.protocols import Vector
 from mmt.follower.echoes import EchoCheck
+from mmt.follower.silence import SilenceLimit
 from mmt.scene import Link
 
 _COMMAND: Final = struct.Struct("<Iqqq3f")
@@ -34,9 +35,9 @@ class CommandGuard:
 
     - A command whose round trip was too long is thrown away: it is what the hand did then. So is
       one that echoes no frame that was sent, which may be of any age.
-    - Where no fresh command has come for `silence_ms` of the follower's own ticks, the robot
-      holds the last position, or retracts from the surface along its normal; so it does while a
-      device is lost (`halt`).
+    - If no fresh command has come for as long as `SilenceLimit` says, by the follower's own ticks,
+      the robot holds the last position, or retracts from the surface along its normal; so it does
+      while a device is lost (`halt`).
     - It begins where it is. Whatever difference there is to the commands, at the start, after a
       silence, a stall or a jump, is worked off at `recovery_mm_s`; the hand's own motion, by the
       leader's clock, comes on top.
@@ -76,7 +77,7 @@ class CommandGuard:
         self._rate_hz = rate_hz
         self._measures_position = measures_position
         self._say = say
-        self._silence_ticks = max(1, round(link.silence_ms * rate_hz / 1000))
+        self._silence = SilenceLimit(link)
         self._stale_ns = round(link.stale_ms * 1e6)
         self._period_ns = round(1e9 / rate_hz)
         self._recovery_mm = link.recovery_mm_s / rate_hz
@@ -107,6 +108,7 @@ class CommandGuard:
         """What was counted, for a program."""
         return {
             "silences": self._silences,
+            "silence_limit_ms": round(self._silence.limit_ns / 1e6, 1),
             "silent_s": self._silent_ticks / self._rate_hz,
             "stale_commands": self._stale,
             "implausible_commands": self._implausible,
@@ -115,6 +117,10 @@ class CommandGuard:
             "halts": self._halts,
             "halted_s": self._halted_ticks / self._rate_hz,
         }
+
+    @property
+    def _silence_ticks(self) -> int:
+        return max(1, round(self._silence.limit_ns / self._period_ns))
 
     def halt(self, does: Literal["hold", "retract"]) -> None:
         """Take no commands until `release`, since a device is lost: hold, or retract."""
@@ -152,6 +158,7 @@ class CommandGuard:
         if round_trip_ns > self._stale_ns:
             self._stale += len(commands)
             return
+        self._silence.add(round_trip_ns, arrival_ns)
         if math.isfinite(x + y + z):
             self._command, self._command_ns = self._clip((x, y, z)), time_ns
 

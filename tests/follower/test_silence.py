@@ -1,0 +1,63 @@
+"""How long a silence is, from round trips."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mmt.core.errors import InputError
+from mmt.follower.silence import SilenceLimit
+from mmt.scene import Link
+from mmt.scene.files import scene_from_tables
+
+MS = 1_000_000
+
+
+def settled(limit: SilenceLimit, round_trips_ms: "list[float] | np.ndarray") -> float:
+    """The limit (ms) after commands of a second and more, one a millisecond."""
+    for tick, round_trip_ms in enumerate(round_trips_ms):
+        limit.add(round(round_trip_ms * MS), tick * MS)
+    return limit.limit_ns / MS
+
+
+@pytest.mark.parametrize(
+    ("round_trip_ms", "limit_ms"), [(1, 100), (40, 100), (80, 180), (500, 250)]
+)
+def test_over_an_even_path_it_is_two_round_trips_and_a_margin(
+    round_trip_ms: float, limit_ms: float
+) -> None:
+    assert settled(SilenceLimit(Link()), [round_trip_ms] * 4000) == pytest.approx(limit_ms, abs=1)
+
+
+def test_it_is_longer_where_round_trips_differ() -> None:
+    uneven = 50.0 + np.random.default_rng(1).exponential(20.0, 6000)
+    assert settled(SilenceLimit(Link()), uneven) > settled(SilenceLimit(Link()), [70.0] * 6000)
+
+
+def test_a_burst_of_commands_counts_as_one_sample() -> None:
+    limit = SilenceLimit(Link())
+    settled(limit, [80.0] * 3000)
+    one = SilenceLimit(Link())
+    settled(one, [80.0] * 3000)
+    one.add(90 * MS, 3100 * MS)
+    for _ in range(500):
+        limit.add(90 * MS, 3100 * MS)
+    assert limit.limit_ns == one.limit_ns
+
+
+@given(st.lists(st.integers(0, 2**62), min_size=1, max_size=50), st.floats(10, 10_000))
+def test_it_never_leaves_its_bounds(round_trips_ns: list[int], longest_ms: float) -> None:
+    limit = SilenceLimit(Link(silence_ms=10.0, longest_silence_ms=longest_ms))
+    for number, round_trip_ns in enumerate(round_trips_ns):
+        limit.add(round_trip_ns, number * 500 * MS)
+        assert 10 * MS <= limit.limit_ns <= round(longest_ms * MS)
+
+
+def test_a_scene_that_sets_the_silence_keeps_it() -> None:
+    assert settled(SilenceLimit(Link(silence_ms=50.0)), [300.0] * 3000) == 50
+
+
+def test_a_longest_silence_below_the_usual_one_is_refused() -> None:
+    link = {"silence_ms": 200.0, "longest_silence_ms": 150.0}
+    with pytest.raises(InputError, match=r"longest_silence_ms is 150.*200"):
+        scene_from_tables({"link": link})
