@@ -149,6 +149,10 @@ INGREDIENTS: Final[Mapping[str, Ingredient]] = MappingProxyType(
             "the weight of a segment's filter by its length: all alike",
             {f"{_FIELD}.shape_smoothing:smoothed": _alike},
         ),
+        "return": Ingredient(
+            "that the shapes of a stroke and of its return are alike",
+            {f"{_FIELD}.shape_smoothing:_RETURN": _constantly(0.0)},
+        ),
         "smoothing": Ingredient(
             "the smoothing of the spectra's shapes",
             {f"{_FIELD}.shape_smoothing:smoothed": _as_fitted},

@@ -11,7 +11,8 @@ line that follows the speed goes on instead of standing still as a copy of the n
 
 The lengths of the departures are shared, and the ratio of noise to departure is each frequency's
 own, both of the largest evidence on a grid, with the scale integrated out by its best value: lines
-that follow the speed are hardly smoothed, resonances are.
+that follow the speed are hardly smoothed, resonances are. Over the velocity a stroke and its
+return count as nearly alike (`_RETURN`), since ridges are the same from both sides.
 
 A set of frequencies that would come closer than half as near to each other as they were fitted,
 around the samples as the nearest one's were, is brought back towards these: convex combinations of
@@ -43,6 +44,7 @@ _SCALES: Final = ((0.25, 1.0), (0.35, 1.4))  # of speed or velocity, of force
 _NOISE: Final = np.geomspace(0.01, 3.0, 16)
 _USUAL_NOISE: Final = (np.log(0.1), 1.2)  # mean and deviation of the logarithm
 _FREE: Final = 4.0
+_RETURN: Final = 0.9
 _TINY: Final = 1e-12
 
 
@@ -107,15 +109,24 @@ class _Between:
     def __init__(self, a: FloatArray, b: FloatArray) -> None:
         self._linear = _FREE * (1.0 + (a - 0.5) @ (b - 0.5).T)
         self._force: FloatArray = np.abs(np.subtract.outer(a[:, -1], b[:, -1]))
-        self._away: FloatArray = np.abs(np.subtract.outer(a[:, 0], b[:, 0]))
-        if a.shape[1] == 3:
-            speeds = np.hypot(a[:, 0], a[:, 1]) - 0.5, np.hypot(b[:, 0], b[:, 1]) - 0.5
-            self._linear += _FREE * np.multiply.outer(*speeds)
-            self._away = np.hypot(self._away, np.subtract.outer(a[:, 1], b[:, 1]))
+        self._back: FloatArray | None = None
+        if a.shape[1] == 2:
+            self._away: FloatArray = np.abs(np.subtract.outer(a[:, 0], b[:, 0]))
+            return
+        speeds = np.hypot(a[:, 0], a[:, 1]) - 0.5, np.hypot(b[:, 0], b[:, 1]) - 0.5
+        self._linear += _FREE * np.multiply.outer(*speeds)
+        self._away, self._back = (
+            np.sqrt(
+                np.square(np.subtract.outer(a[:, 0], side * b[:, 0]))
+                + np.square(np.subtract.outer(a[:, 1], side * b[:, 1]))
+            )
+            for side in (1.0, -1.0)
+        )
 
     def along(self, scale: float) -> FloatArray:
         """Return the covariance (k, l) of the departure over speed or velocity."""
-        return _matern(self._away, scale)
+        along = _matern(self._away, scale)
+        return along if self._back is None else along + _RETURN * _matern(self._back, scale)
 
     def force(self, scale: float) -> FloatArray:
         """Return the covariance (k, l) of the departure over the force."""
