@@ -55,13 +55,13 @@ _OWN: Final[dict[str, PartEntry]] = {
         "mmt.leader.modelling:Modelling",
         lambda scene: scene.texture is not None,
         ("segmenting", "fitting", "synthesizing", "completing"),
-        ("mmt.leader.modelling", "mmt.texture.linear_algebra"),
+        ("mmt.leader.modelling", "mmt.texture.field.posterior"),
         needs_model=True,
     ),
     "synthesizing": PartEntry(
         "mmt.leader.synthesizing:SynthesizingPart",
         lambda scene: scene.rendering is not None,
-        numerics=("mmt.texture.synthesis.synthesizer", "mmt.texture.linear_algebra"),
+        numerics=("mmt.texture.synthesis.synthesizer", "mmt.texture.field.posterior"),
         needs_model=True,
     ),
     "vibration": PartEntry(
