@@ -169,7 +169,7 @@ def test_a_generator_slower_than_real_time_is_told():
 def test_a_fault_ends_a_session_for_its_generator_alone():
     names = [f"{__name__}:{name}" for name in ("build_late", "build_noise", "build_silent")]
     late, noise, silent = names
-    rendered, faults = judge_generators(Case("wood", 1000), names, 0.6)
+    rendered, faults = judge_generators(Case("wood", 1000), names, 2.0)
     moments = {name: [] for name in names}
     for one in rendered:
         moments[one.judged.method].append(one.judged.moment)
@@ -207,8 +207,8 @@ def test_a_grain_is_asked_by_velocity_or_by_speed():
     strokes = Strokes(np.linspace(10.0, 290.0, 72), np.linspace(0.2, 2.9, 72), heading_rad)
     by_speed, by_velocity = Notes(directed=False), Notes(directed=True)
     for one in (by_speed, by_velocity):
-        vibration, _ = render_strokes(GuardedGenerator("notes", one), strokes, 1, 0.01)
-        assert vibration.shape == (2, 72, 10)
+        vibration, _ = render_strokes(GuardedGenerator("notes", one), strokes, 1, 1.0)
+        assert vibration.shape == (2, 72, 1000)
     speed_mm_s, force_n = np.array(by_speed.asked).T
     x_mm_s, y_mm_s, also_force_n = np.array(by_velocity.asked).T
     np.testing.assert_allclose(np.hypot(x_mm_s, y_mm_s), speed_mm_s)
