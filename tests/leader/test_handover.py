@@ -257,13 +257,10 @@ class Robot:
         self.session = Session(scene_from_tables(tables))
         self.shared = SharedPart()
         hand = type("Hand", (), {"control": None})()
-        monkeypatch.setattr(
-            self.session, "find", {"sharing": self.shared, "hand": hand}.get, raising=True
-        )
         self.session.remote = FollowerThere()  # type: ignore[assignment]
-        part = ControlPart.build(self.session)
-        assert part is not None
-        self.part = part
+        table = self.session.scene.control
+        assert table is not None
+        self.part = ControlPart(self.session, table, hand, self.shared, None)  # type: ignore[arg-type]
         self.ns = 1_000_000_000
         monkeypatch.setattr("mmt.leader.control.time.monotonic_ns", lambda: self.ns)
         self.commands: list[Vector] = []

@@ -12,6 +12,8 @@ from mmt.scene import ForceFeedback, Texture
 if TYPE_CHECKING:
     from mmt.contact.passivity import PassivitySettings
     from mmt.leader.feedback_model import ModelSettings
+    from mmt.leader.hand import HandPart
+    from mmt.leader.operating import OperatingPart
 
 
 class ForceFeedbackPart(Part):
@@ -36,14 +38,16 @@ class ForceFeedbackPart(Part):
         self._given_ticks = 0
 
     @classmethod
-    def build(cls, session: Session) -> "ForceFeedbackPart | None":
+    def build(
+        cls, session: Session, hand: "HandPart | None", operating: "OperatingPart | None"
+    ) -> "ForceFeedbackPart | None":
         """Return the scene's method, None where there is no hand to display to."""
-        table, hand = session.scene.force_feedback, session.find("hand")
+        table = session.scene.force_feedback
         if table is None or hand is None:
             return None
         normal = (session.scene.texture or Texture()).normal
-        operating = session.find("operating")
-        display, slew = hand.device, None
+        display: ForceDisplay = hand.device
+        slew = None
         if table.slew_n_s != "off":
             display = slew = SlewLimitedDisplay(display, table.slew_n_s / session.rate_hz)
         if operating is not None:

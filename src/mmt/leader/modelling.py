@@ -86,7 +86,9 @@ class Modelling(Part):
         """Whether frames are not modelled for now, because a person wants it."""
 
     @classmethod
-    def build(cls, session: Session) -> "Modelling | None":
+    def build(
+        cls, session: Session, on_update: Callable[[ModelUpdate, float], None]
+    ) -> "Modelling | None":
         """Return the modelling of the scene's texture."""
         scene = session.scene
         if scene.texture is None:
@@ -94,7 +96,7 @@ class Modelling(Part):
         made = cls(
             scene.texture.settings(session.rate_hz),
             scene.texture.update_period_s,
-            lambda update, seconds: session.find("completing").update(update, seconds),
+            on_update,
             keep_frames=scene.keep_frames(),
             compilation=session.compilation,
         )

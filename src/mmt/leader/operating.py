@@ -33,18 +33,6 @@ class OperatingPart(Part):
         self._clutch: Clutch | None = None
         self._grants = 0
 
-    @classmethod
-    def build(cls, session: Session) -> "OperatingPart | None":
-        """Return the part.
-
-        Raises
-        ------
-        InputError
-            There is no token for control.
-        """
-        table = session.scene.operating
-        return None if table is None else cls(session, table)
-
     def toggle(self) -> None:
         """Ask for control, or give it back."""
         if self.client.wants:

@@ -1,4 +1,4 @@
-"""The task that synthesizes: fits in, an immutable model out, from which the tick renders.
+"""The task that builds the interpolated model from new fits, and what the tick renders from.
 
 The task chooses the fits that the model is made of and triangulates them (Delaunay, or as the
 scene says). The tick renders from the newest model that was put to use: a snapshot that is
@@ -23,7 +23,10 @@ def _build(work: "Work") -> None:
 
 
 class SynthesizingTask(StageTask):
-    """Build the model of one update after the other; parameters as of `StageTask`."""
+    """Build the interpolated model from the fits of one update after the other.
+
+    Parameters as of `StageTask`; the model is a snapshot that rendering gets once it is judged.
+    """
 
     def __init__(
         self,

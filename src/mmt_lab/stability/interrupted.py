@@ -184,7 +184,10 @@ async def _hold_up_ticks() -> Outcome:
         "force_feedback": {},
     }
     leader = Leader(scene_from_tables(tables))
-    handle: PressingHandle = leader.parts.find("hand").handle.device
+    hand = leader.parts.hand
+    assert hand is not None and hand.handle is not None  # noqa: S101, PT018
+    handle = hand.handle.device
+    assert isinstance(handle, PressingHandle)  # noqa: S101 - as the scene has it
     ready = asyncio.Event()
     leading = asyncio.create_task(leader.run(ready.set))
     await ready.wait()

@@ -1,0 +1,264 @@
+"""The part that puts each new model to use, and switches the output to it."""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Literal, Protocol
+
+from mmt.core.errors import InputError
+from mmt.leader.part import Part, Session
+from mmt.texture.signals.faults import SignalFaults
+
+if TYPE_CHECKING:
+    from mmt.leader.modelling import Modelling
+    from mmt.leader.recording import RecordingPart
+    from mmt.leader.synthesizing import SynthesizingPart
+    from mmt.leader.vibration import SynthesizedVibration, VibrationPart
+    from mmt.session.recorder import McapRecorder
+    from mmt.texture.model.texture_model import TextureModel
+    from mmt.texture.online.work import ModelUpdate
+
+
+class OtherGenerator(Protocol):
+    """What renders in the model's place by another method."""
+
+    @property
+    def vibration(self) -> "SynthesizedVibration":
+        """What it renders."""
+
+    def take_over(self) -> None:
+        """Render, since the start criterion is met."""
+
+    def reset(self) -> None:
+        """Start anew."""
+
+
+class ModelOutput(Part):
+    """Render from each new model, record and announce it; switch the output by the criteria.
+
+    Parameters
+    ----------
+    session
+        Session of the run.
+    recording
+        Gets the models and events, while it records.
+    modelling
+        What the models come from.
+    synthesizing
+        What they are rendered by.
+    generating
+        Another method's generator that is rendered by instead.
+    vibration
+        Plays it, or the stream.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        recording: "RecordingPart | None" = None,
+        modelling: "Modelling | None" = None,
+        synthesizing: "SynthesizingPart | None" = None,
+        generating: "OtherGenerator | None" = None,
+        vibration: "VibrationPart | None" = None,
+    ) -> None:
+        self._session = session
+        self._log = session.log
+        self._event = session.journal.event
+        self._since_s = 0.0
+        self._said = SignalFaults()
+        self._rendered: int | None = None  # the surface whose model is rendered
+        self._recorded: dict[int, TextureModel] = {}  # by surface, into:
+        self._recorder: McapRecorder | None = None
+        self._recording, self._modelling = recording, modelling
+        self._synthesizing, self._generating = synthesizing, generating
+        self._vibration = vibration
+        if recording is not None:
+            recording.before_end = self.record_last
+        self.takes_over = self.rendered is not None
+        """Whether the model is good enough to be rendered, whatever a person holds on to."""
+        self.forced: Literal["streamed", "synthesized"] | None = None
+        """Which vibration a person holds on to, None where the criterion decides."""
+
+    @property
+    def rendered(self) -> "TextureModel | None":
+        """The model that is rendered, or would be."""
+        return None if self._synthesizing is None else self._synthesizing.synthesizer.model
+
+    @property
+    def renders(self) -> bool:
+        """Whether vibration can be rendered from a model."""
+        return self._synthesizing is not None
+
+    @property
+    def newest(self) -> "TextureModel | None":
+        """The model that is rendered, or else the one that grows."""
+        if self.takes_over and self.rendered is not None:
+            return self.rendered
+        return None if self._log.update is None else self._log.update.model
+
+    def close(self) -> None:
+        """Record the last models, and save that of each surface beside the recording."""
+        self.record_last()
+        for problem in self.save_surfaces():
+            self._session.journal.say(problem)
+
+    def update(self, update: "ModelUpdate", seconds: float) -> None:
+        """Put an update of the model to use, which took some seconds.
+
+        Vibration is rendered from it as soon as the start criterion is met; until then from
+        the saved model that the scene names, if it does.
+        """
+        log = self._log
+        update = replace(update, time_s=self._since_s + update.time_s)
+        log.update = update
+        log.update_seconds.append(seconds)
+        if update.faults.worth_saying(self._said):
+            self._said = update.faults
+            self._event(f"not measured: {update.faults.sentence()}", faults=update.faults.as_dict())
+        usable = update.started and update.model is not None
+        if update.surface is not None:
+            self._follow_surface(update, usable=usable)
+        if update.model is not None and (usable or self.forced == "synthesized"):
+            self._render(update.model, update.surface)
+        if usable and self._generating is not None:
+            self._generating.take_over()
+        if usable and log.start_s is None:
+            log.start_s = update.time_s
+            self._criterion_met("start", update)
+            self._record(update)
+            self.takes_over = True
+            self._choose()
+        if update.stopped and log.stop_s is None:
+            log.stop_s = update.time_s
+            self._criterion_met("stop", update)
+
+    def _criterion_met(self, which: str, update: "ModelUpdate") -> None:
+        details = {"distance": update.distance, **update.progress.as_dict()}
+        self._event(f"{which} criterion met at {update.time_s:.1f} s", **details)
+
+    def _follow_surface(self, update: "ModelUpdate", *, usable: bool) -> None:
+        """Go over to the model of another surface, where the tool has come onto one."""
+        from mmt.leader.surface_log import SurfaceLog
+
+        log = self._log
+        surfaces = log.surfaces = log.surfaces or SurfaceLog()
+        for sentence, details in surfaces.record(update, self._since_s):
+            self._event(sentence, **details)
+        for left in update.left:
+            self._record(replace(left, time_s=self._since_s + left.time_s))
+        if not update.changes:
+            return
+        entry, now_s = surfaces.entry, update.time_s
+        log.start_s = None if entry.start_s == now_s else entry.start_s
+        log.stop_s = None if entry.stop_s == now_s else entry.stop_s
+        self.takes_over = usable
+        self._choose()
+
+    def _render(self, model: "TextureModel", surface: int | None) -> None:
+        """Render from a model; that of another surface than before is faded in."""
+        synthesizing, vibration = self._synthesizing, self._vibration
+        if synthesizing is None:
+            return
+        heard = vibration is not None and vibration.switch.mode in ("synthesized", "fading")
+        if synthesizing.crossfade is not None and heard and surface != self._rendered:
+            synthesizing.crossfade.cross_to(model)
+        else:
+            synthesizing.synthesizer.model = model
+        self._rendered = surface
+
+    def use_shared(self, model: "TextureModel", surface: int | None) -> None:
+        """Render a model that another leader shares; that of another surface is faded in."""
+        self._render(model, surface)
+        self.takes_over = True
+        self._choose()
+
+    def withhold(self) -> None:
+        """Render no model until there is one that is ready."""
+        self.takes_over = False
+        self._choose()
+
+    def reset(self, time_s: float) -> None:
+        """Forget the model at a session time, and return to streamed vibration."""
+        if self._modelling is None:
+            return
+        self.record_last()
+        self._modelling.reset()
+        if self._generating is not None:
+            self._generating.reset()
+        self._log.surfaces = None
+        self._recorded.clear()
+        self._since_s, self._said = time_s, SignalFaults()
+        self._log.update = self._log.start_s = self._log.stop_s = None
+        self.takes_over = False
+        self.forced = None
+        self._choose()
+        self._event("model reset")
+
+    def force(self, mode: Literal["streamed", "synthesized"] | None) -> None:
+        """Hold on to one vibration, or let the start criterion decide (None).
+
+        Raises
+        ------
+        InputError
+            The scene streams none, or there is no model to render from.
+        """
+        update, synthesizing = self._log.update, self._synthesizing
+        if self._vibration is None:
+            raise InputError("this scene plays no vibration: it has no [actuator]")
+        if mode == "streamed" and not self._vibration.switch.streams:
+            raise InputError("this scene streams no vibration: it has no [playout]")
+        if mode == "synthesized":
+            if synthesizing is None:
+                raise InputError("this scene renders from no model: it has no [rendering]")
+            if update is not None and update.model is not None:
+                synthesizing.synthesizer.model = update.model
+            if synthesizing.synthesizer.model is None:
+                raise InputError("there is no model yet: stroke the surface first")
+        self.forced = mode
+        self._choose()
+
+    def _choose(self) -> None:
+        """Let the switch play what is forced, or else what the criterion says."""
+        if self._vibration is not None:
+            model = self.takes_over if self.forced is None else self.forced == "synthesized"
+            self._vibration.switch.use_model(model)
+
+    def record_last(self) -> None:
+        """Attach the newest model to the recording, and those of other surfaces it lacks."""
+        update, modelling = self._log.update, self._modelling
+        if update is None:
+            return
+        for number, model in (modelling.models() if modelling is not None else {}).items():
+            if number != update.surface:
+                from mmt.texture.online.work import Made
+
+                self._record(replace(update, surface=number, source=Made(model)))
+        self._record(update)
+
+    def save_surfaces(self) -> list[str]:
+        """Write the model of each surface beside the recording; return what went wrong."""
+        modelling, recorder = self._modelling, self._running_recorder
+        if self._log.surfaces is None or modelling is None or recorder is None:
+            return []
+        from mmt.leader.surface_log import write_surface_models
+
+        return write_surface_models(recorder.path, modelling.models())
+
+    @property
+    def _running_recorder(self) -> "McapRecorder | None":
+        return None if self._recording is None else self._recording.recorder
+
+    def _record(self, update: "ModelUpdate") -> None:
+        recorder, model, surface = self._running_recorder, update.model, update.surface
+        if recorder is None or model is None:
+            return
+        if surface is not None:
+            if recorder is not self._recorder:
+                self._recorder = recorder
+                self._recorded.clear()
+            if self._recorded.get(surface) is model:
+                return
+            self._recorded[surface] = model
+            samples = len(model.samples)
+            recorder.record_event(
+                {"kind": "model", "surface": surface, "samples": samples, "time_s": update.time_s}
+            )
+        recorder.attach_model(model.to_bytes(), update.time_s)
