@@ -10,7 +10,7 @@ import pytest
 from frame_samples import made_frames
 
 from mmt.core.kernel_cache import Compilation
-from mmt.leader.modelling import Modelling
+from mmt.leader.modelling.pipeline import Modelling
 from mmt.leader.part import Session
 from mmt.leader.parts import first_numerics_of, numerics_of
 from mmt.scene.files import load_scene

@@ -12,7 +12,7 @@ from mmt.leader.model_output import ModelOutput
 from mmt.leader.part import Session
 from mmt.leader.recording import RecordingPart
 from mmt.leader.surface_log import write_surface_models
-from mmt.leader.synthesizing import SynthesizingPart
+from mmt.leader.synthesis import SynthesizingPart
 from mmt.leader.vibration import VibrationSwitch
 from mmt.scene import Scene
 from mmt.texture.completion.distance import CompletionMonitor

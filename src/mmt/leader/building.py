@@ -9,13 +9,13 @@ if TYPE_CHECKING:
     from mmt.leader.feedback_part import ForceFeedbackPart
     from mmt.leader.hand import HandPart
     from mmt.leader.model_output import ModelOutput, OtherGenerator
-    from mmt.leader.modelling import Modelling
+    from mmt.leader.modelling.pipeline import Modelling
     from mmt.leader.monitoring import MonitorPart
     from mmt.leader.operating import OperatingPart
     from mmt.leader.recording import RecordingPart
     from mmt.leader.sharing import SharingPart
     from mmt.leader.stream import StreamedMotion, StreamedVibration
-    from mmt.leader.synthesizing import SynthesizingPart
+    from mmt.leader.synthesis import SynthesizingPart
     from mmt.leader.vibration import VibrationPart
 
 
@@ -91,7 +91,7 @@ def force_feedback(session: Session, parts: LeaderParts) -> Part | None:
 
 def modelling(session: Session, parts: LeaderParts) -> Part | None:
     """Make the modelling."""
-    from mmt.leader.modelling import Modelling
+    from mmt.leader.modelling.pipeline import Modelling
 
     parts.modelling = Modelling.build(
         session,
@@ -102,7 +102,7 @@ def modelling(session: Session, parts: LeaderParts) -> Part | None:
 
 def synthesizing(session: Session, parts: LeaderParts) -> Part | None:
     """Make what renders from the model."""
-    from mmt.leader.synthesizing import SynthesizingPart
+    from mmt.leader.synthesis import SynthesizingPart
 
     parts.synthesizing = SynthesizingPart.build(session)
     return parts.synthesizing

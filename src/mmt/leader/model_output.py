@@ -8,9 +8,9 @@ from mmt.leader.part import Part, Session
 from mmt.texture.signals.faults import SignalFaults
 
 if TYPE_CHECKING:
-    from mmt.leader.modelling import Modelling
+    from mmt.leader.modelling.pipeline import Modelling
     from mmt.leader.recording import RecordingPart
-    from mmt.leader.synthesizing import SynthesizingPart
+    from mmt.leader.synthesis import SynthesizingPart
     from mmt.leader.vibration import SynthesizedVibration, VibrationPart
     from mmt.session.recorder import McapRecorder
     from mmt.texture.model.texture_model import TextureModel

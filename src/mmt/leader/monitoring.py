@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from mmt.core.ticking import Ticker
     from mmt.leader.control import ControlPart
     from mmt.leader.model_output import ModelOutput
-    from mmt.leader.modelling import Modelling
+    from mmt.leader.modelling.pipeline import Modelling
     from mmt.leader.recording import RecordingPart
     from mmt.leader.sharing import SharingPart
     from mmt.leader.stream import StreamedVibration

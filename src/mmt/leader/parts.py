@@ -53,7 +53,7 @@ _OWN: Final[dict[str, PartEntry]] = {
         building.modelling,
         lambda scene: scene.texture is not None,
         ("segmenting", "fitting", "synthesizing", "completing"),
-        ("mmt.leader.modelling", "mmt.texture.linear_algebra"),
+        ("mmt.leader.modelling.pipeline", "mmt.texture.linear_algebra"),
         needs_model=True,
     ),
     "synthesizing": PartEntry(

@@ -14,7 +14,7 @@ from mmt.core.arrays import RecordArray
 from mmt.core.frames import empty_frames
 from mmt.core.ticking import Ticker
 from mmt.leader.feedback import StreamedForce
-from mmt.leader.frame_queue import FrameQueue
+from mmt.leader.modelling.frame_queue import FrameQueue
 from mmt.leader.numbering import SessionNumbering
 from mmt.leader.playout import PlayoutBuffer
 from mmt.leader.stream import StreamedVibration

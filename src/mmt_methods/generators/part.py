@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from mmt.leader.building import LeaderParts
     from mmt.leader.model_crossfade import Renderer
-    from mmt.leader.modelling import Modelling
+    from mmt.leader.modelling.pipeline import Modelling
     from mmt.texture.online.work import Work
 
 _LONGEST_START_S: Final = 120.0

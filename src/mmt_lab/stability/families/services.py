@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import RecordArray
-from mmt.leader.frame_queue import FrameQueue
+from mmt.leader.modelling.frame_queue import FrameQueue
 from mmt.leader.stream import StreamedMotion
 from mmt.texture.signals.filtering import StreamFilter
 from mmt_lab.stability import uptime

@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING, Any, Final
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.core.kernel_cache import LONGEST_COMPILATION_S, Compilation
-from mmt.leader.completing import CompletingTask
-from mmt.leader.fitting import FittingTask
+from mmt.leader.modelling.completing import CompletingTask
+from mmt.leader.modelling.fitting import FittingTask
+from mmt.leader.modelling.segmenting import LONGEST_QUEUE_S, SegmentingTask
+from mmt.leader.modelling.stage import Activity, Figures, InFlight, Item, ItemQueue
+from mmt.leader.modelling.synthesizing import SynthesizingTask
 from mmt.leader.part import Part, Session, Tick
-from mmt.leader.segmenting import LONGEST_QUEUE_S, SegmentingTask
-from mmt.leader.stage import Activity, Figures, InFlight, Item, ItemQueue
-from mmt.leader.synthesizing import SynthesizingTask
 from mmt.texture.online.factory import ModellerFactory
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.online.work import ModelUpdate, Work
@@ -273,7 +273,7 @@ class Modelling(Part):
     def metrics(self) -> "Iterable[Metric]":
         """Return the model's figures, and those of each task."""
         if self._session is not None:
-            from mmt.leader.metrics import modelling_metrics
+            from mmt.leader.modelling.metrics import modelling_metrics
 
             yield from modelling_metrics(self.figures, self.dropped_frames, self._session.log)
 
