@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from mmt.core.errors import InputError
 from mmt.devices.protocols import InterfaceState, Vector
-from mmt.leader.clutch import Clutch
 from mmt.leader.control import ControlPart
-from mmt.leader.force_ramp import FADE_TICKS
-from mmt.leader.handover import HandOver
-from mmt.leader.operator_motion import OperatorMotion
+from mmt.leader.motion.clutch import Clutch
+from mmt.leader.motion.force_ramp import FADE_TICKS
+from mmt.leader.motion.handover import HandOver
+from mmt.leader.motion.operator_motion import OperatorMotion
 from mmt.leader.part import Session, Tick
 from mmt.scene.files import scene_from_tables
 from mmt.sharing.control_messages import MOTION_DTYPE, control_access, encode_motion

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from mmt.core.existing_files import replacing
-from mmt.leader.model_output import ModelOutput
+from mmt.leader.output.model_output import ModelOutput
+from mmt.leader.output.synthesis import SynthesizingPart
+from mmt.leader.output.vibration import VibrationSwitch
 from mmt.leader.part import Session
 from mmt.leader.recording import RecordingPart
 from mmt.leader.surface_log import write_surface_models
-from mmt.leader.synthesis import SynthesizingPart
-from mmt.leader.vibration import VibrationSwitch
 from mmt.scene import Scene
 from mmt.texture.completion.distance import CompletionMonitor
 from mmt.texture.online.work import Made, ModelUpdate

@@ -304,7 +304,7 @@ def test_a_scene_without_one_imports_nothing_of_it(tmp_path: Path) -> None:
     scene = small_scene(tmp_path, texture={}, rendering={})
     assert not PARTS["generating"].wanted(scene)
     program = (
-        "import sys; from mmt.leader import model_output, parts, synthesis, vibration;"
+        "import sys; from mmt.leader import parts; from mmt.leader.output import vibration;"
         "print([m for m in sys.modules if 'generat' in m and m.startswith('mmt.leader')])"
     )
     assert (

@@ -14,7 +14,7 @@ from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL
 from mmt.devices.protocols import InterfaceState, Vector
-from mmt.leader.feedback import StreamedForce
+from mmt.leader.motion.feedback import StreamedForce
 from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.protocol import FollowerHello
 from mmt.scene import Scene

@@ -6,17 +6,17 @@ from mmt.leader.part import Part, Parts, Session
 
 if TYPE_CHECKING:
     from mmt.leader.control import ControlPart
-    from mmt.leader.feedback_part import ForceFeedbackPart
-    from mmt.leader.hand import HandPart
-    from mmt.leader.model_output import ModelOutput, OtherGenerator
     from mmt.leader.modelling.pipeline import Modelling
     from mmt.leader.monitoring import MonitorPart
-    from mmt.leader.operating import OperatingPart
+    from mmt.leader.motion.feedback_part import ForceFeedbackPart
+    from mmt.leader.motion.hand import HandPart
+    from mmt.leader.motion.operating import OperatingPart
+    from mmt.leader.output.model_output import ModelOutput, OtherGenerator
+    from mmt.leader.output.stream import StreamedMotion, StreamedVibration
+    from mmt.leader.output.synthesis import SynthesizingPart
+    from mmt.leader.output.vibration import VibrationPart
     from mmt.leader.recording import RecordingPart
     from mmt.leader.sharing import SharingPart
-    from mmt.leader.stream import StreamedMotion, StreamedVibration
-    from mmt.leader.synthesis import SynthesizingPart
-    from mmt.leader.vibration import VibrationPart
 
 
 class LeaderParts(Parts):
@@ -50,7 +50,7 @@ def recording(session: Session, parts: LeaderParts) -> Part:
 
 def hand(session: Session, parts: LeaderParts) -> Part | None:
     """Make the scene's hand or handle."""
-    from mmt.leader.hand import HandPart
+    from mmt.leader.motion.hand import HandPart
 
     parts.hand = HandPart.build(session)
     return parts.hand
@@ -58,7 +58,7 @@ def hand(session: Session, parts: LeaderParts) -> Part | None:
 
 def operating(session: Session, parts: LeaderParts) -> Part | None:
     """Make the part that moves another leader's robot."""
-    from mmt.leader.operating import OperatingPart
+    from mmt.leader.motion.operating import OperatingPart
 
     table = session.scene.operating
     parts.operating = None if table is None else OperatingPart(session, table)
@@ -67,7 +67,7 @@ def operating(session: Session, parts: LeaderParts) -> Part | None:
 
 def playout(session: Session, parts: LeaderParts) -> Part | None:
     """Make the streamed vibration."""
-    from mmt.leader.stream import StreamedVibration
+    from mmt.leader.output.stream import StreamedVibration
 
     parts.playout = StreamedVibration.build(session)
     return parts.playout
@@ -75,7 +75,7 @@ def playout(session: Session, parts: LeaderParts) -> Part | None:
 
 def motion(session: Session, parts: LeaderParts) -> Part | None:
     """Make the streamed motion."""
-    from mmt.leader.stream import StreamedMotion
+    from mmt.leader.output.stream import StreamedMotion
 
     parts.motion = StreamedMotion.build(session)
     return parts.motion
@@ -83,7 +83,7 @@ def motion(session: Session, parts: LeaderParts) -> Part | None:
 
 def force_feedback(session: Session, parts: LeaderParts) -> Part | None:
     """Make the display of force."""
-    from mmt.leader.feedback_part import ForceFeedbackPart
+    from mmt.leader.motion.feedback_part import ForceFeedbackPart
 
     parts.force_feedback = ForceFeedbackPart.build(session, parts.hand, parts.operating)
     return parts.force_feedback
@@ -102,7 +102,7 @@ def modelling(session: Session, parts: LeaderParts) -> Part | None:
 
 def synthesizing(session: Session, parts: LeaderParts) -> Part | None:
     """Make what renders from the model."""
-    from mmt.leader.synthesis import SynthesizingPart
+    from mmt.leader.output.synthesis import SynthesizingPart
 
     parts.synthesizing = SynthesizingPart.build(session)
     return parts.synthesizing
@@ -110,7 +110,7 @@ def synthesizing(session: Session, parts: LeaderParts) -> Part | None:
 
 def vibration(session: Session, parts: LeaderParts) -> Part | None:
     """Make the actuator and its switch."""
-    from mmt.leader.vibration import VibrationPart
+    from mmt.leader.output.vibration import VibrationPart
 
     parts.vibration = VibrationPart.build(
         session,
@@ -124,7 +124,7 @@ def vibration(session: Session, parts: LeaderParts) -> Part | None:
 
 def completing(session: Session, parts: LeaderParts) -> Part:
     """Make what puts models to use."""
-    from mmt.leader.model_output import ModelOutput
+    from mmt.leader.output.model_output import ModelOutput
 
     parts.completing = ModelOutput(
         session,

@@ -7,10 +7,10 @@ from mmt.core.arrays import difference, towards
 from mmt.core.errors import InputError
 from mmt.core.printable import printable
 from mmt.devices.protocols import InterfaceState, Vector
-from mmt.leader.clutch import Clutch
-from mmt.leader.force_ramp import FADE_TICKS
-from mmt.leader.handover import Change, HandOver
-from mmt.leader.operator_motion import OperatorMotion
+from mmt.leader.motion.clutch import Clutch
+from mmt.leader.motion.force_ramp import FADE_TICKS
+from mmt.leader.motion.handover import Change, HandOver
+from mmt.leader.motion.operator_motion import OperatorMotion
 from mmt.leader.part import Part, Session, Tick
 from mmt.scene import Link, Texture
 from mmt.scene.sharing_tables import Control
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
     from prometheus_client.core import Metric
 
-    from mmt.leader.feedback import Feedback
-    from mmt.leader.hand import HandPart
+    from mmt.leader.motion.feedback import Feedback
+    from mmt.leader.motion.hand import HandPart
     from mmt.leader.sharing import SharingPart
 
 _CONTACT_TICKS: Final = 50

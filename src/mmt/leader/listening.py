@@ -10,8 +10,8 @@ from mmt.scene.sharing_tables import Listening
 from mmt.sharing.client import ListenerClient
 
 if TYPE_CHECKING:
-    from mmt.leader.model_output import ModelOutput
-    from mmt.leader.operating import OperatingPart
+    from mmt.leader.motion.operating import OperatingPart
+    from mmt.leader.output.model_output import ModelOutput
 
 
 class ListeningPart(Part):

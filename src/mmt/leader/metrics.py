@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
     from mmt.leader.backfill import Backfill
-    from mmt.leader.handover import State
+    from mmt.leader.motion.handover import State
     from mmt.link.http import Page
 
 

@@ -13,12 +13,12 @@ from mmt.web.monitor.running import LeaderMonitor
 if TYPE_CHECKING:
     from mmt.core.ticking import Ticker
     from mmt.leader.control import ControlPart
-    from mmt.leader.model_output import ModelOutput
     from mmt.leader.modelling.pipeline import Modelling
+    from mmt.leader.output.model_output import ModelOutput
+    from mmt.leader.output.stream import StreamedVibration
+    from mmt.leader.output.vibration import VibrationPart
     from mmt.leader.recording import RecordingPart
     from mmt.leader.sharing import SharingPart
-    from mmt.leader.stream import StreamedVibration
-    from mmt.leader.vibration import VibrationPart
     from mmt.link.http import Page
     from mmt.link.server import LeaderServer
     from mmt.texture.model.texture_model import TextureModel

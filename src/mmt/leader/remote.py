@@ -18,8 +18,8 @@ from mmt.leader.part import Session
 from mmt.scene import LARGEST_SPEED
 
 if TYPE_CHECKING:
-    from mmt.leader.feedback import Feedback
     from mmt.leader.modelling.pipeline import Modelling
+    from mmt.leader.motion.feedback import Feedback
     from mmt.link.clock_exchange import RemoteClock
     from mmt.link.clock_offset import ClockJump
     from mmt.link.http import Page

@@ -24,7 +24,7 @@ from mmt.sharing.store import Entry, ModelStore
 if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
-    from mmt.leader.model_output import ModelOutput
+    from mmt.leader.output.model_output import ModelOutput
     from mmt.texture.model.texture_model import TextureModel
 
 _PERIOD_S: Final = 0.05

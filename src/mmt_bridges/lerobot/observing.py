@@ -15,7 +15,7 @@ from mmt_bridges.lerobot.handle import ActionHandle
 if TYPE_CHECKING:
     import asyncio
 
-    from mmt.leader.hand import HandPart
+    from mmt.leader.motion.hand import HandPart
 
 LONGEST_FRAMES: Final = 100
 """The vibration's level is that since the last observation, of so many frames at most."""

@@ -27,7 +27,7 @@ from mmt_bridges.ros.table import Ros
 
 if TYPE_CHECKING:
     from mmt.leader.building import LeaderParts
-    from mmt.leader.model_output import ModelOutput
+    from mmt.leader.output.model_output import ModelOutput
     from mmt.texture.model.texture_model import TextureModel
 
 _LEAVE_S: Final = 3.0

@@ -17,7 +17,7 @@ import numpy as np
 from mmt.core.arrays import RecordArray, Vector
 from mmt.devices.protocols import InterfaceState
 from mmt.follower.service import Follower
-from mmt.leader.force_ramp import RAMP_TICKS
+from mmt.leader.motion.force_ramp import RAMP_TICKS
 from mmt.leader.service import Leader
 from mmt.scene import Hand, Link
 from mmt.scene.files import scene_from_tables

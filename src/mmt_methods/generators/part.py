@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
     from mmt.leader.building import LeaderParts
-    from mmt.leader.model_crossfade import Renderer
     from mmt.leader.modelling.pipeline import Modelling
+    from mmt.leader.output.model_crossfade import Renderer
     from mmt.texture.online.work import Work
 
 _LONGEST_START_S: Final = 120.0

@@ -9,9 +9,9 @@ from mmt.texture.signals.faults import SignalFaults
 
 if TYPE_CHECKING:
     from mmt.leader.modelling.pipeline import Modelling
+    from mmt.leader.output.synthesis import SynthesizingPart
+    from mmt.leader.output.vibration import SynthesizedVibration, VibrationPart
     from mmt.leader.recording import RecordingPart
-    from mmt.leader.synthesis import SynthesizingPart
-    from mmt.leader.vibration import SynthesizedVibration, VibrationPart
     from mmt.session.recorder import McapRecorder
     from mmt.texture.model.texture_model import TextureModel
     from mmt.texture.online.work import ModelUpdate

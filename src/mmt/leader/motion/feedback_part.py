@@ -3,17 +3,17 @@
 from typing import TYPE_CHECKING, Any, Literal
 
 from mmt.core.arrays import RecordArray
-from mmt.leader.feedback import Feedback, ForceDisplay, StreamedForce
-from mmt.leader.force_ramp import FADE_TICKS, SILENCE_TICKS
+from mmt.leader.motion.feedback import Feedback, ForceDisplay, StreamedForce
+from mmt.leader.motion.force_ramp import FADE_TICKS, SILENCE_TICKS
+from mmt.leader.motion.slew import SlewLimitedDisplay
 from mmt.leader.part import Part, Session, Tick
-from mmt.leader.slew import SlewLimitedDisplay
 from mmt.scene import ForceFeedback, Texture
 
 if TYPE_CHECKING:
     from mmt.contact.passivity import PassivitySettings
-    from mmt.leader.feedback_model import ModelSettings
-    from mmt.leader.hand import HandPart
-    from mmt.leader.operating import OperatingPart
+    from mmt.leader.motion.feedback_model import ModelSettings
+    from mmt.leader.motion.hand import HandPart
+    from mmt.leader.motion.operating import OperatingPart
 
 
 class ForceFeedbackPart(Part):
@@ -51,7 +51,7 @@ class ForceFeedbackPart(Part):
         if table.slew_n_s != "off":
             display = slew = SlewLimitedDisplay(display, table.slew_n_s / session.rate_hz)
         if operating is not None:
-            from mmt.leader.feedback_shared import SharedContactForce
+            from mmt.leader.motion.feedback_shared import SharedContactForce
 
             passivity = _passivity(table, 1.0 / session.rate_hz)
             settings = _model_settings(table, passivity, normal)
@@ -115,7 +115,7 @@ def build_feedback(
         return StreamedForce(interface, limit_n=table.limit_n, silence_ticks=silence_ticks)
     passivity = _passivity(table, 1.0 / rate_hz)
     if table.method == "passive":
-        from mmt.leader.feedback_passive import PassiveForce
+        from mmt.leader.motion.feedback_passive import PassiveForce
 
         return PassiveForce(
             interface,
@@ -124,7 +124,7 @@ def build_feedback(
             silence_ticks=silence_ticks,
             opening_j=opening_j,
         )
-    from mmt.leader.feedback_model import ModelForce
+    from mmt.leader.motion.feedback_model import ModelForce
 
     return ModelForce(
         interface,
@@ -140,7 +140,7 @@ def _model_settings(
 ) -> "ModelSettings":
     from mmt.contact.estimation import EstimationSettings
     from mmt.contact.rendering import RenderingSettings
-    from mmt.leader.feedback_model import ModelSettings
+    from mmt.leader.motion.feedback_model import ModelSettings
 
     tick_s = passivity.tick_s
     return ModelSettings(

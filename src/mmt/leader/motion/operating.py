@@ -3,7 +3,7 @@
 from typing import Any
 
 from mmt.devices.protocols import Vector
-from mmt.leader.clutch import Clutch
+from mmt.leader.motion.clutch import Clutch
 from mmt.leader.part import Part, Session, Tick
 from mmt.scene.sharing_tables import Operating
 from mmt.sharing.control_messages import ControlNews, control_access

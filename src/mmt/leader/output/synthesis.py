@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from mmt.leader.model_crossfade import ModelCrossfade
+from mmt.leader.output.model_crossfade import ModelCrossfade
 from mmt.leader.part import Part, Session
 
 if TYPE_CHECKING:

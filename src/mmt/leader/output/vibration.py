@@ -9,17 +9,17 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.devices.protocols import VibrationActuator
-from mmt.leader.hand import loss_metrics
+from mmt.leader.motion.hand import loss_metrics
+from mmt.leader.motion.slew import VibrationSlew
 from mmt.leader.part import Part, Session, Tick
-from mmt.leader.slew import VibrationSlew
 from mmt.scene import Actuator, Texture
 
 if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
     from mmt.devices.reconnection import ReconnectingActuator
-    from mmt.leader.model_crossfade import Renderer
-    from mmt.leader.stream import StreamedMotion, StreamedVibration
+    from mmt.leader.output.model_crossfade import Renderer
+    from mmt.leader.output.stream import StreamedMotion, StreamedVibration
 
 Mode = Literal["silent", "streamed", "fading", "synthesized"]
 
