@@ -16,10 +16,10 @@ LEAST_SHARE: Final = 0.9
 MODULES: Final[dict[str, tuple[str, ...]]] = {
     "contact/passivity": ("contact/test_passivity.py", "contact/test_energies.py"),
     "follower/command_guard": ("follower/test_command_guard.py",),
-    "leader/force_ramp": ("leader/test_force_ramp.py", "leader/test_streamed_force.py"),
+    "leader/motion/force_ramp": ("leader/test_force_ramp.py", "leader/test_streamed_force.py"),
     "leader/numbering": ("leader/test_numbering.py",),
-    "leader/playout": ("leader/test_playout.py",),
-    "leader/slew": ("leader/test_slew.py",),
+    "leader/output/playout": ("leader/test_playout.py",),
+    "leader/motion/slew": ("leader/test_slew.py",),
     "link/rate_limit": ("link/test_rate_limit.py",),
     "link/reader": ("link/test_link_reading.py",),
     "session/mcap_writer": (

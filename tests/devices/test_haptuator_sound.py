@@ -180,7 +180,7 @@ def test_a_lost_actuator_comes_back_while_the_leader_goes_on() -> None:
     )
     told: list[str] = []
     parts = build_parts(Session(scene, told.append))
-    mended = parts.find("vibration").reconnecting
+    mended = parts.vibration.reconnecting
     assert isinstance(mended, ReconnectingActuator)
     device = mended.device
     assert isinstance(device, EmulatedHaptuator)

@@ -116,8 +116,8 @@ def check_end(summary: LeaderSummary) -> None:
 
 def watch(leader: Leader) -> None:
     """Let whatever leaves the limits raise in the tick, which ends the session as failed."""
-    actuator = leader.parts.find("vibration").actuator
-    hand = leader.parts.find("hand").device
+    actuator = leader.parts.vibration.actuator
+    hand = leader.parts.hand.device
     play, show = actuator.write, hand.write
 
     def write(samples_m_s2: Any) -> None:

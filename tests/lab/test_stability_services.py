@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-import mmt.leader.playout
+import mmt.leader.output.playout
 import mmt.texture.online.fitting
 from mmt.core.frames import empty_frames
 from mmt.devices.protocols import Vector
-from mmt.leader.force_ramp import ForceRamp
+from mmt.leader.motion.force_ramp import ForceRamp
 from mmt_lab.stability import clocks, interrupted, uptime
 from mmt_lab.stability.cases import Case, run_case
 from mmt_lab.stability.fake_time import FakeClock, run_in_fake_time
@@ -89,7 +89,7 @@ def test_a_ramp_that_catches_up_is_seen(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_a_clock_that_is_not_watched_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mmt.leader.playout, "_CLOCK_STEP_NS", 10**15)
+    monkeypatch.setattr(mmt.leader.output.playout, "_CLOCK_STEP_NS", 10**15)
     cases = services.cases()
     assert not case_of(cases, "follower's clock steps by -10 s").run().held
     assert not case_of(cases, "leader's clock steps by +10 s").run().held

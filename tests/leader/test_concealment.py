@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 
 from mmt.core.frames import frame_dtype
-from mmt.leader.concealment import LONGEST_SAMPLES, build_concealment, course
-from mmt.leader.playout import PlayoutBuffer
-from mmt.leader.stream import StreamedVibration
+from mmt.leader.output.concealment import LONGEST_SAMPLES, build_concealment, course
+from mmt.leader.output.playout import PlayoutBuffer
+from mmt.leader.output.stream import StreamedVibration
 
 MS = 1_000_000
 DELAY = 4

@@ -11,10 +11,10 @@ from mmt.core.frames import empty_frames
 from mmt.devices.protocols import InterfaceState, Vector
 from mmt.follower.feedback import ContactReporter, PassiveFollower
 from mmt.follower.feedback import build_feedback as follower_feedback
-from mmt.leader.feedback import StreamedForce
-from mmt.leader.feedback_model import ModelForce
-from mmt.leader.feedback_part import build_feedback
-from mmt.leader.feedback_passive import PassiveForce
+from mmt.leader.motion.feedback import StreamedForce
+from mmt.leader.motion.feedback_model import ModelForce
+from mmt.leader.motion.feedback_part import build_feedback
+from mmt.leader.motion.feedback_passive import PassiveForce
 from mmt.scene import ForceFeedback
 
 SETTINGS = PassivitySettings()

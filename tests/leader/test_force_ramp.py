@@ -3,7 +3,7 @@
 import pytest
 
 from mmt.devices.protocols import Vector
-from mmt.leader.force_ramp import ForceRamp
+from mmt.leader.motion.force_ramp import ForceRamp
 
 FORCE_N = (1.0, 2.0, -4.0)
 

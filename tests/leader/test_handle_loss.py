@@ -16,10 +16,10 @@ from mmt.core.errors import DeviceLost, MmtError
 from mmt.core.feedback_records import ENERGY_DTYPE
 from mmt.core.frames import frame_dtype
 from mmt.devices.protocols import InterfaceState, Vector
-from mmt.leader.feedback import StreamedForce
-from mmt.leader.feedback_model import ModelForce
-from mmt.leader.feedback_passive import PassiveForce
-from mmt.leader.hand import HandPart, OperatorHandle
+from mmt.leader.motion.feedback import StreamedForce
+from mmt.leader.motion.feedback_model import ModelForce
+from mmt.leader.motion.feedback_passive import PassiveForce
+from mmt.leader.motion.hand import HandPart, OperatorHandle
 
 RECOVERY_MM = 0.05
 

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from mmt.core.errors import InputError
 from mmt.devices.protocols import InterfaceState, Vector
-from mmt.leader.clutch import Clutch
 from mmt.leader.control import ControlPart
-from mmt.leader.force_ramp import FADE_TICKS
-from mmt.leader.handover import HandOver
-from mmt.leader.operator_motion import OperatorMotion
+from mmt.leader.motion.clutch import Clutch
+from mmt.leader.motion.force_ramp import FADE_TICKS
+from mmt.leader.motion.handover import HandOver
+from mmt.leader.motion.operator_motion import OperatorMotion
 from mmt.leader.part import Session, Tick
 from mmt.scene.files import scene_from_tables
 from mmt.sharing.control_messages import MOTION_DTYPE, control_access, encode_motion
@@ -257,13 +257,10 @@ class Robot:
         self.session = Session(scene_from_tables(tables))
         self.shared = SharedPart()
         hand = type("Hand", (), {"control": None})()
-        monkeypatch.setattr(
-            self.session, "find", {"sharing": self.shared, "hand": hand}.get, raising=True
-        )
         self.session.remote = FollowerThere()  # type: ignore[assignment]
-        part = ControlPart.build(self.session)
-        assert part is not None
-        self.part = part
+        table = self.session.scene.control
+        assert table is not None
+        self.part = ControlPart(self.session, table, hand, self.shared, None)  # type: ignore[arg-type]
         self.ns = 1_000_000_000
         monkeypatch.setattr("mmt.leader.control.time.monotonic_ns", lambda: self.ns)
         self.commands: list[Vector] = []

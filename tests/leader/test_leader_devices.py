@@ -64,7 +64,7 @@ def scene(drivers: str, **handle: object) -> Scene:
 
 def test_handle_and_actuator_are_made_by_their_drivers_with_their_options(drivers: str) -> None:
     parts = build_parts(Session(scene(drivers, arm="left")))
-    hand, vibration = parts.find("hand"), parts.find("vibration")
+    hand, vibration = parts.hand, parts.vibration
     assert hand.handle is hand.device is not None
     assert hand.handle.device.options == {"arm": "left"}
     assert vibration.reconnecting.device.options == {"volts": 2.0}

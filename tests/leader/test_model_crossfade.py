@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from mmt.leader.model_crossfade import ModelCrossfade
+from mmt.leader.output.model_crossfade import ModelCrossfade
 
 
 class Steady:

@@ -10,7 +10,7 @@ import pytest
 from frame_samples import made_frames
 
 from mmt.core.kernel_cache import Compilation
-from mmt.leader.modelling import Modelling
+from mmt.leader.modelling.pipeline import Modelling
 from mmt.leader.part import Session
 from mmt.leader.parts import first_numerics_of, numerics_of
 from mmt.scene.files import load_scene
@@ -39,11 +39,10 @@ class FirstStart:
         self.session = Session(
             load_scene(Path("demo")), self.said.append, compilation=self.compilation
         )
-        made = Modelling.build(self.session)
+        self.times_s: list[float] = []
+        made = Modelling.build(self.session, lambda update, _: self.times_s.append(update.time_s))
         assert made is not None
         self.modelling = made
-        self.times_s: list[float] = []
-        made._on_update = lambda update, _: self.times_s.append(update.time_s)
 
 
 @pytest.fixture

@@ -13,8 +13,8 @@ import pytest
 from frame_samples import made_frames
 
 from mmt.core.arrays import RecordArray
-from mmt.leader.modelling import Modelling
-from mmt.leader.stage import Activity, Item, ItemQueue, StageTask
+from mmt.leader.modelling.pipeline import Modelling
+from mmt.leader.modelling.stage import Activity, Item, ItemQueue, StageTask
 from mmt.scene.files import scene_from_tables
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.completion.distance import CompletionMonitor

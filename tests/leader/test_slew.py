@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mmt.devices.protocols import Vector
-from mmt.leader.slew import SlewLimitedDisplay, VibrationSlew
+from mmt.leader.motion.slew import SlewLimitedDisplay, VibrationSlew
 from mmt.scene.files import scene_from_tables
 
 FORCES = st.tuples(*[st.floats(-40.0, 40.0)] * 3)

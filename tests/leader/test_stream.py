@@ -5,8 +5,8 @@ import pytest
 from frame_samples import made_frames
 
 from mmt.core.arrays import RecordArray
-from mmt.leader.playout import PlayoutBuffer
-from mmt.leader.stream import StreamedMotion, StreamedVibration
+from mmt.leader.output.playout import PlayoutBuffer
+from mmt.leader.output.stream import StreamedMotion, StreamedVibration
 from mmt.texture.settings import VibrationAxis
 
 

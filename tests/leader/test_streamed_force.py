@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from mmt.core.arrays import RecordArray
 from mmt.devices.protocols import InterfaceState, Vector
-from mmt.leader.feedback import StreamedForce
+from mmt.leader.motion.feedback import StreamedForce
 
 
 class Handle:

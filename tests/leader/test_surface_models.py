@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from mmt.core.existing_files import replacing
-from mmt.leader.completing import ModelOutput
-from mmt.leader.part import Part, Session
+from mmt.leader.output.model_output import ModelOutput
+from mmt.leader.output.synthesis import SynthesizingPart
+from mmt.leader.output.vibration import VibrationSwitch
+from mmt.leader.part import Session
 from mmt.leader.recording import RecordingPart
 from mmt.leader.surface_log import write_surface_models
-from mmt.leader.synthesizing import SynthesizingPart
-from mmt.leader.vibration import VibrationSwitch
 from mmt.scene import Scene
 from mmt.texture.completion.distance import CompletionMonitor
 from mmt.texture.online.work import Made, ModelUpdate
@@ -86,18 +86,11 @@ class Leader:
         self.switch = VibrationSwitch(
             lambda _: -1.0, sounding, crossfade_samples=FADE, limit_m_s2=60.0
         )
-        stand_ins: dict[str, Any] = {
-            "recording": recording,
-            "playout": Part(),
-            "modelling": modelling,
-            "synthesizing": SynthesizingPart(sounding, sounding),
-            "vibration": SimpleNamespace(switch=self.switch),
-        }
-        for name, part in stand_ins.items():
-            self.session.parts.add(name, part)
+        vibration: Any = SimpleNamespace(switch=self.switch)
+        rendering = SynthesizingPart(sounding, sounding)
         self.said: list[str] = []
         self.details: list[dict[str, Any]] = []
-        self.use = ModelOutput(self.session)
+        self.use = ModelOutput(self.session, recording, modelling, rendering, None, vibration)
 
     def _say(self, sentence: str, **details: Any) -> None:
         self.said.append(sentence)

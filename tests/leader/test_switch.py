@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from mmt.leader.vibration import VibrationSwitch
+from mmt.leader.output.vibration import VibrationSwitch
 
 ONES = np.ones
 

@@ -296,8 +296,8 @@ def observing(remote: Remote) -> ObservingPart:
 
     scene = session_scene(Settings("demo"))
     hand = SimpleNamespace(device=None, command_mm=(1.0, 2.0, 3.0))
-    session = SimpleNamespace(scene=scene, find={"hand": hand}.get, remote=remote)
-    return ObservingPart(session, asyncio.Event())  # type: ignore[arg-type]
+    session = SimpleNamespace(scene=scene, remote=remote)
+    return ObservingPart(session, hand, asyncio.Event())  # type: ignore[arg-type]
 
 
 def test_a_state_is_a_row_of_the_export() -> None:

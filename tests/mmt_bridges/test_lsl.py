@@ -14,6 +14,7 @@ from frame_samples import made_frames
 
 from mmt.core.errors import InputError
 from mmt.leader import publishing
+from mmt.leader.building import LeaderParts
 from mmt.leader.part import Session
 from mmt.leader.publishing import clock_ahead_ns
 from mmt.scene.files import scene_from_tables
@@ -97,10 +98,10 @@ class Running:
         self.session = Session(scene_from_tables(tables), self.said.append, lambda: 1.25)
         self.remote = SimpleNamespace(clock_offset_ns=OFFSET_NS, follower_time_ns=0)
         self.session.remote = self.remote  # type: ignore[assignment]
-        part = LslPart.build(self.session)
+        part = LslPart.build(self.session, LeaderParts())
         assert part is not None
         self.part = part
-        self.session.parts.add("lsl", part)
+        self.session.parts.add(part)
         part.connect()
         self.frames, self.events = made
 
@@ -257,7 +258,7 @@ def test_a_missing_package_and_a_missing_library_are_explained(
     monkeypatch.setitem(sys.modules, "pylsl", None)
     scene = scene_from_tables({"link": {}, "simulated": {}, "hand": {}, "lsl": {}})
     with pytest.raises(InputError, match=r"\[lsl\] needs pylsl, which is not .*\[lsl\]"):
-        LslPart.build(Session(scene))
+        LslPart.build(Session(scene), LeaderParts())
 
 
 def test_the_streams_carry_every_channel_unless_only_the_needed_ones_are_wanted() -> None:

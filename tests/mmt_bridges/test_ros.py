@@ -15,6 +15,7 @@ import pytest
 from frame_samples import made_frames
 
 from mmt.core.errors import InputError
+from mmt.leader.building import LeaderParts
 from mmt.leader.part import Part, Session
 from mmt.scene.files import scene_from_tables
 from mmt_bridges.ros import part as ros
@@ -108,11 +109,12 @@ class Running:
         self.remote = SimpleNamespace(clock_offset_ns=OFFSET_NS, follower_time_ns=0)
         self.session.remote = self.remote  # type: ignore[assignment]
         self.output = Output()
-        self.session.parts.add("completing", self.output)
-        part = RosPart.build(self.session)
+        parts = LeaderParts()
+        parts.completing = self.output  # type: ignore[assignment]
+        part = RosPart.build(self.session, parts)
         assert part is not None
         self.part = part
-        self.session.parts.add("ros", part)
+        self.session.parts.add(part)
         part.connect()
         assert part._outlet is not None
         self.process = part._outlet._process
@@ -276,4 +278,4 @@ def test_what_is_missing_is_explained(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "rclpy", None)
     scene = scene_from_tables({"link": {}, "simulated": {}, "hand": {}, "ros": {}})
     with pytest.raises(InputError, match=r"\[ros\] needs rclpy, which comes with ROS 2: source"):
-        RosPart.build(Session(scene))
+        RosPart.build(Session(scene), LeaderParts())

@@ -55,7 +55,7 @@ async def test_a_handle_whose_service_fails_is_lost_and_comes_back(tmp_path: Pat
     following = asyncio.create_task(together.follow())
     try:
         await together.until(lambda: together.leader.time_s > 0.2)
-        handle = together.leader.parts.find("hand").handle
+        handle = together.leader.parts.hand.handle
         assert handle is not None
         service.drop()
         await together.until(lambda: handle.losses == 1)

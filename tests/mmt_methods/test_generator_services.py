@@ -220,20 +220,20 @@ def part_with(directory: Path, generator: str, events: Part | None = None) -> Ge
     session = Session(small_scene(directory, texture={}, rendering={"generator": generator}))
     parts = build_parts(session, ["modelling", "synthesizing", "generating"])
     if events is not None:
-        parts.add("events", events)
-    part = parts.find("generating")
+        parts.add(events)
+    part = parts.generating
     assert isinstance(part, GeneratingPart)
     return part
 
 
 def feed(part: GeneratingPart, work: list[Work]) -> None:
     for each in work:
-        part._session.find("modelling").on_work(each)
+        part._session.parts.modelling.on_work(each)
 
 
 def end(part: GeneratingPart) -> None:
     part.close()
-    part._session.find("modelling").close()
+    part._session.parts.modelling.close()
     assert all(process.returncode is not None for process in part._processes.values())
 
 
@@ -304,7 +304,7 @@ def test_a_scene_without_one_imports_nothing_of_it(tmp_path: Path) -> None:
     scene = small_scene(tmp_path, texture={}, rendering={})
     assert not PARTS["generating"].wanted(scene)
     program = (
-        "import sys; from mmt.leader import completing, modelling, parts, synthesizing, vibration;"
+        "import sys; from mmt.leader import parts; from mmt.leader.output import vibration;"
         "print([m for m in sys.modules if 'generat' in m and m.startswith('mmt.leader')])"
     )
     assert (

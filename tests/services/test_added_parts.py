@@ -40,7 +40,7 @@ class LoudnessPart(Part):
         self._digits, self._largest = digits, 0.0
 
     @classmethod
-    def build(cls, session):
+    def build(cls, session, parts):
         return cls(session.scene.table(Loudness).digits)
 
     def on_output(self, first_ns, mode, vibration_m_s2):

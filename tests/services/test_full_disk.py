@@ -59,7 +59,7 @@ def endless() -> MadeSource:
 
 
 def samples_played(together: Together) -> int:
-    vibration = together.leader.parts.find("vibration").summary(0.0)["vibration"]
+    vibration = together.leader.parts.vibration.summary(0.0)["vibration"]
     return int(vibration["actuator"]["samples"])
 
 
@@ -98,7 +98,7 @@ async def test_another_recording_may_be_begun_once_there_is_room_again(
     await together.listen()
     follower = together.follower(endless())
     following = asyncio.create_task(follower.run())
-    recording = together.leader.parts.find("recording")
+    recording = together.leader.parts.recording
     await together.until(lambda: recording.recorder.error)
     with pytest.raises(InputError, match="no recording runs"):
         await recording.end()

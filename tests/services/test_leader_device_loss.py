@@ -65,7 +65,7 @@ async def test_a_handle_is_lost_and_comes_back_elsewhere(
     await together.listen()
     following = asyncio.create_task(together.follow())
     await together.until(lambda: together.leader.time_s > 0.2)
-    handle = together.leader.parts.find("hand").handle
+    handle = together.leader.parts.hand.handle
     assert handle is not None
     emulated.fail(fault)
     await together.until(lambda: handle.lost)
@@ -110,7 +110,7 @@ async def test_a_scene_may_stop_without_its_handle(tmp_path: Path, emulated: Emu
 
 async def lose_actuator(together: Together, unplug: Any, plug: Any) -> None:
     """Run a session whose actuator is unplugged and plugged in again."""
-    actuator = together.leader.parts.find("vibration").reconnecting
+    actuator = together.leader.parts.vibration.reconnecting
     assert actuator is not None
     await together.listen()
     following = asyncio.create_task(together.follow())
@@ -147,7 +147,7 @@ async def test_a_sound_card_is_lost_and_comes_back(tmp_path: Path) -> None:
             },
         )
     )
-    mended = together.leader.parts.find("vibration").reconnecting
+    mended = together.leader.parts.vibration.reconnecting
     assert mended is not None
     device = mended.device
     assert isinstance(device, EmulatedHaptuator)

@@ -102,7 +102,7 @@ MODEL = {*NUMERICS, "mmt.texture.online.modeller", "mmt.texture.synthesis.synthe
 SURFACES = {"mmt.texture.surfaces"}
 LEVEL = {"mmt.texture.field.posterior", "mmt.texture.completion.uncertainty"}
 SHARING = {"mmt.sharing"}
-CONTROL = {"mmt.leader.control", "mmt.leader.operating", "mmt.sharing.control_messages"}
+CONTROL = {"mmt.leader.control", "mmt.leader.motion.operating", "mmt.sharing.control_messages"}
 HAND = "mmt.testing.simulation.hand"
 ACTUATOR = "mmt.testing.simulation.actuator"
 RECORDER = "mmt.session.recorder"
@@ -127,12 +127,17 @@ EXPECTED: dict[str, set[str]] = {
         HAND,
         ACTUATOR,
     },
-    "leader passive": {*NETWORK, HAND, "mmt.leader.feedback_passive", "mmt.contact.passivity"},
+    "leader passive": {
+        *NETWORK,
+        HAND,
+        "mmt.leader.motion.feedback_passive",
+        "mmt.contact.passivity",
+    },
     "follower passive": {*NETWORK, SIMULATED, "mmt.follower.feedback", "mmt.contact.passivity"},
     "leader model": {
         *NETWORK,
         HAND,
-        "mmt.leader.feedback_model",
+        "mmt.leader.motion.feedback_model",
         "mmt.contact.passivity",
         "mmt.contact.estimation",
     },
@@ -159,7 +164,7 @@ EXPECTED: dict[str, set[str]] = {
         *MODEL - {"mmt.texture.online.modeller"},
         *SHARING,
         *CONTROL - {"mmt.leader.control"},
-        "mmt.leader.feedback_model",
+        "mmt.leader.motion.feedback_model",
         "mmt.contact.passivity",
         "mmt.contact.estimation",
         HAND,
@@ -177,8 +182,8 @@ LACKING = set() if find_spec("rtde_control") else {"virtual-arm"}
 """Scenes whose extra has no wheel for every system."""
 
 FEEDBACK = {
-    "mmt.leader.feedback_passive",
-    "mmt.leader.feedback_model",
+    "mmt.leader.motion.feedback_passive",
+    "mmt.leader.motion.feedback_model",
     "mmt.follower.feedback",
     "mmt.contact.passivity",
     "mmt.contact.estimation",

@@ -57,7 +57,7 @@ async def test_nothing_is_kept_once_the_last_viewer_has_left(
     tmp_path: Path, browser: Browser
 ) -> None:
     together = await monitored(tmp_path)
-    monitor = together.leader.parts.find("monitor").monitor
+    monitor = together.leader.parts.monitor.monitor
     assert not monitor.tap.watched
     socket = await browser.look_on(together)
     await until(socket, "live")
@@ -88,7 +88,7 @@ async def test_the_page_is_served_and_nothing_beside_it(tmp_path: Path, browser:
 async def test_a_scene_without_a_monitor_serves_none(tmp_path: Path, browser: Browser) -> None:
     together = Together.of(small_scene(tmp_path))
     await together.listen()
-    assert together.leader.parts.find("monitor") is None
+    assert together.leader.parts.monitor is None
     async with browser.http.get(address(together, "/monitor/")) as answer:
         assert answer.status == 404
     together.leader.stop()
@@ -163,7 +163,7 @@ async def test_a_fault_of_the_monitor_does_not_end_the_session(
     tmp_path: Path, browser: Browser, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     together = await monitored(tmp_path)
-    monitor = together.leader.parts.find("monitor").monitor
+    monitor = together.leader.parts.monitor.monitor
 
     def fail() -> None:
         raise ValueError("as a test wants it")

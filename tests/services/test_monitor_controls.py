@@ -46,7 +46,7 @@ async def test_a_recording_is_started_marked_and_ended(
         file = Path("mmt-monitor") / f"session-{number}.mcap"
         assert await order(socket, do="record", on=True) == (True, f"recording into {file}")
         assert await order(socket, do="record", on=True) == (False, "a recording runs already")
-        await together.until(lambda: together.leader.parts.find("recording").recorder.frames > 0)
+        await together.until(lambda: together.leader.parts.recording.recorder.frames > 0)
         assert await order(socket, do="mark", text="wood begins") == (True, "marked: wood begins")
         good, sentence = await order(socket, do="record", on=False)
         assert good

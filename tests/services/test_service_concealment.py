@@ -22,7 +22,7 @@ async def test_vibration_goes_on_where_frames_are_lost(tmp_path: Path, way: str)
     together = Together.of(scene)
     await together.listen()
     following = asyncio.create_task(together.follow())
-    playout = together.leader.parts.find("playout").buffer
+    playout = together.leader.parts.playout.buffer
     assert playout is not None
 
     def enough_is_lost() -> bool:

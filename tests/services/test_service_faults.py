@@ -14,7 +14,7 @@ from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL
 from mmt.devices.protocols import InterfaceState, Vector
-from mmt.leader.feedback import StreamedForce
+from mmt.leader.motion.feedback import StreamedForce
 from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.protocol import FollowerHello
 from mmt.scene import Scene
@@ -131,7 +131,7 @@ class BrokenHand:
 
 async def test_a_device_of_the_leader_that_fails_ends_both(tmp_path: Path) -> None:
     together = Together.of(small_scene(tmp_path))
-    together.leader.parts.find("hand").device = BrokenHand(MmtError("the handle does not answer"))
+    together.leader.parts.hand.device = BrokenHand(MmtError("the handle does not answer"))
     await together.listen()
     source = MadeSource([made_frames(k, 1) for k in range(3000)])
     follower, leader = await together.follow(source), await together.end()
@@ -147,7 +147,7 @@ async def test_a_part_that_does_not_stop_leaves_the_recording_whole(tmp_path: Pa
         raise OSError("the network is down")
 
     together = Together.of(small_scene(tmp_path))
-    hand = together.leader.parts.find("hand")
+    hand = together.leader.parts.hand
     hand.stop = stop
     await together.listen()
     source = MadeSource([made_frames(k, 1) for k in range(200)])
@@ -160,7 +160,7 @@ async def test_a_part_that_does_not_stop_leaves_the_recording_whole(tmp_path: Pa
 
 async def test_a_mistake_in_the_leader_comes_out_with_the_recording_whole(tmp_path: Path) -> None:
     together = Together.of(small_scene(tmp_path))
-    together.leader.parts.find("hand").device = BrokenHand(ZeroDivisionError("oops"))
+    together.leader.parts.hand.device = BrokenHand(ZeroDivisionError("oops"))
     await together.listen()
     source = MadeSource([made_frames(k, 1) for k in range(3000)])
     assert (await together.follow(source)).problem == "leader failed: oops"
@@ -177,7 +177,7 @@ async def test_a_mistake_on_a_frame_ends_the_session_and_comes_out(
     def broken(*_: object) -> None:
         raise ZeroDivisionError("oops")
 
-    monkeypatch.setattr(together.leader.parts.find("playout"), "on_frames", broken)
+    monkeypatch.setattr(together.leader.parts.playout, "on_frames", broken)
     await together.listen()
     follower = await together.follow(MadeSource([made_frames(k, 1) for k in range(3000)]))
     assert follower.problem == "leader failed: oops"
@@ -250,7 +250,7 @@ class FeelingHand(BrokenHand):
 async def test_force_and_vibration_fade_when_the_follower_is_lost(tmp_path: Path) -> None:
     together = Together.of(small_scene(tmp_path, force_feedback={}))
     hand = FeelingHand()
-    together.leader.parts.find("force_feedback").feedback = StreamedForce(hand, limit_n=3.0)
+    together.leader.parts.force_feedback.feedback = StreamedForce(hand, limit_n=3.0)
     await together.listen()
     follower = FollowerClient(
         f"http://127.0.0.1:{together.leader.port}",

@@ -172,7 +172,7 @@ class LeaderRun(ServiceRun["Leader"]):
             return
         loop = asyncio.get_running_loop()
         loop.add_signal_handler(signal.SIGUSR1, service.reset_model)
-        control = service.parts.find("control") or service.parts.find("operating")
+        control = service.parts.control or service.parts.operating
         if control is not None:
             loop.add_signal_handler(signal.SIGUSR2, control.toggle)
 

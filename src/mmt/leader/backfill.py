@@ -9,7 +9,6 @@ from mmt.core.frames import SEQUENCES
 from mmt.core.ranges import Range
 from mmt.leader.missing import MissingFrames, Note
 from mmt.leader.numbering import SessionNumbering
-from mmt.leader.run_log import PartCaller
 
 if TYPE_CHECKING:
     from mmt.link.protocol import FollowerHello
@@ -27,8 +26,8 @@ class Backfill:
         Most frames of a gap that are asked for, 0 for none.
     numbering
         Numbering of the session; the follower has numbers of its own.
-    parts
-        Are given the frames that were missing.
+    call
+        Calls a verb of every part: they are given the frames that were missing.
     request
         Asks the follower for ranges of its own numbers.
     note
@@ -39,17 +38,14 @@ class Backfill:
         self,
         keep_frames: int,
         numbering: SessionNumbering,
-        parts: PartCaller,
+        call: Callable[..., None],
         request: Callable[[list[Range]], None],
         note: Note,
     ) -> None:
         self._numbering = numbering
-        self._parts = parts
+        self._call = call
         self._request = request
         self.missing = MissingFrames(keep_frames, self._ask, note)
-        modelling = parts.find("modelling")
-        if modelling is not None:
-            modelling.wait_for_missing(lambda: self.missing.first)
         self.settled = False
         """Whether the follower is about to end, so that no frame is live any more."""
 
@@ -79,7 +75,7 @@ class Backfill:
         arrival_ns = self._numbering.expected_arrival_ns(
             int(frames["time_ns"][0]), time.monotonic_ns()
         )
-        self._parts.call("on_backfill", frames, arrival_ns)
+        self._call("on_backfill", frames, arrival_ns)
 
     def gone(self, ranges: list[Range]) -> None:
         """Give up ranges of the follower's numbers."""
@@ -127,4 +123,4 @@ class Backfill:
         return start, start + stop - first
 
     def _look_again(self) -> None:
-        self._parts.call("on_settled")
+        self._call("on_settled")

@@ -7,10 +7,10 @@ from mmt.core.arrays import difference, towards
 from mmt.core.errors import InputError
 from mmt.core.printable import printable
 from mmt.devices.protocols import InterfaceState, Vector
-from mmt.leader.clutch import Clutch
-from mmt.leader.force_ramp import FADE_TICKS
-from mmt.leader.handover import Change, HandOver
-from mmt.leader.operator_motion import OperatorMotion
+from mmt.leader.motion.clutch import Clutch
+from mmt.leader.motion.force_ramp import FADE_TICKS
+from mmt.leader.motion.handover import Change, HandOver
+from mmt.leader.motion.operator_motion import OperatorMotion
 from mmt.leader.part import Part, Session, Tick
 from mmt.scene import Link, Texture
 from mmt.scene.sharing_tables import Control
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
     from prometheus_client.core import Metric
 
+    from mmt.leader.motion.feedback import Feedback
+    from mmt.leader.motion.hand import HandPart
     from mmt.leader.sharing import SharingPart
 
 _CONTACT_TICKS: Final = 50
@@ -48,6 +50,12 @@ class ControlPart(Part):
         Session of the run; it has a hand, a link, and shares its model.
     table
         The scene's ``[control]``.
+    hand
+        Is told what the robot is commanded instead of its own position.
+    sharing
+        Leads to the listeners.
+    feedback
+        What is displayed to the leader's own hand, if anything is.
 
     Raises
     ------
@@ -55,7 +63,14 @@ class ControlPart(Part):
         There is no token for control.
     """
 
-    def __init__(self, session: Session, table: Control) -> None:
+    def __init__(
+        self,
+        session: Session,
+        table: Control,
+        hand: "HandPart",
+        sharing: "SharingPart",
+        feedback: "Feedback | None",
+    ) -> None:
         control_access(table.token_file)  # the listeners' process reads it, too late to say so
         self._session = session
         rate_hz, link = session.rate_hz, session.scene.link or Link()
@@ -72,22 +87,10 @@ class ControlPart(Part):
         self._command_mm: Vector | None = None
         self._contact_ticks = 0
         self._normal = "xyz".index((session.scene.texture or Texture()).normal)
-        self._sharing: SharingPart = session.find("sharing")
-        self._sharing.on_control = self.receive
-        session.find("hand").control = self
+        self._sharing, self._feedback = sharing, feedback
+        sharing.on_control = self.receive
+        hand.control = self
         self._grants = self._messages = self._refused = self._given_ticks = self._held_ticks = 0
-
-    @classmethod
-    def build(cls, session: Session) -> "ControlPart | None":
-        """Return the part.
-
-        Raises
-        ------
-        InputError
-            There is no token for control.
-        """
-        table = session.scene.control
-        return None if table is None else cls(session, table)
 
     # --- what a person decides
 
@@ -242,8 +245,7 @@ class ControlPart(Part):
             self._sharing.send_to(over.operator, self._contact().encode())
 
     def _contact(self) -> SharedContact:
-        part = self._session.find("force_feedback")
-        model = None if part is None else getattr(part.feedback, "felt", None)
+        model = getattr(self._feedback, "felt", None)
         table = self._session.scene.force_feedback
         return SharedContact(model, self._normal, 0.0 if table is None else table.limit_n)
 

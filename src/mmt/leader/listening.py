@@ -10,7 +10,8 @@ from mmt.scene.sharing_tables import Listening
 from mmt.sharing.client import ListenerClient
 
 if TYPE_CHECKING:
-    from mmt.leader.completing import ModelOutput
+    from mmt.leader.motion.operating import OperatingPart
+    from mmt.leader.output.model_output import ModelOutput
 
 
 class ListeningPart(Part):
@@ -22,6 +23,10 @@ class ListeningPart(Part):
         Session of the run.
     table
         The scene's ``[listening]``.
+    completing
+        Renders the model.
+    operating
+        Asks for control, if the scene's hand may have it.
 
     Raises
     ------
@@ -29,10 +34,15 @@ class ListeningPart(Part):
         The URL, the token or a certificate cannot be used.
     """
 
-    def __init__(self, session: Session, table: Listening) -> None:
-        self._session = session
+    def __init__(
+        self,
+        session: Session,
+        table: Listening,
+        completing: "ModelOutput",
+        operating: "OperatingPart | None",
+    ) -> None:
+        self._session, self._completing = session, completing
         self._url = table.url
-        operating = session.find("operating")
         self.client = ListenerClient(
             table,
             on_event=session.journal.event,
@@ -40,18 +50,6 @@ class ListeningPart(Part):
         )
         self.first_s: float | None = None
         """Seconds from the start to the first model that was ready."""
-
-    @classmethod
-    def build(cls, session: Session) -> "ListeningPart | None":
-        """Return the part.
-
-        Raises
-        ------
-        InputError
-            The URL, the token or a certificate cannot be used.
-        """
-        table = session.scene.listening
-        return None if table is None else cls(session, table)
 
     def tasks(self) -> dict[str, Coroutine[Any, Any, None]]:
         """Return the task that listens."""
@@ -103,13 +101,12 @@ class ListeningPart(Part):
         loop = asyncio.get_running_loop()
         begun_s = loop.time()
         await self.client.connect()
-        output: ModelOutput = self._session.find("completing")
         while True:
             about, model = await self.client.next_state()
             if model is None:
-                output.withhold()
+                self._completing.withhold()
                 continue
-            output.use_shared(model, about.surface)
+            self._completing.use_shared(model, about.surface)
             if self.first_s is None:
                 self.first_s = round(loop.time() - begun_s, 3)
                 self._session.journal.event(

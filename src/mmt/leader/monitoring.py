@@ -5,19 +5,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from mmt.core.arrays import FloatArray, RecordArray
+from mmt.core.errors import InputError
 from mmt.leader.part import Part, Session, Tick
 from mmt.scene import Monitor
 from mmt.web.monitor.running import LeaderMonitor
 
 if TYPE_CHECKING:
     from mmt.core.ticking import Ticker
-    from mmt.leader.completing import ModelOutput
     from mmt.leader.control import ControlPart
-    from mmt.leader.modelling import Modelling
+    from mmt.leader.modelling.pipeline import Modelling
+    from mmt.leader.output.model_output import ModelOutput
+    from mmt.leader.output.stream import StreamedVibration
+    from mmt.leader.output.vibration import VibrationPart
     from mmt.leader.recording import RecordingPart
     from mmt.leader.sharing import SharingPart
-    from mmt.leader.stream import StreamedVibration
-    from mmt.leader.vibration import VibrationPart
     from mmt.link.http import Page
     from mmt.link.server import LeaderServer
     from mmt.texture.model.texture_model import TextureModel
@@ -30,20 +31,30 @@ class SessionView:
     Parameters
     ----------
     session
-        Session of the run, with all its parts but the monitor.
+        Session of the run.
+    completing, recording, modelling, playout, vibration, sharing, control
+        What it shows, and what the page's controls act on.
     """
 
-    def __init__(self, session: Session) -> None:
+    def __init__(
+        self,
+        session: Session,
+        completing: "ModelOutput",
+        recording: "RecordingPart",
+        *,
+        modelling: "Modelling | None",
+        playout: "StreamedVibration | None",
+        vibration: "VibrationPart | None",
+        sharing: "SharingPart | None",
+        control: "ControlPart | None",
+    ) -> None:
         self._session = session
         self._log = session.log
         self.scene = session.scene
         self.session_id = session.log.session_id
-        self._completing: ModelOutput = session.find("completing")
-        self._modelling: Modelling | None = session.find("modelling")
-        self._playout: StreamedVibration | None = session.find("playout")
-        self._recording: RecordingPart = session.find("recording")
-        self._sharing: SharingPart | None = session.find("sharing")
-        self._vibration: VibrationPart | None = session.find("vibration")
+        self._completing, self._recording, self._modelling = completing, recording, modelling
+        self._playout, self._vibration = playout, vibration
+        self._sharing, self._control = sharing, control
 
     @property
     def time_s(self) -> float:
@@ -89,7 +100,7 @@ class SessionView:
     @property
     def renders(self) -> bool:
         """Whether vibration can be rendered from a model."""
-        return self._session.find("synthesizing") is not None
+        return self._completing.renders
 
     @property
     def frozen(self) -> bool | None:
@@ -155,12 +166,19 @@ class SessionView:
     @property
     def control(self) -> dict[str, Any] | None:
         """Who moves the robot and who asks to."""
-        part: ControlPart | None = self._session.find("control")
-        return None if part is None else part.state
+        return None if self._control is None else self._control.state
 
     def decide(self, order: Literal["give", "refuse", "take back"], who: int) -> None:
-        """Give control to who asks, refuse it, or take it back."""
-        part: ControlPart = self._session.find("control")
+        """Give control to who asks, refuse it, or take it back.
+
+        Raises
+        ------
+        InputError
+            Nobody can have it, or this one does not ask.
+        """
+        part = self._control
+        if part is None:
+            raise InputError("this scene gives nobody control: it has no [control]")
         if order == "take back":
             part.take_back()
         elif order == "give":
@@ -185,20 +203,16 @@ class MonitorPart(Part):
     ----------
     session
         Session of the run.
+    view
+        What the monitor sees of it.
     table
         The scene's ``[monitor]``.
     """
 
-    def __init__(self, session: Session, table: Monitor) -> None:
+    def __init__(self, session: Session, view: SessionView, table: Monitor) -> None:
         self._session = session
-        self.monitor = LeaderMonitor(SessionView(session), table)
+        self.monitor = LeaderMonitor(view, table)
         self._tap = self.monitor.tap
-
-    @classmethod
-    def build(cls, session: Session) -> "MonitorPart | None":
-        """Return the part, None where the scene has no link to serve a page beside."""
-        table = session.scene.monitor
-        return None if table is None else cls(session, table)
 
     def tasks(self) -> dict[str, Coroutine[Any, Any, None]]:
         """Return the task that looks and publishes."""

@@ -1,8 +1,8 @@
 """What a part of the leader is: a few verbs, each of which does nothing unless it is overridden.
 
-A part is one module with a class derived from `Part`, and one line in `mmt.leader.parts`. It is
-made by `build` where the scene has its table, and the service calls its verbs. A part finds others
-by name in the `Session`, which all parts of a run share.
+A part is one module with a class derived from `Part`, and a builder in `mmt.leader.building`,
+which passes it the `Session` that all parts of a run share and the other parts that it needs. The
+service calls its verbs.
 """
 
 from collections.abc import Callable, Coroutine, Iterable, Iterator
@@ -154,21 +154,16 @@ class Part:
 class Parts:
     """The parts of a run, in the order in which their verbs are called."""
 
-    def __init__(self, scene: Scene) -> None:
-        self.scene = scene
-        self._named: dict[str, Part] = {}
+    def __init__(self) -> None:
+        self._all: list[Part] = []
         self._on_frames: list[Callable[[RecordArray, int], None]] = []
 
     def __iter__(self) -> Iterator[Part]:
-        return iter(self._named.values())
+        return iter(self._all)
 
-    def add(self, name: str, part: Part) -> None:
+    def add(self, part: Part) -> None:
         """Add a part behind the others."""
-        self._named[name] = part
-
-    def find(self, name: str) -> Any:
-        """Return a part by its name in `mmt.leader.parts.PARTS`, None where it is left out."""
-        return self._named.get(name)
+        self._all.append(part)
 
     def verbs(self, verb: str) -> list[Callable[..., Any]]:
         """Return a verb's methods of the parts that override it, ready to be called."""
@@ -292,15 +287,15 @@ class Session:
         self.period_ns = round(1e9 / scene.session.rate_hz)
         self.log = RunLog()
         self.ending = Ending("completed")
-        self.parts = Parts(scene)
+        self.parts: Parts = Parts()
         self.time_s = time_s or (lambda: 0.0)
         self.compilation: Final = compilation
-        self.journal = Journal(self.parts, say or (lambda _: None), self.time_s)
+        self.journal = Journal(
+            lambda event, sentence: self.parts.call("on_event", event, sentence),
+            say or (lambda _: None),
+            self.time_s,
+        )
         self.remote: Remote | None = None
         """The follower, None where the scene has no link."""
         self.ticker: Ticker | None = None
         """Calls the tick; None before there is one, and in simulated time."""
-
-    def find(self, name: str) -> Any:
-        """Return a part by its name, None where the scene leaves it out."""
-        return self.parts.find(name)

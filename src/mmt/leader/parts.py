@@ -1,8 +1,8 @@
 """The list of the leader's parts; one that a scene leaves out is not even imported.
 
-The order is that in which their verbs are called: what a tick reads comes before what it plays. To
-add a part, write its module and add a line; another package adds one by an entry point
-(`mmt.scene.added`).
+The order is that in which they are built and their verbs are called: what a tick reads comes
+before what it plays. To add a part, write its module, a builder and a line; another package adds
+one by an entry point (`mmt.scene.added`).
 """
 
 from collections.abc import Callable, Collection
@@ -11,16 +11,18 @@ from importlib import import_module
 from typing import Final, NamedTuple
 
 from mmt.core.kernel_cache import LONGEST_COMPILATION_S
-from mmt.leader.part import Part, Parts, Session
+from mmt.leader import building
+from mmt.leader.building import LeaderParts
+from mmt.leader.part import Part, Session
 from mmt.scene import Scene
 from mmt.scene.added import added_parts
 
 
 class PartEntry(NamedTuple):
-    """Where a part is, and whether a scene has it."""
+    """How a part is made, and whether a scene has it."""
 
-    home: str
-    """The module and the class, which has `build(session)`: the part, or None for none."""
+    build: Callable[[Session, LeaderParts], Part | None]
+    """Makes the part, with those before it; None for none."""
     wanted: Callable[[Scene], bool]
     tasks: tuple[str, ...] = ()
     """Names of the tasks that it runs beside the ticks."""
@@ -32,57 +34,47 @@ class PartEntry(NamedTuple):
 
 _OWN: Final[dict[str, PartEntry]] = {
     "recording": PartEntry(
-        "mmt.leader.recording:RecordingPart",
+        building.recording,
         lambda scene: scene.recording is not None or scene.monitor is not None,
     ),
-    "hand": PartEntry("mmt.leader.hand:HandPart", lambda scene: scene.commands),
-    "operating": PartEntry(
-        "mmt.leader.operating:OperatingPart", lambda scene: scene.operating is not None
-    ),
+    "hand": PartEntry(building.hand, lambda scene: scene.commands),
+    "operating": PartEntry(building.operating, lambda scene: scene.operating is not None),
     "playout": PartEntry(
-        "mmt.leader.stream:StreamedVibration",
+        building.playout,
         lambda scene: scene.streams,
         numerics=("mmt.texture.synthesis.concealment",),
     ),
-    "motion": PartEntry(
-        "mmt.leader.stream:StreamedMotion", lambda scene: scene.rendering is not None
-    ),
+    "motion": PartEntry(building.motion, lambda scene: scene.rendering is not None),
     "force_feedback": PartEntry(
-        "mmt.leader.feedback_part:ForceFeedbackPart",
+        building.force_feedback,
         lambda scene: scene.force_feedback is not None,
     ),
     "modelling": PartEntry(
-        "mmt.leader.modelling:Modelling",
+        building.modelling,
         lambda scene: scene.texture is not None,
         ("segmenting", "fitting", "synthesizing", "completing"),
-        ("mmt.leader.modelling", "mmt.texture.field.observations"),
+        ("mmt.leader.modelling.pipeline", "mmt.texture.field.observations"),
         needs_model=True,
     ),
     "synthesizing": PartEntry(
-        "mmt.leader.synthesizing:SynthesizingPart",
+        building.synthesizing,
         lambda scene: scene.rendering is not None,
         numerics=("mmt.texture.synthesis.synthesizer", "mmt.texture.field.observations"),
         needs_model=True,
     ),
-    "vibration": PartEntry(
-        "mmt.leader.vibration:VibrationPart", lambda scene: scene.actuator is not None
-    ),
-    "completing": PartEntry("mmt.leader.completing:ModelOutput", lambda _: True),
+    "vibration": PartEntry(building.vibration, lambda scene: scene.actuator is not None),
+    "completing": PartEntry(building.completing, lambda _: True),
     "listening": PartEntry(
-        "mmt.leader.listening:ListeningPart",
+        building.listening,
         lambda scene: scene.listening is not None,
         ("listening",),
     ),
-    "sharing": PartEntry(
-        "mmt.leader.sharing:SharingPart", lambda scene: scene.sharing is not None, ("sharing",)
-    ),
-    "control": PartEntry("mmt.leader.control:ControlPart", lambda scene: scene.control is not None),
-    "metrics": PartEntry("mmt.leader.metrics:MetricsPart", lambda scene: scene.metrics is not None),
-    "monitor": PartEntry(
-        "mmt.leader.monitoring:MonitorPart", lambda scene: scene.monitor is not None, ("monitor",)
-    ),
+    "sharing": PartEntry(building.sharing, lambda scene: scene.sharing is not None, ("sharing",)),
+    "control": PartEntry(building.control, lambda scene: scene.control is not None),
+    "metrics": PartEntry(building.metrics, lambda scene: scene.metrics is not None),
+    "monitor": PartEntry(building.monitor, lambda scene: scene.monitor is not None, ("monitor",)),
 }
-"""By name: the part's home, and which scenes have it."""
+"""By name: how the part is made, and which scenes have it."""
 
 
 def _with_added(own: dict[str, PartEntry]) -> dict[str, PartEntry]:
@@ -92,9 +84,16 @@ def _with_added(own: dict[str, PartEntry]) -> dict[str, PartEntry]:
         for added, part in added_parts().items():
             if part.before == name:
                 has_table = partial(_has_table, name=added)
-                parts[added] = PartEntry(part.home, part.wanted or has_table)
+                parts[added] = PartEntry(partial(_added, part.home), part.wanted or has_table)
         parts[name] = entry
     return parts
+
+
+def _added(home: str, session: Session, parts: LeaderParts) -> Part | None:
+    """Make another package's part, by `build(session, parts)` of its class."""
+    module, _, kind = home.partition(":")
+    part: Part | None = getattr(import_module(module), kind).build(session, parts)
+    return part
 
 
 def _has_table(scene: Scene, name: str) -> bool:
@@ -138,17 +137,17 @@ def _takes_a_model(scene: Scene) -> bool:
     return saved or scene.listening is not None
 
 
-def build_parts(session: Session, names: Collection[str] | None = None) -> Parts:
+def build_parts(session: Session, names: Collection[str] | None = None) -> LeaderParts:
     """Import, compile and assemble the parts that a session's scene needs.
 
     Nothing is opened: devices are connected by `Parts.connect`, files are made in `Part.begin`.
     For an experiment in simulated time, `build_parts(Session(scene), ["playout"])` gives the
-    leader's own part by itself: ``.find("playout")``.
+    leader's own part by itself, as its ``playout``.
 
     Parameters
     ----------
     session
-        Session of the run; the parts are added to it.
+        Session of the run; it gets the parts.
     names
         Which ones; None for all that the scene needs.
 
@@ -159,10 +158,10 @@ def build_parts(session: Session, names: Collection[str] | None = None) -> Parts
     MmtError
         A part cannot be made; the message says which and why.
     """
+    session.parts = parts = LeaderParts()
     for name, entry in PARTS.items():
         if (names is None or name in names) and entry.wanted(session.scene):
-            module, _, kind = entry.home.partition(":")
-            part: Part | None = getattr(import_module(module), kind).build(session)
+            part = entry.build(session, parts)
             if part is not None:
-                session.parts.add(name, part)
-    return session.parts
+                parts.add(part)
+    return parts

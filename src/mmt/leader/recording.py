@@ -1,7 +1,7 @@
 """The part that records: the scene's own recording, and those that a person starts."""
 
 import asyncio
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,11 +33,8 @@ class RecordingPart(Part):
         """The one that runs or has failed, None where none does."""
         self._ended: McapRecorder | None = None
         self._failed: list[McapRecorder] = []
-
-    @classmethod
-    def build(cls, session: Session) -> "RecordingPart":
-        """Return the part; no file is made yet."""
-        return cls(session)
+        self.before_end: Callable[[], None] = lambda: None
+        """Called before a recording ends that a person has started."""
 
     @property
     def running(self) -> "McapRecorder | None":
@@ -91,7 +88,7 @@ class RecordingPart(Part):
         recorder = self.running
         if recorder is None:
             raise InputError("no recording runs")
-        self._session.find("completing").record_last()
+        self.before_end()
         self._session.journal.event(f"recording of {recorder.path} ended")
         self.recorder, self._ended = None, recorder
         await asyncio.to_thread(recorder.close)

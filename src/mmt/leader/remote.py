@@ -18,6 +18,8 @@ from mmt.leader.part import Session
 from mmt.scene import LARGEST_SPEED
 
 if TYPE_CHECKING:
+    from mmt.leader.modelling.pipeline import Modelling
+    from mmt.leader.motion.feedback import Feedback
     from mmt.link.clock_exchange import RemoteClock
     from mmt.link.clock_offset import ClockJump
     from mmt.link.http import Page
@@ -34,10 +36,20 @@ class RemoteFollower:
     ----------
     session
         Session of the run; its scene has a link.
+    feedback
+        The leader's side of the force feedback, if there is one.
+    modelling
+        Waits for frames that the follower sends again, if there is one.
     """
 
-    def __init__(self, session: Session) -> None:
+    def __init__(
+        self,
+        session: Session,
+        feedback: "Feedback | None" = None,
+        modelling: "Modelling | None" = None,
+    ) -> None:
         self._session = session
+        self._feedback = feedback
         scene = self._scene = session.scene
         parts = self._parts = session.parts
         journal = self._journal = session.journal
@@ -46,8 +58,10 @@ class RemoteFollower:
         self._numbering = SessionNumbering(round(1e9 / scene.session.rate_hz), self._fastest)
         self._commands = MotionCommands(self._numbering)
         self.backfill = Backfill(
-            scene.keep_frames(), self._numbering, parts, self._request_frames, journal.note
+            scene.keep_frames(), self._numbering, parts.call, self._request_frames, journal.note
         )
+        if modelling is not None:
+            modelling.wait_for_missing(lambda: self.backfill.missing.first)
         self.server: LeaderServer | None = None
         """None before `listen`."""
         self._clock_notes: ClockNotes | None = None
@@ -119,7 +133,7 @@ class RemoteFollower:
             session_id=self._log.session_id,
             network=emulated_network(self._scene, "down", self._journal.event),
             pages=pages,
-            extra=extra_event(getattr(self._parts.find("force_feedback"), "feedback", None)),
+            extra=extra_event(self._feedback),
         )
         self._clock_notes = ClockNotes(self.server.clock, self._journal.record)
         await self.server.start()

@@ -4,7 +4,7 @@ import logging
 import uuid
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core import logs
 from mmt.core.process import ProcessMeter
@@ -17,23 +17,13 @@ if TYPE_CHECKING:
 LOG: Final = logging.getLogger("mmt.leader")
 
 
-class PartCaller(Protocol):
-    """The parts of a run, as those see them that tell the parts something."""
-
-    def call(self, verb: str, *arguments: object) -> None:
-        """Call a verb of every part that overrides it."""
-
-    def find(self, name: str) -> Any:
-        """Return a part by its name, None where the scene leaves it out."""
-
-
 class Journal:
     """Tell and record events, each with its session time.
 
     Parameters
     ----------
-    parts
-        Are told of every event.
+    tell
+        Called with every event, and its sentence if a person is told.
     say
         Called with a sentence that a person wants to know.
     time_s
@@ -41,10 +31,13 @@ class Journal:
     """
 
     def __init__(
-        self, parts: PartCaller, say: Callable[[str], None], time_s: Callable[[], float]
+        self,
+        tell: Callable[[dict[str, Any], str | None], None],
+        say: Callable[[str], None],
+        time_s: Callable[[], float],
     ) -> None:
         self.say = say
-        self._parts = parts
+        self._tell_parts = tell
         self._time_s = time_s
 
     @property
@@ -70,7 +63,7 @@ class Journal:
             self.record({"event": sentence, **details})
 
     def _tell(self, event: dict[str, Any], sentence: str | None) -> None:
-        self._parts.call("on_event", {"time_s": self.time_s, **event}, sentence)
+        self._tell_parts({"time_s": self.time_s, **event}, sentence)
 
 
 @dataclass

@@ -12,7 +12,7 @@ from mmt.core.errors import MmtError
 from mmt.core.kernel_cache import Compilation
 from mmt.core.process import prefer_even_ticks
 from mmt.core.ticking import Ticker
-from mmt.leader.part import Parts, Session, Tick
+from mmt.leader.part import Session, Tick
 from mmt.leader.parts import build_parts
 from mmt.leader.remote import RemoteFollower
 from mmt.leader.run_log import LOG
@@ -65,10 +65,15 @@ class Leader:
         self.ending = self.session.ending
         self.ticks = 0
         """Ticks so far, missed ones counted."""
-        self.parts: Parts = build_parts(self.session)
+        self.parts = build_parts(self.session)
         self._remote: RemoteFollower | None = None
         if scene.link is not None:
-            self.session.remote = self._remote = RemoteFollower(self.session)
+            displayed = self.parts.force_feedback
+            self.session.remote = self._remote = RemoteFollower(
+                self.session,
+                displayed.feedback if displayed is not None else None,
+                self.parts.modelling,
+            )
         self.ticker = self.session.ticker = Ticker(self.session.period_ns, self._tick)
         self._now = Tick()
         self._steps: list[Callable[[Tick], None]] = []
@@ -151,7 +156,7 @@ class Leader:
 
     def reset_model(self) -> None:
         """Forget the model and return to streamed vibration, for a new surface."""
-        self.parts.find("completing").reset(self.time_s)
+        self.parts.completing.reset(self.time_s)
 
     def status(self) -> LeaderStatus:
         """Return the live status."""

@@ -24,7 +24,7 @@ from mmt.sharing.store import Entry, ModelStore
 if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
-    from mmt.leader.completing import ModelOutput
+    from mmt.leader.output.model_output import ModelOutput
     from mmt.texture.model.texture_model import TextureModel
 
 _PERIOD_S: Final = 0.05
@@ -43,16 +43,17 @@ class SharingPart(Part):
         Session of the run.
     table
         The scene's ``[sharing]``.
+    completing
+        Has the model.
     """
 
-    def __init__(self, session: Session, table: Sharing) -> None:
+    def __init__(self, session: Session, table: Sharing, completing: "ModelOutput") -> None:
         self._session = session
         self._table = table
         self._publisher = ModelPublisher()
         self._shared: tuple[TextureModel, About] | None = None
         self._state: Tick | None = None
-        self._motion = session.find("motion")
-        self._completing: ModelOutput = session.find("completing")
+        self._completing = completing
         self._process: asyncio.subprocess.Process | None = None
         self.models = 0
         """States of the model that were handed on."""
@@ -62,12 +63,6 @@ class SharingPart(Part):
         """The port that listeners connect to, None before there is one."""
         self.on_control: Callable[[dict[str, Any]], None] = lambda _: None
         """Called with what operators send, where control may be handed over."""
-
-    @classmethod
-    def build(cls, session: Session) -> "SharingPart | None":
-        """Return the part."""
-        table = session.scene.sharing
-        return None if table is None else cls(session, table)
 
     def tasks(self) -> dict[str, Coroutine[Any, Any, None]]:
         """Return the task that hands on what is new."""
@@ -218,7 +213,7 @@ class SharingPart(Part):
             surface=None if update is None else update.surface,
             samples=len(model.samples),
             completion="" if update is None else str(update.progress),
-            complete=log.stop_s is not None or self._session.find("modelling") is None,
+            complete=log.stop_s is not None or self._session.scene.texture is None,
         )
 
     def _packed_state(self, time_s: float) -> bytes | None:

@@ -33,7 +33,7 @@ class AddedPart(NamedTuple):
     """A part of the leader from another package."""
 
     home: str
-    """The module and the class, as of `mmt.leader.parts.PartEntry`."""
+    """The module and the class, which has `build(session, parts)`: the part, or None for none."""
     before: str
     """The core's part before whose verbs this one's are called."""
     table: type[AddedTable] | None = None

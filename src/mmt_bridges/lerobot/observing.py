@@ -15,6 +15,8 @@ from mmt_bridges.lerobot.handle import ActionHandle
 if TYPE_CHECKING:
     import asyncio
 
+    from mmt.leader.motion.hand import HandPart
+
 LONGEST_FRAMES: Final = 100
 """The vibration's level is that since the last observation, of so many frames at most."""
 
@@ -27,16 +29,18 @@ class ObservingPart(Part):
     Parameters
     ----------
     session
-        Session of the run; it has a hand.
+        Session of the run.
+    hand
+        Moves the robot.
     ready
         Is set once there are a frame and, where the scene's hand moves the robot, a command.
     """
 
-    def __init__(self, session: Session, ready: "asyncio.Event") -> None:
+    def __init__(self, session: Session, hand: "HandPart", ready: "asyncio.Event") -> None:
         self._session = session
         self._ready = ready
-        self._hand = session.find("hand")
-        device = self._hand.device
+        self._hand = hand
+        device = hand.device
         self._handle = device if isinstance(device, ActionHandle) else None
         channels = session.scene.channels()
         self._fields = [FIELD_OF_CHANNEL[c] for c in channels if c != "acceleration"]

@@ -79,8 +79,10 @@ class _Run:
 
         leader = Leader(self._scene, on_event=_event, compilation=self._compilation)
         ready = asyncio.Event()
-        part = ObservingPart(leader.session, ready)
-        leader.parts.add("lerobot", part)
+        hand = leader.parts.hand
+        assert hand is not None  # noqa: S101 - the settings give every scene one
+        part = ObservingPart(leader.session, hand, ready)
+        leader.parts.add(part)
         stop_on_signals(leader.stop)
         tasks: list[asyncio.Task[None]] = []
         requests = asyncio.create_task(_answer(leader, part, ready))

@@ -4,6 +4,7 @@ import asyncio
 from typing import Final
 
 from mmt.core.extras import require
+from mmt.leader.building import LeaderParts
 from mmt.leader.part import Session
 from mmt.leader.publishing import PublishingPart
 from mmt_bridges.lsl.streams import Streams
@@ -32,7 +33,7 @@ class LslPart(PublishingPart[Streams]):
         self._stream_name = table.name
 
     @classmethod
-    def build(cls, session: Session) -> "LslPart | None":
+    def build(cls, session: Session, parts: LeaderParts) -> "LslPart | None":
         """Return the part.
 
         Raises
@@ -40,6 +41,7 @@ class LslPart(PublishingPart[Streams]):
         InputError
             pylsl is not installed.
         """
+        _ = parts
         table = session.scene.table(Lsl)
         if table is None:
             return None

@@ -26,7 +26,8 @@ from mmt.session.data import to_json
 from mmt_bridges.ros.table import Ros
 
 if TYPE_CHECKING:
-    from mmt.leader.completing import ModelOutput
+    from mmt.leader.building import LeaderParts
+    from mmt.leader.output.model_output import ModelOutput
     from mmt.texture.model.texture_model import TextureModel
 
 _LEAVE_S: Final = 3.0
@@ -42,21 +43,23 @@ class RosPart(PublishingPart["RosProcess"]):
         Session of the run.
     table
         The scene's ``[ros]``.
+    completing
+        Has the model.
     """
 
     table = "ros"
     compared = ("UTC compared", "utc_ahead_ns")
 
-    def __init__(self, session: Session, table: Ros) -> None:
+    def __init__(self, session: Session, table: Ros, completing: "ModelOutput") -> None:
         super().__init__(session, table.chunk_ms)
         self._namespace = table.namespace
-        self._completing: ModelOutput = session.find("completing")
+        self._completing = completing
         self._model: TextureModel | None = None
         self._models: deque[TextureModel] = deque(maxlen=1)
         self._pushed["models"] = 0
 
     @classmethod
-    def build(cls, session: Session) -> "RosPart | None":
+    def build(cls, session: Session, parts: "LeaderParts") -> "RosPart | None":
         """Return the part.
 
         Raises
@@ -74,7 +77,7 @@ class RosPart(PublishingPart["RosProcess"]):
                 f"{sys.version_info.minor})"
             )
         require("rosbags")
-        return cls(session, table)
+        return cls(session, table, parts.completing)
 
     def connect(self) -> None:
         """Start the process, which makes the topics.

@@ -10,9 +10,9 @@ import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
 from mmt.evaluation.levels import root_mean_square
-from mmt.leader.concealment import Concealment, Continuation, FadeOut, backwards, modelled
-from mmt.leader.playout import PlayoutBuffer
-from mmt.leader.stream import StreamedVibration
+from mmt.leader.output.concealment import Concealment, Continuation, FadeOut, backwards, modelled
+from mmt.leader.output.playout import PlayoutBuffer
+from mmt.leader.output.stream import StreamedVibration
 from mmt.texture.signals.amplitude_spectra import amplitude_spectra
 from mmt.texture.signals.metrics import gfc_of_rows, power_error_db
 from mmt_lab.bench.measuring import spread

@@ -19,7 +19,7 @@ from mmt.core.archives import load_arrays
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.core.frames import empty_frames
-from mmt.leader.feedback_model import ModelForce
+from mmt.leader.motion.feedback_model import ModelForce
 from mmt_lab.feedback.sides import (
     PASSIVITY,
     Display,

@@ -7,10 +7,9 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
-from mmt.leader.part import Parts, Session
+from mmt.leader.building import LeaderParts
+from mmt.leader.part import Session
 from mmt.leader.parts import build_parts
-from mmt.leader.stream import StreamedVibration
-from mmt.leader.vibration import VibrationSwitch
 from mmt.scene import Actuator, Hand, Link, Playout, Rendering, Scene, Simulated, Texture
 from mmt.scene import Session as SessionTable
 from mmt.testing.simulation import PERIOD_NS, RATE_HZ
@@ -72,8 +71,9 @@ def led(passage: Passage, models: Mapping[int, TextureModel] | None, seed: int) 
     """
     ticks = len(passage.frames)
     parts = _leader(seed, renders=models is not None)
-    stream: StreamedVibration = parts.find("playout")
-    switch: VibrationSwitch = parts.find("vibration").switch
+    stream, vibration, rendering = parts.playout, parts.vibration, parts.synthesizing
+    assert stream is not None and vibration is not None  # noqa: S101, PT018 - the scene has both
+    switch = vibration.switch
     directed = not passage.surface.isotropic
     drives = passage.velocity_mm_s.T if directed else passage.speed_mm_s[None]
     inputs = np.vstack([drives, passage.force_n])
@@ -82,8 +82,8 @@ def led(passage: Passage, models: Mapping[int, TextureModel] | None, seed: int) 
     output = np.empty(ticks)
     taken, start_s = 0, None
     for tick in range(ticks):
-        if models is not None and tick in models:
-            parts.find("synthesizing").synthesizer.model = models[tick]
+        if models is not None and rendering is not None and tick in models:
+            rendering.synthesizer.model = models[tick]
             switch.use_model(True)
             start_s = tick / RATE_HZ if start_s is None else start_s
         for index in order[taken : arrived[tick]]:
@@ -93,7 +93,7 @@ def led(passage: Passage, models: Mapping[int, TextureModel] | None, seed: int) 
     return Felt(output, start_s)
 
 
-def _leader(seed: int, *, renders: bool) -> Parts:
+def _leader(seed: int, *, renders: bool) -> LeaderParts:
     """Return the leader's own parts that play, with the scene's defaults."""
     scene = Scene(
         session=SessionTable(seed=seed),

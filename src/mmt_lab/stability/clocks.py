@@ -11,7 +11,7 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.core.ticking import Ticker
 from mmt.leader.numbering import SessionNumbering
-from mmt.leader.playout import PlayoutBuffer
+from mmt.leader.output.playout import PlayoutBuffer
 from mmt_lab.stability.cases import Case, Outcome
 from mmt_lab.stability.fake_time import FakeClock, run_in_fake_time
 from mmt_lab.stability.uptime import PERIOD_NS, stroke_pattern

@@ -17,7 +17,7 @@ import numpy as np
 from mmt.core.arrays import RecordArray, Vector
 from mmt.devices.protocols import InterfaceState
 from mmt.follower.service import Follower
-from mmt.leader.force_ramp import RAMP_TICKS
+from mmt.leader.motion.force_ramp import RAMP_TICKS
 from mmt.leader.service import Leader
 from mmt.scene import Hand, Link
 from mmt.scene.files import scene_from_tables
@@ -184,7 +184,10 @@ async def _hold_up_ticks() -> Outcome:
         "force_feedback": {},
     }
     leader = Leader(scene_from_tables(tables))
-    handle: PressingHandle = leader.parts.find("hand").handle.device
+    hand = leader.parts.hand
+    assert hand is not None and hand.handle is not None  # noqa: S101, PT018
+    handle = hand.handle.device
+    assert isinstance(handle, PressingHandle)  # noqa: S101 - as the scene has it
     ready = asyncio.Event()
     leading = asyncio.create_task(leader.run(ready.set))
     await ready.wait()

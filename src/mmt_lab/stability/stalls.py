@@ -10,7 +10,7 @@ import numpy as np
 from mmt.core.frames import COMMAND_DTYPE
 from mmt.devices.protocols import Vector
 from mmt.follower.command_guard import CommandGuard
-from mmt.leader.force_ramp import RAMP_TICKS, ForceRamp
+from mmt.leader.motion.force_ramp import RAMP_TICKS, ForceRamp
 from mmt.scene import Link
 from mmt_lab.stability.cases import Case, Outcome
 

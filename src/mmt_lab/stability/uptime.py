@@ -13,12 +13,12 @@ import psutil
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import empty_frames
 from mmt.core.ticking import Ticker
-from mmt.leader.feedback import StreamedForce
-from mmt.leader.frame_queue import FrameQueue
+from mmt.leader.modelling.frame_queue import FrameQueue
+from mmt.leader.motion.feedback import StreamedForce
 from mmt.leader.numbering import SessionNumbering
-from mmt.leader.playout import PlayoutBuffer
-from mmt.leader.stream import StreamedVibration
-from mmt.leader.vibration import VibrationSwitch
+from mmt.leader.output.playout import PlayoutBuffer
+from mmt.leader.output.stream import StreamedVibration
+from mmt.leader.output.vibration import VibrationSwitch
 from mmt.testing.simulation.actuator import SimulatedActuator
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.settings import ModellingSettings

@@ -28,6 +28,9 @@ from mmt_methods.generators.vibration import GeneratedVibration
 if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
+    from mmt.leader.building import LeaderParts
+    from mmt.leader.modelling.pipeline import Modelling
+    from mmt.leader.output.model_crossfade import Renderer
     from mmt.texture.online.work import Work
 
 _LONGEST_START_S: Final = 120.0
@@ -45,6 +48,10 @@ class GeneratingPart(Part):
         Session of the run.
     generator
         The generator's name, as the scene has it.
+    modelling
+        Its samples are handed on.
+    synthesizer
+        Renders until the generator does, and once it has failed.
 
     Raises
     ------
@@ -52,12 +59,17 @@ class GeneratingPart(Part):
         There is no such generator.
     """
 
-    def __init__(self, session: Session, generator: str) -> None:
+    def __init__(
+        self,
+        session: Session,
+        generator: str,
+        modelling: "Modelling",
+        synthesizer: "Renderer",
+    ) -> None:
         self._session, self._generator = session, generator
         self._origin = origin(generator)
         table = session.scene.rendering
         fade = round(table.crossfade_ms * session.rate_hz / 1000) if table is not None else 0
-        synthesizer = session.find("synthesizing").synthesizer
         self.vibration = GeneratedVibration(generator, synthesizer, fade)
         self._crossfade_samples = fade
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
@@ -72,10 +84,10 @@ class GeneratingPart(Part):
         self._ended = False
         self._ready: tuple[float, float] | None = None  # when, and the processor time until then
         self._cost: dict[str, float] = {}
-        session.find("modelling").on_work = self._feed
+        modelling.on_work = self._feed
 
     @classmethod
-    def build(cls, session: Session) -> "GeneratingPart | None":
+    def build(cls, session: Session, parts: "LeaderParts") -> "GeneratingPart | None":
         """Return the part; no process is started yet.
 
         Raises
@@ -83,10 +95,11 @@ class GeneratingPart(Part):
         InputError
             There is no such generator.
         """
-        table = session.scene.rendering
-        if table is None or table.generator is None:
+        table, modelling, rendering = session.scene.rendering, parts.modelling, parts.synthesizing
+        if table is None or table.generator is None or modelling is None or rendering is None:
             return None
-        return cls(session, table.generator)
+        made = parts.generating = cls(session, table.generator, modelling, rendering.synthesizer)
+        return made
 
     @property
     def name(self) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.ticking import TimeHistogram
-from mmt.leader.model_crossfade import Renderer, crossfaded
+from mmt.leader.output.model_crossfade import Renderer, crossfaded
 
 BLOCK_SAMPLES: Final = 10
 

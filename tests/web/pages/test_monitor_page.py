@@ -110,7 +110,7 @@ class Leading:
         frames["sequence"] += self._sent
         frames["time_ns"] += 1_000_000 * self._sent
         self._sent += len(frames)
-        modelling = self.service.parts.find("modelling")
+        modelling = self.service.parts.modelling
         assert modelling is not None
         for second in np.array_split(frames, round(seconds)):
             self.service.parts.on_frames(second, 0)
@@ -296,7 +296,7 @@ async def test_a_person_hands_control_over_and_takes_it_back(
     monkeypatch.setenv("MMT_CONTROL_TOKEN", TOKEN)
     tables = {"sharing": {"port": 0}, "control": {"silence_ms": 5000}}
     async with a_page(browser, TABLET) as (page, problems), Leading(more=tables) as leading:
-        control = leading.service.parts.find("control")
+        control = leading.service.parts.control
         await page.goto(leading.url)
         await shows(page, "#control-text", "The leader's hand moves the robot.")
         await api.expect(page.locator("#take-back")).to_be_disabled()
@@ -403,7 +403,7 @@ async def test_a_person_sees_who_listens(browser: Any) -> None:
     ready = asyncio.Event()
     running = asyncio.create_task(shared.run(ready.set))
     await ready.wait()
-    part = shared.parts.find("sharing")
+    part = shared.parts.sharing
     follower = Follower(scene(), f"http://127.0.0.1:{shared.port}")
     async with a_page(browser, DESKTOP, "light") as (page, problems):
         await page.goto(f"http://127.0.0.1:{shared.port}/monitor/")

@@ -12,7 +12,7 @@ from mmt.core.frames import empty_frames
 from mmt.devices.protocols import InterfaceState, Vector
 from mmt.evaluation.document import Picture
 from mmt.evaluation.report_files import picture
-from mmt.leader.feedback import StreamedForce
+from mmt.leader.motion.feedback import StreamedForce
 from mmt.scene import Hand, Simulated
 from mmt.testing.simulation import PERIOD_S
 from mmt.testing.simulation.hand import SimulatedHand

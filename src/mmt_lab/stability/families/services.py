@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import RecordArray
-from mmt.leader.frame_queue import FrameQueue
-from mmt.leader.stream import StreamedMotion
+from mmt.leader.modelling.frame_queue import FrameQueue
+from mmt.leader.output.stream import StreamedMotion
 from mmt.texture.signals.filtering import StreamFilter
 from mmt_lab.stability import uptime
 from mmt_lab.stability.cases import Case, Family, Outcome

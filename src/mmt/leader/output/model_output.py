@@ -1,58 +1,34 @@
-"""The task that judges how complete each new model is, and the switch of the output to it."""
+"""The part that puts each new model to use, and switches the output to it."""
 
-from collections.abc import Callable
-from concurrent.futures import Executor
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal, Protocol
 
 from mmt.core.errors import InputError
 from mmt.leader.part import Part, Session
-from mmt.leader.stage import Activity, Item, ItemQueue, StageTask
 from mmt.texture.signals.faults import SignalFaults
 
 if TYPE_CHECKING:
-    from mmt.leader.synthesizing import SynthesizingPart
-    from mmt.leader.vibration import VibrationPart
+    from mmt.leader.modelling.pipeline import Modelling
+    from mmt.leader.output.synthesis import SynthesizingPart
+    from mmt.leader.output.vibration import SynthesizedVibration, VibrationPart
+    from mmt.leader.recording import RecordingPart
     from mmt.session.recorder import McapRecorder
     from mmt.texture.model.texture_model import TextureModel
-    from mmt.texture.online.work import ModelUpdate, Work
-
-
-def _judge(work: "Work") -> None:
-    work.modeller.judge(work)
+    from mmt.texture.online.work import ModelUpdate
 
 
 class OtherGenerator(Protocol):
     """What renders in the model's place by another method."""
+
+    @property
+    def vibration(self) -> "SynthesizedVibration":
+        """What it renders."""
 
     def take_over(self) -> None:
         """Render, since the start criterion is met."""
 
     def reset(self) -> None:
         """Start anew."""
-
-
-class ModelSource(Protocol):
-    """What the models come from; see `mmt.leader.modelling.Modelling`."""
-
-    def reset(self) -> None:
-        """Start a new model."""
-
-    def models(self) -> "dict[int, TextureModel]":
-        """Return the model of each surface by number."""
-
-
-class CompletingTask(StageTask):
-    """Judge the model of one update after the other; parameters as of `StageTask`."""
-
-    def __init__(
-        self,
-        worker: Executor,
-        queue: ItemQueue,
-        activity: Activity,
-        deliver: Callable[[Item], None],
-    ) -> None:
-        super().__init__((_judge,), worker, queue, activity, deliver)
 
 
 class ModelOutput(Part):
@@ -62,9 +38,27 @@ class ModelOutput(Part):
     ----------
     session
         Session of the run.
+    recording
+        Gets the models and events, while it records.
+    modelling
+        What the models come from.
+    synthesizing
+        What they are rendered by.
+    generating
+        Another method's generator that is rendered by instead.
+    vibration
+        Plays it, or the stream.
     """
 
-    def __init__(self, session: Session) -> None:
+    def __init__(
+        self,
+        session: Session,
+        recording: "RecordingPart | None" = None,
+        modelling: "Modelling | None" = None,
+        synthesizing: "SynthesizingPart | None" = None,
+        generating: "OtherGenerator | None" = None,
+        vibration: "VibrationPart | None" = None,
+    ) -> None:
         self._session = session
         self._log = session.log
         self._event = session.journal.event
@@ -73,24 +67,25 @@ class ModelOutput(Part):
         self._rendered: int | None = None  # the surface whose model is rendered
         self._recorded: dict[int, TextureModel] = {}  # by surface, into:
         self._recorder: McapRecorder | None = None
-        self._synthesizing: SynthesizingPart | None = session.find("synthesizing")
-        self._generating: OtherGenerator | None = session.find("generating")
-        self._vibration: VibrationPart | None = session.find("vibration")
-        self._modelling: ModelSource | None = session.find("modelling")
+        self._recording, self._modelling = recording, modelling
+        self._synthesizing, self._generating = synthesizing, generating
+        self._vibration = vibration
+        if recording is not None:
+            recording.before_end = self.record_last
         self.takes_over = self.rendered is not None
         """Whether the model is good enough to be rendered, whatever a person holds on to."""
         self.forced: Literal["streamed", "synthesized"] | None = None
         """Which vibration a person holds on to, None where the criterion decides."""
 
-    @classmethod
-    def build(cls, session: Session) -> "ModelOutput":
-        """Return the part; it also runs where only a saved model is rendered."""
-        return cls(session)
-
     @property
     def rendered(self) -> "TextureModel | None":
         """The model that is rendered, or would be."""
         return None if self._synthesizing is None else self._synthesizing.synthesizer.model
+
+    @property
+    def renders(self) -> bool:
+        """Whether vibration can be rendered from a model."""
+        return self._synthesizing is not None
 
     @property
     def newest(self) -> "TextureModel | None":
@@ -208,7 +203,7 @@ class ModelOutput(Part):
         update, synthesizing = self._log.update, self._synthesizing
         if self._vibration is None:
             raise InputError("this scene plays no vibration: it has no [actuator]")
-        if mode == "streamed" and self._session.find("playout") is None:
+        if mode == "streamed" and not self._vibration.switch.streams:
             raise InputError("this scene streams no vibration: it has no [playout]")
         if mode == "synthesized":
             if synthesizing is None:
@@ -249,7 +244,7 @@ class ModelOutput(Part):
 
     @property
     def _running_recorder(self) -> "McapRecorder | None":
-        return getattr(self._session.find("recording"), "recorder", None)
+        return None if self._recording is None else self._recording.recorder
 
     def _record(self, update: "ModelUpdate") -> None:
         recorder, model, surface = self._running_recorder, update.model, update.surface

@@ -3,15 +3,17 @@
 from typing import TYPE_CHECKING, Any, Literal
 
 from mmt.core.arrays import RecordArray
-from mmt.leader.feedback import Feedback, ForceDisplay, StreamedForce
-from mmt.leader.force_ramp import FADE_TICKS, SILENCE_TICKS
+from mmt.leader.motion.feedback import Feedback, ForceDisplay, StreamedForce
+from mmt.leader.motion.force_ramp import FADE_TICKS, SILENCE_TICKS
+from mmt.leader.motion.slew import SlewLimitedDisplay
 from mmt.leader.part import Part, Session, Tick
-from mmt.leader.slew import SlewLimitedDisplay
 from mmt.scene import ForceFeedback, Texture
 
 if TYPE_CHECKING:
     from mmt.contact.passivity import PassivitySettings
-    from mmt.leader.feedback_model import ModelSettings
+    from mmt.leader.motion.feedback_model import ModelSettings
+    from mmt.leader.motion.hand import HandPart
+    from mmt.leader.motion.operating import OperatingPart
 
 
 class ForceFeedbackPart(Part):
@@ -36,18 +38,20 @@ class ForceFeedbackPart(Part):
         self._given_ticks = 0
 
     @classmethod
-    def build(cls, session: Session) -> "ForceFeedbackPart | None":
+    def build(
+        cls, session: Session, hand: "HandPart | None", operating: "OperatingPart | None"
+    ) -> "ForceFeedbackPart | None":
         """Return the scene's method, None where there is no hand to display to."""
-        table, hand = session.scene.force_feedback, session.find("hand")
+        table = session.scene.force_feedback
         if table is None or hand is None:
             return None
         normal = (session.scene.texture or Texture()).normal
-        operating = session.find("operating")
-        display, slew = hand.device, None
+        display: ForceDisplay = hand.device
+        slew = None
         if table.slew_n_s != "off":
             display = slew = SlewLimitedDisplay(display, table.slew_n_s / session.rate_hz)
         if operating is not None:
-            from mmt.leader.feedback_shared import SharedContactForce
+            from mmt.leader.motion.feedback_shared import SharedContactForce
 
             passivity = _passivity(table, 1.0 / session.rate_hz)
             settings = _model_settings(table, passivity, normal)
@@ -111,7 +115,7 @@ def build_feedback(
         return StreamedForce(interface, limit_n=table.limit_n, silence_ticks=silence_ticks)
     passivity = _passivity(table, 1.0 / rate_hz)
     if table.method == "passive":
-        from mmt.leader.feedback_passive import PassiveForce
+        from mmt.leader.motion.feedback_passive import PassiveForce
 
         return PassiveForce(
             interface,
@@ -120,7 +124,7 @@ def build_feedback(
             silence_ticks=silence_ticks,
             opening_j=opening_j,
         )
-    from mmt.leader.feedback_model import ModelForce
+    from mmt.leader.motion.feedback_model import ModelForce
 
     return ModelForce(
         interface,
@@ -136,7 +140,7 @@ def _model_settings(
 ) -> "ModelSettings":
     from mmt.contact.estimation import EstimationSettings
     from mmt.contact.rendering import RenderingSettings
-    from mmt.leader.feedback_model import ModelSettings
+    from mmt.leader.motion.feedback_model import ModelSettings
 
     tick_s = passivity.tick_s
     return ModelSettings(

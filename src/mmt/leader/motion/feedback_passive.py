@@ -10,9 +10,9 @@ from mmt.contact.passivity import PassivitySettings
 from mmt.core.arrays import RecordArray
 from mmt.core.feedback_records import ENERGY, ENERGY_DTYPE
 from mmt.devices.protocols import InterfaceState
-from mmt.leader.feedback import ForceDisplay, StreamedForce
-from mmt.leader.force_ramp import SILENCE_TICKS
-from mmt.leader.passivity_ports import PassivityPorts
+from mmt.leader.motion.feedback import ForceDisplay, StreamedForce
+from mmt.leader.motion.force_ramp import SILENCE_TICKS
+from mmt.leader.motion.passivity_ports import PassivityPorts
 
 
 class PassiveForce(StreamedForce):

@@ -3,7 +3,7 @@
 from typing import Any
 
 from mmt.devices.protocols import Vector
-from mmt.leader.clutch import Clutch
+from mmt.leader.motion.clutch import Clutch
 from mmt.leader.part import Part, Session, Tick
 from mmt.scene.sharing_tables import Operating
 from mmt.sharing.control_messages import ControlNews, control_access
@@ -32,18 +32,6 @@ class OperatingPart(Part):
         self._news: ControlNews | None = None
         self._clutch: Clutch | None = None
         self._grants = 0
-
-    @classmethod
-    def build(cls, session: Session) -> "OperatingPart | None":
-        """Return the part.
-
-        Raises
-        ------
-        InputError
-            There is no token for control.
-        """
-        table = session.scene.operating
-        return None if table is None else cls(session, table)
 
     def toggle(self) -> None:
         """Ask for control, or give it back."""

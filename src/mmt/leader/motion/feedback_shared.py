@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any, Final
 from mmt.contact.rendering import LocalContact
 from mmt.core.arrays import RecordArray
 from mmt.devices.protocols import InterfaceState, Vector
-from mmt.leader.feedback import ForceDisplay, StreamedForce, limited
-from mmt.leader.feedback_model import ModelSettings
-from mmt.leader.passivity_ports import PassivityPorts
+from mmt.leader.motion.feedback import ForceDisplay, StreamedForce, limited
+from mmt.leader.motion.feedback_model import ModelSettings
+from mmt.leader.motion.passivity_ports import PassivityPorts
 
 if TYPE_CHECKING:
-    from mmt.leader.operating import OperatingPart
+    from mmt.leader.motion.operating import OperatingPart
 
 _M: Final = 1e-3
 _SILENCE_TICKS: Final = 300

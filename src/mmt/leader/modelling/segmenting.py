@@ -13,8 +13,8 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Final
 
 from mmt.core.arrays import RecordArray
-from mmt.leader.frame_queue import FrameQueue
-from mmt.leader.stage import Activity, Figures, InFlight, Item
+from mmt.leader.modelling.frame_queue import FrameQueue
+from mmt.leader.modelling.stage import Activity, Figures, InFlight, Item
 
 if TYPE_CHECKING:
     from mmt.texture.online.modeller import OnlineModeller

@@ -10,9 +10,9 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.arrays import RecordArray
-from mmt.leader.concealment import LONGEST_SAMPLES, build_concealment
+from mmt.leader.output.concealment import LONGEST_SAMPLES, build_concealment
+from mmt.leader.output.playout import PlayoutBuffer
 from mmt.leader.part import Part, Session
-from mmt.leader.playout import PlayoutBuffer
 from mmt.scene import Texture
 from mmt.texture.settings import Axis, VibrationAxis
 from mmt.texture.signals.biquad import BiquadFilter, bessel_low_pass, butterworth_high_pass

@@ -7,7 +7,7 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.devices.protocols import InterfaceState, Vector
-from mmt.leader.force_ramp import SILENCE_TICKS, ForceRamp
+from mmt.leader.motion.force_ramp import SILENCE_TICKS, ForceRamp
 
 
 class Feedback(Protocol):

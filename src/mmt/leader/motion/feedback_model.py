@@ -14,9 +14,9 @@ from mmt.contact.rendering import LocalContact, RenderingSettings
 from mmt.core.arrays import RecordArray
 from mmt.core.feedback_records import CONTACT, CONTACT_DTYPE
 from mmt.devices.protocols import InterfaceState, Vector
-from mmt.leader.feedback import ForceDisplay, StreamedForce, limited
-from mmt.leader.force_ramp import SILENCE_TICKS
-from mmt.leader.passivity_ports import PassivityPorts
+from mmt.leader.motion.feedback import ForceDisplay, StreamedForce, limited
+from mmt.leader.motion.force_ramp import SILENCE_TICKS
+from mmt.leader.motion.passivity_ports import PassivityPorts
 
 _M: Final = 1e-3
 _HANDOVER_S: Final = 0.02

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from concurrent.futures import Executor
 from typing import TYPE_CHECKING
 
-from mmt.leader.stage import Activity, Item, ItemQueue, StageTask
+from mmt.leader.modelling.stage import Activity, Item, ItemQueue, StageTask
 
 if TYPE_CHECKING:
     from mmt.texture.online.work import Work

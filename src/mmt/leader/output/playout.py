@@ -2,8 +2,8 @@
 
 Samples are played in the order of their sequence numbers, one a tick, a delay after the
 quickest frame would have arrived. The delay follows the jitter that is seen. A sample that is
-missing when its turn comes is concealed (`mmt.leader.concealment`); when the stream stops, the
-buffer runs empty and the output falls silent, so that nothing older than the buffer is ever
+missing when its turn comes is concealed (`mmt.leader.output.concealment`); when the stream stops,
+the buffer runs empty and the output falls silent, so that nothing older than the buffer is ever
 played. A step in either clock is noticed, the follower's by its sequence numbers and the
 leader's by its ticks, and the clocks are compared anew.
 """
@@ -13,7 +13,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from mmt.leader.concealment import Concealment, FadeOut
+from mmt.leader.output.concealment import Concealment, FadeOut
 
 _RING: Final = 4096
 _WINDOW_TICKS: Final = 2000

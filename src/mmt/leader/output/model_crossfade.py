@@ -35,6 +35,10 @@ class Renderer(Protocol):
     def render(self, *inputs: FloatArray) -> FloatArray:
         """Return the next n samples in m/s2."""
 
+
+class RestartedRenderer(Renderer, Protocol):
+    """One that begins anew with each surface's model."""
+
     def reset(self) -> None:
         """Begin anew."""
 
@@ -52,7 +56,9 @@ class ModelCrossfade:
         Length of a fade; 0 switches at once.
     """
 
-    def __init__(self, one: Renderer, other: Renderer, *, crossfade_samples: int) -> None:
+    def __init__(
+        self, one: RestartedRenderer, other: RestartedRenderer, *, crossfade_samples: int
+    ) -> None:
         self._current, self._other = one, other
         self._length = crossfade_samples
         self._left = 0

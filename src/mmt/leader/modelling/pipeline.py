@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING, Any, Final
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.core.kernel_cache import LONGEST_COMPILATION_S, Compilation
-from mmt.leader.completing import CompletingTask
-from mmt.leader.fitting import FittingTask
+from mmt.leader.modelling.completing import CompletingTask
+from mmt.leader.modelling.fitting import FittingTask
+from mmt.leader.modelling.segmenting import LONGEST_QUEUE_S, SegmentingTask
+from mmt.leader.modelling.stage import Activity, Figures, InFlight, Item, ItemQueue
+from mmt.leader.modelling.synthesizing import SynthesizingTask
 from mmt.leader.part import Part, Session, Tick
-from mmt.leader.segmenting import LONGEST_QUEUE_S, SegmentingTask
-from mmt.leader.stage import Activity, Figures, InFlight, Item, ItemQueue
-from mmt.leader.synthesizing import SynthesizingTask
 from mmt.texture.online.factory import ModellerFactory
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.online.work import ModelUpdate, Work
@@ -86,7 +86,9 @@ class Modelling(Part):
         """Whether frames are not modelled for now, because a person wants it."""
 
     @classmethod
-    def build(cls, session: Session) -> "Modelling | None":
+    def build(
+        cls, session: Session, on_update: Callable[[ModelUpdate, float], None]
+    ) -> "Modelling | None":
         """Return the modelling of the scene's texture."""
         scene = session.scene
         if scene.texture is None:
@@ -94,7 +96,7 @@ class Modelling(Part):
         made = cls(
             scene.texture.settings(session.rate_hz),
             scene.texture.update_period_s,
-            lambda update, seconds: session.find("completing").update(update, seconds),
+            on_update,
             keep_frames=scene.keep_frames(),
             compilation=session.compilation,
         )
@@ -271,7 +273,7 @@ class Modelling(Part):
     def metrics(self) -> "Iterable[Metric]":
         """Return the model's figures, and those of each task."""
         if self._session is not None:
-            from mmt.leader.metrics import modelling_metrics
+            from mmt.leader.modelling.metrics import modelling_metrics
 
             yield from modelling_metrics(self.figures, self.dropped_frames, self._session.log)
 

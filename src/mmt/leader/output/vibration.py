@@ -9,15 +9,17 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.devices.protocols import VibrationActuator
-from mmt.leader.hand import loss_metrics
+from mmt.leader.motion.hand import loss_metrics
+from mmt.leader.motion.slew import VibrationSlew
 from mmt.leader.part import Part, Session, Tick
-from mmt.leader.slew import VibrationSlew
 from mmt.scene import Actuator, Texture
 
 if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
     from mmt.devices.reconnection import ReconnectingActuator
+    from mmt.leader.output.model_crossfade import Renderer
+    from mmt.leader.output.stream import StreamedMotion, StreamedVibration
 
 Mode = Literal["silent", "streamed", "fading", "synthesized"]
 
@@ -75,7 +77,8 @@ class VibrationSwitch:
         period_ns: int = 1_000_000,
     ) -> None:
         self._streamed = streamed
-        self._synthesized = synthesized
+        self.synthesized: Final = synthesized
+        """What renders, None where nothing does."""
         self._unheard = synthesized if isinstance(synthesized, MotionFollowing) else None
         self._step = 1.0 / crossfade_samples if crossfade_samples > 0 else 1.0
         self._limit = limit_m_s2
@@ -92,9 +95,14 @@ class VibrationSwitch:
             return "synthesized"
         return "streamed" if self._streamed is not None else "silent"
 
+    @property
+    def streams(self) -> bool:
+        """Whether there is streamed vibration."""
+        return self._streamed is not None
+
     def use_model(self, wanted: bool) -> None:
         """Fade to the model's vibration, or back to the streamed one."""
-        self._target = 1.0 if wanted and self._synthesized is not None else 0.0
+        self._target = 1.0 if wanted and self.synthesized is not None else 0.0
 
     def render(self, now_ns: int, *inputs: FloatArray) -> FloatArray:
         """Return the vibration of the elapsed ticks in m/s2, shape (n,).
@@ -109,7 +117,7 @@ class VibrationSwitch:
         count = len(inputs[0])
         output = np.zeros(count)
         if self._share != self._target or self._share > 0.0:
-            model = self._synthesized
+            model = self.synthesized
             synthesized = model.render(*inputs) if model is not None else output
         else:
             synthesized = output
@@ -151,6 +159,8 @@ class VibrationPart(Part):
         The actuator, where it is a driver's, which may be lost and come back.
     slew
         Bounds what is played; None where the scene says that nothing does.
+    motion
+        Drives the model if there is no hand.
     """
 
     def __init__(
@@ -160,6 +170,7 @@ class VibrationPart(Part):
         switch: VibrationSwitch,
         reconnecting: "ReconnectingActuator | None" = None,
         slew: VibrationSlew | None = None,
+        motion: "StreamedMotion | None" = None,
     ) -> None:
         self._session = session
         self.actuator = actuator
@@ -170,15 +181,21 @@ class VibrationPart(Part):
         """Which vibration is played, as of the last tick."""
         normal = (session.scene.texture or Texture()).normal
         self._first, self._second = (k for k, name in enumerate("xyz") if name != normal)
-        self._synthesized = synthesized_by(session)
-        self._motion = session.find("motion")
+        self._motion = motion
         self._on_output: list[Callable[[int, str, FloatArray], None]] = []
         self._loudness = 1.0
         if reconnecting is not None:
             reconnecting.watch(session.journal.event)
 
     @classmethod
-    def build(cls, session: Session) -> "VibrationPart | None":
+    def build(
+        cls,
+        session: Session,
+        playout: "StreamedVibration | None",
+        motion: "StreamedMotion | None",
+        renderer: "Renderer | None",
+        generated: SynthesizedVibration | None,
+    ) -> "VibrationPart | None":
         """Return the scene's actuator and switch.
 
         Raises
@@ -190,21 +207,20 @@ class VibrationPart(Part):
         if table is None:
             return None
         actuator, reconnecting = _actuator(table)
-        playout, synthesizing = session.find("playout"), session.find("synthesizing")
         crossfade_ms = scene.rendering.crossfade_ms if scene.rendering is not None else 0.0
         switch = VibrationSwitch(
             playout.buffer.pull if playout is not None else None,
-            synthesized_by(session),
+            renderer if generated is None else generated,
             crossfade_samples=round(crossfade_ms * session.rate_hz / 1000),
             limit_m_s2=table.limit_m_s2,
             period_ns=session.period_ns,
         )
-        if synthesizing is not None and synthesizing.synthesizer.model is not None:
+        if renderer is not None and renderer.model is not None:
             switch.use_model(True)
         slew = None
         if table.slew_m_s3 != "off":
             slew = VibrationSlew(table.slew_m_s3 / session.rate_hz)
-        return cls(session, actuator, switch, reconnecting, slew)
+        return cls(session, actuator, switch, reconnecting, slew, motion)
 
     @property
     def name(self) -> str:
@@ -304,18 +320,10 @@ class VibrationPart(Part):
 
     def _inputs(self, x_mm_s: float, y_mm_s: float, force_n: float) -> tuple[float, ...]:
         """Return what the present model is a function of."""
-        if self._synthesized is not None and self._synthesized.directed:
+        synthesized = self.switch.synthesized
+        if synthesized is not None and synthesized.directed:
             return x_mm_s, y_mm_s, force_n
         return (x_mm_s * x_mm_s + y_mm_s * y_mm_s) ** 0.5, force_n
-
-
-def synthesized_by(session: Session) -> SynthesizedVibration | None:
-    """Return what renders in this scene, None where nothing does."""
-    generating, synthesizing = session.find("generating"), session.find("synthesizing")
-    if generating is not None:
-        vibration: SynthesizedVibration = generating.vibration
-        return vibration
-    return getattr(synthesizing, "synthesizer", None)
 
 
 def _actuator(table: Actuator) -> "tuple[VibrationActuator, ReconnectingActuator | None]":

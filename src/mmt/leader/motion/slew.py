@@ -2,7 +2,7 @@
 
 from mmt.core.arrays import FloatArray, towards
 from mmt.devices.protocols import Vector
-from mmt.leader.feedback import ForceDisplay
+from mmt.leader.motion.feedback import ForceDisplay
 
 
 class SlewLimitedDisplay:

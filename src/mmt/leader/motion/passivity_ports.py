@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from mmt.contact.passivity import ForcePort, PassivitySettings
 from mmt.devices.protocols import InterfaceState, Vector
-from mmt.leader.feedback import limited
+from mmt.leader.motion.feedback import limited
 
 _M: Final = 1e-3
 _UNLIMITED: Final[Vector] = (math.inf, math.inf, math.inf)

@@ -1,0 +1,197 @@
+"""How each part of the leader is built: imported, and given those before it that it needs."""
+
+from typing import TYPE_CHECKING
+
+from mmt.leader.part import Part, Parts, Session
+
+if TYPE_CHECKING:
+    from mmt.leader.control import ControlPart
+    from mmt.leader.modelling.pipeline import Modelling
+    from mmt.leader.monitoring import MonitorPart
+    from mmt.leader.motion.feedback_part import ForceFeedbackPart
+    from mmt.leader.motion.hand import HandPart
+    from mmt.leader.motion.operating import OperatingPart
+    from mmt.leader.output.model_output import ModelOutput, OtherGenerator
+    from mmt.leader.output.stream import StreamedMotion, StreamedVibration
+    from mmt.leader.output.synthesis import SynthesizingPart
+    from mmt.leader.output.vibration import VibrationPart
+    from mmt.leader.recording import RecordingPart
+    from mmt.leader.sharing import SharingPart
+
+
+class LeaderParts(Parts):
+    """The parts of a leader, those that others need by name; None is left out by the scene."""
+
+    recording: "RecordingPart | None" = None
+    hand: "HandPart | None" = None
+    operating: "OperatingPart | None" = None
+    playout: "StreamedVibration | None" = None
+    motion: "StreamedMotion | None" = None
+    force_feedback: "ForceFeedbackPart | None" = None
+    modelling: "Modelling | None" = None
+    synthesizing: "SynthesizingPart | None" = None
+    generating: "OtherGenerator | None" = None
+    """Is set by what another package adds."""
+    vibration: "VibrationPart | None" = None
+    completing: "ModelOutput"
+    """Every leader has it."""
+    sharing: "SharingPart | None" = None
+    control: "ControlPart | None" = None
+    monitor: "MonitorPart | None" = None
+
+
+def recording(session: Session, parts: LeaderParts) -> Part:
+    """Make the part that records."""
+    from mmt.leader.recording import RecordingPart
+
+    parts.recording = RecordingPart(session)
+    return parts.recording
+
+
+def hand(session: Session, parts: LeaderParts) -> Part | None:
+    """Make the scene's hand or handle."""
+    from mmt.leader.motion.hand import HandPart
+
+    parts.hand = HandPart.build(session)
+    return parts.hand
+
+
+def operating(session: Session, parts: LeaderParts) -> Part | None:
+    """Make the part that moves another leader's robot."""
+    from mmt.leader.motion.operating import OperatingPart
+
+    table = session.scene.operating
+    parts.operating = None if table is None else OperatingPart(session, table)
+    return parts.operating
+
+
+def playout(session: Session, parts: LeaderParts) -> Part | None:
+    """Make the streamed vibration."""
+    from mmt.leader.output.stream import StreamedVibration
+
+    parts.playout = StreamedVibration.build(session)
+    return parts.playout
+
+
+def motion(session: Session, parts: LeaderParts) -> Part | None:
+    """Make the streamed motion."""
+    from mmt.leader.output.stream import StreamedMotion
+
+    parts.motion = StreamedMotion.build(session)
+    return parts.motion
+
+
+def force_feedback(session: Session, parts: LeaderParts) -> Part | None:
+    """Make the display of force."""
+    from mmt.leader.motion.feedback_part import ForceFeedbackPart
+
+    parts.force_feedback = ForceFeedbackPart.build(session, parts.hand, parts.operating)
+    return parts.force_feedback
+
+
+def modelling(session: Session, parts: LeaderParts) -> Part | None:
+    """Make the modelling."""
+    from mmt.leader.modelling.pipeline import Modelling
+
+    parts.modelling = Modelling.build(
+        session,
+        lambda update, seconds: parts.completing.update(update, seconds),  # noqa: PLW0108 - made later
+    )
+    return parts.modelling
+
+
+def synthesizing(session: Session, parts: LeaderParts) -> Part | None:
+    """Make what renders from the model."""
+    from mmt.leader.output.synthesis import SynthesizingPart
+
+    parts.synthesizing = SynthesizingPart.build(session)
+    return parts.synthesizing
+
+
+def vibration(session: Session, parts: LeaderParts) -> Part | None:
+    """Make the actuator and its switch."""
+    from mmt.leader.output.vibration import VibrationPart
+
+    parts.vibration = VibrationPart.build(
+        session,
+        parts.playout,
+        parts.motion,
+        None if parts.synthesizing is None else parts.synthesizing.synthesizer,
+        None if parts.generating is None else parts.generating.vibration,
+    )
+    return parts.vibration
+
+
+def completing(session: Session, parts: LeaderParts) -> Part:
+    """Make what puts models to use."""
+    from mmt.leader.output.model_output import ModelOutput
+
+    parts.completing = ModelOutput(
+        session,
+        parts.recording,
+        parts.modelling,
+        parts.synthesizing,
+        parts.generating,
+        parts.vibration,
+    )
+    return parts.completing
+
+
+def listening(session: Session, parts: LeaderParts) -> Part | None:
+    """Make the part that renders another leader's model."""
+    from mmt.leader.listening import ListeningPart
+
+    table = session.scene.listening
+    if table is None:
+        return None
+    return ListeningPart(session, table, parts.completing, parts.operating)
+
+
+def sharing(session: Session, parts: LeaderParts) -> Part | None:
+    """Make the part that shares the model."""
+    from mmt.leader.sharing import SharingPart
+
+    table = session.scene.sharing
+    parts.sharing = None if table is None else SharingPart(session, table, parts.completing)
+    return parts.sharing
+
+
+def control(session: Session, parts: LeaderParts) -> Part | None:
+    """Make the part that hands over control."""
+    from mmt.leader.control import ControlPart
+
+    table, hand, sharing = session.scene.control, parts.hand, parts.sharing
+    if table is None or hand is None or sharing is None:
+        return None
+    displayed = parts.force_feedback
+    feedback = None if displayed is None else displayed.feedback
+    parts.control = ControlPart(session, table, hand, sharing, feedback)
+    return parts.control
+
+
+def metrics(session: Session, _: LeaderParts) -> Part:
+    """Make the part that serves metrics."""
+    from mmt.leader.metrics import MetricsPart
+
+    return MetricsPart.build(session)
+
+
+def monitor(session: Session, parts: LeaderParts) -> Part | None:
+    """Make the live page."""
+    from mmt.leader.monitoring import MonitorPart, SessionView
+
+    table, recording = session.scene.monitor, parts.recording
+    if table is None or recording is None:
+        return None
+    view = SessionView(
+        session,
+        parts.completing,
+        recording,
+        modelling=parts.modelling,
+        playout=parts.playout,
+        vibration=parts.vibration,
+        sharing=parts.sharing,
+        control=parts.control,
+    )
+    parts.monitor = MonitorPart(session, view, table)
+    return parts.monitor

@@ -1,0 +1,1 @@
+"""Modelling beside the rendering: four tasks, joined by bounded queues."""

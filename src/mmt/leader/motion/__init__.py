@@ -1,0 +1,1 @@
+"""The hand's motion, who moves the robot, and force feedback."""

@@ -1,0 +1,1 @@
+"""Vibration: the stream, the model's, and which of them is played."""
