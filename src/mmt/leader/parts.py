@@ -83,8 +83,8 @@ def _with_added(own: dict[str, PartEntry]) -> dict[str, PartEntry]:
     for name, entry in own.items():
         for added, part in added_parts().items():
             if part.before == name:
-                has_table = partial(_has_table, name=added)
-                parts[added] = PartEntry(partial(_added, part.home), part.wanted or has_table)
+                wanted = partial(_asks_for, key=part.key or added)
+                parts[added] = PartEntry(partial(_added, part.home), wanted)
         parts[name] = entry
     return parts
 
@@ -96,8 +96,11 @@ def _added(home: str, session: Session, parts: LeaderParts) -> Part | None:
     return part
 
 
-def _has_table(scene: Scene, name: str) -> bool:
-    return name in scene.added
+def _asks_for(scene: Scene, key: str) -> bool:
+    """Whether a scene has the table, or the key of a table, ``table.key``."""
+    table, _, field = key.partition(".")
+    found = getattr(scene, table)
+    return found is not None and (not field or getattr(found, field) is not None)
 
 
 PARTS: Final = _with_added(_OWN)

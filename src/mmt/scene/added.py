@@ -5,16 +5,13 @@ that imports nothing of `mmt` but this one, since a scene's tables are made from
 is that of its table, if it has one.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cache
-from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 from mmt.core.errors import InputError
 from mmt.core.plugins import is_own, load, offered
 from mmt.scene.table import PartTable
-
-if TYPE_CHECKING:
-    from mmt.scene.scene import Scene
 
 
 class AddedTable(PartTable):
@@ -38,8 +35,8 @@ class AddedPart(NamedTuple):
     """The core's part before whose verbs this one's are called."""
     table: type[AddedTable] | None = None
     """The table that the part adds to a scene, or None if it adds none."""
-    wanted: "Callable[[Scene], bool] | None" = None
-    """Whether a scene has the part; None for all scenes with its table."""
+    key: str = ""
+    """Key of another table that asks for a part without one, such as ``rendering.generator``."""
 
 
 @cache

@@ -7,5 +7,5 @@ from mmt.scene.added import AddedPart
 PART: Final = AddedPart(
     "mmt_methods.generators.part:GeneratingPart",
     before="vibration",
-    wanted=lambda scene: scene.rendering is not None and scene.rendering.generator is not None,
+    key="rendering.generator",
 )
