@@ -4,6 +4,7 @@ import asyncio
 import errno
 import logging
 import socket
+import threading
 import time
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
@@ -92,7 +93,7 @@ async def connects_within(port: int, timeout_s: float, **access: object) -> None
     scheme = "https" if "authority" in access else "http"
     client = FollowerClient(
         f"{scheme}://127.0.0.1:{port}",
-        hello(),
+        hello(run_id="the follower's"),
         FollowerNotes().events(),
         access=Access(TOKEN, **access),  # type: ignore[arg-type]
     )
@@ -209,13 +210,14 @@ async def test_a_follower_that_was_let_in_stays_whatever_strangers_do(
         await client.disconnect()
 
 
-async def test_a_crowd_comes_in_slowly_while_a_session_goes_on() -> None:
+async def test_a_crowd_comes_in_slowly_while_a_session_goes_on_and_all_are_served() -> None:
+    turn_s = mmt.link.accepting._TURN_S
     async with leader() as server:
 
         async def crowd_s() -> float:
             started_s = time.monotonic()
             async with strangers(
-                server.port, 20, b"GET /health HTTP/1.1\r\nHost: a\r\n\r\n"
+                server.port, 10, b"GET /health HTTP/1.1\r\nHost: a\r\n\r\n"
             ) as all_:
                 await asyncio.gather(*(reader.readline() for reader, _ in all_))
             return time.monotonic() - started_s
@@ -223,8 +225,43 @@ async def test_a_crowd_comes_in_slowly_while_a_session_goes_on() -> None:
         alone_s = min([await crowd_s() for _ in range(3)])
         async with follower(server.port):
             await until(lambda: server.connected)
-            assert await crowd_s() > 19 * 0.02
-        assert alone_s < 19 * 0.02
+            assert await crowd_s() > 8 * turn_s  # the first may come between two turns
+            waiting = asyncio.create_task(crowd_s())
+            await asyncio.sleep(2 * turn_s)
+        await until(lambda: not server.connected)
+        ended_s = time.monotonic()
+        await waiting
+        assert time.monotonic() - ended_s < 5 * turn_s  # nobody waits when nothing is disturbed
+        assert alone_s < 8 * turn_s
+
+
+@pytest.mark.parametrize("kind", ["tokens", "pings"])
+async def test_a_follower_connects_anew_beside_strangers_of_its_address(
+    monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    over = threading.Event()
+
+    def disturb(port: int) -> None:
+        while not over.is_set():
+            disturbing.disturb("127.0.0.1", port, kind)
+
+    async with guarded_leader(monkeypatch) as server:
+        first = FollowerClient(
+            f"http://127.0.0.1:{server.port}",
+            hello(run_id="the follower's"),
+            FollowerNotes().events(),
+            access=Access(TOKEN),
+        )
+        await first.connect(5.0)
+        disturbers = [asyncio.create_task(asyncio.to_thread(disturb, server.port)) for _ in "ab"]
+        try:
+            await asyncio.sleep(0.5)
+            assert server.connected
+            await connects_within(server.port, 5.0)  # it knows that its first connection is dead
+        finally:
+            over.set()
+            await asyncio.gather(*disturbers)
+            await first.disconnect()
 
 
 UPGRADE = (

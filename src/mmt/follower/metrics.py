@@ -56,7 +56,8 @@ async def serve_metrics(run: FollowerRun, port: int, access: Access) -> Listener
     access = Access(access.token)
     application = guarded_application(access)
     metrics_page(registry_of(lambda: _collect(run)))(application, access)
-    listener = Listener(application, replace(FOLLOWERS, address="follower_port of [metrics]"))
+    entrance = replace(FOLLOWERS, address="follower_port of [metrics]")
+    listener = Listener(application, entrance, busy=lambda: run.client.connected)
     await listener.start(HOST, port, access, allowed=False)
     return listener
 

@@ -18,6 +18,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Final
+from weakref import WeakValueDictionary
 
 from aiohttp import web
 from aiohttp.typedefs import Handler
@@ -38,7 +39,9 @@ MOST_OF_ADDRESS: Final = 32
 _MOST_REQUESTS: Final = 20
 """Requests on a connection that is not admitted where it could be; a browser opens another."""
 _SPACING_S: Final = 0.02
-"""Time between two of them while there is something to disturb: each costs half a tick."""
+"""Time between two connections while there is something to disturb: each costs half a tick."""
+_TURN_S: Final = 0.2
+"""The same for two of one address: what comes in the meantime waits, and nothing of it is read."""
 _PAUSE_S: Final = 0.1
 """Pause before the next is accepted where descriptors have run out."""
 
@@ -92,6 +95,7 @@ class Acceptor:
         self._most = min(most, descriptors() // 4)
         self._most_of_address = max(MOST_OF_ADDRESS, most // 2)
         self._connections: dict[web.RequestHandler, _Connection] = {}  # the oldest first
+        self._turns: WeakValueDictionary[str, asyncio.Lock] = WeakValueDictionary()
         self._sockets: list[socket.socket] = []
         self._accepting: list[asyncio.Task[None]] = []
         self._told = RepeatLimit()
@@ -214,6 +218,7 @@ class Acceptor:
         """Open a connection, and close it unless its first request comes in time."""
         loop = asyncio.get_running_loop()
         try:
+            await self._turn(connection.address, arrived)
             with suppress(OSError):  # a TLS handshake that fails
                 async with asyncio.timeout(HANDSHAKE_S):
                     await loop.connect_accepted_socket(connection.make, arrived, ssl=tls)
@@ -224,6 +229,19 @@ class Acceptor:
             connection.opening = None
             if not connection.heard.is_set():
                 connection.close()
+
+    async def _turn(self, address: str, arrived: socket.socket) -> None:
+        """Wait for this address's turn if there is something to disturb, with nothing read yet."""
+        turns = self._turns.setdefault(address, asyncio.Lock())
+        try:
+            await turns.acquire()
+        except asyncio.CancelledError:
+            arrived.close()  # no transport has it
+            raise
+        if self._busy():
+            asyncio.get_running_loop().call_later(_TURN_S, turns.release)
+        else:
+            turns.release()
 
     def _tell(self, sentence: str) -> None:
         """Warn, once a second."""

@@ -196,6 +196,7 @@ class ServerSockets:
         closing = [
             asyncio.ensure_future(websocket.close(code=WSCloseCode.GOING_AWAY))
             for websocket in self._of_request.values()
+            if websocket.prepared  # else the client left before it was opened
         ]
         if closing:
             _, waiting = await asyncio.wait(closing, timeout=timeout_s)
