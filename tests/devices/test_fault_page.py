@@ -11,7 +11,8 @@ PAGE = ROOT / "docs" / "reference" / "device-faults.md"
 def said() -> str:
     """Return every string of the drivers, joined as Python joins them, and their options."""
     strings = []
-    for file in sorted((ROOT / "src" / "mmt" / "devices").rglob("*.py")):
+    folders = (ROOT / "src" / "mmt" / "devices", ROOT / "src" / "mmt_devices")
+    for file in sorted(file for folder in folders for file in folder.rglob("*.py")):
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Constant) and isinstance(node.value, str):
                 strings.append(node.value)

@@ -51,7 +51,7 @@ NOT_IN_ALL = {"rtde_control": ["ur-rtde"], "rtde_receive": ["ur-rtde"]}
 """Import name -> distributions of what may not be installed where the tests run."""
 
 
-BROUGHT = {("lerobot", "lerobot"), ("rclpy", "ros_process")}
+BROUGHT = {("lerobot", "lerobot"), ("rclpy", "ros")}
 """Packages that no extra installs, and the module or folder that is run where they are there:
 LeRobot imports its plug-in itself, and rclpy comes with ROS."""
 
