@@ -1,13 +1,17 @@
 """A stranger without the token, who keeps a leader's port as busy as it lets one connection.
 
 ``python -m mmt_lab.bench.strangers URL KIND`` connects, sends what `KINDS` says, and connects anew
-when it is closed, until the process is ended.
+when it is closed, until the process is ended. With `BYSTANDER` as its kind it connects nowhere, and
+is as busy: services and strangers of a bench share processors, and most of a stranger's processor
+time is that of its start.
 """
 
+import functools
 import itertools
 import socket
 import struct
 import sys
+import time
 from collections.abc import Iterable
 from typing import Final
 from urllib.parse import urlsplit
@@ -67,11 +71,24 @@ KINDS: Final = {
 """Strangers by name, and what each sends."""
 
 
+BYSTANDER: Final = "nobody"
+"""Kind of a process that starts as a stranger's does, is as busy, and connects nowhere."""
+_TURN_S, _BUSY_S = 0.2, 0.001
+"""A stranger's turns during a session, and the processor time that it uses in one."""
+
+
 def _said(kind: str) -> Iterable[bytes]:
     """Return what a stranger of one of `KINDS` sends on a connection."""
     if kind == "tokens":
         return (_UPGRADE, _hello({"token": "wrong"}))
-    first, repeated = {
+    first, repeated = _flood(kind)
+    return itertools.chain((first,), itertools.repeat(repeated))
+
+
+@functools.cache
+def _flood(kind: str) -> tuple[bytes, bytes]:
+    """Return what a stranger of one of the other kinds sends first, and then again and again."""
+    return {
         "maps": (_UPGRADE, _frame(_BINARY, msgpack.packb([{}] * 130_000))),
         "hellos": (_UPGRADE, _hello({"token": "wrong", "maps": [{}] * 60_000})),
         "texts": (_UPGRADE, _frame(_TEXT, b"3") * 1000),
@@ -80,7 +97,6 @@ def _said(kind: str) -> Iterable[bytes]:
         "pieces": (_UPGRADE + _piece(_TEXT), _piece(_CONTINUATION) * 1000),
         "requests": (b"", b"GET /health HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n" * 1000),
     }[kind]
-    return itertools.chain((first,), itertools.repeat(repeated))
 
 
 def disturb(host: str, port: int, kind: str) -> int:
@@ -99,10 +115,20 @@ def disturb(host: str, port: int, kind: str) -> int:
     return said
 
 
+def _stand_by() -> None:
+    """Use the processor as a stranger does in one turn."""
+    busy_until_s = time.thread_time() + _BUSY_S
+    while time.thread_time() < busy_until_s:
+        pass
+    time.sleep(_TURN_S)
+
+
 def main() -> None:
     """Be the stranger of the command line, who is on another machine: it steps back."""
     step_back()
     address, kind = urlsplit(sys.argv[1]), sys.argv[2]
+    while kind == BYSTANDER:
+        _stand_by()
     while True:
         disturb(address.hostname or "", address.port or 80, kind)
 

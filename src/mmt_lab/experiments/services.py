@@ -1,7 +1,7 @@
 """Both services as processes: ticks, losses and cost, and what may disturb or help them.
 
-With ``--realtime`` they run with and without real-time scheduling, with ``--strangers`` with and
-without someone who has no token and keeps the leader's port busy.
+With ``--realtime`` they run with and without real-time scheduling, with ``--strangers`` beside
+someone who has no token and keeps the leader's port busy, and beside a bystander as busy.
 """
 
 import asyncio
@@ -44,7 +44,7 @@ _FIGURES: Final = (
 
 
 Strangers = Annotated[
-    bool, typer.Option("--strangers", help="Measure with and without strangers at the port.")
+    bool, typer.Option("--strangers", help="Measure beside strangers at the port.")
 ]
 
 
@@ -159,7 +159,7 @@ def compare(duration_s: float) -> Findings:
 
 
 def disturbed(duration_s: float) -> Findings:
-    """Run the demo's services with a token, alone and beside strangers of each kind, in turns.
+    """Run the demo's services with a token beside strangers of each kind and a bystander, in turns.
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ def disturbed(duration_s: float) -> Findings:
         A service failed.
     """
     rounds = max(1, round(duration_s / ROUND_S))
-    late: dict[str, list[float]] = {kind: [] for kind in ("nobody", *disturbing.KINDS)}
+    late: dict[str, list[float]] = {kind: [] for kind in (disturbing.BYSTANDER, *disturbing.KINDS)}
     for _ in range(rounds):
         for kind, shares in late.items():
             ticks = asyncio.run(_beside(kind, duration_s / rounds)).leader["ticks"]
@@ -180,25 +180,27 @@ def disturbed(duration_s: float) -> Findings:
     about = (
         f"The demo's scene with a token, {rounds} runs of {duration_s / rounds:g} s each way in "
         "turns: ticks over 1 ms late, share of all, beside a stranger who connects anew whenever "
-        "the leader closes the connection."
+        "the leader closes the connection, and beside a process as busy that connects nowhere."
     )
     means = {kind: sum(shares) / rounds for kind, shares in late.items()}
-    rows: dict[str, Figure] = {"nobody": ("without a stranger", means["nobody"])}
+    bystander = means[disturbing.BYSTANDER]
+    rows: dict[str, Figure] = {
+        disturbing.BYSTANDER: ("a bystander who connects nowhere", bystander)
+    }
     for kind, what in disturbing.KINDS.items():
-        rows[kind] = (what, means[kind], "at most", max(_FEW_LATE, 2 * means["nobody"]))
+        rows[kind] = (what, means[kind], "at most", max(_FEW_LATE, 2 * bystander))
     return single_figures("Late ticks beside strangers", about, rows)
 
 
 async def _beside(kind: str, duration_s: float) -> DemoRun:
-    """Run the services beside a stranger of this kind, "nobody" for none."""
+    """Run the services beside a stranger of this kind, or a bystander."""
     disturbers: list[subprocess.Popen[bytes]] = []
 
     def disturb(url: str) -> None:
-        if kind in disturbing.KINDS:
-            command = (*python_command(), "-m", disturbing.__name__, url, kind)
-            disturbers.append(
-                subprocess.Popen(command, start_new_session=os.name == "posix")  # noqa: S603
-            )
+        command = (*python_command(), "-m", disturbing.__name__, url, kind)
+        disturbers.append(
+            subprocess.Popen(command, start_new_session=os.name == "posix")  # noqa: S603
+        )
 
     environment = {**os.environ, "MMT_LINK_TOKEN": secrets.token_hex()}
     try:
