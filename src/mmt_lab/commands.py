@@ -57,7 +57,7 @@ def _bench(
         ),
     ] = False,
     strangers: Annotated[
-        bool, typer.Option("--strangers", help="Services: with and without strangers at the port.")
+        bool, typer.Option("--strangers", help="Services: beside strangers at the port.")
     ] = False,
     loss: Annotated[
         bool, typer.Option("--loss", help="Link: the services over paths that lose packets.")

@@ -40,7 +40,7 @@ _MOST_REQUESTS: Final = 20
 """Requests on a connection that is not admitted where it could be; a browser opens another."""
 _SPACING_S: Final = 0.02
 """Time between two connections while there is something to disturb: each costs half a tick."""
-_TURN_S: Final = 0.2
+_TURN_S: Final = 0.4
 """The same for two of one address: what comes in the meantime waits, and nothing of it is read."""
 _PAUSE_S: Final = 0.1
 """Pause before the next is accepted where descriptors have run out."""

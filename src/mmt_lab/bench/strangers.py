@@ -73,7 +73,7 @@ KINDS: Final = {
 
 BYSTANDER: Final = "nobody"
 """Kind of a process that starts as a stranger's does, is as busy, and connects nowhere."""
-_TURN_S, _BUSY_S = 0.2, 0.001
+_TURN_S, _BUSY_S = 0.4, 0.002
 """A stranger's turns during a session, and the processor time that it uses in one."""
 
 
