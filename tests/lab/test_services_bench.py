@@ -6,14 +6,14 @@ import pytest
 
 from mmt.cli.scene_services import DemoRun
 from mmt.core.errors import InputError
-from mmt_lab.bench.strangers import KINDS
+from mmt_lab.bench.strangers import BYSTANDER, KINDS
 from mmt_lab.experiments import services
 
 
 def test_a_stranger_who_makes_more_than_twice_the_ticks_late_is_seen(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    shares = {"nobody": 0.01, "maps": 0.021}
+    shares = {BYSTANDER: 0.01, "maps": 0.021}
     ran: list[str] = []
 
     async def beside(kind: str, _: float) -> DemoRun:
@@ -22,7 +22,7 @@ def test_a_stranger_who_makes_more_than_twice_the_ticks_late_is_seen(
 
     monkeypatch.setattr(services, "_beside", beside)
     found: Any = services.run(duration=10.0, strangers=True)
-    assert ran == ["nobody", *KINDS] * 2
+    assert ran == ["alone", BYSTANDER, *KINDS] * 2
     assert found.figures["maps"] == pytest.approx(0.021)
     missed = [target.what for target in found.targets if not target.met]
     assert missed == [KINDS["maps"]]

@@ -71,7 +71,7 @@ KINDS: Final = {
 """Strangers by name, and what each sends."""
 
 
-BYSTANDER: Final = "nobody"
+BYSTANDER: Final = "bystander"
 """Kind of a process that starts as a stranger's does, is as busy, and connects nowhere."""
 _TURN_S, _BUSY_S = 0.4, 0.002
 """A stranger's turns during a session, and the processor time that it uses in one."""

@@ -31,6 +31,8 @@ ROUND_S: Final = 5.0
 _FEW_LATE: Final = 0.001
 """Share of late ticks that says nothing: one in a second."""
 
+_ALONE: Final = "alone"
+
 _FIGURES: Final = (
     ("leader", "ticks", "period_p99_ms", "leader's tick, p99 period (ms)"),
     ("leader", "ticks", "late_share_1ms", "leader's ticks over 1 ms late, share"),
@@ -172,7 +174,8 @@ def disturbed(duration_s: float) -> Findings:
         A service failed.
     """
     rounds = max(1, round(duration_s / ROUND_S))
-    late: dict[str, list[float]] = {kind: [] for kind in (disturbing.BYSTANDER, *disturbing.KINDS)}
+    ways = (_ALONE, disturbing.BYSTANDER, *disturbing.KINDS)
+    late: dict[str, list[float]] = {way: [] for way in ways}
     for _ in range(rounds):
         for kind, shares in late.items():
             ticks = asyncio.run(_beside(kind, duration_s / rounds)).leader["ticks"]
@@ -185,7 +188,8 @@ def disturbed(duration_s: float) -> Findings:
     means = {kind: sum(shares) / rounds for kind, shares in late.items()}
     bystander = means[disturbing.BYSTANDER]
     rows: dict[str, Figure] = {
-        disturbing.BYSTANDER: ("a bystander who connects nowhere", bystander)
+        _ALONE: ("nobody", means[_ALONE]),
+        disturbing.BYSTANDER: ("a bystander who connects nowhere", bystander),
     }
     for kind, what in disturbing.KINDS.items():
         rows[kind] = (what, means[kind], "at most", max(_FEW_LATE, 2 * bystander))
@@ -193,14 +197,15 @@ def disturbed(duration_s: float) -> Findings:
 
 
 async def _beside(kind: str, duration_s: float) -> DemoRun:
-    """Run the services beside a stranger of this kind, or a bystander."""
+    """Run the services beside a stranger of this kind, or a bystander; `_ALONE` for nobody."""
     disturbers: list[subprocess.Popen[bytes]] = []
 
     def disturb(url: str) -> None:
-        command = (*python_command(), "-m", disturbing.__name__, url, kind)
-        disturbers.append(
-            subprocess.Popen(command, start_new_session=os.name == "posix")  # noqa: S603
-        )
+        if kind != _ALONE:
+            command = (*python_command(), "-m", disturbing.__name__, url, kind)
+            disturbers.append(
+                subprocess.Popen(command, start_new_session=os.name == "posix")  # noqa: S603
+            )
 
     environment = {**os.environ, "MMT_LINK_TOKEN": secrets.token_hex()}
     try:
