@@ -395,11 +395,17 @@ def test_a_task_that_cannot_keep_up_takes_all_as_one_update() -> None:
     assert queue.get() is None
 
 
+class Idle(StageTask):
+    """A stage that does nothing."""
+
+    def work_on(self, work: Work) -> None:
+        _ = work
+
+
 async def test_a_task_counts_what_it_drops_and_how_long_its_queue_was() -> None:
     done: list[float] = []
     with ThreadPoolExecutor(1) as worker:
-        task = StageTask(
-            (lambda _: None,),
+        task = Idle(
             worker,
             ItemQueue(3, True, lambda: None),
             Activity(),

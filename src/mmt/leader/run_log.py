@@ -75,10 +75,8 @@ class RunLog:
     update: "ModelUpdate | None" = None
     update_seconds: list[float] = field(default_factory=list)
     switches: list[dict[str, Any]] = field(default_factory=list)
-    late: dict[bool, TimeHistogram] = field(
-        default_factory=lambda: {True: TimeHistogram(), False: TimeHistogram()}
-    )
-    """How late ticks were, by whether the modelling was at work."""
+    late_while_modelling: TimeHistogram = field(default_factory=TimeHistogram)
+    late_otherwise: TimeHistogram = field(default_factory=TimeHistogram)
     start_s: float | None = None
     stop_s: float | None = None
     ready_s: float | None = None

@@ -1,27 +1,16 @@
 """The task that judges how complete each new model is."""
 
-from collections.abc import Callable
-from concurrent.futures import Executor
 from typing import TYPE_CHECKING
 
-from mmt.leader.modelling.stage import Activity, Item, ItemQueue, StageTask
+from mmt.leader.modelling.stage import StageTask
 
 if TYPE_CHECKING:
     from mmt.texture.online.work import Work
 
 
-def _judge(work: "Work") -> None:
-    work.modeller.judge(work)
-
-
 class CompletingTask(StageTask):
-    """Judge the model of one update after the other; parameters as of `StageTask`."""
+    """Judge the model of one update after the other."""
 
-    def __init__(
-        self,
-        worker: Executor,
-        queue: ItemQueue,
-        activity: Activity,
-        deliver: Callable[[Item], None],
-    ) -> None:
-        super().__init__((_judge,), worker, queue, activity, deliver)
+    def work_on(self, work: "Work") -> None:
+        """Judge the model, and set what has come of the update."""
+        work.modeller.judge(work)

@@ -226,7 +226,9 @@ class Modelling(Part):
         """Note how late the ticks are, while a task is at work and otherwise."""
         if self._last_ns and self._session is not None:
             late_ns = tick.now_ns - self._last_ns - self._session.period_ns
-            self._session.log.late[self._activity.busy > 0].add(max(0, late_ns))
+            log = self._session.log
+            late = log.late_while_modelling if self._activity.busy else log.late_otherwise
+            late.add(late_ns)
         self._last_ns = tick.now_ns
 
     def status(self) -> dict[str, Any]:
@@ -263,8 +265,10 @@ class Modelling(Part):
             "tasks": {name: figures.as_dict() for name, figures in self.figures.items()},
         }
         ticks: dict[str, Any] = {}
-        for busy, name in ((True, "while_modelling"), (False, "otherwise")):
-            late = log.late[busy]
+        for name, late in (
+            ("while_modelling", log.late_while_modelling),
+            ("otherwise", log.late_otherwise),
+        ):
             ticks[f"late_{name}_p99_ms"] = late.quantile_ms(0.99)
             (soon,), _ = late.cumulative([1_000_000])
             ticks[f"late_{name}_share_1ms"] = 1.0 - soon / late.count if late.count else None

@@ -1,8 +1,9 @@
 """What the modelling's tasks share: a bounded queue between two of them, and their figures."""
 
 import asyncio
+from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from time import perf_counter
@@ -166,18 +167,13 @@ class ItemQueue:
         self.items.clear()
 
 
-class StageTask:
-    """Takes items from its queue, runs the steps of one stage in the worker, and hands them on.
-
-    Between two steps the event loop has the interpreter lock to itself, so that the ticks are
-    not delayed.
+class StageTask(ABC):
+    """Takes items from its queue, works on each in the worker, and hands them on.
 
     Parameters
     ----------
-    steps
-        Called in the worker, one after the other, with the work.
     worker
-        Where they run.
+        Where `work_on` runs.
     queue
         Items that wait.
     activity
@@ -188,19 +184,21 @@ class StageTask:
 
     def __init__(
         self,
-        steps: "Sequence[Callable[[Work], None]]",
         worker: Executor,
         queue: ItemQueue,
         activity: Activity,
         deliver: Callable[[Item], None],
     ) -> None:
-        self._steps = steps
         self._worker = worker
         self._activity = activity
         self._deliver = deliver
         self._generation = 0
         self.queue = queue
         self.figures = Figures(lambda: len(queue.items))
+
+    @abstractmethod
+    def work_on(self, work: "Work") -> None:
+        """Do what the stage does with an update, outside the event loop's thread."""
 
     def put(self, item: Item) -> None:
         """Queue an item; never blocks."""
@@ -223,8 +221,7 @@ class StageTask:
             generation, started = self._generation, perf_counter()
             self._activity.busy += 1
             try:
-                for step in self._steps:
-                    await loop.run_in_executor(self._worker, step, item.work)
+                await loop.run_in_executor(self._worker, self.work_on, item.work)
             finally:
                 self._activity.busy -= 1
             seconds = perf_counter() - started

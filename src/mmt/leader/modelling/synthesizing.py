@@ -5,31 +5,20 @@ scene says). The tick renders from the newest model that was put to use: a snaps
 replaced by one assignment and never changed.
 """
 
-from collections.abc import Callable
-from concurrent.futures import Executor
 from typing import TYPE_CHECKING
 
-from mmt.leader.modelling.stage import Activity, Item, ItemQueue, StageTask
+from mmt.leader.modelling.stage import StageTask
 
 if TYPE_CHECKING:
     from mmt.texture.online.work import Work
 
 
-def _build(work: "Work") -> None:
-    work.modeller.build(work)
-
-
 class SynthesizingTask(StageTask):
     """Build the interpolated model from the fits of one update after the other.
 
-    Parameters as of `StageTask`; the model is a snapshot that rendering gets once it is judged.
+    The model is a snapshot that rendering gets once it is judged.
     """
 
-    def __init__(
-        self,
-        worker: Executor,
-        queue: ItemQueue,
-        activity: Activity,
-        deliver: Callable[[Item], None],
-    ) -> None:
-        super().__init__((_build,), worker, queue, activity, deliver)
+    def work_on(self, work: "Work") -> None:
+        """Build the model of the fits."""
+        work.modeller.build(work)
