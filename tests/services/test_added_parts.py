@@ -15,10 +15,11 @@ from typing import Final
 
 from pydantic import Field
 
-from mmt.scene.added import AddedPart, AddedTable
+from mmt.scene.added import AddedPart
+from mmt.scene.table import PartTable
 
 
-class Loudness(AddedTable):
+class Loudness(PartTable):
     """The largest vibration that was played."""
 
     digits: int = Field(3, ge=0, le=9)

@@ -1,7 +1,7 @@
 """Plug-ins: what installed packages offer by name, as entry points; the product's own alike.
 
-The groups are ``mmt.commands``, ``mmt.devices``, ``mmt.emulators``, ``mmt.files`` and
-``mmt.generators``.
+The groups are ``mmt.commands``, ``mmt.devices``, ``mmt.emulators``, ``mmt.files``, ``mmt.parts``
+and ``mmt.generators``.
 """
 
 import sys

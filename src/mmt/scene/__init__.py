@@ -1,6 +1,5 @@
 """Scenes: what one run needs, read from TOML and checked."""
 
-from mmt.scene.added import AddedPart, AddedTable
 from mmt.scene.device_tables import Actuator, Devices, Driver, Handle
 from mmt.scene.feedback_table import ForceFeedback
 from mmt.scene.link_table import Link
@@ -15,9 +14,8 @@ from mmt.scene.table import Part, PartTable, Service, Table
 from mmt.scene.texture_table import Texture
 
 __all__ = [
-    "LARGEST_SPEED", "PART_TABLES", "PROFILES", "Actuator", "AddedPart", "AddedTable", "Course",
-    "Devices", "Driver",
-    "ForceFeedback", "Hand", "Handle", "Link", "Metrics", "Monitor", "MotionLimits",
-    "Network", "Part", "PartTable", "Playout", "Recording", "Rendering", "Replay", "Scene",
-    "Service", "Session", "Simulated", "Table", "Texture",
+    "LARGEST_SPEED", "PART_TABLES", "PROFILES", "Actuator", "Course", "Devices", "Driver",
+    "ForceFeedback", "Hand", "Handle", "Link", "Metrics", "Monitor", "MotionLimits", "Network",
+    "Part", "PartTable", "Playout", "Recording", "Rendering", "Replay", "Scene", "Service",
+    "Session", "Simulated", "Table", "Texture",
 ]  # fmt: skip

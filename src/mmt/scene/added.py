@@ -1,29 +1,23 @@
 """Parts that other packages add to the leader, and the tables that they add to a scene.
 
 A package names each part as an entry point of the group ``mmt.parts``: an `AddedPart`, in a module
-that imports nothing of `mmt` but this one, since a scene's tables are made from it. The part's name
-is that of its table, if it has one.
+that imports nothing of `mmt` but this one and `mmt.scene.table`, since a scene's tables are made
+from it. The part's name is that of its table, if it has one.
 """
 
 from collections.abc import Mapping
 from functools import cache
-from typing import ClassVar, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 from mmt.core.errors import InputError
 from mmt.core.plugins import is_own, load, offered
 from mmt.scene.table import PartTable
 
 
-class AddedTable(PartTable):
-    """Base of the tables of added parts."""
+class PassingTable(PartTable):
+    """Base of the tables of parts that pass a follower's frames on."""
 
-    needs_follower: ClassVar[bool] = False
-    """Whether the part has nothing to do without frames of a follower."""
-
-    @property
-    def kept_channels(self) -> Literal["all", "needed"] | None:
-        """The channels that the part passes on, or None if it passes none on."""
-        return None
+    channels: Literal["all", "needed"] = "all"
 
 
 class AddedPart(NamedTuple):
@@ -33,7 +27,7 @@ class AddedPart(NamedTuple):
     """The module and the class, which has `build(session, parts)`: the part, or None for none."""
     before: str
     """The core's part before whose verbs this one's are called."""
-    table: type[AddedTable] | None = None
+    table: type[PartTable] | None = None
     """The table that the part adds to a scene, or None if it adds none."""
     key: str = ""
     """Key of another table that asks for a part without one, such as ``rendering.generator``."""
@@ -64,6 +58,12 @@ def added_parts() -> Mapping[str, AddedPart]:
         else:
             _problems[name] = f"part {name!r}: {entry.value} is no AddedPart"
     return found
+
+
+@cache
+def added_tables() -> Mapping[str, type[PartTable]]:
+    """Return the tables that added parts add to a scene, by name."""
+    return {name: part.table for name, part in added_parts().items() if part.table is not None}
 
 
 _problems: dict[str, str] = {}

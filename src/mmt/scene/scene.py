@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal, Self, TypeVar, get_args
 from pydantic import Field, create_model, model_validator
 
 from mmt.core.frames import Channel, ordered_channels
-from mmt.scene.added import AddedTable, added_parts, problem_of
+from mmt.scene.added import PassingTable, added_tables, problem_of
 from mmt.scene.device_tables import Actuator, Devices, Handle
 from mmt.scene.feedback_table import ForceFeedback
 from mmt.scene.link_table import Link
@@ -20,10 +20,10 @@ from mmt.scene.recording_tables import Recording, Replay
 from mmt.scene.rendering_tables import Playout, Rendering
 from mmt.scene.sharing_tables import Control, Listening, Operating, Sharing
 from mmt.scene.simulated_tables import Hand, Simulated
-from mmt.scene.table import Part, Service, Table
+from mmt.scene.table import Part, PartTable, Service, Table
 from mmt.scene.texture_table import Texture
 
-_Added = TypeVar("_Added", bound=AddedTable)
+_Added = TypeVar("_Added", bound=PartTable)
 
 
 class Session(Table):
@@ -75,9 +75,9 @@ class SceneTables(Table):
         return self
 
     @property
-    def added(self) -> dict[str, AddedTable]:
+    def added(self) -> dict[str, PartTable]:
         """The tables of added parts that this scene has, by name."""
-        named = ((name, getattr(self, name)) for name, part in added_parts().items() if part.table)
+        named = ((name, getattr(self, name)) for name in added_tables())
         return {name: table for name, table in named if table is not None}
 
     def table(self, kind: type[_Added]) -> _Added | None:
@@ -143,8 +143,8 @@ class SceneTables(Table):
             wanted.add("force")
             if self.force_feedback.method == "model":
                 wanted.add("position")
-        kept = {table.kept_channels for table in self.added.values()} - {None}
-        kept |= {self.recording.channels} if self.recording is not None else set()
+        keeping = (self.recording, *self.added.values())
+        kept = [table.channels for table in keeping if isinstance(table, Recording | PassingTable)]
         if "all" in kept or (kept and not wanted):
             wanted |= {"position", "force", "acceleration"}
         return ordered_channels(wanted) if wanted else ()
@@ -178,7 +178,7 @@ else:
         __base__=SceneTables,
         __module__=__name__,
         __doc__="One run; a table that is absent (None) is a part that is left out.",
-        **{name: (part.table | None, None) for name, part in added_parts().items() if part.table},
+        **{name: (table | None, None) for name, table in added_tables().items()},
     )
 
 PART_TABLES: Final[dict[str, type[Part]]] = {
@@ -205,16 +205,16 @@ def _impossible(scene: SceneTables) -> list[str]:
 
 def _source_rules(scene: SceneTables) -> Rules:
     sources = [n for n in ("simulated", "replay", "devices") if getattr(scene, n) is not None]
+    passing = [n for n, table in added_tables().items() if issubclass(table, PassingTable)]
     parts = (
         *("network", "metrics", "monitor"),
-        *(name for name, table in scene.added.items() if table.needs_follower),
+        *passing,
         *("texture", "playout", "recording"),
         *(("force_feedback",) if scene.operating is None else ()),
         *sources,
     )
     needs_link = [n for n in parts if getattr(scene, n) is not None]
-    following = (n for n, part in added_parts().items() if part.table and part.table.needs_follower)
-    carried = ["texture", "playout", "force_feedback", "recording", *following]
+    carried = ["texture", "playout", "force_feedback", "recording", *passing]
     return [
         (
             len(sources) > 1,
