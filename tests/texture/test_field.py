@@ -14,7 +14,7 @@ from mmt.texture.autoregression.forms import lsf_to_reflection, output_power, re
 from mmt.texture.field import cells as field_cells
 from mmt.texture.field import covariance, observations
 from mmt.texture.field.cells import FieldCells
-from mmt.texture.field.observations import BLOCK_VARIANCE, MOMENT_VARIANCE, observe
+from mmt.texture.field.observations import BLOCK_VARIANCE, MOMENT_VARIANCE, choose, observe
 from mmt.texture.field.posterior import DB, LevelField, right_probability
 from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC
 from mmt.texture.model.samples import TextureSamples
@@ -59,7 +59,7 @@ def in_turn(count):
 
 def observed(cells):
     every = covariance.settings(16, directed=cells.directed)
-    return observe(cells, every)
+    return observe(cells, every, choose(cells, every))
 
 
 def samples_of(points, power, effective):

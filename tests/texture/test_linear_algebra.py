@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from mmt.core.arrays import FloatArray
 from mmt.texture.linear_algebra import (
     cholesky,
-    conditioned,
+    condition,
+    log_evidence,
     product,
     solve_backward,
     solve_forward,
@@ -109,17 +110,20 @@ def test_observations_say_what_the_inverse_of_their_covariance_says(
     priors = np.array([covariance(size, seed + each) for each in range(count)])
     priors = priors.reshape(count, size, size)
     errors, rest = rng.uniform(0.1, 2.0, size), rng.normal(size=size)
-    evidence, gains, precision = conditioned(priors, errors, rest, left_out=True)
+    evidence, (gains, precision) = np.empty(count), np.empty((2, count, size))
+    assert condition(priors, errors, rest, True, evidence, gains, precision)
     for each, prior in enumerate(priors):
         inverse = np.linalg.inv(prior + np.diag(errors))
         logarithm = np.linalg.slogdet(prior + np.diag(errors))[1]
         assert evidence[each] == pytest.approx(-0.5 * (rest @ inverse @ rest + logarithm))
         np.testing.assert_allclose(gains[each], inverse @ rest, atol=1e-9)
         np.testing.assert_allclose(precision[each], np.diagonal(inverse), rtol=1e-9)
-    np.testing.assert_array_equal(conditioned(priors, errors, rest, left_out=False)[0], evidence)
+    np.testing.assert_array_equal(log_evidence(priors, errors, rest), evidence)
 
 
 def test_a_prior_that_is_no_covariance_is_refused() -> None:
     priors = np.array([covariance(9), -covariance(9)])
     with pytest.raises(np.linalg.LinAlgError, match="not positive definite"):
-        conditioned(priors, np.full(9, 0.1), np.ones(9), left_out=True)
+        log_evidence(priors, np.full(9, 0.1), np.ones(9))
+    found = np.empty(2), np.empty((2, 9)), np.empty((2, 9))
+    assert not condition(priors, np.full(9, 0.1), np.ones(9), True, *found)

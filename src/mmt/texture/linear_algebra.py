@@ -59,40 +59,23 @@ def solve_forward(factor: FloatArray, rows: FloatArray) -> FloatArray:
     return solved.reshape(np.shape(rows))
 
 
-def conditioned(
-    priors: FloatArray, errors: FloatArray, rest: FloatArray, *, left_out: bool
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return what observations say of each of s normal distributions that they may come from.
-
-    Of ``C = prior + diag(errors)``, with the observations y.
+def log_evidence(priors: FloatArray, errors: FloatArray, rest: FloatArray) -> FloatArray:
+    """Return the logarithm of the probability density of observations, but for a constant, (s,).
 
     Parameters
     ----------
-    priors
-        Covariances of what is observed, shape (s, n, n); only upper triangles are read.
-    errors
-        Variances of the observations' errors, shape (n,), positive.
-    rest
-        Observations less their prior mean, shape (n,).
-    left_out
-        Whether to compute what predicts each observation from the others; else these are empty.
-
-    Returns
-    -------
-    evidence, gains, precision
-        The logarithm of the probability density of y, but for a constant, (s,); ``inverse(C) y``
-        and the diagonal of ``inverse(C)``, (s, n).
+    priors, errors, rest
+        As of `condition`.
 
     Raises
     ------
     numpy.linalg.LinAlgError
         As of `cholesky`.
     """
-    evidence = np.empty(len(priors))
-    gains, precision = np.empty((2, len(priors), len(rest) if left_out else 0))
-    if not condition(priors, errors, rest, left_out, evidence, gains, precision):
+    evidence, nothing = np.empty(len(priors)), np.empty((len(priors), 0))
+    if not condition(priors, errors, rest, False, evidence, nothing, nothing):
         raise np.linalg.LinAlgError(_INDEFINITE)
-    return evidence, gains, precision
+    return evidence
 
 
 def solve_backward(factor: FloatArray, rows: FloatArray) -> FloatArray:
@@ -240,7 +223,26 @@ def condition(
     gains: FloatArray,
     precision: FloatArray,
 ) -> bool:
-    """Set the results of `conditioned`; returns whether every matrix is positive definite."""
+    """Set what observations say of each of s normal distributions that they may come from.
+
+    Of ``C = prior + diag(errors)``, with the observations y. Returns whether every C is positive
+    definite.
+
+    Parameters
+    ----------
+    priors : (s, n, n)
+        Covariances of what is observed; only upper triangles are read.
+    errors : (n,)
+        Variances of the observations' errors, positive.
+    rest : (n,)
+        Observations less their prior mean.
+    left_out
+        Whether to compute what predicts each observation from the others: gains, precision.
+    evidence : (s,)
+        Receives the logarithm of the probability density of y, but for a constant.
+    gains, precision : (s, n)
+        Receive ``inverse(C) y`` and the diagonal of ``inverse(C)``.
+    """
     size = len(rest)
     factor, whitened = np.empty((size, size)), np.empty((1, size))
     root = np.empty((size, size) if left_out else (0, 0))

@@ -18,12 +18,12 @@ from typing import Final, Self
 import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
-from mmt.core.compiled import kernel
 from mmt.core.errors import InputError
 from mmt.texture.field.covariance import (
     CELL_WIDTHS,
     Coordinates,
     coordinates,
+    different,
     points_at,
     warped,
 )
@@ -197,14 +197,6 @@ def _unique(keys: IntArray) -> tuple[IntArray, IntArray]:
     spans = keys.max(axis=0) - lowest + 1
     flat = np.ravel_multi_index(tuple((keys - lowest).T), tuple(spans.tolist()))
     rows = np.empty_like(flat)
-    own = _different(flat, rows)
-    different = np.column_stack(np.unravel_index(own, tuple(spans.tolist()))) + lowest
-    return np.asarray(different, np.int64), rows
-
-
-@kernel("i8[::1](i8[::1], i8[::1])")
-def _different(values: IntArray, which: IntArray) -> IntArray:
-    """Return the different values, sorted; set which of these each value is."""
-    own = np.unique(values)
-    which[:] = np.searchsorted(own, values)
-    return own
+    own = different(flat, rows)
+    back = np.column_stack(np.unravel_index(own, tuple(spans.tolist()))) + lowest
+    return np.asarray(back, np.int64), rows

@@ -22,13 +22,15 @@ their prior, and the posterior is the mixture of all, each with the weight of it
 (`mmt.texture.field.posterior`). The prior's figures are in `HYPERPRIOR`.
 """
 
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 from scipy.special import ndtri
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.compiled import kernel
+
+Values = TypeVar("Values", FloatArray, IntArray)
 
 
 class LogNormal(NamedTuple):
@@ -160,16 +162,12 @@ def prior_covariance(
     return out.reshape(np.shape(every)[:-1] + out.shape[1:])
 
 
-@kernel("f8[:, ::1](f8[::1], f8[::1], i8[::1], i8[::1])")
-def _differences(a: FloatArray, b: FloatArray, of_a: IntArray, of_b: IntArray) -> FloatArray:
-    """Return the differences between different values; set which of these each value is."""
-    own_a, own_b = np.unique(a), np.unique(b)
-    of_a[:], of_b[:] = np.searchsorted(own_a, a), np.searchsorted(own_b, b)
-    apart = np.empty((len(own_a), len(own_b)))
-    for i in range(len(own_a)):
-        for j in range(len(own_b)):
-            apart[i, j] = own_a[i] - own_b[j]
-    return apart
+@kernel("f8[::1](f8[::1], i8[::1])", "i8[::1](i8[::1], i8[::1])")
+def different(values: Values, which: IntArray) -> Values:
+    """Return the different values, sorted; set which of these each value is."""
+    own = np.unique(values)
+    which[:] = np.searchsorted(own, values)
+    return own
 
 
 @kernel("f8[:, ::1](f8[:, ::1], f8)")
@@ -197,9 +195,9 @@ def _covariances(
 ) -> None:
     """Set the covariances (s, k, l) of `prior_covariance`."""
     of_a, of_b = np.empty(a.shape, np.int64), np.empty(b.shape, np.int64)
-    speed = _differences(a[0], b[0], of_a[0], of_b[0])
-    force = _differences(a[1], b[1], of_a[1], of_b[1])
-    heading = _differences(a[2], b[2], of_a[2], of_b[2])
+    speed = different(a[0], of_a[0])[:, np.newaxis] - different(b[0], of_b[0])
+    force = different(a[1], of_a[1])[:, np.newaxis] - different(b[1], of_b[1])
+    heading = different(a[2], of_a[2])[:, np.newaxis] - different(b[2], of_b[2])
     directed = every.shape[1] > _PLANAR
     width = CELL_WIDTHS[1] if directed else CELL_WIDTHS[0]
     rough_u, rough_v = matern(speed, width), matern(force, width)

@@ -75,7 +75,25 @@ class Observations(NamedTuple):
     moment: float
 
 
-def observe(cells: FieldCells, every: FloatArray) -> Observations:
+class Choice(NamedTuple):
+    """The cells by which settings of the prior are compared: `CHOOSING` or all.
+
+    Their indices (k,), and their prior covariance under each setting, (s, k, k).
+    """
+
+    cells: IntArray
+    priors: FloatArray
+
+
+def choose(cells: FieldCells, every: FloatArray) -> Choice:
+    """Return an even choice of cells; `every` are the settings (s, h)."""
+    count = len(cells.centres.u)
+    chosen = np.linspace(0, count - 1, min(count, CHOOSING)).round().astype(np.int64)
+    at = Coordinates(*(axis[chosen] for axis in cells.centres))
+    return Choice(chosen, prior_covariance(at, at, every))
+
+
+def observe(cells: FieldCells, every: FloatArray, choice: Choice) -> Observations:
     """Return what the rows, at least one, say of each cell.
 
     Parameters
@@ -84,6 +102,8 @@ def observe(cells: FieldCells, every: FloatArray) -> Observations:
         The rows.
     every
         Settings of the prior, the rows of `mmt.texture.field.covariance.settings`.
+    choice
+        Cells by which the likeliest setting is chosen.
     """
     cell, (count, power, _, _) = cells.cell_of_row, cells.sums.T
     block = _block_variance(cells)
@@ -92,7 +112,7 @@ def observe(cells: FieldCells, every: FloatArray) -> Observations:
     level = np.log(power / count) + 0.5 * scatter - cells.centres.law[cell]
     believed = np.ones(len(level))
     moment = _moment_variance(cell, level, scatter, believed)
-    setting = every[_likeliest(cells, every, level, moment + scatter)]
+    setting = every[_likeliest(choice, cell, level, moment + scatter)]
     prior = prior_covariance(cells.centres, cells.centres, setting[np.newaxis])
     found = _left_out(prior, cell, level, moment + scatter, believed)
     smoothed, off, usual = (of_one[0] for of_one in found)
@@ -142,14 +162,14 @@ def _left_out(
 
     The latter with its variance if nothing is wrong with the row, both (s, r).
     """
-    found = np.empty((3, len(priors), max(len(cell), priors.shape[1])))
-    smoothed, off, usual = found[0, :, : priors.shape[1]], *found[1:, :, : len(cell)]
+    smoothed = np.empty(priors.shape[:2])
+    off, usual = np.empty((2, len(priors), len(cell)))
     if not _leave_out(priors, cell, level, scatter, trust, smoothed, off, usual):
         raise np.linalg.LinAlgError("the prior is not positive definite")
     return smoothed, off, usual
 
 
-@kernel("b1(f8[:, :, ::1], i8[::1], f8[::1], f8[::1], f8[::1], f8[:, :], f8[:, :], f8[:, :])")
+@kernel("b1(f8[:, :, ::1], i8[::1], f8[::1], f8[::1], f8[::1], f8[:, ::1], f8[:, ::1], f8[:, ::1])")
 def _leave_out(
     priors: FloatArray,
     cell: IntArray,
@@ -183,21 +203,12 @@ def _leave_out(
     return True
 
 
-def choice(cells: FieldCells) -> tuple[IntArray, Coordinates]:
-    """Return the `CHOOSING` cells or all, (k,), and their coordinates."""
-    count = len(cells.centres.u)
-    chosen = np.linspace(0, count - 1, min(count, CHOOSING)).round().astype(np.int64)
-    return chosen, Coordinates(*(axis[chosen] for axis in cells.centres))
-
-
-def _likeliest(cells: FieldCells, every: FloatArray, level: FloatArray, scatter: FloatArray) -> int:
+def _likeliest(choice: Choice, cell: IntArray, level: FloatArray, scatter: FloatArray) -> int:
     """Return which setting of the prior predicts the rows of the chosen cells best."""
-    chosen, at = choice(cells)
-    among, cell = prior_covariance(at, at, every), cells.cell_of_row
-    rows = np.isin(cell, chosen)
-    part = np.searchsorted(chosen, cell[rows])
+    rows = np.isin(cell, choice.cells)
+    part = np.searchsorted(choice.cells, cell[rows])
     trust = np.ones(len(part))
-    _, off, usual = _left_out(among, part, level[rows], scatter[rows], trust)
+    _, off, usual = _left_out(choice.priors, part, level[rows], scatter[rows], trust)
     return int(_log_density(off, usual).sum(axis=1).argmax())
 
 

@@ -31,10 +31,10 @@ from mmt.texture.field.covariance import (
     variance,
     warped,
 )
-from mmt.texture.field.observations import BLOCK_VARIANCE, choice, observe
+from mmt.texture.field.observations import BLOCK_VARIANCE, Choice, choose, observe
 from mmt.texture.linear_algebra import (
     cholesky,
-    conditioned,
+    log_evidence,
     product,
     solve_backward,
     solve_forward,
@@ -127,13 +127,14 @@ class LevelField:
         self.directed = cells.directed
         self._at = at = cells.centres
         every = settings(SETTINGS, directed=self.directed)
-        self.observed = found = observe(cells, every)
+        choice = choose(cells, every)
+        self.observed = found = observe(cells, every, choice)
         share = self._share(found.smoothed + at.law, noise_power)
         level = found.level + np.log(gain * share)
         self._loudest = float((found.smoothed + at.law).max())
         self._middle = float(np.average(level, weights=1.0 / found.variance))
         errors = found.variance / np.square(share)
-        self._members = _mixture(every, cells, level - self._middle, errors)
+        self._members = _mixture(every, at, choice, level - self._middle, errors)
 
     def predict(self, at: Coordinates) -> Prediction:
         """Return the posterior at k strokes: of the level itself, not of what would be measured."""
@@ -209,20 +210,16 @@ class LevelField:
 
 
 def _mixture(
-    every: FloatArray, cells: FieldCells, rest: FloatArray, errors: FloatArray
+    every: FloatArray, at: Coordinates, choice: Choice, rest: FloatArray, errors: FloatArray
 ) -> list[_Member]:
     """Return the settings with the weight of their evidence; `rest` (c,) is what is observed."""
-    chosen, at = choice(cells)
-    among = prior_covariance(at, at, every)
-    evidence, _, _ = conditioned(among, errors[chosen], rest[chosen], left_out=False)
+    evidence = log_evidence(choice.priors, errors[choice.cells], rest[choice.cells])
     weights = np.exp(evidence - evidence.max())
     weights[weights < _NEGLIGIBLE] = 0.0
     weights /= weights.sum()
     kept = np.flatnonzero(weights)
     members = []
-    for each, prior in zip(
-        kept, prior_covariance(cells.centres, cells.centres, every[kept]), strict=True
-    ):
+    for each, prior in zip(kept, prior_covariance(at, at, every[kept]), strict=True):
         factor = cholesky(prior + np.diag(errors))
         cell_weights = solve_backward(factor, solve_forward(factor, rest))
         members.append(_Member(float(weights[each]), every[each], factor, cell_weights))
