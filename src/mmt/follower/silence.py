@@ -27,7 +27,7 @@ class SilenceLimit:
 
     def __init__(self, link: Link) -> None:
         self._shortest_ns = round(link.silence_ms * 1e6)
-        self._longest_ns = round(link.longest_silence * 1e6)
+        self._longest_ns = round(link.longest_wait_ms * 1e6)
         self._smoothed_ns = self._deviation_ns = 0.0
         self._next_ns: int | None = None
         self.limit_ns = self._shortest_ns

@@ -30,16 +30,16 @@ class Link(ServedTable):
 
     @model_validator(mode="after")
     def _bounds(self) -> Self:
-        if self.longest_silence < self.silence_ms:
+        if self.longest_wait_ms < self.silence_ms:
             raise ValueError(
-                f"longest_silence_ms is {self.longest_silence:g}, less than silence_ms, "
+                f"longest_silence_ms is {self.longest_wait_ms:g}, less than silence_ms, "
                 f"{self.silence_ms:g}: give as much or more"
             )
         return self
 
     @property
-    def longest_silence(self) -> float:
-        """The longest silence (ms): as given, or a ``silence_ms`` that is given, or 250."""
+    def longest_wait_ms(self) -> float:
+        """``longest_silence_ms``, or else a ``silence_ms`` that is given, or else 250."""
         if self.longest_silence_ms is not None:
             return self.longest_silence_ms
         return self.silence_ms if "silence_ms" in self.model_fields_set else _LONGEST_SILENCE_MS
