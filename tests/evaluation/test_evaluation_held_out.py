@@ -4,12 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from mmt.core.errors import InputError
 from mmt.evaluation.evaluate import evaluate_session
-from mmt.evaluation.held_out import HELD_OUT, HeldOutRecording, choose_held_out, outside
+from mmt.evaluation.held_out import HELD_OUT, HeldOutRecording, choose_held_out
 from mmt.scene import Scene
 from mmt.session import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
@@ -61,18 +59,6 @@ def test_choice_depends_on_the_seed_and_not_on_the_order():
     assert first == [part.start for part in choose_held_out(segments[::-1], seed=1)]
     assert first == sorted(first)
     assert first != [part.start for part in choose_held_out(segments, seed=2)]
-
-
-@given(
-    st.lists(st.tuples(st.integers(0, 500), st.integers(1, 100)), min_size=1, max_size=5),
-    st.tuples(st.integers(0, 600), st.integers(1, 100)),
-)
-@settings(max_examples=200, deadline=None)
-def test_outside_means_no_common_sample(held, asked):
-    taken = {n for start, length in held for n in range(start, start + length)}
-    accept = outside([segment(start, start + length) for start, length in held])
-    start, length = asked
-    assert accept(segment(start, start + length)) == taken.isdisjoint(range(start, start + length))
 
 
 def test_a_right_model_scores_its_ceiling():

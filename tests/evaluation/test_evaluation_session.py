@@ -10,7 +10,7 @@ import pytest
 from mmt.core.errors import InputError
 from mmt.core.frames import empty_frames
 from mmt.evaluation.evaluate import evaluate_session, evaluate_surfaces
-from mmt.evaluation.held_out import choose_held_out, outside
+from mmt.evaluation.held_out import choose_held_out
 from mmt.evaluation.results import evaluations_as_dict
 from mmt.scene import Hand, Scene
 from mmt.scene.files import scene_from_tables
@@ -76,24 +76,18 @@ def test_steps_stand_every_step_and_show_the_last_update(evaluation):
 
 
 def test_hold_out_is_excluded_from_every_state_of_the_model(stroked_session):
-    blocks = list(stream_blocks([stroked_session.frames], 1000))
-    whole = build(blocks, SETTINGS)
+    whole = build(stream_blocks([stroked_session.frames], 1000), SETTINGS)
     held_out = choose_held_out(whole.finished, seed=0)
-    taken = {n for part in held_out for n in range(part.start, part.stop)}
-    seen = []
-
-    def accept(segment):
-        accepted = outside(held_out)(segment)
-        if accepted:
-            seen.append(segment)
-        return accepted
-
-    rebuilt = build(blocks, SETTINGS, accept)
+    rebuilt = whole.log.without([segment.span for segment in held_out])
+    taken = {segment.speed_mm_s for segment in held_out}
     assert len(held_out) == 5
-    assert seen
-    assert all(taken.isdisjoint(range(part.start, part.stop)) for part in seen)
+    for number, update in enumerate(whole.updates):
+        model = rebuilt.model(number)
+        if model is not None:
+            assert taken.isdisjoint(model.samples.speed_mm_s)
+            assert update.samples - 5 <= len(model.samples) <= update.samples
     stopped = whole.number(whole.stop_s)
-    assert rebuilt.updates[stopped].samples == whole.updates[stopped].samples - 5
+    assert len(rebuilt.model(stopped).samples) == whole.updates[stopped].samples - 5
 
 
 def test_held_out_segments_lie_in_strokes(evaluation):

@@ -21,6 +21,7 @@ from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.completion.distance import middles
 from mmt.texture.online.history import build, stream_blocks
+from mmt.texture.segmentation.segments import SampleRange
 from mmt.texture.settings import JND_DB, ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
 
@@ -34,10 +35,7 @@ def simulated():
 
 
 def made_in(frames, size=1000):
-    made = StrokesMade(SETTINGS)
-    for start in range(0, len(frames), size):
-        made.add(frames[start : start + size])
-    return made
+    return StrokesMade.of(np.split(frames, range(size, len(frames), size)), SETTINGS)
 
 
 def test_strokes_are_those_in_contact_and_in_motion_whatever_the_blocks(simulated):
@@ -121,13 +119,9 @@ def test_without_a_truth_the_other_method_is_scored_at_the_held_out_segments(sim
     taken = evaluation.held_out
     settings = ModellingSettings(method="published")
 
-    def accept(segment):
-        return all(
-            segment.stop <= 1000 * part.start_s or segment.start >= 1000 * part.stop_s
-            for part in taken
-        )
-
-    model = build(stream_blocks([simulated.frames], 1000), settings, accept).model_at(8.0)
+    history = build(stream_blocks([simulated.frames], 1000), settings)
+    spans = [(round(1000 * part.start_s), round(1000 * part.stop_s)) for part in taken]
+    model = history.log.without([SampleRange(*span) for span in spans]).model(7)
     inputs = np.array([(part.speed_mm_s, part.force_n) for part in taken])
     power = output_power_at(model, inputs)
     true = np.array([part.power for part in taken])

@@ -89,6 +89,7 @@ def kept_frames(path, damage):
 @example(place=0.0, damage=b"\x04", flips=True)
 @example(place=0.0, damage=bytes(LONGEST_BLOCK), flips=False)
 @example(place=1.0, damage=bytes(LONGEST_BLOCK), flips=False)
+@example(place=0.001567947491081682, damage=bytes(14), flips=False)  # a checksum and all
 @given(
     place=PLACES,
     damage=st.one_of(

@@ -5,8 +5,7 @@ import pytest
 
 from mmt.texture.field.blocks import BlockCutter
 from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC
-from mmt.texture.online.gathering import WITHDRAWN_S, Gathering
-from mmt.texture.online.work import Work
+from mmt.texture.online.gathering import WITHDRAWN_S, BlockSums
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
 
@@ -29,10 +28,6 @@ def stroke(count, first=0, speed=100.0, force=1.0, seed=0):
 
 def cutter(space=ISOTROPIC):
     return BlockCutter(ModellingSettings(inputs=space.name))
-
-
-def work(*observed, **others):
-    return Work(None, 0.0, list(observed), [], [], 0.0, **others)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("space", [ISOTROPIC, ANISOTROPIC])
@@ -93,44 +88,24 @@ def test_nothing_gives_no_blocks():
     assert found.cut([stroke(20)]).points.shape == (0, 3)
 
 
-def test_held_out_segments_and_another_surface_are_withdrawn():
-    gathering = Gathering(ModellingSettings())
-    assert gathering.add(work(stroke(1000)))
-    assert gathering.cells()().sums[:, 0].sum() == 19
-    assert gathering.add(work(held_out=[(120, 230)]))
-    assert gathering.cells()().sums[:, 0].sum() == 16
-    assert gathering.add(work(forget_from=800))
-    assert gathering.cells()().sums[:, 0].sum() == 12
-    assert not gathering.add(work())
+def blocks_of(start, speed=100.0):
+    return cutter().cut([stroke(1000, first=start, speed=speed)])
 
 
-def test_a_held_out_segment_is_left_out_of_the_blocks_that_come_with_it():
-    gathering = Gathering(ModellingSettings())
-    gathering.add(work(stroke(1000), held_out=[(100, 200)]))
-    assert gathering.cells()().sums[:, 0].sum() == 17
+def test_blocks_of_another_surface_are_withdrawn():
+    sums = BlockSums(ModellingSettings())
+    assert sums.add(blocks_of(0))
+    assert sums.cells().sums[:, 0].sum() == 19
+    assert sums.add(cutter().cut([]), forget_from=800)
+    assert sums.cells().sums[:, 0].sum() == 15
+    assert not sums.add(cutter().cut([]))
 
 
 def test_what_is_older_than_can_be_withdrawn_is_summed_for_good():
-    gathering = Gathering(ModellingSettings())
+    sums = BlockSums(ModellingSettings())
     seconds = 2 * round(WITHDRAWN_S) + 3
     for second in range(seconds):
-        gathering.add(work(stroke(1000, first=1000 * second)))
-    before = gathering.cells()().sums[:, 0].sum()
-    gathering.add(work(forget_from=0))
-    assert 0 < gathering.cells()().sums[:, 0].sum() < before == 20 * seconds - 1
-
-
-def test_sums_asked_for_later_are_those_of_the_moment_in_whatever_order():
-    gathering = Gathering(ModellingSettings(), deferred=True)
-    now = Gathering(ModellingSettings())
-    at_once, later = [], []
-    for second in range(2 * round(WITHDRAWN_S) + 3):
-        gone = {"held_out": [(1000 * second - 500, 1000 * second + 200)]} if second % 4 == 3 else {}
-        for one in (gathering, now):
-            one.add(work(stroke(1000, first=1000 * second, speed=50.0 + second), **gone))
-        at_once.append(now.cells()())
-        later.append(gathering.cells())
-    for number in (0, 5, 22, 21, 3, 3):
-        found = later[number]()
-        np.testing.assert_array_equal(found.keys, at_once[number].keys)
-        np.testing.assert_array_equal(found.sums, at_once[number].sums)
+        sums.add(blocks_of(1000 * second))
+    before = sums.cells().sums[:, 0].sum()
+    sums.add(cutter().cut([]), forget_from=0)
+    assert 0 < sums.cells().sums[:, 0].sum() < before == 19 * seconds

@@ -16,6 +16,7 @@ from mmt.texture.completion.distance import distance_sum
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import build, stream_blocks
 from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
+from mmt.texture.segmentation.segments import SampleRange
 from mmt.texture.settings import Method, ModellingSettings
 
 FREQUENCIES_HZ = np.linspace(10, 490, 121)
@@ -73,16 +74,6 @@ def test_an_order_of_its_own(frames: RecordArray) -> None:
         assert updates[-1].order == order
         assert modeller.model is not None
         assert modeller.model.order == order
-
-
-def test_segments_that_are_not_accepted_stay_out(frames: RecordArray) -> None:
-    everything = OnlineModeller()
-    feed(everything, frames)
-    start, stop = sorted(everything.fits)[4]
-    without = OnlineModeller(accept=lambda s: s.stop <= start or s.start >= stop)
-    feed(without, frames)
-    assert len(without.fits) >= len(everything.fits) - 3
-    assert not any(a < stop and b > start for a, b in without.fits)
 
 
 def test_missing_and_broken_frames_are_not_modelled(frames: RecordArray) -> None:
@@ -237,14 +228,30 @@ def test_a_history_makes_a_model_when_it_is_asked_for_as_the_live_leader_had_it(
 
 
 @pytest.mark.parametrize("method", ["field", "published"])
-def test_a_history_that_is_judged_until_the_start_has_the_same_models(
+def test_what_is_held_out_is_in_no_model_and_all_else_is(
     frames: RecordArray, method: Method
 ) -> None:
     blocks, settings = list(stream_blocks([frames], 1000)), ModellingSettings(method=method)
-    whole = build(blocks, settings)
-    brief = build(blocks, settings, until_start=True)
-    assert brief.start_s == whole.start_s
-    assert whole.start_s is not None
-    for one, other in zip(brief.updates, whole.updates, strict=True):
-        assert (one.samples, one.order) == (other.samples, other.order)
-    assert brief.model_at(1e9).to_bytes() == whole.model_at(1e9).to_bytes()  # type: ignore[union-attr]
+    history = build(blocks, settings)
+    nothing = history.log.without([])
+    for number in (3, 11, 0, 7, 7, -1):  # in whatever order
+        one, other = history.model(number), nothing.model(number)
+        assert (one and one.to_bytes()) == (other and other.to_bytes())
+    last = len(blocks) - 1
+    whole = history.model(last)
+    held_out = [segment.span for segment in history.finished[2:5]]
+    left = history.log.without(held_out).model(last)
+    assert whole is not None
+    assert left is not None
+    kept = {sample.tobytes() for sample in left.samples.lsf}
+    assert len(whole.samples) - 3 == len(left.samples)
+    assert kept < {sample.tobytes() for sample in whole.samples.lsf}
+    everything = history.log.without([SampleRange(0, len(frames))])
+    assert everything.model(last) is None
+    if method == "field":
+        assert whole.field is not None
+        assert left.field is not None
+        taken = sum(stop - start for start, stop in held_out) / 50
+        assert whole.field.sums[:, 0].sum() - left.field.sums[:, 0].sum() == pytest.approx(
+            taken, abs=2 * len(held_out)
+        )

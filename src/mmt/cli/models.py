@@ -188,9 +188,7 @@ def _remark(recording: "Recording", settings: "ModellingSettings") -> str:
     from mmt.evaluation.strokes_made import StrokesMade
     from mmt.session.stream import blocks_of
 
-    strokes = StrokesMade(settings)
-    for block in blocks_of(recording):
-        strokes.add(block)
+    strokes = StrokesMade.of(blocks_of(recording), settings)
     return coverage(strokes, np.empty((0, 2)), settings, stopped=False).remark
 
 

@@ -12,7 +12,6 @@ import math
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from functools import partial
 from typing import Final
 
 import numpy as np
@@ -20,7 +19,7 @@ import numpy as np
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.evaluation.coverage import coverage
-from mmt.evaluation.held_out import choose_held_out, outside
+from mmt.evaluation.held_out import choose_held_out
 from mmt.evaluation.recorded_surfaces import SurfaceParts, part_by_surface
 from mmt.evaluation.results import Evaluation
 from mmt.evaluation.scoring import Scorer, method_beside
@@ -32,7 +31,6 @@ from mmt.session.data import missing_frames
 from mmt.session.operators import control_periods
 from mmt.session.stream import Recording, blocks_of, in_memory
 from mmt.texture.online.history import ModelHistory, build, build_together, stream_blocks
-from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.settings import Inputs, ModellingSettings
 from mmt.texture.signals.amplitude_spectra import Spectra
 
@@ -65,7 +63,7 @@ def evaluate_session(
     Parameters
     ----------
     session
-        With position, force and acceleration; one that stays in its file is read twice or thrice.
+        With position, force and acceleration; one that stays in its file is read once or twice.
     settings
         How to model; None takes the scene that the session was recorded with, or the defaults
         where it holds none.
@@ -96,7 +94,7 @@ def evaluate_session(
 
     Notes
     -----
-    Costs two passes over the session, a third on a texture that depends on the heading, and a few
+    Costs a pass over the session, another one on a texture that depends on the heading, and a few
     milliseconds for every moment scored.
 
     Examples
@@ -124,23 +122,19 @@ def evaluate_session(
     seen = _Seen(settings)
     truth, basis_reason = known_texture(session.annotations, settings)
     beside, other_method = method_beside(settings)
-    modeller = partial(OnlineModeller, deferred=True)
-    leading = [modeller(settings)]
-    if truth is not None:
-        leading.append(modeller(other_method, until_start=True))
-    leader, *others = build_together(map(seen.passed, blocks()), leading)
+    leader, other = build_together(
+        map(seen.passed, blocks()), [settings, other_method], observe=seen.strokes.add
+    )
     if not leader.updates:
         raise InputError(f"session {session.path}: it holds no frames, nothing can be evaluated")
     held_out = choose_held_out(leader.finished, seed)
-    without = [settings] if others else [settings, other_method]
-    again = [modeller(each, outside(held_out), until_start=True) for each in without]
-    rebuilt, *others_without = build_together(blocks(), again)
+    spans = [segment.span for segment in held_out]
     strokes = seen.strokes.strokes()
     scorer = Scorer(
         leader=leader,
-        rebuilt=rebuilt,
+        rebuilt=leader.log.without(spans),
         held_out=held_out,
-        beside=(others or others_without)[0],
+        beside=other.log if truth is not None else other.log.without(spans),
         other=_of_other_inputs(blocks(), settings, truth),
         truth=truth,
         made=truth.at(strokes) if truth is not None and len(strokes.force_n) else None,
@@ -163,7 +157,7 @@ def evaluate_session(
         duration_s=duration_s,
         complete=session.complete,
         missing_frames=seen.missing,
-        faults=seen.strokes.faults,
+        faults=leader.updates[-1].faults,
         settings=settings,
         beside=beside,
         period_s=period_s,
@@ -298,5 +292,4 @@ class _Seen:
         self.missing += missing_frames(joined)
         self.highest = max(self.highest, int(block["sequence"].max()))
         self._last = block[-1:]
-        self.strokes.add(block)
         return block

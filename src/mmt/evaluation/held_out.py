@@ -5,7 +5,7 @@ is rebuilt without them, and their recorded vibration is compared with what the 
 synthesizes at their speed and force.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -54,16 +54,6 @@ def choose_held_out(segments: Sequence[Segment], seed: int) -> tuple[Segment, ..
     count = min(HELD_OUT, len(ordered) // 2)
     chosen = np.random.default_rng(seed).choice(len(ordered), size=count, replace=False)
     return tuple(ordered[index] for index in sorted(chosen))
-
-
-def outside(held_out: Sequence[Segment]) -> Callable[[Segment], bool]:
-    """Return a test that is true for segments that share no sample with the held-out ones."""
-    ranges = [(segment.start, segment.stop) for segment in held_out]
-
-    def accept(segment: Segment) -> bool:
-        return all(segment.stop <= start or segment.start >= stop for start, stop in ranges)
-
-    return accept
 
 
 class HeldOutRecording:

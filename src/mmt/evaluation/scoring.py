@@ -17,6 +17,7 @@ from mmt.texture.completion.distance import distance_sum
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import ModelHistory
+from mmt.texture.online.log import ModelLog
 from mmt.texture.online.methods import method_of
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import Inputs, ModellingSettings
@@ -53,11 +54,11 @@ class Scorer:
     leader
         Every state of the model that the leader had.
     rebuilt
-        The same, built without the held-out segments.
+        The same models without the held-out segments.
     held_out
         These segments.
     beside
-        Every state of the other method's model, built without them unless the truth is known.
+        Every state of the other method's model, without them unless the truth is known.
     other
         Every state of the model of the other inputs, None where it is not compared.
     truth
@@ -76,9 +77,9 @@ class Scorer:
         self,
         *,
         leader: ModelHistory,
-        rebuilt: ModelHistory,
+        rebuilt: ModelLog,
         held_out: Sequence[Segment],
-        beside: ModelHistory,
+        beside: ModelLog,
         other: ModelHistory | None,
         truth: KnownTexture | None,
         made: TruthAt | None,
@@ -156,7 +157,7 @@ class Scorer:
     def _score(self, number: int) -> Score:
         leader = self._leader.updates[number] if number >= 0 else None
         model = self._model(number)
-        rebuilt = self._rebuilt.updates[number] if number >= 0 else None
+        rebuilt = self._rebuilt.model(number)
         held_out = self._approximate(number)
         grid = self._grid(number)
         errors_db = np.array([approximation.power_error_db for approximation in held_out])
@@ -178,8 +179,8 @@ class Scorer:
             truth_log_spectral_db=float(grid.log_spectral_db.mean()) if grid else None,
             held_out_power_error_db=of_held_out.power_error_db,
             held_out_within_jnd=of_held_out.within_jnd,
-            rebuilt_samples=rebuilt.samples if rebuilt else 0,
-            rebuilt_distance=rebuilt.distance if rebuilt else self._empty_distance,
+            rebuilt_samples=len(rebuilt.samples) if rebuilt else 0,
+            rebuilt_distance=distance_sum(rebuilt.points) if rebuilt else self._empty_distance,
         )
 
     def _against_truth(self, model: TextureModel | None, grid: GridErrors | None) -> Levels:
@@ -195,11 +196,11 @@ class Scorer:
         model = self._beside.model(number)
         if model is None or self._truth is not None:
             return self._against_truth(model, None)
-        errors_db = [
-            level_error_db(model, recording.inputs(model), np.array([recording.power]))
-            for recording in self._recordings
-        ]
-        return _levels(np.concatenate([np.empty(0), *errors_db]))
+        if not self._recordings:
+            return Levels()
+        inputs = np.concatenate([recording.inputs(model) for recording in self._recordings])
+        power = np.array([recording.power for recording in self._recordings])
+        return _levels(level_error_db(model, inputs, power))
 
     def _model(self, number: int) -> TextureModel | None:
         """Return the leader's model, which is made anew while nobody holds it, ready to render.

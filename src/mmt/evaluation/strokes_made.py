@@ -1,13 +1,14 @@
 """The strokes that a hand made in a session: where its models are judged."""
 
-from typing import Final
+from collections.abc import Iterable
+from typing import Final, Self
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.evaluation.grid_errors import Strokes
 from mmt.texture.settings import ModellingSettings
-from mmt.texture.signals.faults import SignalFaults
+from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.filtering import StreamFilter
 
 MOST: Final = 400
@@ -18,7 +19,7 @@ _PERCENTILES: Final = (5.0, 95.0)
 
 
 class StrokesMade:
-    """Speed, force and heading of a tool while it strokes the surface, gathered by blocks.
+    """Speed, force and heading of a tool while it strokes the surface, block by block.
 
     Parameters
     ----------
@@ -28,14 +29,21 @@ class StrokesMade:
 
     def __init__(self, settings: ModellingSettings) -> None:
         self._settings = settings
-        self._filter = StreamFilter(settings)
         self._every = max(1, round(_EVERY_S * settings.rate_hz))
         self._seen = self._samples = 0
         self._parts: list[FloatArray] = []
 
-    def add(self, block: RecordArray) -> None:
-        """Add the next frames of the session, shape (n,)."""
-        motion, settings = self._filter.process(block), self._settings
+    @classmethod
+    def of(cls, blocks: Iterable[RecordArray], settings: ModellingSettings) -> Self:
+        """Return the strokes of frames, in blocks of shape (n,)."""
+        made, stream = cls(settings), StreamFilter(settings)
+        for block in blocks:
+            made.add(stream.process(block))
+        return made
+
+    def add(self, motion: AlignedBlock) -> None:
+        """Add what follows behind the filters."""
+        settings = self._settings
         stroking = motion.speed_mm_s >= settings.least_speed_mm_s
         stroking &= motion.normal_force_n >= settings.least_force_n
         chosen = np.flatnonzero(stroking)
@@ -45,11 +53,6 @@ class StrokesMade:
         heading = np.arctan2(motion.velocity_mm_s[chosen, 1], motion.velocity_mm_s[chosen, 0])
         rows = motion.speed_mm_s[chosen], motion.normal_force_n[chosen], heading
         self._parts.append(np.array(rows))
-
-    @property
-    def faults(self) -> SignalFaults:
-        """What of the session so far was no measurement."""
-        return self._filter.faults
 
     @property
     def total_s(self) -> float:

@@ -135,10 +135,7 @@ class _Session:
         self._case, self._run_s = case, run_s
         self._settings = settings_of(case, "field")
         self._blocks = blocks_of(case.session())
-        made = StrokesMade(self._settings)
-        for block in self._blocks:
-            made.add(block)
-        self._strokes = made.strokes(STROKES)
+        self._strokes = StrokesMade.of(self._blocks, self._settings).strokes(STROKES)
         self._expected = expected_spectra(KnownTexture(get_surface(case.texture)), self._strokes)
         self.rendered: list[Rendered] = []
         self.faults: list[Fault] = []

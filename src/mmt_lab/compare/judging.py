@@ -25,6 +25,7 @@ from mmt.texture.completion.uncertainty import PRIOR_S
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import ModelHistory, build, stream_blocks
 from mmt.texture.settings import JND_DB, ModellingSettings
+from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.signals.metrics import within_jnd
 from mmt_lab.compare.ablations import INGREDIENTS, without
 from mmt_lab.compare.cases import Case
@@ -162,10 +163,10 @@ class SessionJudge:
     def __init__(self, case: Case, frames: RecordArray) -> None:
         self.case = case
         self.truth = KnownTexture(get_surface(case.texture))
-        made = StrokesMade(ModellingSettings())
+        made, stream = StrokesMade(ModellingSettings()), StreamFilter()
         self._stroked_s = []
         for block in blocks_of(frames):
-            made.add(block)
+            made.add(stream.process(block))
             self._stroked_s.append(made.total_s)
         strokes = made.strokes()
         self.made: TruthAt = self.truth.at(strokes)

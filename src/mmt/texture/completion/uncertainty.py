@@ -161,9 +161,9 @@ def _hat(step: float, apart: FloatArray) -> FloatArray:
     return np.asarray(np.maximum(1.0 - np.abs(apart) / step, 0.0))
 
 
-_NEWS: Final = 1.02
-"""Seconds of stroking, over those at the last evaluation, that call for another: from 50 s on fewer
-than one a second. An hour takes some two hundred, and a threshold is met 2 % late at most."""
+_NEWS, _NEWS_ONCE_STOPPED = 1.02, 1.1
+"""Seconds of stroking, over those at the last evaluation, that call for another: a threshold is met
+2 % late at most. Once the last one is met nothing depends on the value."""
 
 _LEAST: Final = 1e-12
 """Variances in nepers^2 count as no smaller: 4e-6 dB."""
@@ -218,7 +218,8 @@ class UncertaintyCriterion(Criterion):
     @property
     def due(self) -> bool:
         """Whether so much is new that evaluating a model tells more than the last time."""
-        return self.density.total_s > _NEWS * self._evaluated_s
+        news = _NEWS_ONCE_STOPPED if self.stopped else _NEWS
+        return self.density.total_s > news * self._evaluated_s
 
     def observe(self, block: AlignedBlock) -> None:
         """Add the newest block of the stream to the stroking density."""

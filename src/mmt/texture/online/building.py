@@ -1,9 +1,9 @@
 """The third stage of an update: an immutable model that interpolates between the fits."""
 
-import weakref
+from functools import cache
 
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.online.methods import ModellingMethod, ModelMaker
+from mmt.texture.online.methods import ModellingMethod
 from mmt.texture.online.work import Made, ModelSource, Stopwatch, Work
 
 
@@ -15,7 +15,7 @@ class BuildingStage:
     method
         How to model.
     deferred
-        Whether each model is made only when it is asked for.
+        Whether each model is made only when it is asked for, before the next update.
     """
 
     def __init__(self, method: ModellingMethod, *, deferred: bool = False) -> None:
@@ -35,7 +35,8 @@ class BuildingStage:
         if make is not None and not work.fits:
             self._source = Made()
         elif make is not None:
-            self._source = Deferred(make) if self._deferred else Made(make().prepared())
+            self._source = cache(make) if self._deferred else Made(make().prepared())
+        work.made_anew = make is not None
         if self._source is not None:
             work.source = self._source
         clock.lap("triangulate")
@@ -44,22 +45,3 @@ class BuildingStage:
         if work.added or work.removed_count:
             return True
         return work.forget_from is None and self._source is None and bool(work.fits)
-
-
-class Deferred:
-    """A model that is made anew for whoever asks while nobody else holds it."""
-
-    def __init__(self, make: ModelMaker) -> None:
-        self._make = make
-        self._held: weakref.ref[TextureModel] | None = None
-
-    def __call__(self) -> TextureModel:
-        """Return it."""
-        held = None if self._held is None else self._held()
-        if held is None:
-            held = self._make()
-            self._held = weakref.ref(held)
-        return held
-
-    def __reduce__(self) -> tuple[object, ...]:
-        return type(self), (self._make,)

@@ -66,9 +66,10 @@ class FittingStage:
             return 0
         keys = list(self.fits)
         points = points_of(self.fits.values(), self._space)
+        distances, neighbours = cKDTree(points).query(points, k=surplus + 2)
+        distances[neighbours == np.arange(len(points))[:, None]] = np.inf
         for _ in range(surplus):
-            distances, _ = cKDTree(points).query(points, k=2)
-            older = int(np.argmin(distances[:, 1]))
-            points = np.delete(points, older, axis=0)
-            del self.fits[keys.pop(older)]
+            older = int(np.argmin(distances.min(axis=1)))
+            distances[neighbours == older] = distances[older] = np.inf
+            del self.fits[keys[older]]
         return surplus

@@ -6,7 +6,7 @@ surface. Both read a session faster than real time.
 
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import numpy as np
@@ -17,10 +17,12 @@ from mmt.core.bounds import check
 from mmt.core.errors import InputError
 from mmt.core.frames import check_frames
 from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.online.log import ModelLog
 from mmt.texture.online.modeller import ModelUpdate, OnlineModeller, carry_out
 from mmt.texture.segmentation.bottom_up import CELL
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
+from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.numbering import StreamNumbering
 
 if TYPE_CHECKING:
@@ -41,6 +43,8 @@ class ModelHistory:
     """Session time at which the start criterion was met, None where it never was."""
     stop_s: float | None
     """The same of the stop criterion."""
+    log: ModelLog
+    """From which its models are made again, also without segments that are held out."""
 
     def model_at(self, time_s: float) -> TextureModel | None:
         """Return the model as it was at a session time, None before it had any sample."""
@@ -221,12 +225,7 @@ def trials(sessions: Sequence[RecordArray]) -> list[RecordArray]:
 
 
 def build(
-    blocks: Iterable[RecordArray],
-    settings: ModellingSettings,
-    accept: Callable[[Segment], bool] | None = None,
-    *,
-    deferred: bool = True,
-    until_start: bool = False,
+    blocks: Iterable[RecordArray], settings: ModellingSettings, *, deferred: bool = True
 ) -> ModelHistory:
     """Build a model from blocks of frames, one update each, to the end of the session.
 
@@ -238,44 +237,51 @@ def build(
         At least one, of at least one frame each; see `stream_blocks`.
     settings
         How to model.
-    accept
-        Says which segments may enter the model; None accepts all.
     deferred
-        Whether models are made when they are asked for, where they can be; False makes each in
-        its update, as the live leader does, so that an update takes as long.
-    until_start
-        Whether progress, and when modelling would stop, are of no interest once it has started:
-        what is only rendered is built in less time.
+        Whether models are made when they are asked for; False makes and keeps each in its update,
+        as the live leader does, so that an update takes as long.
     """
-    modeller = OnlineModeller(settings, accept, deferred=deferred, until_start=until_start)
-    return build_together(blocks, [modeller])[0]
+    return build_together(blocks, [settings], deferred=deferred)[0]
 
 
 def build_together(
-    blocks: Iterable[RecordArray], modellers: Sequence[OnlineModeller]
+    blocks: Iterable[RecordArray],
+    settings: Sequence[ModellingSettings],
+    *,
+    deferred: bool = True,
+    observe: Callable[[AlignedBlock], None] | None = None,
 ) -> list[ModelHistory]:
     """Build several models from the same segments, as `build` builds one.
 
     Parameters
     ----------
-    blocks
+    blocks, deferred
         As of `build`.
-    modellers
-        New ones. The first filters and segments for all: whatever settings say of that, and which
-        segments are accepted, must be the same for all.
+    settings
+        How to model each. What they say of filters and segments must be the same.
+    observe
+        Called with each block behind the filters.
     """
+    modellers = [OnlineModeller(each, deferred=deferred) for each in settings]
+    logs = [ModelLog(each) for each in settings]
     updates: list[list[ModelUpdate]] = [[] for _ in modellers]
     finished: list[tuple[Segment, ...]] = [() for _ in modellers]
     for block in blocks:
-        works = list(modellers[0].segment(block))
+        *_, segmented = modellers[0].segment(block)
+        assert segmented is not None  # noqa: S101 - the work comes last
         for place, modeller in enumerate(modellers):
+            work = segmented.of(modeller)
             open_before = not modeller.completion.stopped
-            update = carry_out(iter([work and work.of(modeller) for work in works]))
-            if update is not None:
-                updates[place].append(update)
+            update = carry_out(iter([work]))
+            assert update is not None  # noqa: S101 - it is announced
+            logged = logs[place].add(work)
+            updates[place].append(replace(update, source=logged) if deferred else update)
             if open_before:
                 finished[place] = tuple(fit.segment for fit in modeller.fits.values())
+        if observe is not None:
+            observe(segmented.observed[0])
+    criteria = (modeller.completion for modeller in modellers)
     return [
-        ModelHistory(tuple(made), segments, modeller.completion.start_s, modeller.completion.stop_s)
-        for made, segments, modeller in zip(updates, finished, modellers, strict=True)
+        ModelHistory(tuple(made), segments, criterion.start_s, criterion.stop_s, log)
+        for made, segments, criterion, log in zip(updates, finished, criteria, logs, strict=True)
     ]

@@ -8,7 +8,6 @@ modelling does is the same for both.
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 from mmt.core.arrays import FloatArray
@@ -51,9 +50,9 @@ class ModellingMethod(ABC):
         return fit_segments(segments, numbers, self._settings, behind_high_pass=behind)
 
     def _maker(self, work: Work, cells: "Callable[[], FieldCells] | None" = None) -> ModelMaker:
-        """Return what makes the model of the fits, at least one, whenever it is called."""
-        packed = tuple([fit.packed for fit in work.fits])
-        return partial(_made, self._settings, packed, work.noise_power, cells)
+        """Return what makes the model of the fits, at least one, until the next update."""
+        packed = [fit.packed for fit in work.fits]
+        return lambda: made(self._settings, packed, work.noise_power, cells and cells())
 
     @abstractmethod
     def model(self, work: Work, *, changed: bool) -> ModelMaker | None:
@@ -82,14 +81,9 @@ class ModellingMethod(ABC):
         """
 
 
-def method_of(settings: ModellingSettings, *, deferred: bool = False) -> ModellingMethod:
-    """Return the method that settings name, with nothing of a stream yet.
-
-    ``deferred`` says whether models may be made later than in their update.
-    """
-    if settings.method == "published":
-        return PublishedMethod(settings)
-    return FieldMethod(settings, deferred=deferred)
+def method_of(settings: ModellingSettings) -> ModellingMethod:
+    """Return the method that settings name, with nothing of a stream yet."""
+    return (PublishedMethod if settings.method == "published" else FieldMethod)(settings)
 
 
 class PublishedMethod(ModellingMethod):
@@ -112,31 +106,22 @@ class PublishedMethod(ModellingMethod):
 
 
 class FieldMethod(ModellingMethod):
-    """The model whose level is a field that knows its error, until enough strokes are right.
+    """The model whose level is a field that knows its error, until enough strokes are right."""
 
-    Parameters
-    ----------
-    settings
-        Settings of the modelling.
-    deferred
-        See `method_of`.
-    """
-
-    def __init__(self, settings: ModellingSettings, *, deferred: bool = False) -> None:
+    def __init__(self, settings: ModellingSettings) -> None:
         from mmt.texture.completion.uncertainty import UncertaintyCriterion
-        from mmt.texture.online.gathering import Gathering
+        from mmt.texture.field.blocks import BlockCutter
+        from mmt.texture.online.gathering import BlockSums
 
         super().__init__(settings)
-        self._deferred = deferred
         self.criterion: UncertaintyCriterion = UncertaintyCriterion(settings)
-        self._gathering = Gathering(settings, deferred=deferred)
+        self._cutter, self._sums = BlockCutter(settings), BlockSums(settings)
 
     def model(self, work: Work, *, changed: bool) -> ModelMaker | None:
         """See `ModellingMethod`."""
-        felt = self._gathering.add(work)
-        if not (changed or (felt and work.fits)):
-            return None
-        return self._maker(work, self._gathering.cells())
+        work.blocks = self._cutter.cut(work.observed)
+        felt = self._sums.add(work.blocks, work.forget_from)
+        return self._maker(work, self._sums.cells) if changed or (felt and work.fits) else None
 
     def judge(self, work: Work, points: FloatArray, *, anew: bool) -> None:
         """See `ModellingMethod`; evaluated as often as the strokes are news."""
@@ -145,22 +130,23 @@ class FieldMethod(ModellingMethod):
             self.criterion.observe(block)
         if anew and (work.forget_from is not None or self.criterion.due):
             clock, model = Stopwatch(work.durations_s), work.source()
-            if self._deferred and model is not None:
-                _ = model.level_field
+            if model is not None:
+                _ = model.level_field  # there already, unless the model is deferred
                 clock.lap(DEFERRED)
             self.criterion.update(model, work.time_s)
 
 
-def _made(
+def made(
     settings: ModellingSettings,
-    packed: tuple[bytes, ...],
+    packed: Sequence[bytes],
     noise_power: float,
-    cells: "Callable[[], FieldCells] | None",
+    cells: "FieldCells | None",
 ) -> TextureModel:
+    """Return the model of fits, at least one, from what `Fit.packed` is of each, and of cells."""
     return TextureModel(
         replace(unpacked(packed, InputSpace(settings.inputs)), noise_power=noise_power),
         method=settings.method,
-        field=None if cells is None else cells(),
+        field=cells,
         rate_hz=settings.rate_hz,
         at_once=False,
     )

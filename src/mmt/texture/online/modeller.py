@@ -10,7 +10,7 @@ The model has `LARGEST_MODEL` samples at most, so that neither memory nor the co
 grows without end where the criteria are never met.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from mmt.texture.online.fitting import LARGEST_MODEL, FittingStage
 from mmt.texture.online.methods import method_of
 from mmt.texture.online.work import DEFERRED, ModelUpdate, Stopwatch, Work
 from mmt.texture.segmentation.segmenter import OnlineSegmenter
-from mmt.texture.segmentation.segments import SampleRange, Segment
+from mmt.texture.segmentation.segments import SampleRange
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.signals.noise_floor import NoiseFloor
@@ -41,37 +41,25 @@ class OnlineModeller:
     ----------
     settings
         See `ModellingSettings`.
-    accept
-        Asked for each segment whether it may enter the model; the evaluation holds
-        segments out with it.
     deferred
         Whether a model is made only when it is asked for; see `BuildingStage`.
-    until_start
-        Whether the criterion is of no interest once it has started.
     """
 
     in_step = False
     """Whether `segment` must see what came of each update before it goes on."""
 
     def __init__(
-        self,
-        settings: ModellingSettings | None = None,
-        accept: Callable[[Segment], bool] | None = None,
-        *,
-        deferred: bool = False,
-        until_start: bool = False,
+        self, settings: ModellingSettings | None = None, *, deferred: bool = False
     ) -> None:
         check("settings", settings, ModellingSettings | None)
         self.settings = settings or ModellingSettings()
         self.space = InputSpace(self.settings.inputs)
-        self._accept = accept
         self._filter = StreamFilter(self.settings)
         self._segmenter = OnlineSegmenter(self.settings)
         self._noise = NoiseFloor()
-        self._method = method_of(self.settings, deferred=deferred)
+        self._method = method_of(self.settings)
         self._fitting = FittingStage(self.settings, self._method)
         self._building = BuildingStage(self._method, deferred=deferred)
-        self._until_start = until_start
 
     @property
     def completion(self) -> Criterion:
@@ -122,18 +110,15 @@ class OnlineModeller:
         yield None
         clock.resume()
         change = self._segmenter.update(aligned)
-        accept = self._accept
-        added = [s for s in change.added if accept is None or accept(s)]
         clock.lap("segment")
         yield Work(
             modeller=self,
             time_s=self._session_time_s(self._filter.newest + 1),
             observed=[aligned],
-            added=added,
+            added=change.added,
             removed=change.removed,
             noise_power=self._noise.power,
             faults=self._filter.faults,
-            held_out=[s.span for s in change.added if accept is not None and not accept(s)],
             durations_s=clock.laps,
         )
 
@@ -173,8 +158,7 @@ class OnlineModeller:
         if work.fits:
             points = points_of(work.fits, self.space)
         revoked = work.forget_from is not None and work.removed_count > 0
-        if not (self._until_start and criterion.started):
-            self._method.judge(work, points, anew=revoked or work.forget_from is None)
+        self._method.judge(work, points, anew=revoked or work.forget_from is None)
         if revoked and work.forget_from is not None:
             criterion.revoke_since(self._session_time_s(work.forget_from))
         clock.lap("completion")

@@ -13,6 +13,7 @@ from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.faults import SignalFaults
 
 if TYPE_CHECKING:
+    from mmt.texture.field.blocks import Blocks
     from mmt.texture.surfaces.changes import SurfaceChange
 
 
@@ -104,8 +105,6 @@ class Work:
         Filtered frames, for the completion criterion.
     added, removed
         Segments that are new, and the ranges of those that no longer hold.
-    held_out
-        Ranges of new segments that may not enter the model.
     noise_power
         Noise power of the sensor, in (m/s2)^2.
     faults
@@ -117,8 +116,9 @@ class Work:
         By the fitting: all fits of the model as they are now.
     removed_count
         By the fitting: how many fits have left.
-    source
-        By the building: what gives the model.
+    blocks, made_anew, source
+        By the building: blocks that the field has gathered, whether the model is another one than
+        after the last update, and what gives it.
     announced
         Whether the update is one that others hear of; where the tool leaves a surface, its model is
         also updated in between.
@@ -136,10 +136,11 @@ class Work:
     noise_power: float
     faults: SignalFaults = field(default_factory=SignalFaults)
     forget_from: int | None = None
-    held_out: list[SampleRange] = field(default_factory=list)
     durations_s: dict[str, float] = field(default_factory=dict)
     fits: tuple[Fit, ...] = ()
     removed_count: int = 0
+    blocks: "Blocks | None" = None
+    made_anew: bool = False
     source: ModelSource = Made()
     announced: bool = True
     surface: int | None = None
@@ -168,7 +169,6 @@ class Work:
         self.removed = earlier.removed + self.removed
         self.removed_count += earlier.removed_count
         self.observed = earlier.observed + self.observed
-        self.held_out = earlier.held_out + self.held_out
 
 
 class Stopwatch:

@@ -1,0 +1,123 @@
+"""What a model was made of, update by update, so that each can be made again."""
+
+import weakref
+from collections.abc import Sequence
+from functools import partial
+from typing import NamedTuple
+
+from mmt.texture.field.blocks import BLOCK_S, Blocks
+from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.online.gathering import BlockSums
+from mmt.texture.online.methods import made
+from mmt.texture.online.work import ModelSource, Work
+from mmt.texture.segmentation.segments import SampleRange
+from mmt.texture.settings import ModellingSettings
+
+
+class _Fit(NamedTuple):
+    """`Fit.packed`, with the range of its segment."""
+
+    span: SampleRange
+    packed: bytes
+
+
+class _Step(NamedTuple):
+    """What one update changed: fits that came and left, by their numbers, and blocks."""
+
+    came: dict[int, _Fit]
+    left: list[int]
+    blocks: Blocks | None
+    noise_power: float
+    model: int
+    """Number of the newest update that made a model."""
+
+
+class ModelLog:
+    """Log of one model's updates.
+
+    A model is made when it is asked for, and shared by all who hold it at that time. Who asks in
+    the order of the updates pays for each of them once.
+
+    Parameters
+    ----------
+    settings
+        How the model was built.
+    steps
+        Of another log.
+    """
+
+    def __init__(self, settings: ModellingSettings, steps: Sequence[_Step] = ()) -> None:
+        self._settings = settings
+        self._steps = list(steps)
+        self._made: weakref.WeakValueDictionary[int, TextureModel] = weakref.WeakValueDictionary()
+        self._present: set[int] = set()
+        self._begin()
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), (self._settings, self._steps)
+
+    def add(self, work: Work) -> ModelSource:
+        """Log an update that has been carried out; return what gives its model."""
+        present = {fit.number for fit in work.fits}
+        came = {
+            fit.number: _Fit(fit.segment.span, fit.packed)
+            for fit in work.fits
+            if fit.number not in self._present
+        }
+        left = list(self._present - present)
+        self._present = present
+        number = len(self._steps) if work.made_anew or not self._steps else self._steps[-1].model
+        self._steps.append(_Step(came, left, work.blocks, work.noise_power, number))
+        return partial(self.model, number)
+
+    def without(self, held_out: Sequence[SampleRange]) -> "ModelLog":
+        """Return the log as it is without the fits and blocks that touch some ranges of samples."""
+        return ModelLog(self._settings, [self._without(step, held_out) for step in self._steps])
+
+    def _without(self, step: _Step, held_out: Sequence[SampleRange]) -> _Step:
+        came = {
+            number: fit
+            for number, fit in step.came.items()
+            if all(fit.span.stop <= start or fit.span.start >= stop for start, stop in held_out)
+        }
+        blocks = step.blocks
+        if blocks is not None:
+            length = round(BLOCK_S * self._settings.rate_hz)
+            for start, stop in held_out:
+                blocks = blocks[(blocks.start + length <= start) | (blocks.start >= stop)]
+        return step._replace(came=came, blocks=blocks)
+
+    def model(self, number: int) -> TextureModel | None:
+        """Return the model after an update by its number, None before the first or without fits."""
+        number = self._steps[number].model if number >= 0 else -1
+        if number < 0:
+            return None
+        model = self._made.get(number)
+        if model is None:
+            model = self._make(number)
+            if model is not None:
+                self._made[number] = model
+        return model
+
+    def _begin(self) -> None:
+        """Forget what was replayed."""
+        self._done = 0
+        self._fits: dict[int, _Fit] = {}
+        self._sums = BlockSums(self._settings) if self._settings.method == "field" else None
+
+    def _make(self, number: int) -> TextureModel | None:
+        """Replay the log up to an update, and make its model."""
+        if number + 1 < self._done:
+            self._begin()
+        for step in self._steps[self._done : number + 1]:
+            for left in step.left:
+                self._fits.pop(left, None)
+            self._fits.update(step.came)
+            if self._sums is not None and step.blocks is not None:
+                self._sums.add(step.blocks)
+        self._done = number + 1
+        if not self._fits:
+            return None
+        cells = None if self._sums is None else self._sums.cells()
+        packed = [fit.packed for fit in self._fits.values()]
+        return made(self._settings, packed, self._steps[number].noise_power, cells)
