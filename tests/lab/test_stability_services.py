@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import mmt.leader.output.playout
-import mmt.texture.online.fitting
+import mmt.texture.online.modeller
 from mmt.core.frames import empty_frames
 from mmt.devices.protocols import Vector
 from mmt.leader.motion.force_ramp import ForceRamp
@@ -145,14 +145,14 @@ def test_a_part_that_loses_samples_is_seen(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_endless_modelling_keeps_its_size(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mmt.texture.online.fitting, "LARGEST_MODEL", 60)
+    monkeypatch.setattr(mmt.texture.online.modeller, "LARGEST_MODEL", 60)
     figures = run_endless_modelling(60).figures
     assert figures["samples"] == 60
     assert figures["growth_blocks"] < uptime.MOST_BLOCKS
 
 
 def test_a_model_without_an_end_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mmt.texture.online.fitting, "LARGEST_MODEL", 10**9)
+    monkeypatch.setattr(mmt.texture.online.modeller, "LARGEST_MODEL", 10**9)
     outcome = run_endless_modelling(120)
     assert outcome.figures["samples"] > 300
     assert outcome.figures["growth_blocks"] > uptime.MOST_BLOCKS

@@ -5,7 +5,7 @@ import pickle
 import numpy as np
 import pytest
 
-import mmt.texture.online.fitting
+import mmt.texture.online.modeller
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import empty_frames
 from mmt.scene import Hand, Scene
@@ -15,7 +15,8 @@ from mmt.texture.autoregression.forms import lsf_to_reflection, output_power
 from mmt.texture.completion.distance import distance_sum
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import build, stream_blocks
-from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
+from mmt.texture.online.modeller import OnlineModeller
+from mmt.texture.online.work import ModelUpdate
 from mmt.texture.segmentation.segments import SampleRange
 from mmt.texture.settings import Method, ModellingSettings
 
@@ -134,7 +135,7 @@ def test_a_model_that_is_never_complete_stays_small_and_spread(
     settings = ModellingSettings(method="published", start_distance=0.1, stop_distance=0.1)
     whole = OnlineModeller(settings)
     feed(whole, frames)
-    monkeypatch.setattr(mmt.texture.online.fitting, "LARGEST_MODEL", 15)
+    monkeypatch.setattr(mmt.texture.online.modeller, "LARGEST_MODEL", 15)
     small = OnlineModeller(whole.settings)
     updates = feed(small, frames)
     assert len(whole.fits) > 20
@@ -153,7 +154,7 @@ def closest(modeller: OnlineModeller) -> float:
 
 
 def test_of_two_samples_at_one_point_the_older_leaves(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mmt.texture.online.fitting, "LARGEST_MODEL", 4)
+    monkeypatch.setattr(mmt.texture.online.modeller, "LARGEST_MODEL", 4)
     to_and_fro = empty_frames(12_000)
     to_and_fro["sequence"] = np.arange(12_000)
     way = 150.0 * (-1.0) ** (np.arange(12_000) // 1000)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.errors import MmtError
 from mmt.scene.recording_tables import Replay
-from mmt.texture.online.modeller import ModelUpdate
+from mmt.texture.online.work import ModelUpdate
 from mmt.texture.surfaces import SaidSurface, SurfaceChange, said_surfaces
 
 if TYPE_CHECKING:

@@ -15,7 +15,8 @@ from mmt.scene import Session as SessionTable
 from mmt.testing.simulation import PERIOD_NS, RATE_HZ
 from mmt.testing.simulation.vibration import vibration_of
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
+from mmt.texture.online.modeller import OnlineModeller
+from mmt.texture.online.work import ModelUpdate
 from mmt.texture.settings import Inputs, ModellingSettings
 from mmt_lab.felt.passing import NEVER_TICK, Passage
 

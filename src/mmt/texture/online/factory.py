@@ -3,7 +3,8 @@
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
+from mmt.texture.online.modeller import OnlineModeller
+from mmt.texture.online.work import ModelUpdate
 from mmt.texture.settings import ModellingSettings
 
 if TYPE_CHECKING:

@@ -18,7 +18,8 @@ from mmt.core.errors import InputError
 from mmt.core.frames import check_frames
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.log import ModelLog
-from mmt.texture.online.modeller import ModelUpdate, OnlineModeller, carry_out
+from mmt.texture.online.modeller import OnlineModeller, carry_out
+from mmt.texture.online.work import ModelUpdate
 from mmt.texture.segmentation.bottom_up import CELL
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings, SurfaceSettings

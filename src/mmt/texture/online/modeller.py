@@ -1,18 +1,19 @@
 """The online update of a texture model: stream in, immutable models out.
 
 Awan et al., section V.C: once a period the newest samples are filtered and cut into segments
-(`mmt.texture.signals`, `mmt.texture.segmentation`), fitted (`FittingStage`), and a new model is
-triangulated (`BuildingStage`), which a criterion of completion judges. `OnlineModeller` holds the
-stages of one model. The evaluation of recorded sessions runs them one after the other (`update`);
-the live leader runs each in a task of its own, and comes to the same model to the bit.
-
-The model has `LARGEST_MODEL` samples at most, so that neither memory nor the cost of an update
-grows without end where the criteria are never met.
+(`mmt.texture.signals`, `mmt.texture.segmentation`) and fitted, and a new model is triangulated,
+which a criterion of completion judges. The evaluation of recorded sessions runs these stages one
+after the other (`update`); the live leader runs each in a task of its own, and comes to the same
+model to the bit.
 """
 
+import itertools
 from collections.abc import Iterator
+from functools import cache
+from typing import Final
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mmt.core.arrays import RecordArray
 from mmt.core.bounds import check
@@ -21,17 +22,17 @@ from mmt.texture.completion.distance import distance_sum
 from mmt.texture.model.fits import Fit, points_of
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.online.building import BuildingStage
-from mmt.texture.online.fitting import LARGEST_MODEL, FittingStage
 from mmt.texture.online.methods import method_of
-from mmt.texture.online.work import DEFERRED, ModelUpdate, Stopwatch, Work
+from mmt.texture.online.work import DEFERRED, Made, ModelSource, ModelUpdate, Stopwatch, Work
 from mmt.texture.segmentation.segmenter import OnlineSegmenter
 from mmt.texture.segmentation.segments import SampleRange
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.signals.noise_floor import NoiseFloor
 
-__all__ = ["LARGEST_MODEL", "ModelUpdate", "OnlineModeller", "carry_out"]
+LARGEST_MODEL: Final = 1000
+"""Samples of a model: neither its memory nor the cost of an update grows without end. Of the two
+that lie closest, the older one leaves for the next."""
 
 
 class OnlineModeller:
@@ -42,7 +43,7 @@ class OnlineModeller:
     settings
         See `ModellingSettings`.
     deferred
-        Whether a model is made only when it is asked for; see `BuildingStage`.
+        Whether a model is made only when it is asked for, before the next update.
     """
 
     in_step = False
@@ -58,8 +59,11 @@ class OnlineModeller:
         self._segmenter = OnlineSegmenter(self.settings)
         self._noise = NoiseFloor()
         self._method = method_of(self.settings)
-        self._fitting = FittingStage(self.settings, self._method)
-        self._building = BuildingStage(self._method, deferred=deferred)
+        self._numbers = itertools.count()
+        self._deferred = deferred
+        self._source: ModelSource | None = None
+        self.fits: dict[SampleRange, Fit] = {}
+        """By the range of their segments, in the order in which they came."""
 
     @property
     def completion(self) -> Criterion:
@@ -67,14 +71,9 @@ class OnlineModeller:
         return self._method.criterion
 
     @property
-    def fits(self) -> dict[SampleRange, Fit]:
-        """The fits that there are, by the range of their segments."""
-        return self._fitting.fits
-
-    @property
     def model(self) -> TextureModel | None:
         """The newest model, None before the first fit."""
-        return self._building.model
+        return None if self._source is None else self._source()
 
     def update(self, frames: RecordArray) -> ModelUpdate:
         """Add the newest frames and return the new state.
@@ -140,12 +139,51 @@ class OnlineModeller:
         return (sequence - self._filter.first) / self.settings.rate_hz
 
     def fit(self, work: Work) -> None:
-        """Fit the new segments."""
-        self._fitting.fit(work)
+        """Fit the new segments, and set the fits that there are now; O(new samples x order)."""
+        clock = Stopwatch(work.durations_s)
+        removed = list(work.removed)
+        if work.forget_from is not None:
+            removed += [key for key in self.fits if key[1] > work.forget_from]
+        work.removed_count += sum(self.fits.pop(key, None) is not None for key in removed)
+        for fit in self._method.add(work.added, self._numbers):
+            self.fits[fit.segment.span] = fit
+        work.removed_count += self._thin_out()
+        work.fits = tuple(self.fits.values())
+        clock.lap("fit")
+
+    def _thin_out(self) -> int:
+        """Keep the model at its largest size; return how many samples leave.
+
+        The older of the two samples that lie closest in the plane leaves: where the hand keeps
+        coming back the samples are recent, and a place that it has touched once is kept.
+        """
+        surplus = max(0, len(self.fits) - LARGEST_MODEL)
+        if surplus == 0:
+            return 0
+        keys = list(self.fits)
+        points = points_of(self.fits.values(), self.space)
+        distances, neighbours = cKDTree(points).query(points, k=surplus + 2)
+        distances[neighbours == np.arange(len(points))[:, None]] = np.inf
+        for _ in range(surplus):
+            older = int(np.argmin(distances.min(axis=1)))
+            distances[neighbours == older] = distances[older] = np.inf
+            del self.fits[keys[older]]
+        return surplus
 
     def build(self, work: Work) -> None:
-        """Build the model of the fits."""
-        self._building.build(work)
+        """Build the model of the fits, where it changes, and set it."""
+        clock = Stopwatch(work.durations_s)
+        changed = bool(work.added or work.removed_count)
+        changed |= work.forget_from is None and self._source is None and bool(work.fits)
+        make = self._method.model(work, changed=changed)
+        if make is not None and not work.fits:
+            self._source = Made()
+        elif make is not None:
+            self._source = cache(make) if self._deferred else Made(make().prepared())
+        work.made_anew = make is not None
+        if self._source is not None:
+            work.source = self._source
+        clock.lap("triangulate")
 
     def judge(self, work: Work) -> None:
         """Judge the model, and set ``work.update``: what has come of the update.

@@ -25,7 +25,7 @@ from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.factory import ModellerFactory
 from mmt.texture.online.history import stream_blocks
 from mmt.texture.online.methods import method_of
-from mmt.texture.online.modeller import ModelUpdate
+from mmt.texture.online.work import ModelUpdate
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.surfaces.changes import said_surfaces
 
