@@ -16,7 +16,7 @@ from mmt.texture.completion.distance import CompletionMonitor
 from mmt.texture.model.fits import Fit, fit_segments, unpacked
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.online.work import DEFERRED, Stopwatch, Work
+from mmt.texture.online.work import DEFERRED, Made, Stopwatch, Work
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
 
@@ -130,8 +130,8 @@ class FieldMethod(ModellingMethod):
             self.criterion.observe(block)
         if anew and (work.forget_from is not None or self.criterion.due):
             clock, model = Stopwatch(work.durations_s), work.source()
-            if model is not None:
-                _ = model.level_field  # there already, unless the model is deferred
+            if model is not None and not isinstance(work.source, Made):  # that is deferred
+                _ = model.level_field
                 clock.lap(DEFERRED)
             self.criterion.update(model, work.time_s)
 
