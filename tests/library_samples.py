@@ -10,9 +10,9 @@ from mmt.texture.autoregression.forms import (
     output_power,
     reflection_to_lsf,
 )
-from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.settings import Method
+from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
 
 
 def model(

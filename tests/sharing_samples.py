@@ -19,9 +19,9 @@ from mmt.sharing.publishing import ModelPublisher
 from mmt.sharing.relay import Relay
 from mmt.sharing.server import SharingServer
 from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
-from mmt.texture.model.inputs import ISOTROPIC
-from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.space.inputs import ISOTROPIC
+from mmt.texture.space.samples import TextureSamples
 from mmt.web.player.following import SharedTexture
 from mmt.web.player.player import Player
 from mmt.web.player.results import ResultsFile

@@ -13,14 +13,14 @@ from mmt.core.errors import InputError
 from mmt.scene.texture_table import TEXTURE_TABLE
 from mmt.texture.model.file import arrays_of
 from mmt.texture.model.file_arrays import pack_arrays
-from mmt.texture.model.inputs import InputSpace
-from mmt.texture.model.samples import LARGEST_POWER, TextureSamples
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import (
     ModellingSettings,
     SurfaceSettings,
     TextureSettings,
 )
+from mmt.texture.space.inputs import InputSpace
+from mmt.texture.space.samples import LARGEST_POWER, TextureSamples
 
 NUMBERS = [math.nan, math.inf, -math.inf, -1.0, -1, 0, 0.0, 1, 0.5, 2.5, 7, 64, 65, 1e6, 1.7e308]
 OTHERS = ["auto", "delaunay", "no such thing", None, True, []]

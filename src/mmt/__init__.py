@@ -35,10 +35,11 @@ if TYPE_CHECKING:
     from mmt.session.data import RecordedSession
     from mmt.session.files import export_session, import_session, read_session, write_session
     from mmt.testing.simulation.offline import simulate_session
-    from mmt.texture.model.samples import TextureSamples
     from mmt.texture.model.texture_model import TextureModel, load_model
-    from mmt.texture.online.history import ModelHistory, build_model, follow_surfaces
+    from mmt.texture.online.history import ModelHistory, build_model
     from mmt.texture.settings import ModellingSettings, SurfaceSettings
+    from mmt.texture.space.samples import TextureSamples
+    from mmt.texture.surfaces.following import follow_surfaces
     from mmt.texture.synthesis.synthesizer import Synthesizer
 
 __all__ = [
@@ -82,12 +83,12 @@ _HOMES = {
     "SurfaceSettings": "mmt.texture.settings",
     "Synthesizer": "mmt.texture.synthesis.synthesizer",
     "TextureModel": "mmt.texture.model.texture_model",
-    "TextureSamples": "mmt.texture.model.samples",
+    "TextureSamples": "mmt.texture.space.samples",
     "build_model": "mmt.texture.online.history",
     "evaluate_session": "mmt.evaluation.evaluate",
     "evaluate_surfaces": "mmt.evaluation.evaluate",
     "export_session": "mmt.session.files",
-    "follow_surfaces": "mmt.texture.online.history",
+    "follow_surfaces": "mmt.texture.surfaces.following",
     "import_session": "mmt.session.files",
     "load_model": "mmt.texture.model.texture_model",
     "load_scene": "mmt.scene.files",

@@ -14,8 +14,8 @@ from mmt.testing.simulation.known_surfaces import surface_from_annotations
 from mmt.testing.simulation.model_surface import ModelSurface, ModelVibration
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture import TextureModel
-from mmt.texture.model.inputs import InputSpace
-from mmt.texture.model.samples import TextureSamples
+from mmt.texture.space.inputs import InputSpace
+from mmt.texture.space.samples import TextureSamples
 from mmt_bridges.hatt.models import export_hatt
 
 FREQUENCIES_HZ = np.arange(501.0)

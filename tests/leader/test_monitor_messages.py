@@ -19,9 +19,9 @@ from mmt.scene.files import scene_from_tables
 from mmt.texture.completion.criterion import Progress
 from mmt.texture.completion.distance import CompletionMonitor, cell_distances, distance_sum
 from mmt.texture.interpolation.vertices import RIM
-from mmt.texture.model.inputs import ANISOTROPIC
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.settings import ModellingSettings
+from mmt.texture.space.inputs import ANISOTROPIC
 from mmt.web.binary_messages import pack
 from mmt.web.monitor.live import MOST_SAMPLES, LiveMessages
 from mmt.web.monitor.states import (

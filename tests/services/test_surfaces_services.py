@@ -25,9 +25,9 @@ from mmt.testing.simulation.course import CourseChange, SurfaceCourse
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.online.history import surface_changes
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt.texture.surfaces import SaidSurface, said_surfaces
+from mmt.texture.surfaces.following import surface_changes
 
 FRAMES_A_TICK = 5
 MOST_TICKS = 30_000

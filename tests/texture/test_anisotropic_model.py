@@ -10,9 +10,9 @@ from scipy.spatial import Delaunay
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
 from mmt.texture.interpolation.networks.evaluation import LEVEL_ROOM
-from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC, InputSpace, normalise_into
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.settings import Method
+from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC, InputSpace, normalise_into
 from mmt.texture.synthesis.synthesizer import Synthesizer
 
 

@@ -19,12 +19,12 @@ from mmt.texture.completion.uncertainty import (
 from mmt.texture.field.cells import FieldCells
 from mmt.texture.field.observations import BLOCK_VARIANCE
 from mmt.texture.field.posterior import LevelField
-from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC
-from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.methods import method_of
 from mmt.texture.settings import START_SHARE, STOP_SHARE, Inputs, ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
+from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC
+from mmt.texture.space.samples import TextureSamples
 
 DIMENSIONS = pytest.mark.parametrize("dimensions", [2, 3])
 

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import empty_frames
 from mmt.texture.online.modeller import OnlineModeller
+from mmt.texture.online.surface_changes import SaidSurface
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt.texture.signals.faults import SignalFaults
-from mmt.texture.surfaces.changes import SaidSurface
 from mmt.texture.surfaces.modeller import SurfaceModeller
 
 CAUSES = [field.name for field in fields(SignalFaults) if field.name.endswith("_s")]

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from mmt.texture.field.blocks import BlockCutter
-from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC
 from mmt.texture.online.gathering import WITHDRAWN_S, BlockSums
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
+from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC
 
 
 def stroke(count, first=0, speed=100.0, force=1.0, seed=0):

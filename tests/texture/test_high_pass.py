@@ -18,7 +18,6 @@ from mmt.texture.autoregression.reshaping import (
 from mmt.texture.autoregression.spectra import lsf_spectrum
 from mmt.texture.field.cells import FieldCells
 from mmt.texture.field.posterior import LevelField
-from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.methods import method_of
 from mmt.texture.segmentation.segments import Segment
@@ -26,6 +25,7 @@ from mmt.texture.settings import Method, ModellingSettings
 from mmt.texture.signals.biquad import butterworth_high_pass
 from mmt.texture.signals.filtering import VIBRATION_CUTOFF_HZ
 from mmt.texture.signals.high_pass import gain_without_high_pass, without_high_pass
+from mmt.texture.space.samples import TextureSamples
 
 FREQUENCIES_HZ = np.arange(PERIOD // 2 + 1) * (1000.0 / PERIOD)
 FLAT = np.array([[0.3, -0.2]])

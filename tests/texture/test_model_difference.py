@@ -13,9 +13,9 @@ from mmt.core.errors import InputError
 from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
 from mmt.texture.model.difference import apply, difference
 from mmt.texture.model.file import arrays_of, contents_of
-from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
-from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
+from mmt.texture.space.samples import TextureSamples
 
 SPACES = pytest.mark.parametrize("space", [ISOTROPIC, ANISOTROPIC], ids=lambda space: space.name)
 

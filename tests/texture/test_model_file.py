@@ -13,9 +13,9 @@ import pytest
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.forms import lsf_to_ar, output_power, reflection_to_lsf
 from mmt.texture.field.cells import FieldCells
-from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC
-from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel, load_model
+from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC
+from mmt.texture.space.samples import TextureSamples
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "model-file.md"
 

@@ -9,8 +9,8 @@ from mmt.core.errors import InputError
 from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
 from mmt.texture.field.shape_smoothing import smoothed_shapes
 from mmt.texture.interpolation.vertices import vertex_table
-from mmt.texture.model.inputs import ISOTROPIC, InputSpace
 from mmt.texture.model.texture_model import TextureModel, TextureSamples, load_model
+from mmt.texture.space.inputs import ISOTROPIC, InputSpace
 
 
 def drawn(count: int, space: InputSpace = ISOTROPIC, *, order: int = 4) -> TextureSamples:

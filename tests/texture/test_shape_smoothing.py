@@ -9,9 +9,9 @@ from mmt.texture.autoregression.effective_sample_size import effective_samples
 from mmt.texture.autoregression.forms import reflection_to_lsf
 from mmt.texture.field.shape_smoothing import LARGEST, smoothed, smoothed_shapes
 from mmt.texture.interpolation.vertices import boundary
-from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC
-from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC
+from mmt.texture.space.samples import TextureSamples
 
 
 def scattered(count, directed=False, seed=0):

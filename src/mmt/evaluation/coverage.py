@@ -9,8 +9,8 @@ from mmt.core.arrays import FloatArray
 from mmt.evaluation.results import Cell, Coverage
 from mmt.evaluation.strokes_made import StrokesMade
 from mmt.texture.completion.distance import Cells, cell_distances, cells_of
-from mmt.texture.model.inputs import InputSpace
 from mmt.texture.settings import ModellingSettings
+from mmt.texture.space.inputs import InputSpace
 
 _AT_REST_MM_S: Final = 1.0
 _NAMED_CELLS: Final = 9

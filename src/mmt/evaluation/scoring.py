@@ -14,7 +14,6 @@ from mmt.evaluation.levels import level_error_db, root_mean_square
 from mmt.evaluation.results import HeldOutSegment, Levels, PowerMap, Score, Worst
 from mmt.evaluation.truth import DENSITY_HZ, KnownTexture, TruthAt
 from mmt.texture.completion.distance import distance_sum
-from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import ModelHistory
 from mmt.texture.online.log import ModelLog
@@ -23,6 +22,7 @@ from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import Inputs, ModellingSettings
 from mmt.texture.signals.amplitude_spectra import Spectra
 from mmt.texture.signals.metrics import within_jnd
+from mmt.texture.space.inputs import InputSpace
 
 MODEL_NAMES: Final[dict[Inputs, str]] = {
     "isotropic": "speed and force",

@@ -14,8 +14,8 @@ from mmt.texture.autoregression.forms import (
     reflection_to_lsf,
 )
 from mmt.texture.autoregression.moving_average import all_pole
-from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
+from mmt.texture.space.inputs import InputSpace
 from mmt_bridges.hatt.file import HattModelSet, format_hatt, read_hatt
 
 

@@ -21,10 +21,10 @@ from mmt.texture.autoregression.forms import (
     reflection_to_lsf,
 )
 from mmt.texture.autoregression.reshaping import levinson
-from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC
 from mmt.texture.model.texture_model import TextureSamples
 from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
 from mmt.texture.signals.metrics import gfc_of_rows, power_error_db
+from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC
 
 RATE_HZ: Final = 1000.0
 SHAPE_HZ: Final[FloatArray] = np.arange(10.0, 501.0, 2.0)

@@ -9,10 +9,10 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
-from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
-from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import Method
+from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
+from mmt.texture.space.samples import TextureSamples
 
 _ORDER: Final = 10
 

@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mmt.core.arrays import FloatArray
-from mmt.texture.model.samples import TextureSamples
+from mmt.texture.space.samples import TextureSamples
 from mmt_methods.selection import Selection
 
 

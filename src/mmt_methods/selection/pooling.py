@@ -13,14 +13,14 @@ from mmt.core.errors import InputError, MmtError
 from mmt.session import RecordedSession
 from mmt.texture.autoregression.burg import burg_batch
 from mmt.texture.autoregression.forms import reflection_to_lsf
-from mmt.texture.model.inputs import InputSpace
-from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.segmentation.segmenter import segment
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.signals.metrics import gfc_of_rows
+from mmt.texture.space.inputs import InputSpace
+from mmt.texture.space.samples import TextureSamples
 from mmt_methods.selection import ModelPoints
 from mmt_methods.selection.points import amplitude_of, spectral_error
 from mmt_methods.selection.simplices import enclose, enclose_without

@@ -23,10 +23,10 @@ from mmt.leader.modelling.segmenting import LONGEST_QUEUE_S, SegmentingTask
 from mmt.leader.modelling.stage import Activity, Figures, InFlight, Item, ItemQueue
 from mmt.leader.modelling.synthesizing import SynthesizingTask
 from mmt.leader.part import Part, Session, Tick
-from mmt.texture.online.factory import ModellerFactory
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.online.work import ModelUpdate, Work
 from mmt.texture.settings import ModellingSettings
+from mmt.texture.surfaces.factory import ModellerFactory
 
 if TYPE_CHECKING:
     from prometheus_client.core import Metric

@@ -23,8 +23,8 @@ from mmt.core.errors import InputError
 from mmt.session.formats import find_format
 from mmt.testing.simulation import RATE_HZ
 from mmt.testing.simulation.surfaces import MODEL_VERSION, strokes_on
-from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.space.inputs import InputSpace
 
 _BLOCK_TICKS = 100
 _RUN_IN_TICKS = 2000

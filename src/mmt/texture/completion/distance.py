@@ -25,8 +25,8 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.texture.completion.criterion import Criterion, Progress
-from mmt.texture.model.inputs import InputSpace
 from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S, ModellingSettings
+from mmt.texture.space.inputs import InputSpace
 
 DIVISIONS: Final = 3
 NEIGHBOURS: Final = 3

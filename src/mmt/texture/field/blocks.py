@@ -12,9 +12,9 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
-from mmt.texture.model.inputs import InputSpace
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock, Columns
+from mmt.texture.space.inputs import InputSpace
 
 BLOCK_S: Final = 0.05
 _LARGEST_CHANGE: Final = 2.0

@@ -32,6 +32,7 @@ from mmt.texture.field.covariance import (
     warped,
 )
 from mmt.texture.field.observations import BLOCK_VARIANCE, Choice, choose, observe
+from mmt.texture.interpolation.kernel_parameters import table_grid
 from mmt.texture.linear_algebra import (
     cholesky,
     log_evidence,
@@ -39,8 +40,7 @@ from mmt.texture.linear_algebra import (
     solve_backward,
     solve_forward,
 )
-from mmt.texture.model.kernel_parameters import table_grid
-from mmt.texture.model.samples import TextureSamples
+from mmt.texture.space.samples import TextureSamples
 
 DB: Final = 10.0 / np.log(10.0)
 """Decibel in a neper of power."""
@@ -182,7 +182,7 @@ class LevelField:
 
     @cached_property
     def table(self) -> FloatArray:
-        """The mean, in nepers, on the grid of `mmt.texture.model.kernel_parameters`.
+        """The mean, in nepers, on the grid of `mmt.texture.interpolation.kernel_parameters`.
 
         Shape (headings, speeds, forces). Below the slowest and the lightest cell it falls
         towards zero at least as speed^0.2 and force^0.2, whatever the blocks say.

@@ -31,7 +31,7 @@ from scipy.linalg import eigh
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.texture.interpolation.vertices import boundary
 from mmt.texture.linear_algebra import nearest_rows
-from mmt.texture.model.samples import TextureSamples
+from mmt.texture.space.samples import TextureSamples
 
 LARGEST: Final = 128
 """Nodes of the process; more samples are pooled."""

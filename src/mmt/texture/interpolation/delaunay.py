@@ -1,6 +1,6 @@
 """Piecewise linear interpolation over a Delaunay triangulation, in two and three dimensions.
 
-The points are normalised inputs, see `mmt.texture.model.inputs`. A point is located by a walk
+The points are normalised inputs, see `mmt.texture.space.inputs`. A point is located by a walk
 from the simplex (triangle or tetrahedron) of the last one towards the corner with the least
 weight: a hand moves continuously, so that a step or two suffices; a scan over all simplices
 follows where the walk does not settle. A visibility walk in a Delaunay triangulation does not run

@@ -150,7 +150,8 @@ def _square() -> Boundary:
 def _cylinder() -> Boundary:
     """Return rings, and points inside the faces: 80, none of them silent.
 
-    That nothing is felt at rest is the level table's (`mmt.texture.model.kernel_parameters`).
+    That nothing is felt at rest is the level table's: see
+    `mmt.texture.interpolation.kernel_parameters`.
     """
     headings = np.linspace(0.0, 2.0 * np.pi, HEADINGS, endpoint=False)
     rings = [

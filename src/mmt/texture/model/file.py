@@ -10,9 +10,9 @@ from mmt.core.bounds import real_numbers
 from mmt.core.errors import InputError
 from mmt.texture.field.cells import FELT_POWER, FieldCells
 from mmt.texture.model.file_arrays import Arrays, file_arrays
-from mmt.texture.model.inputs import InputSpace
-from mmt.texture.model.samples import TextureSamples
 from mmt.texture.settings import Method
+from mmt.texture.space.inputs import InputSpace
+from mmt.texture.space.samples import TextureSamples
 
 _LARGEST_WHOLE: Final = 2**31
 

@@ -21,11 +21,11 @@ from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.burg import ReflectionFits, burg_batch
 from mmt.texture.autoregression.effective_sample_size import effective_samples
 from mmt.texture.autoregression.forms import reflection_to_lsf
-from mmt.texture.model.inputs import InputSpace
-from mmt.texture.model.samples import TextureSamples
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import Inputs, ModellingSettings
 from mmt.texture.signals.high_pass import without_high_pass
+from mmt.texture.space.inputs import InputSpace
+from mmt.texture.space.samples import TextureSamples
 
 RESOLVING_ORDER: Final = 24
 """Order by which lines are resolved; a segment has at least four times as many samples."""

@@ -10,8 +10,8 @@ from mmt.texture.autoregression.forms import lsf_to_reflection
 from mmt.texture.interpolation.interpolant import Interpolant, networked, triangulated
 from mmt.texture.interpolation.vertices import Vertices, vertex_table
 from mmt.texture.linear_algebra import nearest_rows
-from mmt.texture.model.samples import TextureSamples
 from mmt.texture.settings import Method
+from mmt.texture.space.samples import TextureSamples
 
 if TYPE_CHECKING:
     from mmt.texture.field.cells import FieldCells

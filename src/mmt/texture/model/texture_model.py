@@ -23,10 +23,7 @@ from mmt.models import find_model
 from mmt.texture.autoregression.spectra import lsf_spectrum
 from mmt.texture.interpolation.delaunay import Triangulation, triangulate
 from mmt.texture.interpolation.interpolant import Interpolant
-from mmt.texture.model.file import ModelContents, arrays_of, unpack
-from mmt.texture.model.file_arrays import pack_arrays
-from mmt.texture.model.inputs import InputSpace
-from mmt.texture.model.kernel_parameters import (
+from mmt.texture.interpolation.kernel_parameters import (
     DIMENSIONS,
     MODEL_ORDER,
     PER_FORCE,
@@ -35,9 +32,12 @@ from mmt.texture.model.kernel_parameters import (
     TABLE_SIZES,
     filters_into,
 )
+from mmt.texture.model.file import ModelContents, arrays_of, unpack
+from mmt.texture.model.file_arrays import pack_arrays
 from mmt.texture.model.rendered import RENDERED
-from mmt.texture.model.samples import TextureSamples
 from mmt.texture.settings import Method
+from mmt.texture.space.inputs import InputSpace
+from mmt.texture.space.samples import TextureSamples
 
 if TYPE_CHECKING:
     from mmt.texture.field.cells import FieldCells
@@ -119,7 +119,7 @@ class TextureModel:
 
     @cached_property
     def kernel_parameters(self) -> FloatArray:
-        """What kernels need beside the interpolant; see `mmt.texture.model.kernel_parameters`."""
+        """What kernels need beside the interpolant (`mmt.texture.interpolation`)."""
         level = self.rendered.level
         table = np.zeros((0, 0, 0)) if level is None else level.table
         parameters = np.empty(TABLE + table.size)

@@ -1,13 +1,9 @@
-"""Build the models of a recorded session as the live leader does, and keep every state.
-
-`build_model` gives the model as it grew, `follow_surfaces` when the tool came onto another
-surface. Both read a session faster than real time.
-"""
+"""Build the models of a recorded session as the live leader does, and keep every state."""
 
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from annotated_types import Gt
@@ -22,12 +18,12 @@ from mmt.texture.online.modeller import OnlineModeller, carry_out
 from mmt.texture.online.work import ModelUpdate
 from mmt.texture.segmentation.bottom_up import CELL
 from mmt.texture.segmentation.segments import Segment
-from mmt.texture.settings import ModellingSettings, SurfaceSettings
+from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.numbering import StreamNumbering
 
 if TYPE_CHECKING:
-    from mmt.texture.surfaces.changes import SaidSurface, SurfaceChange
+    pass
 
 
 @dataclass(frozen=True, repr=False)
@@ -73,20 +69,6 @@ class ModelHistory:
         )
 
 
-class FoundSurface(NamedTuple):
-    """A change of surface, as it was found while the session ran."""
-
-    time_s: float
-    """Session time at which the change was found."""
-    surface: int
-    """The number of the surface that the tool is on; a session begins on surface 1."""
-    kind: Literal["new", "recalled", "identified"]
-    """``"new"``: a surface not met before; by a person's word ``"recalled"``: one met before, or
-    ``"identified"``: the surface that was new is one met before."""
-    from_s: float
-    """Session time of the change itself, before it was found."""
-
-
 def build_model(
     frames: RecordArray, settings: ModellingSettings | None = None, update_s: float = 1.0
 ) -> ModelHistory:
@@ -124,60 +106,6 @@ def build_model(
         raise InputError("there are no frames, so no model can be built")
     period_frames = max(1, round(update_s * settings.rate_hz))
     return build(list(stream_blocks([frames], period_frames)), settings)
-
-
-def follow_surfaces(
-    frames: RecordArray,
-    settings: ModellingSettings | None = None,
-    said: "Iterable[SaidSurface]" = (),
-) -> Iterator[FoundSurface]:
-    """Yield each change of surface in a session, as the live leader finds it.
-
-    A change opens a new surface; only a person's word tells that it is one met before.
-
-    Parameters
-    ----------
-    frames
-        Shape (n,), with position, force and acceleration.
-    settings
-        How to model; its ``surfaces`` says how surfaces are told apart, None takes the
-        defaults.
-    said
-        What persons have said meanwhile; `mmt.texture.surfaces.said_surfaces` gives it from the
-        events of a recording.
-
-    Examples
-    --------
-    >>> import mmt
-    >>> wood, truth = mmt.simulate_session(mmt.Scene(), surface="wood", duration_s=4.0)
-    >>> list(mmt.follow_surfaces(wood))
-    []
-    """
-    settings = settings or ModellingSettings()
-    first = int(frames["sequence"][0]) if len(frames) else 0
-    for change in surface_changes(frames, settings, said):
-        yield FoundSurface(
-            time_s=(change.at_sample - first) / settings.rate_hz,
-            surface=change.surface,
-            kind=change.kind,
-            from_s=(change.from_sample - first) / settings.rate_hz,
-        )
-
-
-def surface_changes(
-    frames: RecordArray, settings: ModellingSettings, said: "Iterable[SaidSurface]" = ()
-) -> Iterator["SurfaceChange"]:
-    """Yield each change of surface in frames (n,) by sample numbers, see `follow_surfaces`."""
-    from mmt.texture.surfaces.modeller import LOOK_S
-    from mmt.texture.surfaces.tracking import SurfaceTracker
-
-    tracker = SurfaceTracker(settings, settings.surfaces or SurfaceSettings())
-    for word in said:
-        tracker.say(word)
-    look = max(1, round(LOOK_S * settings.rate_hz))
-    numbering = StreamNumbering()
-    for start in range(0, len(frames), look):
-        yield from tracker.update(numbering.number(frames[start : start + look]))
 
 
 def stream_blocks(parts: Iterable[RecordArray], period_frames: int) -> Iterator[RecordArray]:

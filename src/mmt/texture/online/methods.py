@@ -14,11 +14,11 @@ from mmt.core.arrays import FloatArray
 from mmt.texture.completion.criterion import Criterion
 from mmt.texture.completion.distance import CompletionMonitor
 from mmt.texture.model.fits import Fit, fit_segments, unpacked
-from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.work import DEFERRED, Made, Stopwatch, Work
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
+from mmt.texture.space.inputs import InputSpace
 
 if TYPE_CHECKING:
     from mmt.texture.field.cells import FieldCells

@@ -20,7 +20,6 @@ from mmt.core.bounds import check
 from mmt.texture.completion.criterion import Criterion
 from mmt.texture.completion.distance import distance_sum
 from mmt.texture.model.fits import Fit, points_of
-from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.methods import method_of
 from mmt.texture.online.work import DEFERRED, Made, ModelSource, ModelUpdate, Stopwatch, Work
@@ -29,6 +28,7 @@ from mmt.texture.segmentation.segments import SampleRange
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.signals.noise_floor import NoiseFloor
+from mmt.texture.space.inputs import InputSpace
 
 LARGEST_MODEL: Final = 1000
 """Samples of a model: neither its memory nor the cost of an update grows without end. Of the two

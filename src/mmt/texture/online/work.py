@@ -14,7 +14,7 @@ from mmt.texture.signals.faults import SignalFaults
 
 if TYPE_CHECKING:
     from mmt.texture.field.blocks import Blocks
-    from mmt.texture.surfaces.changes import SurfaceChange
+    from mmt.texture.online.surface_changes import SurfaceChange
 
 
 class UpdateSteps(Protocol):

@@ -6,9 +6,9 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray
-from mmt.texture.model.inputs import InputSpace
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.dft321 import dft321
+from mmt.texture.space.inputs import InputSpace
 
 
 class SampleRange(NamedTuple):

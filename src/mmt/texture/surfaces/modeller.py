@@ -14,9 +14,9 @@ import numpy as np
 from mmt.core.arrays import RecordArray
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.modeller import OnlineModeller, carry_out
+from mmt.texture.online.surface_changes import SaidSurface, SurfaceChange
 from mmt.texture.online.work import ModelUpdate, Work
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
-from mmt.texture.surfaces.changes import SaidSurface, SurfaceChange
 from mmt.texture.surfaces.tracking import NAMED_S, SurfaceTracker
 
 LOOK_S: Final = 0.05

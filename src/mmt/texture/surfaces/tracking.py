@@ -5,12 +5,12 @@ from typing import Final, Literal
 
 from mmt.core.arrays import RecordArray
 from mmt.texture.field.blocks import BLOCK_S
-from mmt.texture.model.inputs import InputSpace
+from mmt.texture.online.surface_changes import SaidSurface, SurfaceChange
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt.texture.signals.faults import SignalFaults
 from mmt.texture.signals.filtering import StreamFilter
+from mmt.texture.space.inputs import InputSpace
 from mmt.texture.surfaces.blocks import BlockCutter
-from mmt.texture.surfaces.changes import SaidSurface, SurfaceChange
 from mmt.texture.surfaces.detection import SurfaceDetector
 
 NAMED_S: Final = 4.0

@@ -25,8 +25,7 @@ from mmt.core.errors import InputError
 from mmt.texture.autoregression.lattice import lattice_step, lsf_to_lattice_into
 from mmt.texture.autoregression.order_limit import LARGEST_ORDER
 from mmt.texture.interpolation.interpolant import SCRATCH, interpolate_into
-from mmt.texture.model.inputs import normalise_into
-from mmt.texture.model.kernel_parameters import (
+from mmt.texture.interpolation.kernel_parameters import (
     DIMENSIONS,
     MODEL_ORDER,
     PER_FORCE,
@@ -35,6 +34,7 @@ from mmt.texture.model.kernel_parameters import (
     tabulated_level,
 )
 from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.space.inputs import normalise_into
 from mmt.texture.synthesis.generation import (
     COMPLEMENT,
     LARGEST_AMPLITUDE,

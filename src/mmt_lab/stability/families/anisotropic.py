@@ -14,9 +14,9 @@ from scipy.spatial import ConvexHull
 from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.forms import lsf_to_reflection
 from mmt.texture.interpolation.networks.evaluation import LEVEL_ROOM
-from mmt.texture.model.inputs import ANISOTROPIC, InputSpace
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import Method
+from mmt.texture.space.inputs import ANISOTROPIC, InputSpace
 from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt_lab.stability.cases import Case, Family, Outcome
 from mmt_lab.stability.degenerate import anywhere, build, of_space

@@ -8,7 +8,7 @@ from mmt.texture.online.work import ModelUpdate
 from mmt.texture.settings import ModellingSettings
 
 if TYPE_CHECKING:
-    from mmt.texture.surfaces.changes import SaidSurface
+    from mmt.texture.online.surface_changes import SaidSurface
     from mmt.texture.surfaces.modeller import SurfaceModeller
 
 

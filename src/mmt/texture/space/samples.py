@@ -10,7 +10,7 @@ from mmt.core.arrays import FloatArray
 from mmt.core.bounds import check, real_numbers
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.order_limit import LARGEST_ORDER
-from mmt.texture.model.inputs import ISOTROPIC, InputSpace
+from mmt.texture.space.inputs import ISOTROPIC, InputSpace
 
 LARGEST_POWER: Final = 1e300
 """Largest power, in (m/s2)^2: that of the largest amplitude that is rendered, 1e150 m/s2. Sums over

@@ -1,0 +1,1 @@
+"""What a texture is a function of, and the samples that are measured of it."""

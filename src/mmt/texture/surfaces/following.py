@@ -1,0 +1,76 @@
+"""When the tool came onto another surface in a recorded session, faster than real time."""
+
+from collections.abc import Iterable, Iterator
+from typing import Literal, NamedTuple
+
+from mmt.core.arrays import RecordArray
+from mmt.texture.online.surface_changes import SaidSurface, SurfaceChange
+from mmt.texture.settings import ModellingSettings, SurfaceSettings
+from mmt.texture.signals.numbering import StreamNumbering
+from mmt.texture.surfaces.modeller import LOOK_S
+from mmt.texture.surfaces.tracking import SurfaceTracker
+
+
+class FoundSurface(NamedTuple):
+    """A change of surface, as it was found while the session ran."""
+
+    time_s: float
+    """Session time at which the change was found."""
+    surface: int
+    """The number of the surface that the tool is on; a session begins on surface 1."""
+    kind: Literal["new", "recalled", "identified"]
+    """``"new"``: a surface not met before; by a person's word ``"recalled"``: one met before, or
+    ``"identified"``: the surface that was new is one met before."""
+    from_s: float
+    """Session time of the change itself, before it was found."""
+
+
+def follow_surfaces(
+    frames: RecordArray,
+    settings: ModellingSettings | None = None,
+    said: Iterable[SaidSurface] = (),
+) -> Iterator[FoundSurface]:
+    """Yield each change of surface in a session, as the live leader finds it.
+
+    A change opens a new surface; only a person's word tells that it is one met before.
+
+    Parameters
+    ----------
+    frames
+        Shape (n,), with position, force and acceleration.
+    settings
+        How to model; its ``surfaces`` says how surfaces are told apart, None takes the
+        defaults.
+    said
+        What persons have said meanwhile: `mmt.texture.surfaces.said_surfaces` of the events of a
+        recording.
+
+    Examples
+    --------
+    >>> import mmt
+    >>> wood, truth = mmt.simulate_session(mmt.Scene(), surface="wood", duration_s=4.0)
+    >>> list(mmt.follow_surfaces(wood))
+    []
+    """
+    settings = settings or ModellingSettings()
+    first = int(frames["sequence"][0]) if len(frames) else 0
+    for change in surface_changes(frames, settings, said):
+        yield FoundSurface(
+            time_s=(change.at_sample - first) / settings.rate_hz,
+            surface=change.surface,
+            kind=change.kind,
+            from_s=(change.from_sample - first) / settings.rate_hz,
+        )
+
+
+def surface_changes(
+    frames: RecordArray, settings: ModellingSettings, said: Iterable[SaidSurface] = ()
+) -> Iterator[SurfaceChange]:
+    """Yield each change of surface in frames (n,) by sample numbers, see `follow_surfaces`."""
+    tracker = SurfaceTracker(settings, settings.surfaces or SurfaceSettings())
+    for word in said:
+        tracker.say(word)
+    look = max(1, round(LOOK_S * settings.rate_hz))
+    numbering = StreamNumbering()
+    for start in range(0, len(frames), look):
+        yield from tracker.update(numbering.number(frames[start : start + look]))
