@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 ROOT: Final = Path(__file__).resolve().parents[1]
-README: Final = ROOT / "README.md"
+SCENES: Final = ROOT / "docs" / "reference" / "example-scenes.md"
 PERFORMANCE: Final = ROOT / "docs" / "explanation" / "performance.md"
 
 Row = tuple[str, ...]
@@ -33,7 +33,6 @@ def main() -> None:
     write_scenes(Path(sys.argv[2]))
     figures = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
     model, services = model_rows(figures["evaluation"]), service_rows(figures)
-    replace(README, "measured", ("figure", "measured"), [*model[:4], *services[:4]])
     replace(PERFORMANCE, "measured", ("figure", "measured"), [*model, *services])
 
 
@@ -43,14 +42,14 @@ def write_scenes(folder: Path) -> None:
     A scene that could not be measured keeps the figures that it has.
     """
     rows = []
-    for cells in table_rows(README, "scenes"):
+    for cells in table_rows(SCENES, "scenes"):
         name = cells[0].partition("`")[2].partition("`")[0]
         file = folder / f"{name}.json"
         measured: Row = tuple(cells[WRITTEN_COLUMNS:]) or ("-",) * 3
         if file.exists():
             measured = scene_figures(json.loads(file.read_text(encoding="utf-8"))["measured"])
         rows.append((*cells[:WRITTEN_COLUMNS], *measured))
-    replace(README, "scenes", SCENE_COLUMNS, rows)
+    replace(SCENES, "scenes", SCENE_COLUMNS, rows)
 
 
 def scene_figures(measured: dict[str, Any]) -> Row:
