@@ -7,13 +7,21 @@ import importlib
 import inspect
 from collections.abc import Iterable, Mapping
 from importlib.metadata import EntryPoint
-from typing import Any, Final, Literal, TypeVar, get_type_hints
+from typing import Any, Final, Literal, TypeVar, get_type_hints, overload
 
 from pydantic import BaseModel, ValidationError
 
 from mmt.core.errors import InputError, MmtError
 from mmt.core.extras import requiring
 from mmt.core.plugins import offered
+from mmt.devices.protocols import (
+    Accelerometer,
+    ForceSensor,
+    LeaderInterface,
+    Robot,
+    SampledSensor,
+    VibrationActuator,
+)
 from mmt.scene.problems import explain_problems
 
 Role = Literal["robot", "force_sensor", "accelerometer", "handle", "actuator", "board"]
@@ -120,9 +128,30 @@ def _named(targets: Iterable[Role]) -> str:
 Options = TypeVar("Options", bound=BaseModel)
 
 
+_Options = Mapping[str, Any] | None
+
+
+@overload
+def load_device(driver: str, options: _Options = ..., *, role: Literal["robot"]) -> Robot: ...
+@overload
 def load_device(
-    driver: str, options: Mapping[str, Any] | None = None, *, role: Role | None = None
-) -> Any:
+    driver: str, options: _Options = ..., *, role: Literal["force_sensor"]
+) -> ForceSensor | SampledSensor: ...
+@overload
+def load_device(
+    driver: str, options: _Options = ..., *, role: Literal["accelerometer"]
+) -> Accelerometer | SampledSensor: ...
+@overload
+def load_device(
+    driver: str, options: _Options = ..., *, role: Literal["handle"]
+) -> LeaderInterface: ...
+@overload
+def load_device(
+    driver: str, options: _Options = ..., *, role: Literal["actuator"]
+) -> VibrationActuator: ...
+@overload
+def load_device(driver: str, options: _Options = ..., *, role: Role | None = ...) -> Any: ...
+def load_device(driver: str, options: _Options = None, *, role: Role | None = None) -> Any:
     """Import the driver's module and call its factory with the options.
 
     Parameters

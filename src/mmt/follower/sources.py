@@ -1,13 +1,8 @@
 """Build the source that a scene names; the other two are not even imported."""
 
-from typing import TYPE_CHECKING, Any
-
 from mmt.core.errors import InputError
 from mmt.devices.protocols import FollowerSource
-from mmt.scene import Devices, Driver, Replay, Scene, Simulated
-
-if TYPE_CHECKING:
-    from mmt.devices.drivers import Role
+from mmt.scene import Devices, Replay, Scene, Simulated
 
 
 def build_source(scene: Scene) -> FollowerSource:
@@ -55,13 +50,13 @@ def _devices(scene: Scene, table: Devices) -> FollowerSource:
     from mmt.devices.drivers import load_device
     from mmt.devices.source import DeviceSource
 
-    def made(device: Driver | None, role: "Role") -> Any:
-        return load_device(device.driver, device.options, role=role) if device is not None else None
-
+    force, acceleration = table.force_sensor, table.accelerometer
     return DeviceSource(
-        made(table.robot, "robot"),
-        made(table.force_sensor, "force_sensor"),
-        made(table.accelerometer, "accelerometer"),
+        load_device(table.robot.driver, table.robot.options, role="robot"),
+        load_device(force.driver, force.options, role="force_sensor") if force else None,
+        load_device(acceleration.driver, acceleration.options, role="accelerometer")
+        if acceleration
+        else None,
         scene.channels(),
         on_lost=table.on_lost,
     )

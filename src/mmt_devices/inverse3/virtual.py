@@ -44,7 +44,8 @@ class VirtualInverse3(Generic[AnyDriver]):
         """Start the lab, and connect the real driver to it."""
         address = self._lab.enter(self, self._role, *self._lab_options.arguments)["inverse3"]
         if self._device is None or address != self._connected_to:
-            self._device = load_device("inverse3", {**address, **self._options}, role=self._role)
+            made: Any = load_device("inverse3", {**address, **self._options}, role=self._role)
+            self._device = made
             self._connected_to = address
         self._connected().connect()
 

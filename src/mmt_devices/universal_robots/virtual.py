@@ -51,7 +51,8 @@ class _VirtualUr(Generic[AnyDriver]):
             address = _address_of(addresses)
             if self._device is None or address != self._connected_to:
                 chosen = {key: address[key] for key in self._keys}
-                self._device = load_device("ur", {**chosen, **self._options}, role=self._role)
+                made: Any = load_device("ur", {**chosen, **self._options}, role=self._role)
+                self._device = made
                 self._connected_to = address
             self._connected().connect()
         except BaseException:
