@@ -232,7 +232,9 @@ def test_there_is_a_row_for_every_example_scene() -> None:
     text = (DOCS / "reference" / "example-scenes.md").read_text(encoding="utf-8")
     table = re.search(r"<!-- scenes: begin -->(.*?)<!-- scenes: end -->", text, re.DOTALL)
     assert table is not None
-    rows = re.findall(r"^\| \[`([\w-]+)`\]\(../../configs/([\w-]+)\.toml\) \|", table[1], re.MULTILINE)
+    rows = re.findall(
+        r"^\| \[`([\w-]+)`\]\(../../configs/([\w-]+)\.toml\) \|", table[1], re.MULTILINE
+    )
     assert {(name, name) for name in example_scenes()} == set(rows)
 
 

@@ -76,6 +76,20 @@ def test_type_checkers_see_every_name() -> None:
     assert set(mmt._HOMES) == seen
 
 
+def test_a_checker_takes_the_pages_example_and_no_name_that_there_is_not(tmp_path: Path) -> None:
+    pytest.importorskip("mypy")
+    root = Path(__file__).parents[1]
+    page = (root / "docs" / "how-to" / "numerics.md").read_text(encoding="utf-8")
+    sample = tmp_path / "sample.py"
+    sample.write_text(page.split("```python\n")[1].split("```")[0] + "mmt.read_sesion\n")
+    command = [sys.executable, "-m", "mypy", "--strict", "--no-error-summary", str(sample)]
+    found = subprocess.run(
+        command, check=False, cwd=root, capture_output=True, text=True, timeout=300
+    )
+    (error,) = found.stdout.splitlines()
+    assert "read_sesion" in error
+
+
 @pytest.mark.parametrize("name", sorted(set(mmt.__all__) - {"__version__"}))
 def test_help_has_a_sentence_of_every_name(name: str) -> None:
     text = inspect.getdoc(getattr(mmt, name))

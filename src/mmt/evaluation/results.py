@@ -223,7 +223,7 @@ class Evaluation:
             said.append("The figures are by the strokes of all of them.")
         return " ".join(said)
 
-    def model_at(self, time_s: float) -> TextureModel | None:
+    def model_at(self, time_s: float | None) -> TextureModel | None:
         """Return the model that the leader had at a session time, None before the first."""
         return self.models.model_at(time_s)
 

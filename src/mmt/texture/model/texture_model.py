@@ -217,12 +217,12 @@ class TextureModel:
         return lsf, variance
 
     def spectrum(self, *inputs: npt.ArrayLike, frequencies_hz: FloatArray) -> FloatArray:
-        """Return the one-sided power spectral density in (m/s2)^2/Hz, shape (k, f).
+        """Return the one-sided power spectral density in (m/s2)^2/Hz, shape (k, f) or (f,).
 
         Parameters
         ----------
         *inputs
-            Those of `at`.
+            Those of `at`; of scalars alone the result has the shape of the frequencies.
         frequencies_hz
             Shape (f,), from 0 to half the sampling rate.
 
@@ -232,7 +232,8 @@ class TextureModel:
             There are not d inputs.
         """
         lsf, variance = self.at(*inputs)
-        return lsf_spectrum(lsf, variance, frequencies_hz, self.rate_hz)
+        density = lsf_spectrum(lsf, variance, frequencies_hz, self.rate_hz)
+        return density if any(np.ndim(each) for each in inputs) else density[0]
 
     def save(self, path: str | Path) -> None:
         """Write the model as ``.npz``; the layout is in ``docs/reference/model-file.md``.

@@ -43,9 +43,12 @@ class ModelHistory:
     log: ModelLog
     """From which its models are made again, also without segments that are held out."""
 
-    def model_at(self, time_s: float) -> TextureModel | None:
-        """Return the model as it was at a session time, None before it had any sample."""
-        return self.model(self.number(time_s))
+    def model_at(self, time_s: float | None) -> TextureModel | None:
+        """Return the model as it was at a session time, None before it had any sample.
+
+        None as well for a time that never came, as `start_s` may be.
+        """
+        return None if time_s is None else self.model(self.number(time_s))
 
     def number(self, time_s: float) -> int:
         """Return the number of the last update up to a session time, -1 before the first."""
