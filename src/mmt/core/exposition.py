@@ -18,8 +18,12 @@ from prometheus_client.core import (
 from mmt.core.ticking import TickStatistics, TimeHistogram
 from mmt.core.version import __version__
 
-BOUNDS_S: Final = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
-"""Upper ends of a histogram's bins, 0.1 ms to 1 s."""
+_AROUND_A_TICK_S: Final = (9e-4, 9.5e-4, 9.8e-4, 1e-3, 1.02e-3, 1.05e-3, 1.1e-3, 1.2e-3, 1.5e-3)
+BOUNDS_S: Final = (
+    *(1e-4, 2e-4, 5e-4, 8e-4, *_AROUND_A_TICK_S, 2e-3, 3e-3, 5e-3),
+    *(0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0),
+)
+"""Upper ends of a histogram's bins, 0.1 ms to 1 s, close to each other where ticks are."""
 
 
 class _Collector:
