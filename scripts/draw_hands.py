@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 
 from mmt.cli.scene_services import run_services
 from mmt.core.arrays import FloatArray
-from mmt.evaluation import figures
+from mmt.core.palette import LIGHT, SERIES
+from mmt.evaluation.figures import make_plain
 from mmt.scene import Hand
 from mmt.scene.files import example_scenes, load_scene
 from mmt.scene.sharing_tables import Listening
@@ -131,7 +132,7 @@ def three_hands(felt: list[Felt], first_s: float) -> Figure:
     figure = Figure(figsize=(8.4, 5.0), layout="constrained")
     axes = figure.subplots(len(felt), 2, width_ratios=(1, 3.2), sharex="col", sharey="col")
     shown = (first_s - 0.5, first_s - 0.5 + SHOWN_S)
-    for (way, trace), hand, colour in zip(axes, felt, figures.COLOURS, strict=False):
+    for (way, trace), hand, colour in zip(axes, felt, SERIES, strict=False):
         within = (hand.time_s >= shown[0]) & (hand.time_s < shown[1])
         way.plot(*hand.position_mm[within, :2].T, color=colour, linewidth=1.2)
         way.set_ylabel("y (mm)")
@@ -140,12 +141,11 @@ def three_hands(felt: list[Felt], first_s: float) -> Figure:
         trace.plot(
             hand.vibration_time_s[seen], hand.vibration_m_s2[seen], color=colour, linewidth=0.7
         )
-        trace.axvline(first_s, color="#8a9099", linestyle="--", linewidth=1.0)
+        trace.axvline(first_s, color=LIGHT["faint"], linestyle="--", linewidth=1.0)
         trace.set(xlim=shown, ylabel="m/s²")
         trace.set_title(hand.name, loc="left", fontsize=10)
         for axis in (way, trace):
-            axis.grid(color="#e3e6ea", linewidth=0.6)
-            axis.spines[["top", "right"]].set_visible(False)
+            make_plain(axis)
     axes[-1, 0].set_xlabel("x (mm)")
     axes[-1, 1].set_xlabel("session time (s); dashed: the model is ready")
     return figure

@@ -12,6 +12,7 @@ import numpy as np
 from image_files import write
 from matplotlib.figure import Figure
 
+from mmt.core.palette import LIGHT
 from mmt.evaluation import figures, growth
 from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.recorded_surfaces import part_by_surface
@@ -21,9 +22,9 @@ from mmt.session import RecordedSession, read_session
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 
 MODE_COLOURS: Final[Mapping[str, str]] = {
-    "streamed": figures.COLOURS[0],
-    "fading": figures.COLOURS[5],
-    "synthesized": figures.COLOURS[1],
+    "streamed": LIGHT["streamed"],
+    "fading": LIGHT["ink"],
+    "synthesized": LIGHT["synthesized"],
 }
 
 
@@ -80,8 +81,7 @@ def vibration_at_the_switch(session: RecordedSession) -> Figure:
     axis.set(xlim=(switch_s - 0.6, switch_s + 0.6), ylim=(-largest, largest))
     axis.set_xlabel("session time (s)")
     axis.set_ylabel("vibration (m/s²)")
-    axis.grid(color="#e3e6ea", linewidth=0.6)
-    axis.spines[["top", "right"]].set_visible(False)
+    figures.make_plain(axis)
     axis.legend(loc="upper right", ncols=3, frameon=False, fontsize=9)
     return figure
 

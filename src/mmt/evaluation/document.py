@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
+from mmt.core.palette import style_sheet
+
 
 @dataclass(frozen=True)
 class Heading:
@@ -91,12 +93,8 @@ _LONG: Final = 40
 """Characters from which a cell is a sentence: kept broad enough to be read on a phone."""
 
 _STYLE: Final = """
-:root { color-scheme: light dark; --line: #c9ced6; --soft: #f3f5f8; --text: #1b1f24;
-  --page: #ffffff; --quiet: #57606a; }
-@media (prefers-color-scheme: dark) { :root { --line: #3a424d; --soft: #1d232b;
-  --text: #d7dde4; --page: #12161b; --quiet: #93a0ae; } }
 * { box-sizing: border-box; }
-body { font: 16px/1.55 system-ui, sans-serif; color: var(--text); background: var(--page);
+body { font: 16px/1.55 system-ui, sans-serif; color: var(--ink); background: var(--panel);
   max-width: 66rem; margin: 2rem auto; padding: 0 1.2rem; }
 h1 { font-size: 1.7rem; line-height: 1.2; margin: 0 0 1rem; }
 h2 { font-size: 1.3rem; margin: 2.4rem 0 .6rem; padding-bottom: .25rem;
@@ -105,11 +103,11 @@ h3 { font-size: 1.05rem; margin: 1.6rem 0 .4rem; }
 p { max-width: 46rem; }
 .scroll { overflow-x: auto; margin: 1rem 0; }
 table { border-collapse: collapse; font-size: .92rem; font-variant-numeric: tabular-nums; }
-caption { text-align: left; color: var(--quiet); padding-bottom: .35rem;
+caption { text-align: left; color: var(--faint); padding-bottom: .35rem;
   max-width: calc(100vw - 2.4rem); }
 th, td { padding: .3rem .75rem; border-bottom: 1px solid var(--line); text-align: left;
   vertical-align: top; }
-th { background: var(--soft); font-weight: 600; vertical-align: bottom; }
+th { background: var(--ground); font-weight: 600; vertical-align: bottom; }
 .number { text-align: right; }
 td.number { white-space: nowrap; }
 td.sentence { min-width: 13rem; }
@@ -118,14 +116,14 @@ td.sentence { min-width: 13rem; }
 .tables td:not(.number) { min-width: 7.5rem; }
 .tables .scroll { break-inside: avoid; margin-top: 0; }
 figure { margin: 1.2rem 0; }
-figure img { max-width: 100%; height: auto; background: #ffffff; border-radius: 6px;
+figure img { max-width: 100%; height: auto; border-radius: 6px;
   border: 1px solid var(--line); }
 .beside { display: grid; gap: 0 1.2rem;
   grid-template-columns: repeat(auto-fit, minmax(min(22rem, 100%), 1fr)); }
 .wide { grid-template-columns: 1fr; }
-figcaption { color: var(--quiet); font-size: .92rem; max-width: 46rem; }
+figcaption { color: var(--faint); font-size: .92rem; max-width: 46rem; }
 summary { cursor: pointer; margin-top: 1rem; }
-pre { background: var(--soft); padding: .8rem 1rem; overflow-x: auto; border-radius: 6px;
+pre { background: var(--ground); padding: .8rem 1rem; overflow-x: auto; border-radius: 6px;
   font-size: .85rem; line-height: 1.4; }
 @media (max-width: 60rem) { th, td { padding: .3rem .4rem; } }
 @media print {
@@ -151,7 +149,7 @@ def to_html(title: str, blocks: Sequence[Block]) -> str:
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{html.escape(title)}</title>\n<style>{_STYLE}</style>\n</head>\n"
+        f"<title>{html.escape(title)}</title>\n<style>{style_sheet()}{_STYLE}</style>\n</head>\n"
         f"<body>\n{body}\n</body>\n</html>\n"
     )
 

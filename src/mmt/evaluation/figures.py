@@ -6,28 +6,17 @@ from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
+from mmt.core.palette import LIGHT, SERIES, SIGNED
 from mmt.evaluation.results import Evaluation, HeldOutSegment, Score
 from mmt.evaluation.truth import DENSITY_HZ
 from mmt.texture.settings import JND_DB, MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
 
-COLOURS: Final = (
-    "#0072b2",
-    "#d55e00",
-    "#009e73",
-    "#cc79a7",
-    "#56b4e9",
-    "#e69f00",
-    "#4d4d4d",
-    "#8c6d1f",
-)
-"""Okabe and Ito's, which people with any kind of colour vision tell apart."""
-
-_MARKERS: Final = "osD^vP*X"
+_MARKERS: Final = "osD^vP"
 _DOTS_PER_INCH: Final = 130
-_GREY: Final = "#8a9099"
-_ERROR_MAP: Final = "RdBu_r"
+_GREY: Final = LIGHT["faint"]
 _LARGEST_ERROR_DB: Final = 6.0
 
 
@@ -36,6 +25,18 @@ def to_png(figure: Figure) -> bytes:
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=_DOTS_PER_INCH)
     return buffer.getvalue()
+
+
+def make_plain(axis: Axes) -> None:
+    """Give axes the grid and the two spines that every plot has."""
+    axis.grid(color=LIGHT["line"], linewidth=0.6)
+    axis.set_axisbelow(True)
+    axis.spines[["top", "right"]].set_visible(False)
+
+
+def readiness() -> LinearSegmentedColormap:
+    """Return the colour map of cells and of what is right: the bluer, the readier."""
+    return LinearSegmentedColormap.from_list("readiness", (LIGHT["unready"], LIGHT["ready"]))
 
 
 def completion_over_time(evaluations: Sequence[Evaluation]) -> Figure:
@@ -54,7 +55,7 @@ def completion_over_time(evaluations: Sequence[Evaluation]) -> Figure:
             xytext=(4 if scale.rises else -4, 3),
             textcoords="offset points",
             ha="left" if scale.rises else "right",
-            color="#5d636b",
+            color=_GREY,
             fontsize=9,
         )
     largest = max(float(evaluation.course[:, 1].max()) for evaluation in evaluations)
@@ -131,7 +132,7 @@ def power_error_map(evaluation: Evaluation) -> Figure:
         errors.speed_mm_s,
         errors.force_n,
         errors.power_error_db,
-        cmap=_ERROR_MAP,
+        cmap=SIGNED,
         vmin=-_LARGEST_ERROR_DB,
         vmax=_LARGEST_ERROR_DB,
         shading="nearest",
@@ -143,7 +144,7 @@ def power_error_map(evaluation: Evaluation) -> Figure:
         errors.speed_mm_s,
         errors.force_n,
         errors.gfc,
-        cmap="cividis",
+        cmap=readiness(),
         vmin=min(0.9, float(errors.gfc.min())),
         vmax=1.0,
         shading="nearest",
@@ -155,30 +156,37 @@ def power_error_map(evaluation: Evaluation) -> Figure:
         if model is not None:
             samples = model.samples
             axis.scatter(
-                samples.speed_mm_s, samples.force_n, s=11, c="#1b1f24", edgecolors="w", lw=0.5
+                samples.speed_mm_s,
+                samples.force_n,
+                s=11,
+                c=LIGHT["measured"],
+                edgecolors=LIGHT["panel"],
+                lw=0.5,
             )
         axis.set(xlim=(0, MAXIMUM_SPEED_MM_S), ylim=(0, MAXIMUM_FORCE_N))
         axis.set_xlabel("speed (mm/s)")
     level.set_ylabel("normal force (N)")
     for worst, axis in zip(evaluation.worst, (level, shape), strict=True):
-        axis.plot(worst.speed_mm_s, worst.force_n, "o", ms=15, mfc="none", mec="k", mew=1.2)
+        axis.plot(
+            worst.speed_mm_s, worst.force_n, "o", ms=15, mfc="none", mec=LIGHT["ink"], mew=1.2
+        )
     return figure
 
 
 def _draw_spectra(axis: Axes, segment: HeldOutSegment) -> None:
     if segment.truth is not None:
-        axis.semilogy(DENSITY_HZ, segment.truth, color=_GREY, lw=1.0, label="known texture (exact)")
-    spectra = ((segment.measured, "measured"), (segment.synthesized, "synthesized"))
-    for colour, (spectrum, name) in zip(COLOURS, spectra, strict=False):
+        known = LIGHT["known"]
+        axis.semilogy(DENSITY_HZ, segment.truth, color=known, lw=3.0, label="known texture (exact)")
+    for name, spectrum in (("measured", segment.measured), ("synthesized", segment.synthesized)):
         if spectrum is not None:
             # One-sided densities are halved at 0 and at half the rate: not drawn.
             inner = segment.frequencies_hz[1:-1], spectrum[1:-1]
-            axis.semilogy(*inner, color=colour, lw=1.7, label=name)
+            axis.semilogy(*inner, color=LIGHT[name], lw=1.7, label=name)
     score = "" if segment.gfc is None else f"\nGFC {segment.gfc:.3f}"
     axis.set_title(f"{segment.speed_mm_s:.0f} mm/s, {segment.force_n:.2f} N{score}", fontsize=9)
     axis.set_xlim(DENSITY_HZ[0], DENSITY_HZ[-1])
     axis.set_xlabel("frequency (Hz)")
-    axis.grid(color="#e3e6ea", linewidth=0.6)
+    make_plain(axis)
 
 
 def _time_axes(evaluations: Sequence[Evaluation]) -> tuple[Figure, Axes]:
@@ -186,16 +194,14 @@ def _time_axes(evaluations: Sequence[Evaluation]) -> tuple[Figure, Axes]:
     axis = figure.subplots()
     axis.set_xlabel("session time (s)")
     axis.set_xlim(0, 1.02 * max(evaluation.duration_s for evaluation in evaluations))
-    axis.grid(color="#e3e6ea", linewidth=0.6)
-    axis.set_axisbelow(True)
-    axis.spines[["top", "right"]].set_visible(False)
+    make_plain(axis)
     return figure, axis
 
 
 def _line(number: int) -> dict[str, Any]:
-    turn, place = divmod(number, len(COLOURS))
+    turn, place = divmod(number, len(SERIES))
     return {
-        "color": COLOURS[place],
+        "color": SERIES[place],
         "marker": _MARKERS[place],
         "markersize": 4.5,
         "linewidth": 1.5,
@@ -232,7 +238,7 @@ def errors_by_heading(evaluation: Evaluation) -> Figure:
             axis.plot(
                 [sector.heading_deg for sector in errors.sectors],
                 [getattr(sector, name) for sector in errors.sectors],
-                color=COLOURS[place],
+                color=SERIES[place],
                 marker="osD"[place],
                 markersize=4.5,
                 label=errors.model,
@@ -240,14 +246,12 @@ def errors_by_heading(evaluation: Evaluation) -> Figure:
         axis.set_title(title, fontsize=10)
         axis.set_xlabel("heading (degrees)")
         axis.set(xlim=(0, 360), xticks=range(0, 361, 90))
-        axis.grid(color="#e3e6ea", linewidth=0.6)
+        make_plain(axis)
         if name == "gfc":
             axis.set_ylim(top=1.0)
         else:
             axis.set_ylim(bottom=0.0)
-    axes[-1].axhline(
-        JND_DB, color="#8a9099", linestyle="--", linewidth=1.0, label="just noticeable"
-    )
+    axes[-1].axhline(JND_DB, color=_GREY, linestyle="--", linewidth=1.0, label="just noticeable")
     handles, labels = axes[-1].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
     return figure

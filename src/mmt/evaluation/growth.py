@@ -1,21 +1,17 @@
 """The figure of a model as it grows, in the plane of speed and force or of velocity."""
 
-from typing import Final
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
+from mmt.core.palette import GRADED, LIGHT
+from mmt.evaluation.figures import readiness
 from mmt.evaluation.results import Evaluation
 from mmt.texture.completion.distance import CELL_CENTRES, DIVISIONS, VELOCITY_CELLS, cell_distances
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
-
-_RED: Final = "#b2182b"
-_CELL_MAP: Final = "GnBu"
-_FORCE_MAP: Final = "autumn_r"
 
 
 def model_growth(evaluation: Evaluation, panels: int = 4) -> Figure:
@@ -63,10 +59,10 @@ def _velocity_growth(evaluation: Evaluation, panels: int) -> Figure:
             samples[:, 1],
             s=19,
             c=samples[:, 2],
-            cmap=_FORCE_MAP,
+            cmap=GRADED,
             vmin=0.0,
             vmax=MAXIMUM_FORCE_N,
-            edgecolors="k",
+            edgecolors=LIGHT["ink"],
             lw=0.4,
             zorder=3,
         )
@@ -89,9 +85,8 @@ def _draw_velocity_cells(axis: Axes, model: TextureModel | None, limit: float) -
     corners = (2.0 * CELL_CENTRES - 1.0) * MAXIMUM_SPEED_MM_S - 0.5 * width
     cells = PatchCollection(
         [Rectangle((x, y), width, width) for x, y in corners],
-        cmap=_CELL_MAP,
-        alpha=0.75,
-        edgecolor="white",
+        cmap=readiness().reversed(),  # a distance: the smaller, the readier
+        edgecolor=LIGHT["panel"],
         linewidth=1.5,
         zorder=0,
     )
@@ -100,7 +95,7 @@ def _draw_velocity_cells(axis: Axes, model: TextureModel | None, limit: float) -
     cells.set_clim(0.0, limit)
     axis.add_collection(cells)
     reach = Circle((0.0, 0.0), MAXIMUM_SPEED_MM_S)
-    reach.set(fill=False, edgecolor="#6b7280", linewidth=0.8)
+    reach.set(fill=False, edgecolor=LIGHT["faint"], linewidth=0.8)
     axis.add_patch(reach)
     return cells
 
@@ -122,9 +117,8 @@ def _draw_cells(axis: Axes, model: TextureModel | None, limit: float) -> PatchCo
     corners = (CELL_CENTRES - 0.5 / DIVISIONS) * (MAXIMUM_SPEED_MM_S, MAXIMUM_FORCE_N)
     cells = PatchCollection(
         [Rectangle((x, y), width, height) for x, y in corners],
-        cmap=_CELL_MAP,
-        alpha=0.75,
-        edgecolor="white",
+        cmap=readiness().reversed(),  # a distance: the smaller, the readier
+        edgecolor=LIGHT["panel"],
         linewidth=1.5,
         zorder=0,
     )
@@ -137,13 +131,13 @@ def _draw_cells(axis: Axes, model: TextureModel | None, limit: float) -> PatchCo
 def _draw_model(axis: Axes, model: TextureModel) -> None:
     vertices = model.vertices[:, :2] * model.space.scale
     corners = model.triangles[:, :3]
-    axis.triplot(vertices[:, 0], vertices[:, 1], corners, color="#6b7280", lw=0.5, zorder=1)
+    axis.triplot(vertices[:, 0], vertices[:, 1], corners, color=LIGHT["faint"], lw=0.5, zorder=1)
     axis.scatter(
         vertices[:, 0],
         vertices[:, 1],
         s=10,
-        c="w",
-        edgecolors="#6b7280",
+        c=LIGHT["panel"],
+        edgecolors=LIGHT["faint"],
         lw=0.7,
         zorder=2,
         clip_on=False,
@@ -153,8 +147,8 @@ def _draw_model(axis: Axes, model: TextureModel) -> None:
         samples[:, 0],
         samples[:, 1],
         s=17,
-        c=_RED,
-        edgecolors="w",
+        c=LIGHT["measured"],
+        edgecolors=LIGHT["panel"],
         lw=0.5,
         zorder=3,
     )

@@ -29,7 +29,7 @@ _COMPLETION: Final = {
 
 _GROWTH: Final = {
     "isotropic": (
-        "The model as it grows: samples (red), boundary points (white), triangulation, and "
+        "The model as it grows: samples (dark), boundary points (white), triangulation, and "
         "the nine cells in the shade of their distance to the three nearest samples."
     ),
     "anisotropic": (

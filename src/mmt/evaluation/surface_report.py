@@ -5,8 +5,8 @@ from itertools import pairwise
 import numpy as np
 from matplotlib.figure import Figure
 
+from mmt.core.palette import LIGHT, SERIES
 from mmt.evaluation.document import Block, Heading, Paragraph, Table
-from mmt.evaluation.figures import COLOURS
 from mmt.evaluation.recorded_surfaces import SurfaceParts
 from mmt.evaluation.report_files import picture
 
@@ -71,7 +71,7 @@ def surfaces_over_time(parts: SurfaceParts, duration_s: float) -> Figure:
             axis.axvspan(
                 start * scale,
                 stop * scale,
-                color=COLOURS[place % len(COLOURS)],
+                color=SERIES[place % len(SERIES)],
                 alpha=0.22,
                 linewidth=0,
                 label="_" if seen else name,
@@ -80,14 +80,14 @@ def surfaces_over_time(parts: SurfaceParts, duration_s: float) -> Figure:
         axis.plot(
             [stay.from_s, stay.to_s],
             [stay.surface] * 2,
-            color="#22262b",
+            color=LIGHT["ink"],
             linewidth=3.0,
             solid_capstyle="butt",
         )
         if stay.found_s is not None:
-            axis.plot(stay.found_s, stay.surface, "v", color="#22262b", markersize=7)
-    axis.plot([], [], color="#22262b", linewidth=3.0, label="found")
-    axis.plot([], [], "v", color="#22262b", label="from here on known")
+            axis.plot(stay.found_s, stay.surface, "v", color=LIGHT["ink"], markersize=7)
+    axis.plot([], [], color=LIGHT["ink"], linewidth=3.0, label="found")
+    axis.plot([], [], "v", color=LIGHT["ink"], label="from here on known")
     numbers = sorted(parts.sessions)
     axis.set_yticks(numbers, [f"surface {number}" for number in numbers])
     axis.set_ylim(max(numbers) + 0.6, min(numbers) - 0.6)

@@ -18,6 +18,7 @@ from typing import Any, Final
 
 from aiohttp import WSMessage, WSMsgType, web
 
+from mmt.core.palette import style_sheet
 from mmt.link.accepting import HANDSHAKE_S, admit_connection
 from mmt.link.access import Access
 
@@ -74,7 +75,8 @@ def _files(page: str, vendored: Mapping[str, str]) -> dict[str, PageFile]:
         if path.suffix in _TYPES
     }
     paths |= {name: _FOLDER / path for name, path in vendored.items()}
-    return {name: PageFile(path.read_bytes(), _TYPES[path.suffix]) for name, path in paths.items()}
+    files = {name: PageFile(path.read_bytes(), _TYPES[path.suffix]) for name, path in paths.items()}
+    return {**files, "palette.css": PageFile(style_sheet().encode(), _TYPES[".css"])}
 
 
 REFUSED: Final = 4401

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mmt.core.arrays import FloatArray
+from mmt.core.palette import LIGHT
 from mmt.evaluation.document import Table
 from mmt.evaluation.levels import Across, root_mean_square
 from mmt.evaluation.texts import number
@@ -195,8 +196,8 @@ def calibration_figure(certainties: Sequence[Certainty]) -> Figure:
     axes = figure.subplots(1, len(groups), sharey=True, squeeze=False)[0]
     for axis, group in zip(axes, groups, strict=True):
         expected, true = shares([one for one in certainties if one.group == group])
-        axis.plot((0, 1), (0, 1), color="#8a9099", linewidth=1.0)
-        axis.scatter(expected, true, s=7, color="#0072b2", alpha=0.25, linewidth=0)
+        axis.plot((0, 1), (0, 1), color=LIGHT["faint"], linewidth=1.0)
+        axis.scatter(expected, true, s=7, color=LIGHT["streamed"], alpha=0.25, linewidth=0)
         tenth = np.clip(np.digitize(expected, TENTHS) - 1, 0, len(TENTHS) - 2)
         means = [
             (expected[tenth == k].mean(), true[tenth == k].mean())
@@ -204,7 +205,9 @@ def calibration_figure(certainties: Sequence[Certainty]) -> Figure:
             if np.count_nonzero(tenth == k) >= LEAST_CASES
         ]
         if means:
-            axis.plot(*np.array(means).T, color="black", marker="o", markersize=4, linewidth=1.2)
+            axis.plot(
+                *np.array(means).T, color=LIGHT["ink"], marker="o", markersize=4, linewidth=1.2
+            )
         axis.set(xlim=(0, 1.02), ylim=(0, 1.02), aspect="equal", title=group)
         axis.set_xlabel("expected share within one JND")
     axes[0].set_ylabel("true share")

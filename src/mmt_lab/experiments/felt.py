@@ -15,8 +15,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mmt.core.arrays import BoolArray, FloatArray
+from mmt.core.palette import SERIES
 from mmt.evaluation.document import Table
-from mmt.evaluation.figures import COLOURS
+from mmt.evaluation.figures import make_plain
 from mmt.evaluation.report_files import picture
 from mmt.evaluation.texts import number
 from mmt.scene import PROFILES, Network
@@ -236,7 +237,7 @@ DEFINITIONS: Final = {
     "field": "the same with the default of [texture]",
 }
 
-_STYLES: Final = {"streaming": 0, "published": 1, "field": 2, AT_ONCE: 6}
+_STYLES: Final = {"streaming": 0, "published": 1, "field": 2, AT_ONCE: 3}
 
 
 def felt_table(outcomes: Sequence[Outcome]) -> Table:
@@ -268,7 +269,7 @@ def felt_figure(outcomes: Sequence[Outcome]) -> Figure:
             axis.plot(
                 np.arange(len(error_db)) + 0.5,
                 error_db,
-                color=COLOURS[_STYLES[method]],
+                color=SERIES[_STYLES[method]],
                 linestyle=":" if method == AT_ONCE else "-",
                 linewidth=1.6,
                 label=method,
@@ -276,8 +277,7 @@ def felt_figure(outcomes: Sequence[Outcome]) -> Figure:
         axis.set_title(f"{network}: {_delay(network)}", fontsize=9)
         axis.set_xlabel("session time (s)")
         axis.set_xlim(left=0.0)
-        axis.grid(color="#e3e6ea", linewidth=0.6)
-        axis.spines[["top", "right"]].set_visible(False)
+        make_plain(axis)
     panels[0].set_yscale("log", base=2)
     panels[0].yaxis.set_major_formatter("{x:g}")
     panels[0].set_ylabel("error of what is felt (dB rms)")

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from mmt.core.palette import LIGHT
 from mmt.evaluation.document import Block, Table
 from mmt.evaluation.report_files import picture
 from mmt.testing.simulation.grained_textures import GRAINED
@@ -211,11 +212,13 @@ def _drawn_spectra(virtual: Sequence[Virtual], real: Sequence[Sample], seed: int
     axes = figure.subplots(rows, 3, sharex=True).ravel()
     for axis, one, sample in zip(axes, virtual, real, strict=True):
         for label, signal in (
-            ("recorded", sample.vibration_m_s2),
-            ("synthesised", sample.rendered(one.model, seed)),
+            ("measured", sample.vibration_m_s2),
+            ("synthesized", sample.rendered(one.model, seed)),
         ):
             found = [amplitude_spectra(signal[part], 1000.0) for part in sample.segments]
-            axis.plot(found[0][0], np.mean([a for _, a in found], axis=0), label=label)
+            axis.plot(
+                found[0][0], np.mean([a for _, a in found], 0), label=label, color=LIGHT[label]
+            )
         axis.set_title(one.name)
     axes[0].legend(frameon=False)
     figure.supxlabel("frequency (Hz)")

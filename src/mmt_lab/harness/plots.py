@@ -11,13 +11,13 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from mmt.core.arrays import FloatArray
-from mmt.evaluation.figures import COLOURS
+from mmt.core.palette import LIGHT, SERIES
+from mmt.evaluation.figures import make_plain
 from mmt_lab.harness.findings import Axis as SideOfPanel
 from mmt_lab.harness.findings import Curve, Findings, Panel, Point
 
-_MARKERS: Final = "osD^vP*X"
+_MARKERS: Final = "osD^vP"
 _LEGEND_COLUMNS: Final = 3
-_GRID: Final = "#e3e6ea"
 _OURS: Final = "mmt"
 _LINEAR_SPAN: Final = 2.5
 _PLAIN_SPAN: Final = 100.0
@@ -74,9 +74,7 @@ def _draw(axis: Axes, panel: Panel, methods: Sequence[str]) -> None:
     axis.set_title(panel.title, fontsize=10)
     axis.set_xlabel(panel.x.label)
     axis.set_ylabel(panel.y.label)
-    axis.grid(color=_GRID, linewidth=0.6)
-    axis.set_axisbelow(True)
-    axis.spines[["top", "right"]].set_visible(False)
+    make_plain(axis)
 
 
 def _is_logarithmic(of: SideOfPanel, values: Sequence[float]) -> bool:
@@ -108,11 +106,11 @@ def _draw_curve(axis: Axes, curve: Curve, number: int, floor: float) -> None:
         xerr=np.transpose(across),
         yerr=np.transpose(along),
         label=curve.method,
-        color=COLOURS[number % len(COLOURS)],
+        color=SERIES[number % len(SERIES)],
         marker=_MARKERS[number % len(_MARKERS)],
         markersize=4.5,
         linewidth=2.0 if ours else 1.2,
-        linestyle="-" if number < len(COLOURS) else "--",
+        linestyle="-" if number < len(SERIES) else "--",
         elinewidth=0.8,
         zorder=3 if ours else 2,
     )
@@ -135,7 +133,7 @@ def _name_knob(axis: Axes, panel: Panel, floor: float) -> None:
                 xytext=(3, 4),
                 textcoords="offset points",
                 fontsize=7,
-                color="#5d636b",
+                color=LIGHT["faint"],
             )
 
 

@@ -8,12 +8,11 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from mmt.evaluation.figures import COLOURS
+from mmt.core.palette import GRADED, LIGHT, SERIES
 from mmt_lab.stability.loop_theory import loop_on
 
 _LEAST_GROWTH: Final = 1e-6
 _MOST_GROWTH: Final = 1e3
-_NO_GROWTH: Final = "#eef3ee"
 _MOST_DELAY_MS: Final = 220.0
 _TICKS_MS: Final = (0, 1, 2, 5, 10, 20, 50, 100, 200)
 
@@ -26,21 +25,25 @@ def contact_map(figures: Mapping[str, Any]) -> Figure:
     image = None
     for axis, (name, growth) in zip(axes.flat, figures["growth"].items(), strict=True):
         grown = np.ma.masked_less(np.array(growth), _LEAST_GROWTH)
-        axis.set_facecolor(_NO_GROWTH)
+        axis.set_facecolor(LIGHT["unready"])
         image = axis.pcolormesh(
             step_ms,
             stiffness,
             grown,
             norm=LogNorm(_LEAST_GROWTH, _MOST_GROWTH),
-            cmap="YlOrRd",
+            cmap=GRADED,
             shading="nearest",
         )
         if name in figures["limit_s"]:
             limit_ms = 1e3 * np.array(figures["limit_s"][name])
-            axis.plot(limit_ms, stiffness, color="k", lw=1.4, ls="--", label="theoretical limit")
+            axis.plot(
+                limit_ms, stiffness, color=LIGHT["ink"], lw=1.4, ls="--", label="theoretical limit"
+            )
             axis.legend(loc="lower left", fontsize=8, framealpha=0.9)
         elif grown.count() == 0:
-            axis.text(0.5, 0.5, "no growth", transform=axis.transAxes, ha="center", color="#4a5a4a")
+            axis.text(
+                0.5, 0.5, "no growth", transform=axis.transAxes, ha="center", color=LIGHT["faint"]
+            )
         axis.set(
             xscale="log",
             yscale="log",
@@ -74,8 +77,8 @@ def loop_map(figures: Mapping[str, Any], boundaries: Sequence[Mapping[str, Any]]
     _draw_theory(axis)
     walls, delays = np.meshgrid(figures["wall_n_mm"], figures["delay_ms"])
     grows = np.array(figures["grows"], dtype=bool)
-    axis.plot(walls[~grows], delays[~grows], "o", ms=5, color=COLOURS[0], label="dies out")
-    axis.plot(walls[grows], delays[grows], "x", ms=6, color=COLOURS[1], label="grows")
+    axis.plot(walls[~grows], delays[~grows], "o", ms=5, color=SERIES[0], label="dies out")
+    axis.plot(walls[grows], delays[grows], "x", ms=6, color=SERIES[1], label="grows")
     measured = [row for row in boundaries if np.isfinite(row["measured_ms"])]
     axis.plot(
         [row["wall_n_mm"] for row in measured],
@@ -83,7 +86,7 @@ def loop_map(figures: Mapping[str, Any], boundaries: Sequence[Mapping[str, Any]]
         "D",
         ms=6,
         mfc="none",
-        mec="k",
+        mec=LIGHT["ink"],
         label="measured boundary",
     )
     axis.set_xscale("log")
@@ -101,6 +104,6 @@ def _draw_theory(axis: Axes) -> None:
     walls = np.geomspace(0.08, 65.0, 300)
     critical_ms = np.array([500.0 * loop_on(wall).critical_delay_s() for wall in walls.tolist()])
     line = np.clip(critical_ms, 0.0, 10.0 * _MOST_DELAY_MS)
-    axis.fill_between(walls, line, 1e4, color=COLOURS[1], alpha=0.13, lw=0)
-    axis.fill_between(walls, -1.0, line, color=COLOURS[0], alpha=0.10, lw=0)
-    axis.plot(walls, line, color="k", lw=1.3, label="theory")
+    axis.fill_between(walls, line, 1e4, color=SERIES[1], alpha=0.13, lw=0)
+    axis.fill_between(walls, -1.0, line, color=SERIES[0], alpha=0.10, lw=0)
+    axis.plot(walls, line, color=LIGHT["ink"], lw=1.3, label="theory")

@@ -5,6 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mmt.core.arrays import FloatArray
+from mmt.core.palette import LIGHT
 from mmt.texture.space.samples import TextureSamples
 from mmt_methods.selection import Selection
 
@@ -26,9 +27,9 @@ def selection_plane(samples: TextureSamples, selection: Selection) -> Figure:
 
 def _scatter(axis: Axes, places: FloatArray, selection: Selection) -> None:
     for name, chosen, size, colour, marker in (
-        ("redundant", selection.redundant, 12.0, "#8a9099", "o"),
-        ("kept", selection.kept, 26.0, "#0072b2", "o"),
-        ("outlier", selection.outlier, 34.0, "#d55e00", "X"),
+        ("redundant", selection.redundant, 12.0, LIGHT["known"], "o"),
+        ("kept", selection.kept, 26.0, LIGHT["streamed"], "o"),
+        ("outlier", selection.outlier, 34.0, LIGHT["synthesized"], "X"),
     ):
         axis.scatter(
             places[chosen, 0],

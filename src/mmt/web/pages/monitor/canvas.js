@@ -48,14 +48,14 @@ export function drawAdvice(pen, colour, [x, y], size = 1) {
   }
 }
 
-/** The colour of a cell that lacks so much. */
+/** The colour of a cell that lacks so much: the bluer, the readier. */
 export function shade(need, colour) {
-  return `rgba(${need > 0 ? colour("far") : colour("near")}, ${need > 0 ? 0.12 + 0.5 * need : 0.18})`;
+  return `color-mix(in srgb, ${colour("unready")} ${100 * need}%, ${colour("ready")})`;
 }
 
 /** The way there, fading into the past, and where the hand is; `at(point)` gives x and y. */
 export function drawTrail(pen, colour, trail, at) {
-  pen.strokeStyle = pen.fillStyle = colour("point");
+  pen.strokeStyle = pen.fillStyle = colour("synthesized");
   pen.lineWidth = 2;
   trail.forEach((point, i) => {
     const before = trail[i - 1];

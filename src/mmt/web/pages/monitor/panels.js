@@ -12,7 +12,7 @@ const SPECTRA_EVERY_MS = 200;
 
 const $ = (id) => document.getElementById(id);
 const ages = Array.from({ length: SHOWN }, (_, i) => i - SHOWN + 1);
-const axes = [["x", "measured"], ["y", "third"], ["z", "played"]];
+const axes = [["x", "streamed"], ["y", "synthesized"], ["z", "third"]];
 
 /** Put a text where it is not there yet. */
 export function text(id, value) {
@@ -45,10 +45,10 @@ export class Panels {
     this.dirty = false;
     this.spectraAt = 0;
     this.plots = {
-      completion: new Plot($("completion"), [["now", "ink"], ["start", "played", [6, 4]], ["stop", "third", [2, 3]]],
+      completion: new Plot($("completion"), [["now", "ink"], ["start", "faint", [6, 4]], ["stop", "faint", [2, 3]]],
         ["session time, s", "sum of distances"], { y: { range: (_, low, high) => [0, Math.max(high || 0, 12)] } }),
-      vibration: new Plot($("vibration"), [["measured", "measured"], ["played: streamed", "third"], ["played: synthesized", "played"]], ["ms", "m/s²"]),
-      spectra: new Plot($("spectra"), [["measured", "measured"], ["played", "played"]], ["Hz", "dB re 1 (m/s²)²/Hz"]),
+      vibration: new Plot($("vibration"), [["measured", "measured"], ["played: streamed", "streamed"], ["played: synthesized", "synthesized"]], ["ms", "m/s²"]),
+      spectra: new Plot($("spectra"), [["measured", "measured"], ["played: streamed", "streamed"], ["played: synthesized", "synthesized"]], ["Hz", "dB re 1 (m/s²)²/Hz"]),
       force: new Plot($("force-plot"), axes, ["session time, s", "N"]),
       position: new Plot($("position"), axes, ["session time, s", "mm"]),
     };
@@ -150,8 +150,10 @@ export class Panels {
   #spectra(now) {
     this.spectraAt = now;
     const { rate_hz } = this.hello;
-    const { measured, played } = this.rings;
-    this.plots.spectra.set([frequencies(rate_hz), spectrum(measured.values, rate_hz), spectrum(played.values, rate_hz)]);
+    const { measured, played, modelled } = this.rings;
+    const inner = (values) => spectrum(values, rate_hz);
+    const [streamed, synthesized] = modelled.values.at(-1) ? [[], played.values] : [played.values, []];
+    this.plots.spectra.set([frequencies(rate_hz), ...[measured.values, streamed, synthesized].map(inner)]);
   }
 }
 

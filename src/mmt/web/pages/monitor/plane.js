@@ -56,7 +56,7 @@ export class Plane {
       const [x, y] = this.#at(column / 3, (row + 1) / 3);
       pen.fillStyle = shade(need, this.colour);
       pen.fillRect(x, y, this.area.width / 3, this.area.height / 3);
-      pen.fillStyle = this.colour("faint");
+      pen.fillStyle = this.colour("ink");
       pen.font = "12px system-ui, sans-serif";
       pen.textAlign = "left";
       pen.fillText(value.toFixed(2), x + 6, y + 16);

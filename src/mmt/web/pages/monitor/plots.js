@@ -44,7 +44,7 @@ export class Plot {
     const at = Math.round(plot.valToPos(this.marked, "x", true));
     const { left, top, width, height } = plot.bbox;
     if (at < left || at > left + width) return;
-    plot.ctx.fillStyle = css("point");
+    plot.ctx.fillStyle = css("ink");
     plot.ctx.fillRect(at - devicePixelRatio, top, 2 * devicePixelRatio, height);
   }
 

@@ -72,7 +72,7 @@ export class VelocityPlane {
       pen.strokeStyle = this.colour("panel");
       pen.strokeRect(x, y, size, size);
       if (!numbers) return;
-      pen.fillStyle = this.colour("faint");
+      pen.fillStyle = this.colour("ink");
       pen.font = "12px system-ui, sans-serif";
       pen.textAlign = "center";
       const inwards = (1 - column) * size * 0.18;
@@ -157,7 +157,7 @@ export class VelocityPlane {
       pen.beginPath();
       pen.arc(small.x, small.y, radius, 0, 2 * Math.PI);
       pen.lineWidth = band === shown ? 3 : 1;
-      pen.strokeStyle = this.colour(band === shown ? "point" : "line");
+      pen.strokeStyle = this.colour(band === shown ? "ink" : "line");
       pen.stroke();
       pen.fillStyle = this.colour("ink");
       pen.textAlign = "center";

@@ -20,7 +20,7 @@ export class Grid {
     if (JSON.stringify(names) === JSON.stringify(this.names)) return;
     this.names = names;
     this.moved();
-    this.pictures = names.map((name, index) => painted(name, index, pictures, names.length));
+    this.pictures = names.map((_, index) => painted(index, pictures, names.length));
     this.tiles = names.map((_, tile) => this.#tile(tile));
     this.node.replaceChildren(...this.tiles);
     this.shown = undefined;
@@ -122,24 +122,14 @@ export class Grid {
   }
 }
 
-/** Paint a relief in a colour of its own. */
-function painted(name, index, pictures, count) {
+/** Paint a relief in grey: colours have a meaning. */
+function painted(index, pictures, count) {
   const size = Math.round(Math.sqrt(pictures.length / count));
   const image = new ImageData(size, size);
-  const hue = (index * 360) / count;
-  const [dark, light] = [rgb(hue, 0.5, 0.16), rgb(hue, 0.45, 0.84)];
   for (let i = 0; i < size * size; i++) {
     const share = Math.min(1, Math.max(0, 0.5 + pictures[index * size * size + i] / 5));
-    for (let part = 0; part < 3; part++) image.data[4 * i + part] = dark[part] + share * (light[part] - dark[part]);
+    image.data.set([0, 1, 2].map(() => 40 + 180 * share), 4 * i);
     image.data[4 * i + 3] = 255;
   }
   return image;
-}
-
-function rgb(hue, saturation, lightness) {
-  const spread = saturation * Math.min(lightness, 1 - lightness);
-  return [0, 8, 4].map((n) => {
-    const k = (n + hue / 30) % 12;
-    return 255 * (lightness - spread * Math.max(-1, Math.min(k - 3, 9 - k, 1)));
-  });
 }
