@@ -1,10 +1,12 @@
 """Take the pictures of the pages: monitor, recording, report, player; see ``scripts/screenshots``.
 
-The pages are pictured while a demo runs, at moments that they show themselves; a machine that is
-slow pictures them a second or two later.
+The monitor is pictured in each of its states, on a desk and on a telephone, light and dark, while
+a leader and a follower run, at moments that the page itself shows. A machine that is slow pictures
+them a second or two later.
 """
 
 import asyncio
+import io
 import re
 import shutil
 import signal
@@ -16,46 +18,124 @@ from pathlib import Path
 from typing import Any, Final
 
 from image_files import write_png
+from PIL import Image
 from playwright.async_api import async_playwright
 
 DESKTOP: Final = {"width": 1280, "height": 1000}
-TABLET: Final = {"width": 820, "height": 1180}
+PHONE: Final = {"width": 390, "height": 844}
 PLAYER: Final = {"width": 960, "height": 720}
-LONGEST_MS: Final = 120_000
+LONGEST_MS: Final = 60_000
 
-TOO_BUSY: Final = "the run went on before its picture was taken: the machine is too busy"
+SHEETS: Final = {"monitor-states": (DESKTOP, 0.33), "monitor-states-phone": (PHONE, 0.5)}
+"""Pictures of all states, and by how much each state in them is smaller than the screen."""
+SCHEMES: Final = ("light", "dark")
+SHEET_COLUMNS: Final = 3
+
 SAMPLES: Final = "parseInt(document.querySelector('#plane-text').textContent) >= {}"
-MODE: Final = "document.querySelector('#mode').textContent === '{}'"
+REACHED: Final = "parseFloat(document.querySelector('#time').textContent) >= {}"
+SHOWS: Final = "document.querySelector('header').textContent.includes('{}')"
 
 
 async def main() -> None:
-    """Run the demo, look at its monitor, its report and its recording; then at the player."""
+    """Look at the monitor in all its states, at a report and a recording; then at the player."""
     async with async_playwright() as playwright:
         browser = await playwright.chromium.launch(
             executable_path=shutil.which("chromium"), args=["--no-sandbox", "--disable-gpu"]
         )
         with tempfile.TemporaryDirectory() as folder:
-            async with serving("demo", "--monitor", "--output", folder) as (demo, url):
-                await watch(
-                    *await asyncio.gather(
-                        a_page(browser, url, DESKTOP, "light"), a_page(browser, url, TABLET, "dark")
-                    )
-                )
-                await demo.wait()
-            await picture_report(browser, Path(folder) / "report.html")
+            await picture_monitor(browser, Path(folder))
+            await picture_report(browser, Path(folder) / "report" / "report.html")
             recording = str(Path(folder) / "session.mcap")
-            async with serving("session", "view", recording, "--no-open") as (_, url):
+            async with serving("main", "session", "view", recording, "--no-open") as (_, url):
                 await picture_recording(browser, url)
-            async with serving("play", "--port", "0", "--results", f"{folder}/r.csv") as (_, url):
+            results = f"{folder}/results.csv"
+            async with serving("main", "play", "--port", "0", "--results", results) as (_, url):
                 await picture_player(browser, url)
         await browser.close()
+
+
+async def picture_monitor(browser: Any, folder: Path) -> None:
+    """Take the monitor in each state: one run to its end, and one whose services are killed."""
+    leader = ("leader", "demo", "--monitor", "--port", "0")
+    whole = (*leader, "--record", f"{folder}/session.mcap", "--report", f"{folder}/report")
+    states: dict[str, list[bytes]] = {}
+    async with serving(*whole) as (process, url):
+        pages = [
+            await a_page(browser, url, size, scheme)
+            for size, _ in SHEETS.values()
+            for scheme in SCHEMES
+        ]
+
+        async def keep(state: str, condition: str) -> None:
+            await asyncio.gather(*(page.wait_for_function(condition) for page in pages))
+            states[state] = [await page.screenshot() for page in pages]
+
+        await keep("before", SHOWS.format("follower"))
+        async with following(url):
+            await keep("during", SHOWS.format("streamed"))
+            await keep("switch", SHOWS.format("model"))
+            await pages[0].wait_for_function(REACHED.format(12))
+            await take("monitor", pages[0])
+            await process.wait()
+        await keep("end", SHOWS.format("over"))
+    async with serving(*leader) as (process, url):
+        for page in pages:
+            await page.goto(url)
+        async with following(url) as follower:
+            await asyncio.gather(*(page.wait_for_function(REACHED.format(5)) for page in pages))
+            follower.kill()
+            await follower.wait()
+            await keep("follower gone", SHOWS.format("follower"))
+        process.kill()
+        await process.wait()
+        await keep("server gone", SHOWS.format("lost"))
+    order = ("before", "during", "switch", "follower gone", "server gone", "end")
+    for place, (name, (_, scale)) in enumerate(SHEETS.items()):
+        shots = [
+            states[state][len(SCHEMES) * place + scheme]
+            for scheme in range(len(SCHEMES))
+            for state in order
+        ]
+        write_png(name, sheet(shots, scale), colours=64)
+
+
+def sheet(shots: list[bytes], scale: float) -> bytes:
+    """Return pictures of one size on one sheet, row by row."""
+    drawn = [Image.open(io.BytesIO(shot)).convert("RGB") for shot in shots]
+    width, height = (round(scale * side) for side in drawn[0].size)
+    gap = 6
+    rows = -(-len(drawn) // SHEET_COLUMNS)
+    whole = Image.new("RGB", (SHEET_COLUMNS * (width + gap) - gap, rows * (height + gap) - gap))
+    for place, one in enumerate(drawn):
+        row, column = divmod(place, SHEET_COLUMNS)
+        small = one.resize((width, height), Image.Resampling.LANCZOS)
+        whole.paste(small, (column * (width + gap), row * (height + gap)))
+    png = io.BytesIO()
+    whole.save(png, "PNG")
+    return png.getvalue()
+
+
+@asynccontextmanager
+async def following(url: str) -> AsyncIterator[asyncio.subprocess.Process]:
+    """Run the demo's follower with the leader that serves a page."""
+    process = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", "mmt.cli.entry", "follower", "demo"),
+        *("--leader", url.removesuffix("/monitor/")),
+        stdout=asyncio.subprocess.DEVNULL,
+    )
+    try:
+        yield process
+    finally:
+        if process.returncode is None:
+            process.send_signal(signal.SIGINT)
+        await process.wait()
 
 
 @asynccontextmanager
 async def serving(*command: str) -> AsyncIterator[tuple[asyncio.subprocess.Process, str]]:
     """Run a command that serves a page; give its process and the page's address."""
     process = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-u", "-m", "mmt.cli.main", *command),
+        *(sys.executable, "-u", "-m", "mmt.cli.entry", *command),
         stdout=asyncio.subprocess.PIPE,
         stderr=asyncio.subprocess.STDOUT,
     )
@@ -74,21 +154,6 @@ async def serving(*command: str) -> AsyncIterator[tuple[asyncio.subprocess.Proce
             process.send_signal(signal.SIGINT)
         await process.wait()
         await reading
-
-
-async def watch(desk: Any, tablet: Any) -> None:
-    """Take the monitor while the model is stroked, after the switch, and of 19 samples."""
-    await desk.wait_for_function(SAMPLES.format(2))
-    if not await desk.evaluate(MODE.format("streamed")):
-        raise SystemExit(TOO_BUSY)
-    await take("monitor-stroking", desk)
-    await tablet.wait_for_function(MODE.format("synthesized"))
-    await tablet.wait_for_function(SAMPLES.format(14))
-    await take("monitor-tablet", tablet)
-    await desk.wait_for_function(SAMPLES.format(19))
-    await take("monitor", desk)
-    if await desk.locator("body.lost").count():
-        raise SystemExit(TOO_BUSY)
 
 
 async def picture_report(browser: Any, report: Path) -> None:

@@ -1,5 +1,6 @@
 """A recording's page in a real browser: what is on the screen while a person looks through it."""
 
+import re
 from contextlib import AbstractAsyncContextManager
 from pathlib import Path
 from typing import Any
@@ -82,6 +83,12 @@ def viewing(path: Path) -> AbstractAsyncContextManager[str]:
     return serving(ViewedRecording.open(path))
 
 
+async def at(page: Any) -> str:
+    """Return the moment that is shown, in seconds."""
+    text: str = await page.locator("#time").inner_text()
+    return text.removesuffix(" s")
+
+
 async def built(page: Any) -> None:
     """Wait until the model is built: the remark that leaves then moves what stands below it."""
     await api.expect(page.locator("#remarks")).to_have_text("", timeout=LONGEST_MS)
@@ -99,8 +106,12 @@ async def test_a_person_goes_through_a_recording(
     ):
         await page.goto(url)
         await shows(page, "#session", "run.mcap")
-        await shows(page, "#plane-text", "No model yet")
         await built(page)
+        await shows(page, "#completion-text", "start met at")
+        met = await page.locator("#completion-text").inner_text()
+        switch = re.search(r"start met at ([\d.]+) s", met)
+        assert switch is not None
+        assert float(await at(page)) == pytest.approx(float(switch[1]), abs=0.06)
         await page.keyboard.press("End")
         await shows(page, "#plane-text", "samples, order")
         await shows(page, "#completion-text", "start met at")
@@ -122,6 +133,49 @@ async def test_a_person_goes_through_a_recording(
         await page.keyboard.press("ArrowRight")
         await shows(page, "#time", "1.00 s")
         await shows(page, "#mode", "streamed")
+        await shows(page, "#connection", "recorded")
+        await shows(page, "#h-plane", "at this moment")
+        assert "gains most" not in await page.locator("main").inner_text()
+        assert problems == []
+
+
+async def test_the_address_keeps_the_moment(browser: Any, recorded: Path) -> None:
+    async with viewing(recorded) as url, a_page(browser) as (page, problems):
+        await page.goto(url + "#t=6.5")
+        await built(page)
+        await shows(page, "#time", "6.50 s")
+        await page.keyboard.press("ArrowLeft")
+        await api.expect(page).to_have_url(f"{url}#t=5.50")
+        await page.reload()
+        await shows(page, "#time", "5.50 s")
+        assert problems == []
+
+
+async def test_panels_share_a_time_line(browser: Any, recorded: Path) -> None:
+    async with viewing(recorded) as url, a_page(browser) as (page, problems):
+        await page.goto(url + "#t=2")
+        await built(page)
+        await shows(page, "#time", "2.00 s")
+        moment = page.locator("#time")
+        await page.locator("#position").scroll_into_view_if_needed()
+        box = await page.locator("#force-plot .u-over").bounding_box()
+        middle = box["y"] + box["height"] / 2
+        await page.mouse.move(box["x"] + 0.5 * box["width"], middle)
+        for panel in ("#force-plot", "#position", "#completion"):
+            read = page.locator(f"{panel} .u-value").first
+            await api.expect(read).to_have_text(re.compile(r"^[34]\.\d*$|^4$"))  # of 8 s, the half
+        await page.mouse.down()
+        await page.mouse.move(box["x"] + 0.75 * box["width"], middle, steps=5)
+        await page.mouse.up()
+        await page.mouse.click(box["x"] + 0.5 * box["width"], middle)  # of 4 to 6 s
+        await api.expect(moment).to_have_text(re.compile(r"^(4\.9|5\.0)"))
+        await page.keyboard.press("Home")  # the span follows
+        await shows(page, "#time", "0.00 s")
+        await page.mouse.click(box["x"] + 0.5 * box["width"], middle)
+        await api.expect(moment).to_have_text(re.compile(r"^(0\.9|1\.0)"))
+        await page.keyboard.press("[")
+        await page.mouse.click(box["x"] + 0.99 * box["width"], middle)
+        await api.expect(moment).to_have_text(re.compile(r"^(2\.[5-9]|3\.)"))
         assert problems == []
 
 
@@ -140,7 +194,7 @@ async def test_an_event_leads_to_its_moment(browser: Any, recorded: Path) -> Non
 
 async def test_a_recording_is_played(browser: Any, recorded: Path) -> None:
     async with viewing(recorded) as url, a_page(browser) as (page, problems):
-        await page.goto(url)
+        await page.goto(url + "#t=0")
         await shows(page, "#at", "0.00 of 8.0")
         await page.keyboard.press("+")
         await api.expect(page.locator("#speed")).to_have_value("2")
@@ -164,7 +218,7 @@ async def test_a_recording_is_played(browser: Any, recorded: Path) -> None:
 
 async def test_the_slider_is_dragged(browser: Any, recorded: Path) -> None:
     async with viewing(recorded) as url, a_page(browser, TABLET) as (page, problems):
-        await page.goto(url)
+        await page.goto(url + "#t=0")
         await shows(page, "#time", "0.00 s")
         box = await page.locator("#slider").bounding_box()
         await page.mouse.move(box["x"] + 8, box["y"] + box["height"] / 2)
@@ -179,7 +233,7 @@ async def test_the_slider_is_dragged(browser: Any, recorded: Path) -> None:
 
 async def test_keys_are_listed(browser: Any, recorded: Path) -> None:
     async with viewing(recorded) as url, a_page(browser) as (page, problems):
-        await page.goto(url)
+        await page.goto(url + "#t=0")
         await shows(page, "#at", "0.00 of 8.0")
         await page.click("#help-open")
         help_text = await page.locator("#help").inner_text()
@@ -210,7 +264,6 @@ async def test_the_page_says_that_its_server_has_ended(browser: Any, recorded: P
     async with a_page(browser) as (page, problems):
         async with viewing(recorded) as url:
             await page.goto(url)
-            await shows(page, "#connection", "recording")
-        await page.keyboard.press("End")
+            await shows(page, "#connection", "recorded")
         await shows(page, "#connection", "mmt session view has ended")
         assert problems == []

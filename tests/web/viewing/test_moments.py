@@ -86,6 +86,15 @@ def test_a_rendered_sample_is_the_same_a_moment_later() -> None:
     np.testing.assert_array_equal(earlier[both], later[both])
 
 
+def test_what_was_played_when_is_told_apart() -> None:
+    played = [("streamed", 0.0), ("streamed", 0.02), ("fading", 0.041), ("synthesized", 0.06)]
+    blocks = [OutputBlock(at_s, mode, np.zeros(20)) for mode, at_s in [*played, ("streamed", 1.0)]]
+    spans = [(0.0, 0.04, "streamed"), (0.041, 0.08, "synthesized"), (1.0, 1.02, "streamed")]
+    assert [mode for *_, mode in traces.modes(blocks)] == [mode for *_, mode in spans]
+    ends = [span[:2] for span in traces.modes(blocks)]
+    np.testing.assert_allclose(ends, [span[:2] for span in spans])
+
+
 def test_the_trail_is_the_mean_motion_of_each_step() -> None:
     frames = made_frames(0, 400)
     frames["position_mm"] = np.arange(400)[:, None] * np.array([0.05, -0.1, 0.0])
@@ -98,7 +107,7 @@ def test_the_trail_is_the_mean_motion_of_each_step() -> None:
 def test_no_line_is_drawn_across_a_gap() -> None:
     whole = window(4000)
     kept = (whole.time_s < 1.0) | (whole.time_s > 3.0)
-    time_s, force, position = traces.history(Window(whole.time_s[kept], whole.frames[kept]))
+    time_s, force, position = traces.course(Window(whole.time_s[kept], whole.frames[kept]))
     assert (np.diff(time_s) > 0).all()
     assert np.isnan(force).all(axis=0).sum() == np.isnan(position).all(axis=0).sum() == 1
 
@@ -144,8 +153,10 @@ def test_a_recording_without_force_is_shown_without_a_model(tmp_path: Path) -> N
     assert opening["remarks"] == ["No model: the recording has no force channel."]
     moment = unpack(recording.moment(0.9))
     assert (moment["model"], moment["source"]) == (None, None)
-    assert np.isnan(moment["arrays"]["force_n"]).all()
-    assert not np.isnan(moment["arrays"]["position_mm"]).all()
+    course = unpack(recording.course(0.2, 0.9))["arrays"]
+    assert np.isnan(course["force_n"]).all()
+    assert not np.isnan(course["position_mm"]).any()
+    assert course["time_s"][[0, -1]] == pytest.approx([0.2, 0.9], abs=2e-3)
     assert not np.isnan(moment["arrays"]["measured"]).all()
     assert unpack(recording.growth())["done"]
     with pytest.raises(InputError, match="there is no model 0"):

@@ -15,6 +15,8 @@ from mmt.web.viewing import traces
 from mmt.web.viewing.events import LinkRecord, session_events
 from mmt.web.viewing.rebuilding import ModelRebuild, ModelState
 
+LONGEST_COURSE_S: Final = 60.0
+"""Longest span whose force and position a page gets at once."""
 _CURVE_POINTS: Final = 1000
 _MODEL_NEEDS: Final = ("position", "force", "acceleration")
 
@@ -29,7 +31,7 @@ class ViewedRecording:
 
     Notes
     -----
-    Only one thread at a time may call `moment`.
+    Only one thread at a time may call `moment` or `course`.
     """
 
     def __init__(self, windows: SessionWindows) -> None:
@@ -73,6 +75,7 @@ class ViewedRecording:
             "session": windows.path.name,
             "scene": self.scene.session.name if windows.scene is not None else None,
             "duration_s": windows.duration_s,
+            "longest_course_s": LONGEST_COURSE_S,
             "channels": list(windows.channels),
             "link": self._link.exists,
             "remarks": self._remarks,
@@ -87,6 +90,7 @@ class ViewedRecording:
         course = [(state.time_s, state.progress.value) for state in known]
         points = states.thinned(course, _CURVE_POINTS)
         header = {
+            "start_s": next((s.start_s for s in known if s.start_s is not None), None),
             "reached_s": rebuilding.reached_s if rebuilding is not None else 0.0,
             "done": rebuilding is None or rebuilding.done,
             "problem": rebuilding.problem if rebuilding is not None else None,
@@ -107,16 +111,26 @@ class ViewedRecording:
             raise InputError(f"there is no model {number}")
         return states.model_message(model)
 
+    def course(self, from_s: float, to_s: float) -> bytes:
+        """Return force, position and what was played between two recording times.
+
+        Of a longer span only the first minute is returned, since all of its frames are read.
+        """
+        to_s = min(to_s, from_s + LONGEST_COURSE_S)
+        window = self.windows.window(from_s, to_s)
+        times_s, force_n, position_mm = traces.course(window)
+        arrays = {"time_s": times_s, "force_n": force_n, "position_mm": position_mm}
+        return pack("course", {"modes": traces.modes(window.outputs)}, arrays)
+
     def moment(self, time_s: float) -> bytes:
         """Return the state at a recording time, which is clamped to the recording."""
         windows = self.windows
         at_s = float(min(max(0.0, time_s), windows.duration_s))
         # half a millisecond more, so that the frame of this very moment is in
-        window = windows.window(at_s - traces.HISTORY_S, at_s + 5e-4)
+        window = windows.window(at_s - traces.RECENT_S, at_s + 5e-4)
         state = self._rebuilding.at(at_s) if self._rebuilding is not None else None
         model = self._model(state.number) if state is not None else None
         played, source = self._played(window, at_s, model)
-        times_s, force_n, position_mm = traces.history(window)
         header: dict[str, Any] = {
             "time_s": at_s,
             "model": state.number if state is not None else None,
@@ -133,9 +147,6 @@ class ViewedRecording:
             "played": played.vibration_m_s2,
             "modelled": played.modelled,
             "trail": traces.trail(window, self.settings),
-            "time_s": times_s,
-            "force_n": force_n,
-            "position_mm": position_mm,
         }
         return pack("moment", header, arrays)
 
@@ -185,7 +196,8 @@ class ViewedRecording:
 def _completion(state: ModelState | None) -> dict[str, Any] | None:
     if state is None:
         return None
-    return states.completion_header(state.progress, state.start_s, state.stop_s, state.faults)
+    said = states.completion_header(state.progress, state.start_s, state.stop_s, state.faults)
+    return {**said, "advice": None}  # nobody strokes in the past
 
 
 def _surfaces(state: ModelState | None) -> dict[str, int] | None:

@@ -1,8 +1,9 @@
 """Serve a recording's page and its requests, over HTTP on loopback.
 
-``GET /session/`` is the page; ``opening``, ``growth``, ``model?number=N`` and
-``moment?time_s=T`` beside it answer with the monitor's binary messages. The server keeps
-no state of the page, so that a page may be reloaded, or opened twice, at any time.
+``GET /session/`` is the page; ``opening``, ``growth``, ``model?number=N``,
+``course?from_s=T&to_s=T`` and ``moment?time_s=T`` beside it answer with the monitor's binary
+messages. The server keeps no state of the page, so that a page may be reloaded, or opened twice,
+at any time.
 """
 
 import asyncio
@@ -47,11 +48,15 @@ def recording_application(recording: ViewedRecording) -> web.Application:
         number = int(_number(request, "number"))
         return await answer(lambda: recording.model(number))
 
+    async def course(request: web.Request) -> web.Response:
+        from_s, to_s = _number(request, "from_s"), _number(request, "to_s")
+        return await answer(lambda: recording.course(from_s, to_s))
+
     async def moment(request: web.Request) -> web.Response:
         time_s = _number(request, "time_s")
         return await answer(lambda: recording.moment(time_s))
 
-    for handler in (opening, growth, model, moment):
+    for handler in (opening, growth, model, course, moment):
         application.router.add_get(f"{PATH}/{handler.__name__}", handler)
     add_page(application, PATH, monitor_files("recording.js"))
     return application

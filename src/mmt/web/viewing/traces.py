@@ -1,4 +1,4 @@
-"""The page's curves from a window of frames: the last half second, the trail, ten seconds.
+"""The page's curves from a window of frames: the last half second, the trail, the time line.
 
 Arrays in, arrays out. Missing values are NaN: no line is drawn across a gap.
 """
@@ -20,10 +20,13 @@ from mmt.texture.synthesis.synthesizer import Synthesizer
 
 SHOWN: Final = 512
 """Samples of vibration on the page."""
-HISTORY_S: Final = 10.0
-"""Length of the traces of force and position."""
+RECENT_S: Final = 10.0
+"""What a moment knows of the past: the trail, and how long blocks were under way."""
+_COURSE_POINTS: Final = 1500
+_GAP_S: Final = 0.16
+"""Longer than this nothing is drawn between two points; late messages are less apart."""
 _STEP: Final = 40
-"""Frames between two points of a history or a trail: 25 a second, as live."""
+"""Frames between two points of a trail: 25 a second, as live."""
 _TRAIL: Final = 120
 _HIGH_PASS_HZ: Final = 10.0
 _SETTLING: Final = 200
@@ -99,13 +102,26 @@ def synthesized(
     return Played(_placed(rendered, aligned.index, last), np.ones(SHOWN))
 
 
-def history(window: Window) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return times (k,), force (3, k) and position (3, k), 25 a second."""
-    time_s, frames = window.time_s[::_STEP], window.frames[::_STEP]
+def course(window: Window) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return times (k,), force (3, k) and position (3, k), at an even step; 1500 or a few more."""
+    step = max(1, -(-len(window.frames) // _COURSE_POINTS))
+    time_s, frames = window.time_s[::step], window.frames[::step]
     columns = [_vectors(frames, name) for name in ("force_n", "position_mm")]
-    gaps = np.flatnonzero(np.diff(time_s) > 4 * _STEP / 1e3) + 1
+    gaps = np.flatnonzero(np.diff(time_s) > max(_GAP_S, 4 * step / 1e3)) + 1
     force, position = (np.insert(column, gaps, np.nan, axis=1) for column in columns)
     return np.insert(time_s, gaps, time_s[gaps - 1] + 1e-3), force, position
+
+
+def modes(outputs: Sequence[OutputBlock]) -> list[tuple[float, float, str]]:
+    """Return from when to when (s) the actuator played what, as streamed or synthesized."""
+    spans: list[tuple[float, float, str]] = []
+    for block in outputs:
+        mode = "streamed" if block.mode == "streamed" else "synthesized"
+        begin_s, end_s = block.time_s, block.time_s + len(block.vibration_m_s2) / 1e3
+        if spans and spans[-1][2] == mode and begin_s - spans[-1][1] < _LATE_SAMPLES / 1e3:
+            begin_s, _, _ = spans.pop()
+        spans.append((begin_s, end_s, mode))
+    return spans
 
 
 def trail(window: Window, settings: ModellingSettings) -> FloatArray:

@@ -4,7 +4,9 @@ import uPlot from "./uPlot.js";
 
 const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 
-/** A line plot that fills its element and follows its size and the colour scheme. */
+const readOut = (_, value) => (value === null || value === undefined ? "–" : Number(value.toPrecision(4)).toString());
+
+/** A line plot with a read-out under the cursor, that fills its element and follows its size and the colour scheme. */
 export class Plot {
   /** `series`: [label, colour variable, dash?]; `axes`: labels of x and y; `ranges`: of x and y. */
   constructor(element, series, axes, ranges = {}) {
@@ -20,10 +22,18 @@ export class Plot {
     this.plot.setData(data);
   }
 
-  /** Show x from one value to another, whatever the data. */
-  span(from, to) {
-    this.ranges = { ...this.ranges, x: { range: [from, to] } };
+  /** Make this one of the panels of a time line: they share zoom and cursor, and lead to moments. */
+  shareTime(line) {
+    this.line = line;
+    this.ranges = { ...this.ranges, x: { range: () => line.span } };
     this.#make();
+    this.#fit();
+  }
+
+  /** Show the span of its time line. */
+  follow() {
+    const [min, max] = this.line.span;
+    this.plot.setScale("x", { min, max });
   }
 
   /** Say anew what is drawn upwards, and how its range follows from the data. */
@@ -39,13 +49,31 @@ export class Plot {
     this.plot.redraw(false);
   }
 
+  /** Draw what was played as a bar along the top, and the moment. */
   #drawMark(plot) {
-    if (this.marked === undefined || !this.data[0].length) return;
-    const at = Math.round(plot.valToPos(this.marked, "x", true));
     const { left, top, width, height } = plot.bbox;
+    const within = (x) => Math.min(Math.max(Math.round(plot.valToPos(x, "x", true)), left), left + width);
+    for (const [from, to, mode] of this.line?.modes ?? []) {
+      plot.ctx.fillStyle = css(mode);
+      plot.ctx.fillRect(within(from), top, within(to) - within(from), 4 * devicePixelRatio);
+    }
+    if (this.marked === undefined) return;
+    const at = Math.round(plot.valToPos(this.marked, "x", true));
     if (at < left || at > left + width) return;
     plot.ctx.fillStyle = css("ink");
     plot.ctx.fillRect(at - devicePixelRatio, top, 2 * devicePixelRatio, height);
+  }
+
+  #cursor() {
+    const { line } = this;
+    return {
+      y: false,
+      drag: { x: Boolean(line), y: false, setScale: false },
+      ...(line && {
+        sync: { key: "time", scales: ["x", null] },
+        bind: { dblclick: () => () => line.zoom(null) },
+      }),
+    };
   }
 
   #size() {
@@ -69,15 +97,20 @@ export class Plot {
     x.size = 30;
     this.plot = new uPlot({
       ...this.#size(),
-      cursor: { show: false },
-      legend: { live: false },
-      hooks: { draw: [(plot) => this.#drawMark(plot)] },
+      cursor: this.#cursor(),
+      hooks: {
+        draw: [(plot) => this.#drawMark(plot)],
+        setSelect: [({ select, posToVal }) => {
+          if (select.width > 0) this.line?.zoom(...[0, select.width].map((by) => posToVal(select.left + by, "x")));
+        }],
+      },
       scales: { x: { time: false, ...this.ranges.x }, y: { ...this.ranges.y } },
       axes: [x, axis(this.axes[1])],
-      series: [{}, ...this.series.map(([label, colour, dash]) => ({
-        label, stroke: css(colour), width: 1.5, dash, points: { show: false }, spanGaps: false,
+      series: [{ label: this.axes[0].split(", ").at(-1), value: readOut }, ...this.series.map(([label, colour, dash]) => ({
+        label, stroke: css(colour), width: 1.5, dash, points: { show: false }, spanGaps: false, value: readOut,
       }))],
     }, this.data, this.element);
+    this.plot.over.addEventListener("click", () => this.line?.pick(this.plot.posToVal(this.plot.cursor.left, "x")));
     this.#fit();
   }
 }

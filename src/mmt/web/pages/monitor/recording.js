@@ -1,12 +1,15 @@
 // A recording on the monitor's page: asks for one moment after the other and shows it.
 
-import { offerHelp } from "./help.js";
+import { isTaken, offerHelp } from "./help.js";
 import { decode } from "./link.js";
 import { Panels, number, showLatencies, text } from "./panels.js";
 import { TimeBar } from "./timebar.js";
 
 const EVERY_MS = 40;
 const GROWTH_EVERY_MS = 400;
+const ALIVE_EVERY_MS = 2000; // also when there is nothing new: so a page sees that the server is gone
+const ADDRESS_EVERY_MS = 400;
+const LEAST_SPAN_S = 0.1;
 const RETRY_MS = 1000;
 const NO_MODEL = { samples: 0, order: null, cells: null, arrays: {} };
 const SOURCES = {
@@ -19,8 +22,11 @@ const panels = new Panels();
 const wait = (ms) => new Promise((resolve) => { setTimeout(resolve, ms); });
 
 let bar = null;
+let line = null;
 let wanted = 0;
 let stale = true;
+let isOpened = false;
+let addressTimer = null;
 let shownModel = null;
 let events = [];
 let lastEvent = null;
@@ -32,11 +38,11 @@ async function ask(path) {
       const answer = await fetch(path);
       if (!answer.ok) throw new Error((await answer.text()).trim());
       const message = decode(await answer.arrayBuffer());
-      showState("live", "recording");
+      showState("recorded", "recorded");
       return message;
     } catch (error) {
       const gone = error instanceof TypeError;
-      showState("lost", gone ? "mmt session view has ended" : error.message);
+      showState("lost", gone ? "mmt session view has ended: start it again to go on" : error.message);
       await wait(RETRY_MS);
     }
   }
@@ -45,7 +51,7 @@ async function ask(path) {
 function showState(state, sentence) {
   text("connection", sentence);
   $("connection").dataset.state = state;
-  document.body.classList.toggle("lost", state !== "live");
+  document.body.classList.toggle("lost", state !== "recorded");
 }
 
 /** Show the wanted moment whenever it is another one than is shown. */
@@ -54,6 +60,8 @@ async function follow() {
     await wait(EVERY_MS);
     if (!stale) continue;
     stale = false;
+    line.reach(wanted);
+    if (line.isStale) await showCourse();
     const moment = await ask(`moment?time_s=${wanted}`);
     if (moment.model !== shownModel) {
       panels.model(moment.model === null ? NO_MODEL : await ask(`model?number=${moment.model}`));
@@ -66,12 +74,52 @@ async function follow() {
 const orNull = (values) => Array.from(values, (value) => (Number.isNaN(value) ? null : value));
 const axes = (values) => [0, 1, 2].map((axis) => orNull(values.subarray((axis * values.length) / 3, ((axis + 1) * values.length) / 3)));
 
+/** The span of time that all panels over time show, shared by their zoom. */
+class TimeLine {
+  constructor(duration_s, longest_s, plots) {
+    Object.assign(this, { duration_s, longest_s, plots, modes: [], isStale: true });
+    this.width_s = Math.min(duration_s, longest_s);
+    this.span = [0, this.width_s];
+    for (const plot of plots) plot.shareTime(this);
+  }
+
+  /** Show from one time to another; null for as much as is shown at first. */
+  zoom(from, to) {
+    const [begin, end] = from === null ? [wanted - this.longest_s / 2, wanted + this.longest_s / 2] : [from, to];
+    this.width_s = Math.min(Math.max(end - begin, LEAST_SPAN_S), this.longest_s, this.duration_s);
+    this.#show((begin + end - this.width_s) / 2);
+  }
+
+  /** Move so that a time is shown. */
+  reach(time_s) {
+    if (time_s < this.span[0] || time_s > this.span[1]) this.#show(time_s - this.width_s / 2);
+  }
+
+  pick(time_s) {
+    bar.go(time_s);
+  }
+
+  #show(begin) {
+    const from = Math.min(Math.max(begin, 0), this.duration_s - this.width_s);
+    this.span = [from, from + this.width_s];
+    this.isStale = stale = true;
+    for (const plot of this.plots) plot.follow();
+  }
+}
+
+/** Show force, position and what was played in the span of the time line. */
+async function showCourse() {
+  line.isStale = false;
+  const { arrays, modes } = await ask(`course?from_s=${line.span[0]}&to_s=${line.span[1]}`);
+  line.modes = modes;
+  panels.history = { time: Array.from(arrays.time_s), force: axes(arrays.force_n), position: axes(arrays.position_mm) };
+}
+
 function show(moment) {
   const { arrays } = moment;
   panels.rings.measured.values = orNull(arrays.measured);
   panels.rings.played.values = orNull(arrays.played);
   panels.rings.modelled.values = Array.from(arrays.modelled);
-  panels.history = { time: Array.from(arrays.time_s), force: axes(arrays.force_n), position: axes(arrays.position_mm) };
   panels.trail.points = [];
   for (let i = 0; i < arrays.trail.length; i += 3) {
     const [x, y, force] = arrays.trail.subarray(i, i + 3);
@@ -80,7 +128,7 @@ function show(moment) {
   panels.mode(moment.mode ?? "–", SOURCES[moment.source] ?? "nothing was played", `${moment.time_s.toFixed(2)} s`);
   panels.surface(moment.surfaces);
   panels.completion(moment.completion);
-  panels.plots.completion.mark(moment.time_s);
+  for (const plot of line.plots) plot.mark(moment.time_s);
   if (!moment.rebuilt) text("plane-text", "The model of this moment is being built.");
   if (moment.link) showLink(moment.link);
   showEvents(moment.time_s);
@@ -135,17 +183,38 @@ function toTheEnd({ time_s, value }) {
 }
 
 /** Show how the model grew, as far as it has been built again. */
-async function followGrowth(remarks) {
+async function followGrowth(given) {
+  let isDone = false;
   for (;;) {
     const growth = await ask("growth");
     panels.curve(growth.done ? toTheEnd(growth.arrays) : growth.arrays);
-    if (growth.problem) remarks = [...remarks, `The model could not be built: ${growth.problem}`];
+    const remarks = growth.problem ? [...given, `The model could not be built: ${growth.problem}`] : given;
     const share = Math.floor((100 * growth.reached_s) / bar.duration_s);
     text("remarks", [...remarks, ...(growth.done ? [] : [`The model is being built: ${share} %.`])].join(" "));
-    stale = true;
-    if (growth.done) return;
-    await wait(GROWTH_EVERY_MS);
+    if (!isOpened && growth.start_s !== null) bar.go(growth.start_s); // the switch
+    if (!isDone) stale = true;
+    isDone = growth.done;
+    await wait(isDone ? ALIVE_EVERY_MS : GROWTH_EVERY_MS);
   }
+}
+
+/** Keep the moment in the page's address, so that it can be loaded again, and passed on. */
+function keepAddress() {
+  addressTimer = null;
+  history.replaceState(null, "", `#t=${wanted.toFixed(2)}`);
+}
+
+function goToAddress() {
+  const time_s = Number.parseFloat(new URLSearchParams(location.hash.slice(1)).get("t"));
+  if (Number.isFinite(time_s)) bar.go(time_s);
+}
+
+function zoomByKey(event) {
+  const factor = { "[": 2, "]": 0.5 }[event.key];
+  if (factor === undefined || isTaken(event)) return;
+  event.preventDefault();
+  const half_s = (line.width_s * factor) / 2;
+  line.zoom(wanted - half_s, wanted + half_s);
 }
 
 async function start() {
@@ -157,11 +226,17 @@ async function start() {
   panels.model(NO_MODEL);
   document.title = `mmt: ${opening.session}`;
   $("link-panel").hidden = !opening.link;
+  text("h-plane", "The model at this moment");
   bar = new TimeBar(opening.duration_s, (time_s) => {
     wanted = time_s;
-    stale = true;
+    stale = isOpened = true;
+    addressTimer ??= setTimeout(keepAddress, ADDRESS_EVERY_MS);
   });
-  panels.plots.completion.span(0, opening.duration_s);
+  const { completion, force, position } = panels.plots;
+  line = new TimeLine(opening.duration_s, opening.longest_course_s, [completion, force, position]);
+  goToAddress();
+  addEventListener("hashchange", goToAddress);
+  addEventListener("keydown", zoomByKey);
   bar.mark(opening.happenings);
   listEvents(opening.happenings);
   followGrowth(opening.remarks);
