@@ -22,9 +22,9 @@ from mmt.evaluation.document import (
     Picture,
     Table,
     numeric_columns,
-    to_html,
     to_markdown,
 )
+from mmt.evaluation.document_html import to_html
 from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.report import environment, write_report
 from mmt.evaluation.table import evaluation_table, step_table
@@ -34,7 +34,7 @@ from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.settings import ModellingSettings
 
 PNG = b"\x89PNG\r\n\x1a\n"
-EMPTY_TAGS = {"meta", "img", "br", "link"}
+EMPTY_TAGS = {"meta", "img", "br", "link", "source"}
 RUN = {
     "outcome": "completed",
     "leader": {
@@ -57,7 +57,7 @@ class Outline(HTMLParser):
 
     def handle_starttag(self, tag, attrs):
         self.count[tag] = self.count.get(tag, 0) + 1
-        self.sources += [value for name, value in attrs if name in {"src", "href"}]
+        self.sources += [value for name, value in attrs if name in {"src", "srcset", "href"}]
         if tag not in EMPTY_TAGS:
             self.open.append(tag)
 
@@ -96,7 +96,7 @@ def report(evaluations, tmp_path_factory):
 def test_html_is_well_formed_and_needs_nothing_else(report):
     page = outline((report / "report.html").read_text(encoding="utf-8"))
     assert page.count["h1"] == 1
-    assert page.count["img"] == 3 + 2 + 3
+    assert page.count["img"] == page.count["source"] == 3 + 2 + 3
     assert all(source.startswith("data:image/png;base64,") for source in page.sources)
     for said in ("A <run> & more", "wo|od <1>", "time s", "playout, delay ms", "just noticeable"):
         assert said in page.text

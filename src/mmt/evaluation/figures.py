@@ -16,6 +16,7 @@ from mmt.texture.settings import JND_DB, MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
 
 _MARKERS: Final = "osD^vP"
 _DOTS_PER_INCH: Final = 130
+_NARROW_INCHES: Final = 4.2
 _GREY: Final = LIGHT["faint"]
 _LARGEST_ERROR_DB: Final = 6.0
 
@@ -25,6 +26,27 @@ def to_png(figure: Figure) -> bytes:
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=_DOTS_PER_INCH)
     return buffer.getvalue()
+
+
+def make_narrow(figure: Figure) -> None:
+    """Lay a figure out anew for a telephone: all panels in one column."""
+    placed = [(axis, place) for axis in figure.axes if (place := axis.get_subplotspec())]
+    grid = placed[0][1].get_gridspec()
+    rows = grid.nrows * grid.ncols
+    below = figure.add_gridspec(rows, 1)
+    for axis, place in placed:
+        axis.set_subplotspec(below[place.num1])
+        axis.tick_params(labelleft=True, labelbottom=True)
+    for legend in list(figure.legends):
+        handles, texts = legend.legend_handles, [text.get_text() for text in legend.get_texts()]
+        legend.remove()
+        where = "outside lower center"
+        figure.legend(handles, texts, loc=where, ncols=2, frameon=False, fontsize=8)
+    width, height = figure.get_size_inches()
+    height *= rows / grid.nrows  # of all panels
+    figure.set_size_inches(_NARROW_INCHES, 3.0 * height)
+    figure.draw_without_rendering()  # from where they were, colour bars find no place on less
+    figure.set_size_inches(_NARROW_INCHES, max(0.75, _NARROW_INCHES / width) * height)
 
 
 def make_plain(axis: Axes) -> None:

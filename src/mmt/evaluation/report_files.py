@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.errors import InputError
-from mmt.evaluation.document import Block, Picture, SideBySide, to_html, to_markdown
+from mmt.evaluation.document import Block, Folded, Picture, SideBySide, to_markdown
+from mmt.evaluation.document_html import to_html
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -16,10 +17,15 @@ FIGURES: Final = "figures"
 
 
 def picture(name: str, caption: str, figure: "Figure") -> Picture:
-    """Return a figure as a block that is kept as ``figures/NAME.png`` beside the report."""
-    from mmt.evaluation.figures import to_png
+    """Return a figure as a block that is kept as ``figures/NAME.png`` beside the report.
 
-    return Picture(f"{FIGURES}/{name}.png", to_png(figure), caption)
+    The figure itself is made narrow for the second variant, which only the page holds.
+    """
+    from mmt.evaluation.figures import make_narrow, to_png
+
+    wide = to_png(figure)
+    make_narrow(figure)
+    return Picture(f"{FIGURES}/{name}.png", wide, caption, to_png(figure))
 
 
 def write_report_files(
@@ -70,3 +76,5 @@ def _pictures(blocks: Sequence[Block]) -> Iterator[Picture]:
             yield block
         elif isinstance(block, SideBySide):
             yield from block.pictures
+        elif isinstance(block, Folded):
+            yield from _pictures(block.blocks)
