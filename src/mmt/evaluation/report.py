@@ -4,6 +4,7 @@ import json
 import os
 import platform
 from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Final
@@ -13,6 +14,7 @@ from mmt.evaluation import tables
 from mmt.evaluation.definitions import DEFINITIONS
 from mmt.evaluation.document import (
     Block,
+    Folded,
     Heading,
     Listing,
     Paragraph,
@@ -20,6 +22,7 @@ from mmt.evaluation.document import (
 )
 from mmt.evaluation.report_files import picture, write_report_files
 from mmt.evaluation.results import Evaluation, evaluations_as_dict
+from mmt.evaluation.tiles import at_a_glance
 
 _COMPLETION: Final = {
     "distance": "Completion: the distance sum after each update, and both thresholds.",
@@ -78,17 +81,24 @@ def write_report(
     InputError
         The directory cannot be written.
     """
-    blocks: list[Block] = [Heading(title, 1)]
+    made = datetime.now(UTC)
+    blocks: list[Block] = [Heading(title, 1), Paragraph(f"{made:%Y-%m-%d, %H:%M} UTC")]
+    blocks += at_a_glance(evaluations, run or {})
+    # figures of a single session are not named after it, so that those of two reports match
+    alone = len(evaluations) == 1
+    prefixes = [
+        "" if alone else f"{place + 1}-{_file_name(each.name)}-"
+        for place, each in enumerate(evaluations)
+    ]
+    if alone:
+        blocks += _errors(evaluations[0], "")
     if evaluations:
-        blocks += _overview(evaluations)
+        blocks += _course(evaluations)
     blocks += more
+    for prefix, evaluation in zip(prefixes, evaluations, strict=True):
+        blocks += _session(evaluation, prefix, alone=alone)
     if run:
-        blocks += tables.run_blocks(run)
-    for place, evaluation in enumerate(evaluations):
-        # figures of a single session are not named after it, so that those of two reports match
-        alone = len(evaluations) == 1
-        prefix = "" if alone else f"{place + 1}-{_file_name(evaluation.name)}-"
-        blocks += _session(evaluation, prefix)
+        blocks.append(Folded("Counters of the run", tables.run_blocks(run)))
     blocks += _appendix(scene, with_scores=bool(evaluations))
     summary = {**evaluations_as_dict(evaluations), "environment": environment()}
     summary |= {"scene": scene} if scene is not None else {}
@@ -127,43 +137,59 @@ def _processor() -> str:
     return platform.processor() or "unknown"
 
 
-def _overview(evaluations: Sequence[Evaluation]) -> list[Block]:
+def _course(evaluations: Sequence[Evaluation]) -> list[Block]:
+    """Return the figures of all sessions, and how they came about."""
     from mmt.evaluation import figures
 
     criterion = evaluations[0].settings.scale.criterion
-    blocks: list[Block] = [
-        Heading("Overview"),
-        tables.overview(evaluations),
-        tables.levels(evaluations),
-        tables.by_time(evaluations, "distance", 2, "Distance sum at each step (paper A, Table I)"),
-        picture("distance", _COMPLETION[criterion], figures.completion_over_time(evaluations)),
-    ]
+    by_time = [tables.by_time(evaluations, "distance", 2, "Distance sum (paper A, Table I)")]
     if criterion != "distance":
-        blocks.insert(
-            -1, tables.by_time(evaluations, "completion", 2, "Expected share at each step")
-        )
-    if any(step.gfc is not None for e in evaluations for step in e.steps):
-        blocks += [
-            tables.by_time(evaluations, "gfc", 3, "GFC of the held-out segments at each step"),
-            picture(
-                "gfc",
-                "GFC of the held-out segments; dotted: what the model scores against itself; "
-                "dashed: 0.9.",
-                figures.gfc_over_time(evaluations),
-            ),
-        ]
+        by_time.append(tables.by_time(evaluations, "completion", 2, "Expected share"))
+    drawn = [picture("distance", _COMPLETION[criterion], figures.completion_over_time(evaluations))]
     if any(step.power_error_db is not None for e in evaluations for step in e.steps):
-        blocks.append(
+        drawn.append(
             picture(
                 "power_error",
                 "Power error, which GFC ignores; dashed: the just noticeable difference.",
                 figures.power_error_over_time(evaluations),
             )
         )
-    return blocks
+    if any(step.gfc is not None for e in evaluations for step in e.steps):
+        by_time.append(tables.by_time(evaluations, "gfc", 3, "GFC of the held-out segments"))
+        drawn.append(
+            picture(
+                "gfc",
+                "GFC of the held-out segments; dotted: what the model scores against itself; "
+                "dashed: 0.9.",
+                figures.gfc_over_time(evaluations),
+            )
+        )
+    overview = [tables.overview(evaluations), tables.levels(evaluations)]
+    return [
+        *([] if len(evaluations) == 1 else overview),
+        Heading("Course"),
+        *drawn,
+        Folded("Figures by time", [*(overview if len(evaluations) == 1 else []), *by_time]),
+    ]
 
 
-def _session(evaluation: Evaluation, prefix: str) -> list[Block]:
+def _errors(evaluation: Evaluation, prefix: str) -> list[Block]:
+    """Return the map of errors; nothing where the texture is not known."""
+    if evaluation.power_map is None:
+        return []
+    from mmt.evaluation import figures
+
+    caption = (
+        f"The model at {evaluation.final.time_s:.1f} s against the known texture; dots: "
+        "samples; circles: the worst points."
+    )
+    return [
+        picture(f"{prefix}errors", caption, figures.power_error_map(evaluation)),
+        tables.worst(evaluation),
+    ]
+
+
+def _session(evaluation: Evaluation, prefix: str, *, alone: bool) -> list[Block]:
     from mmt.evaluation import figures
     from mmt.evaluation.growth import model_growth
 
@@ -172,46 +198,32 @@ def _session(evaluation: Evaluation, prefix: str) -> list[Block]:
         Paragraph(tables.account(evaluation)),
         Paragraph(evaluation.remark),
         *([tables.control(evaluation)] if evaluation.control else []),
-        tables.moments(evaluation),
-        picture(
-            f"{prefix}model",
-            _GROWTH[evaluation.settings.inputs],
-            model_growth(evaluation),
-        ),
+        *([] if alone else _errors(evaluation, prefix)),
+        picture(f"{prefix}model", _GROWTH[evaluation.settings.inputs], model_growth(evaluation)),
     ]
     if evaluation.held_out:
-        blocks += [
+        blocks.append(
             picture(
                 f"{prefix}spectra",
                 "Held-out segments: measured, and synthesized by the model rebuilt without "
                 f"them, at {evaluation.final.time_s:.1f} s.",
                 figures.held_out_spectra(evaluation),
-            ),
-            tables.held_out(evaluation),
-        ]
-    if evaluation.power_map is not None:
-        blocks += [
-            picture(
-                f"{prefix}errors",
-                f"The model at {evaluation.final.time_s:.1f} s against the known texture; dots: "
-                "samples; circles: the worst points.",
-                figures.power_error_map(evaluation),
-            ),
-            tables.worst(evaluation),
-        ]
+            )
+        )
     blocks += _heading_blocks(evaluation, prefix)
-    return [*blocks, Heading("Every step", 3), tables.steps(evaluation)]
+    details = [tables.moments(evaluation), tables.steps(evaluation)]
+    details += [tables.held_out(evaluation)] * bool(evaluation.held_out)
+    return [*blocks, Folded("Every step", details)]
 
 
 def _appendix(scene: Mapping[str, Any] | None, *, with_scores: bool) -> list[Block]:
-    blocks: list[Block] = []
+    versions = Table(("part", "version"), list(environment().items()))
+    blocks: list[Block] = [Folded("Made with", [versions])]
     if with_scores:
-        rows = [(name, text) for name, text in DEFINITIONS.items()]
-        blocks += [Heading("How the scores are defined"), Table(("score", "definition"), rows)]
-    blocks += [
-        Heading("Made with"),
-        Table(("part", "version"), list(environment().items())),
-    ]
+        rows = list(DEFINITIONS.items())
+        blocks.insert(
+            0, Folded("How the scores are defined", [Table(("score", "definition"), rows)])
+        )
     if scene is not None:
         blocks.append(Listing("The resolved scene", json.dumps(scene, indent=2, default=str)))
     return blocks

@@ -250,7 +250,7 @@ def _errors(heading: str, models: Sequence[SectorErrors]) -> list[str]:
 def run_blocks(run: Mapping[str, object]) -> list[Block]:
     """Return a section for each table of a run; lists of tables inside become tables."""
     single = {name: value for name, value in run.items() if not isinstance(value, Mapping)}
-    blocks: list[Block] = [Heading("The run"), *_group("", single)]
+    blocks: list[Block] = [*_group("", single)]
     for name, content in run.items():
         if not isinstance(content, Mapping):
             continue

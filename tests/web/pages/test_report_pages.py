@@ -25,7 +25,7 @@ api = pytest.importorskip("playwright.sync_api", reason="playwright is not insta
 CHROMIUM = shutil.which("chromium")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
 
-DESKTOP, TABLET = (1440, 900), (820, 1180)
+DESKTOP, TABLET, PHONE = (1440, 900), (820, 1180), (390, 844)
 PAPER = (718, 1000)
 """An A4 sheet within Chromium's margins, in its pixels."""
 
@@ -153,15 +153,34 @@ def test_a_run_is_told_from_the_plane_to_its_scene(browser: Any, reports: dict[s
         alts = [image.get_attribute("alt") for image in page.locator("img").all()]
         for words in ("The model as it grows", "GFC of the held-out", "Held-out segments"):
             assert any(alt.startswith(words) for alt in alts), words
-        made_with = page.locator("table", has=page.get_by_text("matplotlib", exact=True))
-        assert "numpy" in made_with.inner_text()
-        assert "synthesized" in page.locator(".tables").inner_text()
-        scene = page.locator("details pre")
-        assert not scene.is_visible()
-        page.keyboard.press("Tab")  # tables do not scroll here: the scene is all there is
-        page.keyboard.press("Enter")
-        api.expect(scene).to_be_visible()
+        answers = page.locator(".tiles li")
+        assert [li.inner_text().split("\n")[0] for li in answers.all()] == [
+            *("vibration", "readiness", "error of the level", "health")
+        ]
+        tops = (
+            "[...document.querySelectorAll('h1, .tiles, img')].map(n => [n.tagName, n.offsetTop])"
+        )
+        order = sorted(page.evaluate(tops), key=lambda place: place[1])
+        assert [tag for tag, _ in order[:3]] == ["H1", "UL", "IMG"]
+        assert alts[0].startswith("The model at")  # the map of errors, before its course
+        counters = page.locator("details", has=page.get_by_text("Counters of the run"))
+        assert not counters.locator("table").first.is_visible()
+        counters.locator("summary").press("Enter")
+        assert "synthesized" in counters.locator(".tables").inner_text()
+        scene = page.locator("details", has=page.get_by_text("The resolved scene"))
+        scene.locator("summary").press("Enter")
+        api.expect(scene.locator("pre")).to_be_visible()
         assert '"rate_hz": 1000' in scene.inner_text()
+
+
+def test_a_telephone_gets_pictures_of_its_own(browser: Any, reports: dict[str, Path]) -> None:
+    widths = "[...document.images].map(i => [i.naturalWidth, i.clientWidth, innerWidth])"
+    for kind in ("run", "bench", "stability"):
+        with a_page(browser, reports[kind], PHONE, "dark") as page:
+            assert beyond_the_edge(page, "html") == 0
+            shown = page.evaluate(widths)
+            assert shown
+            assert all(natural < 700 and 0.8 * inner < client for natural, client, inner in shown)
 
 
 def test_two_runs_stand_side_by_side_where_there_is_room(
