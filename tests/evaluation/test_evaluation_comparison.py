@@ -8,7 +8,8 @@ from typer.testing import CliRunner
 
 from mmt.cli.main import app
 from mmt.core.errors import InputError
-from mmt.evaluation.comparison import compare_reports, figures, write_comparison
+from mmt.evaluation.comparison import compare_reports, figures
+from mmt.evaluation.comparison_report import write_comparison
 
 PNG = b"\x89PNG\r\n\x1a\n and so on"
 
@@ -85,12 +86,32 @@ def test_a_part_that_only_one_has_is_a_sentence(tmp_path: Path) -> None:
     assert list(found.sections) == ["run / leader / ticks"]
     assert found.verdict == "10 figures and settings differ, 0 are equal."
     result = CliRunner().invoke(app, ["report", "compare", str(a), str(b)])
-    assert result.output.count("B / A") == 1
+    assert result.output.count("What differs most") == 1
     assert " ".join(result.output.split()).count("Only ") == 2
     assert "<h2>run / leader / link" not in write_comparison(found, tmp_path / "both").read_text()
     assert {"section": "run / leader / link", "name": "frames", "a": 9, "b": None} in (
         found.as_dict()["differences"]
     )
+
+
+def test_headlines_say_which_is_better_and_settings_stand_apart(tmp_path: Path) -> None:
+    def one(name: str, start_s: float | None, right: float, order: int) -> Path:
+        data = evaluation(start_s=start_s, at_end={"within_jnd": right}, settings={"order": order})
+        late = {"leader": {"ticks": {"late_share_1ms": 0.01}}}
+        return report(tmp_path / name, {**data, "run": late})
+
+    found = compare_reports(one("a", None, 0.9, 8), one("b", 3.0, 0.8, 16))
+    assert [headline.row for headline in found.headlines] == [
+        ("from the model since (s)", "never", "3.0", "better"),
+        ("within JND, strokes made", "90 %", "80 %", "worse"),
+        ("ticks over 1 ms late", "1 %", "1 %", "equal"),
+    ]
+    first, settings = found.answers
+    assert len(first.rows) == 3
+    assert settings.rows == [("session / settings", "order", "8", "16")]
+    assert "settings" not in " ".join(found.sections)
+    page = write_comparison(found, tmp_path / "both").read_text()
+    assert page.index("worse") < page.index("<img") < page.index("<details>")
 
 
 def test_items_without_names_are_numbered() -> None:

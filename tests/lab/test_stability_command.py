@@ -89,7 +89,7 @@ def test_a_directory_that_cannot_be_written_is_said(tmp_path: Path) -> None:
         write_report(tmp_path / "file", findings_of([row()]))
 
 
-def test_the_command_prints_rows_and_says_by_its_code_whether_all_held(
+def test_the_command_prints_families_and_says_by_its_code_whether_all_held(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     runner = CliRunner()
@@ -98,7 +98,7 @@ def test_the_command_prints_rows_and_says_by_its_code_whether_all_held(
     file = tmp_path / "rows.json"
     result = runner.invoke(main.app, ["stability", "model", "--json", str(file)])
     assert result.exit_code == 0
-    assert "no sample" in result.output
+    assert "Few models" in result.output
     assert json.loads(file.read_text(encoding="utf-8"))["cases"] == 3
     few.append(Case("a broken thing", "holds", lambda: Outcome("does not", held=False)))
     result = runner.invoke(main.app, ["stability", "model", "--report", str(tmp_path / "report")])

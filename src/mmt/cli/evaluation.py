@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.progress import track
-from rich.table import Table
 
 from mmt.cli.commands import command_group
 from mmt.cli.common import json_option, messages, output, write_json
@@ -98,17 +97,14 @@ def compare(
     json_file: Annotated[Path | None, json_option("Write the differences.")] = None,
 ) -> None:
     """Show what differs between two runs, evaluations or measurements."""
-    from mmt.evaluation.comparison import COLUMNS, compare_reports, write_comparison
+    from mmt.evaluation.comparison import compare_reports
+    from mmt.evaluation.comparison_report import write_comparison
+    from mmt.evaluation.table import as_rich
 
     found = compare_reports(left, right)
-    for section, differences in found.sections.items():
-        table = Table(title=section or "overall", title_justify="left", pad_edge=False)
-        for number, column in enumerate(COLUMNS):
-            table.add_column(column, justify="right" if number else "left", overflow="fold")
-        for difference in differences:
-            table.add_row(*difference.row)
-        output.print(table)
-    for sentence in [*found.alone, found.verdict]:
+    for table in found.answers:
+        output.print(as_rich(table))
+    for sentence in [*found.alone, f"{found.verdict} --report DIR shows them all."]:
         output.print(sentence, highlight=False)
     write_json(json_file, found.as_dict())
     if report is not None:

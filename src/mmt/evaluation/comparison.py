@@ -2,15 +2,16 @@
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from mmt.core.errors import InputError
 from mmt.core.labels import label
-from mmt.evaluation.document import Block, Heading, Paragraph, Picture, SideBySide, Table
-from mmt.evaluation.report_files import FIGURES, write_report_files
+from mmt.evaluation.document import Table
+from mmt.evaluation.headlines import Headline, headline_table, headlines
+from mmt.evaluation.report_files import FIGURES
 
 COLUMNS: Final = ("figure", "A", "B", "B - A", "B / A")
 DATA_NAMES: Final = ("summary.json", "bench.json")
@@ -19,6 +20,10 @@ DATA_NAMES: Final = ("summary.json", "bench.json")
 _NAMES: Final = ("session", "surface", "name", "method", "case", "title", "part", "knob", "time_s")
 """What tells the items of a list from each other, by the first that all have."""
 _WITHIN: Final = " / "
+_SETTINGS: Final = ("scene", "settings")
+"""Tables of what was set, not found."""
+_LARGEST: Final = 10
+"""Most figures that are told where there are no headlines."""
 _LARGEST_BYTES: Final = 1 << 28
 
 
@@ -38,6 +43,21 @@ class Difference:
     part: str = ""
 
     @property
+    def is_setting(self) -> bool:
+        """Whether it was set, not found."""
+        return any(name in _SETTINGS for name in self.section.split(_WITHIN))
+
+    @property
+    def size(self) -> float:
+        """Return by what factor they differ, as a logarithm; infinite if these are no numbers."""
+        if not (_is_number(self.left) and _is_number(self.right)):
+            return math.inf
+        left, right = float(self.left), float(self.right)  # type: ignore[arg-type]
+        if left * right <= 0.0 or not math.isfinite(left * right):
+            return math.inf if left != right else 0.0
+        return abs(math.log(right / left))
+
+    @property
     def row(self) -> tuple[str, ...]:
         """Return `COLUMNS`."""
         texts = label(self.name), _text(self.left), _text(self.right)
@@ -53,7 +73,8 @@ class Comparison:
     """Figures of two reports side by side.
 
     ``differences`` in the order of the first report, ``equal`` how many figures are the same,
-    ``pictures`` the names of the PNG files that both have, or one of them.
+    ``pictures`` the names of the PNG files that both have, or one of them. ``headlines`` are those
+    of runs and evaluations, ``steps`` the scores of each where both are of one session.
     """
 
     left: Path
@@ -61,15 +82,33 @@ class Comparison:
     differences: tuple[Difference, ...]
     equal: int
     pictures: tuple[str, ...]
+    headlines: tuple[Headline, ...] = ()
+    steps: tuple[Sequence[Mapping[str, Any]], ...] = ()
 
     @property
     def sections(self) -> dict[str, list[Difference]]:
-        """Return the differences in what both have, by section."""
+        """Return the differences in what both have found, by section."""
         sections: dict[str, list[Difference]] = {}
         for difference in self.differences:
-            if not difference.part:
+            if not difference.part and not difference.is_setting:
                 sections.setdefault(difference.section, []).append(difference)
         return sections
+
+    @property
+    def answers(self) -> list[Table]:
+        """Return what is to be read first: the headlines, or what differs most, and settings."""
+        found = [d for each in self.sections.values() for d in each]
+        found.sort(key=lambda difference: difference.size, reverse=True)
+        largest = [(d.section, *d.row) for d in found[:_LARGEST]]
+        tables = [headline_table(self.headlines)] if self.headlines else []
+        if largest and not tables:
+            tables.append(Table(("in", *COLUMNS), largest, "What differs most"))
+        settings = [
+            (d.section, *d.row[:3]) for d in self.differences if d.is_setting and not d.part
+        ]
+        if settings:
+            tables.append(Table(("in", "setting", "A", "B"), settings, "Settings"))
+        return tables
 
     @property
     def alone(self) -> list[str]:
@@ -91,6 +130,9 @@ class Comparison:
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything for a program."""
+        first = [
+            {"figure": h.title, "a": h.left, "b": h.right, "b_is": h.said} for h in self.headlines
+        ]
         differences = [
             {"section": d.section, "name": d.name, "a": d.left, "b": d.right}
             for d in self.differences
@@ -98,6 +140,7 @@ class Comparison:
         return {
             "a": str(self.left),
             "b": str(self.right),
+            "headlines": first,
             "equal": self.equal,
             "differences": differences,
         }
@@ -137,7 +180,16 @@ def compare_reports(left: Path, right: Path) -> Comparison:
         if not _same(first.get(key), second.get(key))
     )
     names = sorted(_figure_names(left) | _figure_names(right))
-    return Comparison(left, right, differences, len(both) - len(differences), tuple(names))
+    steps = [_only_steps(data) for _, data in (one, other)]
+    return Comparison(
+        left,
+        right,
+        differences,
+        len(both) - len(differences),
+        tuple(names),
+        tuple(headlines(one[1], other[1])),
+        tuple(steps) if all(steps) else (),
+    )
 
 
 def figures(data: Mapping[str, Any]) -> Iterator[tuple[tuple[str, str], object]]:
@@ -155,42 +207,10 @@ def figures(data: Mapping[str, Any]) -> Iterator[tuple[tuple[str, str], object]]
     yield from _walk(data, ())
 
 
-def write_comparison(comparison: Comparison, directory: Path) -> Path:
-    """Write a comparison as a report of its own; return the page.
-
-    Raises
-    ------
-    InputError
-        The directory cannot be written, or a picture cannot be read.
-    """
-    title = f"{comparison.left.name} and {comparison.right.name}"
-    blocks: list[Block] = [
-        Heading(title, 1),
-        Paragraph(f"A is {comparison.left}, B is {comparison.right}. {comparison.verdict}"),
-        *map(Paragraph, comparison.alone),
-    ]
-    if comparison.pictures:
-        blocks.append(Heading("Figures"))
-    for name in comparison.pictures:
-        blocks.append(Heading(name.removesuffix(".png").replace("_", " "), 3))
-        sides = {"A": comparison.left, "B": comparison.right}
-        shown = [_picture(letter, folder, name) for letter, folder in sides.items()]
-        blocks.append(SideBySide([picture for picture in shown if picture is not None]))
-    for section, differences in comparison.sections.items():
-        blocks.append(Heading(section or "Overall"))
-        blocks.append(Table(COLUMNS, [difference.row for difference in differences]))
-    return write_report_files(directory, title, blocks, "comparison.json", comparison.as_dict())
-
-
-def _picture(letter: str, folder: Path, name: str) -> Picture | None:
-    """Return a figure of a report, None where it has no such one."""
-    path = folder / FIGURES / name
-    if not path.exists():
-        return None
-    try:
-        return Picture(f"{FIGURES}/{letter}-{name}", path.read_bytes(), f"{letter}: {folder}")
-    except OSError as error:
-        raise InputError(f"report {path}: {error.strerror or error}") from error
+def _only_steps(data: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
+    """Return the scores over time of a single session, none where there are several."""
+    sessions = data.get("sessions") or []
+    return sessions[0].get("steps") or [] if len(sessions) == 1 else []
 
 
 def _figure_names(folder: Path) -> set[str]:

@@ -66,7 +66,7 @@ def completion_over_time(evaluations: Sequence[Evaluation]) -> Figure:
     figure, axis = _time_axes(evaluations)
     for number, evaluation in enumerate(evaluations):
         time_s, value = evaluation.course.T
-        axis.plot(time_s, value, label=evaluation.name, **_line(number))
+        axis.plot(time_s, value, label=evaluation.name, **line_style(number))
     scale = evaluations[0].settings.scale
     for value, text in ((scale.start, "start"), (scale.stop, "stop")):
         axis.axhline(value, color=_GREY, linestyle="--", linewidth=1.0)
@@ -92,7 +92,7 @@ def gfc_over_time(evaluations: Sequence[Evaluation]) -> Figure:
     figure, axis = _time_axes(evaluations)
     for number, evaluation in enumerate(evaluations):
         time_s = [step.time_s for step in evaluation.steps]
-        style = _line(number)
+        style = line_style(number)
         axis.plot(time_s, _column(evaluation.steps, "gfc"), label=evaluation.name, **style)
         axis.plot(
             time_s,
@@ -120,7 +120,7 @@ def power_error_over_time(evaluations: Sequence[Evaluation]) -> Figure:
             [step.time_s for step in evaluation.steps],
             _column(evaluation.steps, "power_error_db"),
             label=f"{evaluation.name} ({evaluation.basis})",
-            **_line(number),
+            **line_style(number),
         )
     axis.axhline(JND_DB, color=_GREY, linestyle="--", linewidth=1.0, label="just noticeable")
     axis.set_ylim(bottom=0)
@@ -220,7 +220,8 @@ def _time_axes(evaluations: Sequence[Evaluation]) -> tuple[Figure, Axes]:
     return figure, axis
 
 
-def _line(number: int) -> dict[str, Any]:
+def line_style(number: int) -> dict[str, Any]:
+    """Return colour, marker and dashes of the curve of this number."""
     turn, place = divmod(number, len(SERIES))
     return {
         "color": SERIES[place],

@@ -1,5 +1,7 @@
 """Stiff and extreme cases of the numerics and of the services' parts: whether each held.
 
+The terminal has a line for each family and the cases that did not hold, the report all of them.
+
 The cases come in families. A family is a module of `mmt_lab.stability.families` with a
 `FAMILY`; it is imported when it runs.
 """
@@ -28,8 +30,7 @@ def findings_of(rows: Sequence[Row]) -> Findings:
     """Return the rows of a run as findings."""
     return Findings(
         "Numerical stability",
-        sentences=[verdict(rows)],
-        tables=[family_table(found) for found in by_family(rows).values()],
+        tables=[overview(rows), *map(family_table, by_family(broken(rows)).values())],
         blocks=lambda: report_blocks(rows),
         data=summary(rows),
         failures=[
@@ -79,6 +80,20 @@ def family_table(rows: Sequence[Row]) -> Table:
     return Table(COLUMNS, cells, caption=load_family(rows[0].family).title)
 
 
+def overview(rows: Sequence[Row]) -> Table:
+    """Return a line for each family."""
+    cells = [
+        (
+            load_family(name).title,
+            str(len(found)),
+            "all" if not broken(found) else str(len(found) - len(broken(found))),
+            f"{sum(row.seconds for row in found):.1f}",
+        )
+        for name, found in by_family(rows).items()
+    ]
+    return Table(("family", "cases", "held", "seconds"), cells, caption=verdict(rows))
+
+
 def verdict(rows: Sequence[Row]) -> str:
     """Return the sentence that sums a run up."""
     failed, seconds = len(broken(rows)), sum(row.seconds for row in rows)
@@ -99,8 +114,8 @@ def summary(rows: Sequence[Row]) -> dict[str, Any]:
 
 
 def report_blocks(rows: Sequence[Row]) -> list[Block]:
-    """Return the pictures and the table of each family."""
-    blocks: list[Block] = []
+    """Return a line for each family, then the pictures and the table of each."""
+    blocks: list[Block] = [overview(rows)]
     for name, found in by_family(rows).items():
         family = load_family(name)
         blocks.append(Heading(family.title))

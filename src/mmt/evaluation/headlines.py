@@ -1,0 +1,85 @@
+"""The ten figures by which two runs or evaluations are compared first, and which is better."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from statistics import median
+from typing import Any, Final
+
+from mmt.evaluation.document import Table
+from mmt.evaluation.texts import number, seconds, share
+
+_SESSION: Final = (
+    ("from the model since (s)", "start_s", "less", seconds),
+    ("complete at (s)", "stop_s", "less", seconds),
+    ("error, strokes made (dB)", "power_error_db", "less", lambda value: number(value, 2)),
+    ("within JND, strokes made", "within_jnd", "more", share),
+    ("error, whole plane (dB)", "plane_power_error_db", "less", lambda value: number(value, 2)),
+    ("within JND, whole plane", "plane_within_jnd", "more", share),
+    ("GFC, held-out segments", "gfc", "more", lambda value: number(value, 3)),
+    ("spectrum (dB)", "truth_log_spectral_db", "less", lambda value: number(value, 2)),
+)
+"""Title, key of a session or of its score at the stop criterion, what is better, and as text."""
+
+_RUN: Final = (
+    ("latency p99 (ms)", "link", "latency_p99_ms", lambda value: number(value, 1)),
+    ("ticks over 1 ms late", "ticks", "late_share_1ms", share),
+)
+"""The same of the leader's summary, where less is better."""
+
+
+@dataclass(frozen=True)
+class Headline:
+    """One figure of two reports, as text, and what B is beside A; empty if that is not known."""
+
+    title: str
+    left: str
+    right: str
+    said: str
+
+    @property
+    def row(self) -> tuple[str, ...]:
+        """Return a row of `headline_table`."""
+        return self.title, self.left, self.right, self.said
+
+
+def headlines(left: Mapping[str, Any], right: Mapping[str, Any]) -> list[Headline]:
+    """Return the figures that one of two summaries has; medians of several sessions."""
+    found = []
+    for title, key, better, text in _SESSION:
+        values = [_of_sessions(data, key) for data in (left, right)]
+        found.append((title, values, better == "less", text))
+    for title, part, key, text in _RUN:
+        leaders = [data.get("run", {}).get("leader", {}) for data in (left, right)]
+        found.append((title, [each.get(part, {}).get(key) for each in leaders], True, text))
+    return [
+        Headline(title, text(values[0]), text(values[1]), _said(values, text, less_is_better))
+        for title, values, less_is_better, text in found
+        if any(value is not None for value in values)
+    ]
+
+
+def headline_table(found: Sequence[Headline]) -> Table:
+    """Return the figures as a table."""
+    return Table(("figure", "A", "B", "B is"), [each.row for each in found])
+
+
+def _of_sessions(data: Mapping[str, Any], key: str) -> float | None:
+    """Return the median over the sessions that have a figure; None if most were never ready."""
+    sessions = data.get("sessions") or []
+    values = []
+    for session in sessions:
+        score = session.get("at_stop") or session.get("at_end") or {}
+        values.append(session[key] if key in session else score.get(key))
+    known = [value for value in values if value is not None]
+    return median(known) if 2 * len(known) > len(values) else None
+
+
+def _said(values: Sequence[float | None], text: object, less_is_better: bool) -> str:
+    never = math.inf if text is seconds else None
+    left, right = (never if value is None else value for value in values)
+    if left == right:
+        return "equal"
+    if left is None or right is None:
+        return ""
+    return "better" if (right < left) == less_is_better else "worse"
