@@ -38,10 +38,12 @@ def make_narrow(figure: Figure) -> None:
         axis.set_subplotspec(below[place.num1])
         axis.tick_params(labelleft=True, labelbottom=True)
     for legend in list(figure.legends):
-        handles, texts = legend.legend_handles, [text.get_text() for text in legend.get_texts()]
+        handles = [handle for handle in legend.legend_handles if handle is not None]
+        texts = [text.get_text() for text in legend.get_texts()]
         legend.remove()
-        where = "outside lower center"
-        figure.legend(handles, texts, loc=where, ncols=2, frameon=False, fontsize=8)
+        figure.legend(
+            handles, texts, loc="outside lower center", ncols=2, frameon=False, fontsize=8
+        )
     width, height = figure.get_size_inches()
     height *= rows / grid.nrows  # of all panels
     figure.set_size_inches(_NARROW_INCHES, 3.0 * height)
