@@ -31,8 +31,9 @@ SHEETS: Final = {"monitor-states": (DESKTOP, 0.33), "monitor-states-phone": (PHO
 SCHEMES: Final = ("light", "dark")
 SHEET_COLUMNS: Final = 3
 
-SAMPLES: Final = "parseInt(document.querySelector('#plane-text').textContent) >= {}"
 REACHED: Final = "parseFloat(document.querySelector('#time').textContent) >= {}"
+MET: Final = "document.querySelector('#completion-text').textContent.includes('start met')"
+LOST: Final = "document.body.classList.contains('lost')"
 SHOWS: Final = "document.querySelector('header').textContent.includes('{}')"
 
 
@@ -72,8 +73,8 @@ async def picture_monitor(browser: Any, folder: Path) -> None:
 
         await keep("before", SHOWS.format("follower"))
         async with following(url):
-            await keep("during", SHOWS.format("streamed"))
-            await keep("switch", SHOWS.format("model"))
+            await keep("during", REACHED.format(1))
+            await keep("switch", MET)
             await pages[0].wait_for_function(REACHED.format(12))
             await take("monitor", pages[0])
             await process.wait()
@@ -88,7 +89,7 @@ async def picture_monitor(browser: Any, folder: Path) -> None:
             await keep("follower gone", SHOWS.format("follower"))
         process.kill()
         await process.wait()
-        await keep("server gone", SHOWS.format("lost"))
+        await keep("server gone", LOST)
     order = ("before", "during", "switch", "follower gone", "server gone", "end")
     for place, (name, (_, scale)) in enumerate(SHEETS.items()):
         shots = [
@@ -157,21 +158,14 @@ async def serving(*command: str) -> AsyncIterator[tuple[asyncio.subprocess.Proce
 
 
 async def picture_report(browser: Any, report: Path) -> None:
-    """Take a report where it shows the model as it grows."""
-    page = await a_page(browser, report.as_uri(), DESKTOP, "light")
-    heading = page.locator("h2", has_text="Session")
-    await heading.evaluate("heading => heading.scrollIntoView()")
-    await take("report", page)
+    """Take what a report begins with."""
+    await take("report", await a_page(browser, report.as_uri(), DESKTOP, "light"))
 
 
 async def picture_recording(browser: Any, url: str) -> None:
-    """Take a recording at its fifth second."""
+    """Take a recording at the switch, where it opens."""
     page = await a_page(browser, url, DESKTOP, "light")
-    await page.wait_for_function("document.querySelector('#plane-text').textContent !== ''")
-    await page.keyboard.press("Home")
-    for _ in range(5):
-        await page.keyboard.press("ArrowRight")
-    await page.wait_for_function(SAMPLES.format(5))
+    await page.wait_for_function(MET)
     await page.wait_for_timeout(1000)  # for plots that are drawn in turns
     await take("recording", page)
 

@@ -66,6 +66,34 @@ async def inked(page: Any, selector: str) -> int:
     return count
 
 
+ILLEGIBLE = """() => {
+    const channels = (colour) => colour.match(/[0-9.]+/g).map(Number);
+    const light = ([r, g, b]) => [r, g, b].map((c) => c / 255)
+        .map((c) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4))
+        .reduce((sum, c, i) => sum + [0.2126, 0.7152, 0.0722][i] * c, 0);
+    const contrast = (node) => {
+        const ink = channels(getComputedStyle(node).color);
+        let opacity = 1, ground = null;
+        for (let at = node; at; at = at.parentElement) {
+            const style = getComputedStyle(at), under = channels(style.backgroundColor);
+            opacity *= Number(style.opacity);
+            if (!ground && (under[3] ?? 1) === 1) ground = under;
+        }
+        const seen = ink.slice(0, 3).map((c, i) => ground[i] + opacity * (c - ground[i]));
+        const [dark, bright] = [light(seen), light(ground)].sort((a, b) => a - b);
+        return (bright + 0.05) / (dark + 0.05);
+    };
+    const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT), found = [];
+    while (texts.nextNode()) {
+        const { parentElement: node, data } = texts.currentNode;
+        if (!data.trim() || !node.checkVisibility() || contrast(node) >= 4.5) continue;
+        found.push([data.trim(), contrast(node)]);
+    }
+    return found;
+}"""
+"""Texts whose contrast to what they stand on is too small."""
+
+
 async def fits(page: Any, scheme: str) -> None:
     """See that a page has the scheme's colours, nothing beside its edge, and room for fingers."""
     overflow = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
@@ -79,3 +107,4 @@ async def fits(page: Any, scheme: str) -> None:
     )
     assert heights
     assert [item for item in heights if item[1] < LEAST_TARGET_PX] == []
+    assert await page.evaluate(ILLEGIBLE) == []

@@ -29,6 +29,7 @@ from mmt.scene.files import scene_from_tables
 from mmt.sharing.control_messages import MOTION_DTYPE
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.model.texture_model import TextureModel
+from mmt.web.page_server import monitor_files
 
 __all__ = ["browser"]
 pytestmark = MARKS
@@ -41,6 +42,7 @@ PICTURES = (
     "#force-plot canvas",
     "#position canvas",
 )
+LARGEST_BYTES = 250_000
 TOKEN = "a token that nobody guesses"
 
 
@@ -216,6 +218,7 @@ async def test_a_lost_connection_is_shown_and_found_again(
             await shows(page, "#connection", "session over: stopped")
             await page.click("#save")
             await shows(page, "#answer", "there is no connection to the leader")
+            await fits(page, "light")  # what is over can be read as well
         async with Leading(unused_tcp_port) as leading:
             await shows(page, "#connection", "live")
             await api.expect(page.locator("#answer")).to_be_empty(timeout=LONGEST_MS)
@@ -249,6 +252,7 @@ async def test_nothing_is_loaded_from_elsewhere(browser: Any) -> None:
         assert asked
         assert [url for url in asked if not url.startswith(leading.origin)] == []
         assert problems == []
+    assert sum(len(file.body) for file in monitor_files().values()) < LARGEST_BYTES
 
 
 async def test_a_person_controls_the_run(
