@@ -26,10 +26,9 @@ PHONE: Final = {"width": 390, "height": 844}
 PLAYER: Final = {"width": 960, "height": 720}
 LONGEST_MS: Final = 60_000
 
-SHEETS: Final = {"monitor-states": (DESKTOP, 0.33), "monitor-states-phone": (PHONE, 0.5)}
-"""Pictures of all states, and by how much each state in them is smaller than the screen."""
+SHEETS: Final = {"monitor-states": (DESKTOP, 0.27, 3), "monitor-states-phone": (PHONE, 0.5, 6)}
+"""Pictures of all states: the screen, by how much it is smaller in them, states in a row."""
 SCHEMES: Final = ("light", "dark")
-SHEET_COLUMNS: Final = 3
 
 REACHED: Final = "parseFloat(document.querySelector('#time').textContent) >= {}"
 MET: Final = "document.querySelector('#completion-text').textContent.includes('start met')"
@@ -63,7 +62,7 @@ async def picture_monitor(browser: Any, folder: Path) -> None:
     async with serving(*whole) as (process, url):
         pages = [
             await a_page(browser, url, size, scheme)
-            for size, _ in SHEETS.values()
+            for size, _, _ in SHEETS.values()
             for scheme in SCHEMES
         ]
 
@@ -91,24 +90,24 @@ async def picture_monitor(browser: Any, folder: Path) -> None:
         await process.wait()
         await keep("server gone", LOST)
     order = ("before", "during", "switch", "follower gone", "server gone", "end")
-    for place, (name, (_, scale)) in enumerate(SHEETS.items()):
+    for place, (name, (_, scale, columns)) in enumerate(SHEETS.items()):
         shots = [
             states[state][len(SCHEMES) * place + scheme]
             for scheme in range(len(SCHEMES))
             for state in order
         ]
-        write_png(name, sheet(shots, scale), colours=64)
+        write_png(name, sheet(shots, scale, columns))
 
 
-def sheet(shots: list[bytes], scale: float) -> bytes:
+def sheet(shots: list[bytes], scale: float, columns: int) -> bytes:
     """Return pictures of one size on one sheet, row by row."""
     drawn = [Image.open(io.BytesIO(shot)).convert("RGB") for shot in shots]
     width, height = (round(scale * side) for side in drawn[0].size)
     gap = 6
-    rows = -(-len(drawn) // SHEET_COLUMNS)
-    whole = Image.new("RGB", (SHEET_COLUMNS * (width + gap) - gap, rows * (height + gap) - gap))
+    rows = -(-len(drawn) // columns)
+    whole = Image.new("RGB", (columns * (width + gap) - gap, rows * (height + gap) - gap))
     for place, one in enumerate(drawn):
-        row, column = divmod(place, SHEET_COLUMNS)
+        row, column = divmod(place, columns)
         small = one.resize((width, height), Image.Resampling.LANCZOS)
         whole.paste(small, (column * (width + gap), row * (height + gap)))
     png = io.BytesIO()
@@ -181,13 +180,13 @@ async def picture_player(browser: Any, url: str) -> None:
     for step in range(60):
         await page.mouse.move(x + 60 * (1 - abs(step % 40 - 20) / 10), y)
         await page.wait_for_timeout(20)
-    await take("player", page, colours=64)
+    await take("player", page)
     await page.mouse.up()
 
 
-async def take(name: str, page: Any, colours: int = 256) -> None:
-    """Write what is on the screen; with too few colours, a few red dots turn brown."""
-    write_png(name, await page.screenshot(), colours)
+async def take(name: str, page: Any) -> None:
+    """Write what is on the screen."""
+    write_png(name, await page.screenshot())
 
 
 async def a_page(browser: Any, url: str, size: dict[str, int], scheme: str) -> Any:

@@ -51,6 +51,7 @@ EVENTS = [
         "clock_uncertainty_ns": 50_000,
     },
     {"time_s": 3.0, "kind": "gap", "event": "frames are missing", "frames": 12},
+    {"time_s": 4.0, "event": "vibration synthesized", "mode": "synthesized"},
     {"time_s": 5.25, "event": "marked: knock", "mark": "knock"},
 ]
 
@@ -107,11 +108,7 @@ async def test_a_person_goes_through_a_recording(
         await page.goto(url)
         await shows(page, "#session", "run.mcap")
         await built(page)
-        await shows(page, "#completion-text", "start met at")
-        met = await page.locator("#completion-text").inner_text()
-        switch = re.search(r"start met at ([\d.]+) s", met)
-        assert switch is not None
-        assert float(await at(page)) == pytest.approx(float(switch[1]), abs=0.06)
+        await shows(page, "#time", "4.00 s")  # the switch
         await page.keyboard.press("End")
         await shows(page, "#plane-text", "samples, order")
         await shows(page, "#completion-text", "start met at")
@@ -188,7 +185,7 @@ async def test_an_event_leads_to_its_moment(browser: Any, recorded: Path) -> Non
         await shows(page, "#events li[aria-current]", "marked: knock")
         assert await page.locator("#slider-marks .mark").count() == 1
         assert await page.locator("#slider-marks .gap").count() == 1
-        assert await page.locator("#events li").count() == 3  # clocks are not for a person
+        assert await page.locator("#events li").count() == 4  # clocks are not for a person
         assert problems == []
 
 
@@ -254,6 +251,11 @@ async def test_without_recorded_output_the_model_of_the_moment_is_rendered(
         await page.goto(url)
         await shows(page, "#remarks", "by the defaults")
         await api.expect(page.locator("#remarks")).not_to_contain_text("being built")
+        await shows(page, "#completion-text", "start met at")
+        met = await page.locator("#completion-text").inner_text()
+        switch = re.search(r"start met at ([\d.]+) s", met)
+        assert switch is not None
+        assert float(await at(page)) == pytest.approx(float(switch[1]), abs=0.06)
         await page.keyboard.press("End")
         await shows(page, "#why", "rendered from the model of this moment")
         await api.expect(page.locator("#link-panel")).to_be_hidden()

@@ -37,6 +37,11 @@ def session_events(events: Sequence[JsonObject]) -> list[SessionEvent]:
     return found[:_MOST]
 
 
+def switch_s(events: Sequence[JsonObject]) -> float | None:
+    """Return when the vibration first came from the model, None where no event says so."""
+    return next((e["at_s"] for e in events if e.get("event") == "vibration synthesized"), None)
+
+
 def _session_event(event: JsonObject) -> SessionEvent | None:
     sentence, at_s = str(event.get("event", "")), max(0.0, float(event["at_s"]))
     if event.get("kind") == "gap":

@@ -12,7 +12,7 @@ from mmt.texture.model.texture_model import TextureModel
 from mmt.web.binary_messages import pack
 from mmt.web.monitor import states
 from mmt.web.viewing import traces
-from mmt.web.viewing.events import LinkRecord, session_events
+from mmt.web.viewing.events import LinkRecord, session_events, switch_s
 from mmt.web.viewing.rebuilding import ModelRebuild, ModelState
 
 LONGEST_COURSE_S: Final = 60.0
@@ -78,6 +78,7 @@ class ViewedRecording:
             "longest_course_s": LONGEST_COURSE_S,
             "channels": list(windows.channels),
             "link": self._link.exists,
+            "switch_s": switch_s(windows.events),
             "remarks": self._remarks,
             "happenings": [[h.at_s, h.kind, h.sentence] for h in session_events(windows.events)],
         }

@@ -23,8 +23,8 @@ SHOWN: Final = 512
 RECENT_S: Final = 10.0
 """What a moment knows of the past: the trail, and how long blocks were under way."""
 _COURSE_POINTS: Final = 1500
-_GAP_S: Final = 0.16
-"""Longer than this nothing is drawn between two points; late messages are less apart."""
+_GAP: Final = 40
+"""Missing frames across which no line is drawn; late ones are not missing."""
 _STEP: Final = 40
 """Frames between two points of a trail: 25 a second, as live."""
 _TRAIL: Final = 120
@@ -107,7 +107,7 @@ def course(window: Window) -> tuple[FloatArray, FloatArray, FloatArray]:
     step = max(1, -(-len(window.frames) // _COURSE_POINTS))
     time_s, frames = window.time_s[::step], window.frames[::step]
     columns = [_vectors(frames, name) for name in ("force_n", "position_mm")]
-    gaps = np.flatnonzero(np.diff(time_s) > max(_GAP_S, 4 * step / 1e3)) + 1
+    gaps = np.flatnonzero(np.diff(numbers(frames)) > step + _GAP) + 1
     force, position = (np.insert(column, gaps, np.nan, axis=1) for column in columns)
     return np.insert(time_s, gaps, time_s[gaps - 1] + 1e-3), force, position
 

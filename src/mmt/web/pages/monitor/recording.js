@@ -191,7 +191,7 @@ async function followGrowth(given) {
     const remarks = growth.problem ? [...given, `The model could not be built: ${growth.problem}`] : given;
     const share = Math.floor((100 * growth.reached_s) / bar.duration_s);
     text("remarks", [...remarks, ...(growth.done ? [] : [`The model is being built: ${share} %.`])].join(" "));
-    if (!isOpened && growth.start_s !== null) bar.go(growth.start_s); // the switch
+    if (!isOpened && growth.start_s !== null) bar.go(growth.start_s); // where no switch was recorded
     if (!isDone) stale = true;
     isDone = growth.done;
     await wait(isDone ? ALIVE_EVERY_MS : GROWTH_EVERY_MS);
@@ -235,6 +235,7 @@ async function start() {
   const { completion, force, position } = panels.plots;
   line = new TimeLine(opening.duration_s, opening.longest_course_s, [completion, force, position]);
   goToAddress();
+  if (!isOpened && opening.switch_s !== null) bar.go(opening.switch_s);
   addEventListener("hashchange", goToAddress);
   addEventListener("keydown", zoomByKey);
   bar.mark(opening.happenings);

@@ -82,8 +82,8 @@ export class Link {
       this.onState("taken", "used by another page: load this one again to come back");
       return;
     }
-    const sentence = this.ended === null ? "connection lost, trying again" : `session over: ${this.ended}`;
-    this.onState("lost", sentence);
+    if (this.ended === null) this.onState("lost", "connection lost, trying again");
+    else this.onState("over", `session over: ${this.ended}`);
     const wait = RETRY_MS[Math.min(this.tries++, RETRY_MS.length - 1)];
     this.timer = setTimeout(() => this.open(), wait);
   }
