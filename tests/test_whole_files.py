@@ -1,38 +1,124 @@
 """Files are written whole or not at all, and an end of descriptors ends in a sentence."""
 
+import ast
+import resource
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
+from frame_samples import made_frames
 from sharing_samples import model_of
 
+import mmt
+from mmt.cli.common import write_json
 from mmt.core.errors import InputError, MmtError
-from mmt.texture.model.texture_model import TextureModel
+from mmt.core.existing_files import append_lines, write_file
+from mmt.devices.calibrations import save_calibration
+from mmt.evaluation.report_files import write_report_files
+from mmt.session import export_session
+from mmt.session.data import RecordedSession
+from mmt.web.player.results import COLUMNS, ResultsFile
+from mmt_bridges.haptics.ahap import write_ahap
+from mmt_bridges.haptics.effects import write_wav
+from mmt_bridges.haptics.hjif import write_hjif
+
+SESSION = RecordedSession(made_frames(0, 4000))
+VIBRATION = np.random.default_rng(1).standard_normal(40_000)
+
+KINDS: dict[str, Callable[[Path], object]] = {
+    **{
+        f"a{suffix}": lambda path: export_session(SESSION, path)
+        for suffix in (".mcap", ".npz", ".csv", ".parquet", ".h5")
+    },
+    "m.npz": lambda path: model_of(60).save(path),
+    "m.wav": lambda path: write_wav(path, VIBRATION, 8000),
+    "m.hjif": lambda path: write_hjif(path, VIBRATION[:8000], 8000),
+    "m.ahap": lambda path: write_ahap(path, VIBRATION, 1000),
+    "figures.json": lambda path: write_json(path, list(range(2000))),
+    "report.html": lambda path: write_report_files(
+        path.parent, "x", [], "d.json", {"a": "b" * 9999}
+    ),
+    "results.csv": lambda path: ResultsFile(path).write(dict.fromkeys(COLUMNS, "x" * 500)),
+    "coil-7.json": lambda path: save_calibration("coil", "7", {"a": "b" * 9000}, path.parent),
+}
+NOT_PRODUCTS = {
+    "mmt/core/existing_files.py",  # the helper
+    "mmt/session/recorder.py",  # grows as long as the session lasts, and is read when cut off
+    "mmt/sharing/store_client.py",  # goes on with what an earlier attempt left, beside the file
+    "mmt/core/compiled.py",  # caches, and files of the kernel and of drivers
+    "mmt/core/process.py",
+    "mmt_devices/iio/attributes.py",
+    "mmt_devices/iio/emulated.py",
+    "mmt/cli/scene/runs.py",  # in a folder for the moment
+    "mmt_bridges/lerobot/dataset.py",  # in a folder that is replaced as one
+}
 
 
-def test_a_model_replaces_another_when_it_is_whole(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.skipif(sys.platform == "win32", reason="has no limit of file sizes")
+@pytest.mark.parametrize("name", KINDS)
+@pytest.mark.parametrize("room_bytes", [0, 1000])
+def test_what_finds_no_room_leaves_the_folder_as_it_was(
+    name: str, room_bytes: int, tmp_path: Path
 ) -> None:
-    path, first = tmp_path / "oak.npz", model_of(10).to_bytes()
-    model_of(10).save(path)
-    write = Path.write_bytes
+    path, write = tmp_path / name, KINDS[name]
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    header = ",".join(COLUMNS).encode() + b"\n"
+    for before in (None, header):
+        if before is not None:
+            path.write_bytes(before)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (room_bytes, limits[1]))
+        try:
+            with pytest.raises(MmtError) as raised:
+                write(path)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        assert raised.value.exit_code == 1
+        assert (path.read_bytes() if path.exists() else None) == before
+        assert {each.name for each in tmp_path.iterdir()} <= {name, "figures", "report.md"}
+    write(path)
+    assert path.stat().st_size > 1000
 
-    def break_off(self: Path, data: bytes) -> int:
-        write(self, data[: len(data) // 2])
-        raise OSError(28, "No space left on device")
 
-    with monkeypatch.context() as full:
-        full.setattr(Path, "write_bytes", break_off)
-        for target in (path, tmp_path / "new.npz"):
-            with pytest.raises(MmtError, match="No space left on device"):
-                model_of(12).save(target)
-    assert path.read_bytes() == first
-    assert [each.name for each in tmp_path.iterdir()] == ["oak.npz"]
-    model_of(12).save(path)
-    assert len(TextureModel.load(path).samples) == 12
+def test_a_link_and_a_device_stay_what_they_are(tmp_path: Path) -> None:
+    kept, link = tmp_path / "kept.json", tmp_path / "link.json"
+    kept.write_text("before")
+    kept.chmod(0o640)
+    link.symlink_to(kept)
+    write_file(link, "after")
+    assert link.is_symlink()
+    assert (kept.read_text(), kept.stat().st_mode & 0o777) == ("after", 0o640)
+    write_json(Path("/dev/null"), {})
+    assert Path("/dev/null").is_char_device()
     with pytest.raises(InputError, match="cannot write"):
         model_of(10).save(tmp_path / "nowhere" / "oak.npz")
+
+
+def test_lines_at_the_end_are_there_with_one_header(tmp_path: Path) -> None:
+    path = tmp_path / "new" / "lines.txt"
+    for line in ("a\n", "ü\n"):
+        append_lines(path, line, header="head\n")
+    assert path.read_text(encoding="utf-8") == "head\na\nü\n"
+
+
+def test_no_module_writes_a_file_by_itself() -> None:
+    """A file opened for writing is one that `replacing` gave, which is called ``part``."""
+    source, found = Path(mmt.__file__).parents[1], []
+    for path in sorted(source.glob("mmt*/**/*.py")):
+        place = path.relative_to(source).as_posix()
+        if place in NOT_PRODUCTS or place.startswith(("mmt/testing/", "mmt_lab/")):
+            continue
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+                first = next(iter(node.args), None)
+                mode = str(first.value) if isinstance(first, ast.Constant) else ""
+                writes = node.func.attr in {"write_bytes", "write_text"}
+                writes |= node.func.attr == "open" and mode.strip("bt+") in {"w", "x", "a"}
+                if writes and ast.unparse(node.func.value) != "part":
+                    found.append(f"{place}:{node.lineno}")
+    assert found == []
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="has no such limit")

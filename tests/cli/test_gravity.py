@@ -86,10 +86,10 @@ def test_rests_that_cannot_be_kept_calibrate_nevertheless(
 ) -> None:
     rests = json.loads(recorded(tmp_path / "rests.json", TRUE).read_text())["rests"]
     monkeypatch.setattr(gravity, "_measure", lambda *_: ("7", rests_from(rests)))
-    keep = tmp_path / "missing" / "kept.json"
+    keep = tmp_path / "rests.json" / "kept.json"
     result = run("adxl335-serial", "--set", "port=none", "--keep", keep)
     assert isinstance(result.exception, InputError)
-    assert str(result.exception) == f"--keep {keep}: No such file or directory"
+    assert str(result.exception) == f"cannot write {keep}: File exists"
     assert load_calibration("adxl335", "7") is not None
 
 

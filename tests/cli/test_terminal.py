@@ -9,7 +9,7 @@ from rich.table import Table
 
 from mmt.cli.common import STANDARD_OUTPUT, messages, output, print_error, write_json
 from mmt.cli.importing import print_report
-from mmt.core.errors import InputError
+from mmt.core.errors import MmtError
 from mmt.session.importing.checks import ImportReport
 
 EVIL = "\x1b[2J\x1b]0;owned\x07\u202e\r"
@@ -38,5 +38,5 @@ def test_json_that_standard_output_does_not_take_is_an_error_for_a_person(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(sys, "stdout", FullDisk())
-    with pytest.raises(InputError, match="--json -: No space left on device"):
+    with pytest.raises(MmtError, match="--json -: No space left on device"):
         write_json(STANDARD_OUTPUT, {"a": 1})

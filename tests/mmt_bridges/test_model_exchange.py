@@ -100,10 +100,10 @@ def test_a_stroke_becomes_a_pattern_with_its_sound(tmp_path: Path) -> None:
             ("export", MODEL, "out.wav", "--motion", "a.mcap", "--speed", 100),
             "--speed does not go with --motion",
         ),
-        (("export", MODEL, "/proc/none/out.ahap"), "effect /proc/none/out.ahap"),
+        (("export", MODEL, "/proc/none/out.ahap"), "cannot write /proc/none/out.ahap"),
         (("import", MODEL, "out.npz"), "no XML"),
         (("import", MODEL, "out.xml"), "must end in .npz"),
-        (("export", MODEL, "/proc/none/out.wav"), "sound /proc/none/out.wav"),
+        (("export", MODEL, "/proc/none/out.wav"), "cannot write /proc/none/out.wav"),
     ],
 )
 def test_mistakes_are_explained(

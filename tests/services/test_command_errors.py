@@ -115,7 +115,7 @@ CASES = [
     ("mmt session info none.mcap", "session none.mcap: No such file"),
     ("mmt session info empty.mcap", "session empty.mcap: the file is empty"),
     ("mmt session info text.mcap", "session text.mcap: this is not an MCAP file"),
-    ("mmt session info whole.mcap --json text.csv/x.json", "--json text.csv/x.json: "),
+    ("mmt session info whole.mcap --json text.csv/x.json", "cannot write text.csv/x.json: "),
     ("mmt session export cut.mcap x.csv", CUT_OFF),
     ("mmt session export whole.mcap x.pdf", "session x.pdf: .pdf cannot be written"),
     ("mmt session export whole.mcap none/x.csv", "cannot write none/x.csv"),

@@ -14,6 +14,7 @@ import pytest
 from sharing_samples import model_of, shared
 
 from mmt.core.errors import InputError, MmtError
+from mmt.core.requests import PROXY
 from mmt.link.access import Access
 from mmt.sharing import store as store_module
 from mmt.sharing.store import Entry, ModelStore
@@ -161,9 +162,17 @@ def test_a_proxy_of_the_environment_sees_no_token(monkeypatch: pytest.MonkeyPatc
         Server(b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\n[]") as proxy,
         Server(b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\n[]") as server,
     ):
-        monkeypatch.setenv("http_proxy", proxy.url)
+        for name in ("http_proxy", "https_proxy", "all_proxy"):
+            monkeypatch.setenv(name, proxy.url)
         assert RemoteStore(server.url, Access(TOKEN)).entries() == []
         assert (len(server.shown), proxy.shown) == (1, [])
+        for told in (False, True):  # the proxy is asked for a tunnel, and sees no more than that
+            if told:
+                monkeypatch.setenv(PROXY, proxy.url)
+            with pytest.raises(MmtError, match="does not answer"):
+                RemoteStore("https://127.0.0.1:1", Access(TOKEN)).entries()
+            assert [b"CONNECT 127.0.0.1:1" in shown for shown in proxy.shown] == [True] * told
+        assert not any(TOKEN.encode() in shown for shown in proxy.shown)
 
 
 @pytest.mark.parametrize("head", [b"", b"Content-Length: 999999999999\r\n"])

@@ -17,6 +17,7 @@ from rich.text import Text
 
 from mmt.core.end_signals import on_end_signal
 from mmt.core.errors import InputError, MmtError
+from mmt.core.existing_files import write_file
 from mmt.core.extras import requiring
 from mmt.core.inventory import Inventory
 from mmt.core.labels import label
@@ -165,23 +166,22 @@ def write_json(path: Path | None, content: object) -> None:
 
     Raises
     ------
-    InputError
-        The file cannot be written.
+    InputError, MmtError
+        It cannot be written.
     """
     if path is None:
         return
     text = json.dumps(content, indent=2) + "\n"
+    if path != STANDARD_OUTPUT:
+        write_file(path, text)
+        return
     try:
-        if path == STANDARD_OUTPUT:
-            sys.stdout.write(text)
-            sys.stdout.flush()
-        else:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text, encoding="utf-8")
+        sys.stdout.write(text)
+        sys.stdout.flush()
     except BrokenPipeError:  # nobody reads on
         raise
     except OSError as error:
-        raise InputError(f"--json {path}: {error.strerror or error}") from error
+        raise MmtError(f"--json {path}: {error.strerror or error}") from error
 
 
 def require_one_output(json_file: Path | None, *, json_lines: bool) -> None:

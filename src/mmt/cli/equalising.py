@@ -11,6 +11,7 @@ from mmt.cli.device_testing import devices_named, options_from
 from mmt.core.archives import load_arrays
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
+from mmt.core.existing_files import replacing
 from mmt.devices.drivers import load_device
 from mmt.devices.haptuator.drive import store_level
 from mmt.devices.haptuator.equaliser import fit_equaliser
@@ -164,11 +165,8 @@ def _keep(path: Path | None, recording: SweepRecording) -> None:
     if path is None:
         return
     arrays = dict(zip(_NAMES, (recording.volts, recording.acceleration_m_s2), strict=True))
-    try:
-        with path.open("wb") as file:
-            np.savez(file, allow_pickle=False, **arrays)
-    except OSError as error:
-        raise InputError(f"--keep {path}: {error.strerror or error}") from error
+    with replacing(path) as part, part.open("wb") as file:
+        np.savez(file, allow_pickle=False, **arrays)
 
 
 def _read(recording: Path) -> tuple[FloatArray, FloatArray]:

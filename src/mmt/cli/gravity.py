@@ -9,6 +9,7 @@ import typer
 
 from mmt.cli.common import messages, noting, output, raise_problems, summary_table, write_json
 from mmt.core.errors import InputError, MmtError
+from mmt.core.existing_files import write_file
 from mmt.devices.adxl335.gravity import (
     UPS,
     Calibration,
@@ -129,10 +130,7 @@ def _keep(path: Path | None, serial: str, rests: list[Rest]) -> None:
     if path is None:
         return
     text = json.dumps({"serial": serial, "rests": [rest._asdict() for rest in rests]}, indent=2)
-    try:
-        path.write_text(text + "\n", encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"--keep {path}: {error.strerror or error}") from error
+    write_file(path, text + "\n")
 
 
 def _changes(serial: str, made: Calibration) -> list[str]:

@@ -1,11 +1,18 @@
 """Files that exist already: none is replaced unless a person asks for it, and by a whole one."""
 
+import errno
+import os
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from itertools import count
 from pathlib import Path
+from typing import Final
 
 from mmt.core.errors import InputError, MmtError
+
+_DEVICES: Final = Path("/dev")
+_FULL: Final = {errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)}
 
 
 def require_absent(path: Path, *, force: bool) -> None:
@@ -41,6 +48,8 @@ def numbered(path: Path) -> Iterator[Path]:
 def replacing(path: Path) -> Iterator[Path]:
     """Give a file next to `path` to write to; it replaces `path` when the block succeeds.
 
+    A link stays, and what it points to is replaced. A device or a pipe is written to itself.
+
     Raises
     ------
     InputError
@@ -48,16 +57,82 @@ def replacing(path: Path) -> Iterator[Path]:
     MmtError
         Writing failed, for instance because the disk is full; nothing is left behind.
     """
-    part = path.with_name(path.name + ".part")
+    if path.exists() and (path.parent == _DEVICES or not (path.is_file() or path.is_dir())):
+        yield path
+        return
+    whole = Path(os.path.realpath(path))
+    part = whole.with_name(whole.name + ".part")
     try:
         part.touch()
     except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror or error}") from error
+        raise write_error(path, error) from error
     try:
         yield part
-        part.replace(path)
+        with part.open("rb+") as stream:
+            os.fsync(stream.fileno())
+        if whole.is_file():
+            shutil.copymode(whole, part)
+        part.replace(whole)
     except OSError as error:
         raise MmtError(f"writing {path} failed: {error.strerror or error}") from error
     finally:
         with suppress(OSError):
             part.unlink(missing_ok=True)
+
+
+def write_file(path: Path, content: str | bytes) -> None:
+    """Write a whole file, with the folders above it; a text as UTF-8.
+
+    Every file of the product that is made at once goes through here or through `replacing`, so
+    that what is at `path` is always a whole one, the former or the new.
+
+    Raises
+    ------
+    InputError, MmtError
+        See `replacing`.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise write_error(path, error) from error
+    with replacing(path) as part:
+        part.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
+def append_lines(path: Path, text: str, *, header: str = "") -> None:
+    """Write lines at a file's end, and wait until they are on the disk; all of them or none.
+
+    Parameters
+    ----------
+    path
+        Made, with the folders above it, if it does not exist.
+    text
+        Ends with a line break.
+    header
+        Comes first in a file that is empty.
+
+    Raises
+    ------
+    OSError
+        Writing failed; the file is as it was.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("ab", buffering=0) as stream:
+        length = stream.tell()
+        content = memoryview((text if length else header + text).encode())
+        try:
+            while content:
+                content = content[stream.write(content) :]
+            os.fsync(stream.fileno())
+        except OSError:
+            with suppress(OSError):
+                stream.truncate(length)
+                if not length:
+                    path.unlink()
+            raise
+
+
+def write_error(path: Path, error: OSError) -> MmtError:
+    """Return the error that says why a file cannot be written: input, unless the disk is full."""
+    kind = MmtError if error.errno in _FULL else InputError
+    return kind(f"cannot write {path}: {error.strerror or error}")

@@ -1,10 +1,11 @@
 """HTTP requests to servers that are not trusted: straight, bounded, and never passed on.
 
-A redirect is not followed, so that a token goes to nobody else. What is asked for by ``https`` may
-go through the proxy that the environment names (``HTTPS_PROXY``, ``NO_PROXY``), which cannot read
-it; what is asked for by ``http`` goes straight, as the link between the services does.
+A redirect is not followed, and no proxy that the environment names for other programs is asked, so
+that a token goes to nobody else. `PROXY` names one for what is asked for by ``https``, which it
+cannot read; what is asked for by ``http`` goes straight, as the link between the services does.
 """
 
+import os
 import ssl
 import time
 import urllib.error
@@ -17,6 +18,8 @@ from typing import Any, Final
 from mmt.core.errors import MmtError
 from mmt.core.printable import printable
 
+PROXY: Final = "MMT_HTTPS_PROXY"
+"""The environment variable with the address of a proxy, ``http://HOST:PORT``."""
 TIMEOUT_S: Final = 20.0
 """How long a server may say nothing."""
 _LONGEST_S: Final = 300.0
@@ -115,12 +118,15 @@ def open_answer(
     MmtError
         It does not answer.
     """
-    handlers: list[urllib.request.BaseHandler] = [_NoRedirect()]
+    proxy = os.environ.get(PROXY)
+    proxies = {"https": proxy} if proxy else {}
+    handlers: list[urllib.request.BaseHandler] = [
+        _NoRedirect(),
+        urllib.request.ProxyHandler(proxies),
+    ]
     if server.startswith("https:"):
         context = tls or ssl.create_default_context()
         handlers.append(urllib.request.HTTPSHandler(context=context))
-    else:
-        handlers.append(urllib.request.ProxyHandler({}))
     opener = urllib.request.build_opener(*handlers)
     try:
         asked = urllib.request.Request(server + path, data=data, headers=dict(headers or {}))  # noqa: S310 - the scheme is checked

@@ -13,7 +13,7 @@ from typing import Any
 import platformdirs
 
 from mmt.core.errors import InputError, MmtError
-from mmt.core.existing_files import replacing
+from mmt.core.existing_files import write_file
 
 
 def calibration_file(device: str, serial: str, directory: Path | None = None) -> Path:
@@ -80,10 +80,8 @@ def save_calibration(
     path = calibration_file(device, serial, directory)
     content = {**values, "device": device, "serial": serial}
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(path) as part:
-            part.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-    except (OSError, MmtError) as error:
+        write_file(path, json.dumps(content, indent=2) + "\n")
+    except MmtError as error:
         raise MmtError(f"the calibration {path} cannot be written: {error}") from error
     return path
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.errors import InputError
+from mmt.core.existing_files import write_file
 from mmt.evaluation.document import Block, Folded, Picture, SideBySide, to_markdown
 from mmt.evaluation.document_html import to_html
 
@@ -59,14 +60,13 @@ def write_report_files(
     page = directory / "report.html"
     try:
         (directory / FIGURES).mkdir(parents=True, exist_ok=True)
-        for shown in _pictures(blocks):
-            (directory / shown.source).write_bytes(shown.png)
-        page.write_text(to_html(title, blocks), encoding="utf-8")
-        (directory / "report.md").write_text(to_markdown(blocks), encoding="utf-8")
-        text = json.dumps(data, indent=2, default=str) + "\n"
-        (directory / data_name).write_text(text, encoding="utf-8")
     except OSError as error:
         raise InputError(f"report {directory}: {error.strerror or error}") from error
+    for shown in _pictures(blocks):
+        write_file(directory / shown.source, shown.png)
+    write_file(directory / "report.md", to_markdown(blocks))
+    write_file(directory / data_name, json.dumps(data, indent=2, default=str) + "\n")
+    write_file(page, to_html(title, blocks))
     return page
 
 

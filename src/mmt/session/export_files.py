@@ -1,5 +1,6 @@
 """Export sessions as text, NumPy archives, Parquet (pandas, Polars, DuckDB) and HDF5 (MATLAB)."""
 
+import io
 from pathlib import Path
 from typing import Any
 
@@ -100,7 +101,8 @@ def write_hdf5(path: Path, session: RecordedSession) -> None:
     import h5py
 
     frames = session.frames
-    with replacing(path) as part, h5py.File(part, "w") as file:
+    image = io.BytesIO()  # on a full disk, the library brings the whole process down
+    with h5py.File(image, "w") as file:
         for name in frames.dtype.names or ():
             file.create_dataset(name, data=frames[name], compression="gzip", shuffle=True)
         file.create_dataset("time_s", data=session.time_s, compression="gzip", shuffle=True)
@@ -115,3 +117,5 @@ def write_hdf5(path: Path, session: RecordedSession) -> None:
                 f"models/{number:04d}", data=np.frombuffer(model, dtype=np.uint8)
             )
             data.attrs["time_s"] = time_s
+    with replacing(path) as part:
+        part.write_bytes(image.getbuffer())

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Final, Self
 
 from mmt.core.errors import InputError
-from mmt.core.existing_files import replacing
+from mmt.core.existing_files import write_file
 from mmt.core.printable import printable
 from mmt.texture.model.file import unpack
 
@@ -169,11 +169,8 @@ class ModelStore:
             order=int(contents.samples.lsf.shape[1]),
             rate_hz=contents.rate_hz,
         )
-        self.folder.mkdir(parents=True, exist_ok=True)
-        with replacing(self.folder / f"{digest}.npz") as part:
-            part.write_bytes(data)
-        with replacing(about) as part:
-            part.write_text(json.dumps(entry.as_dict(), indent=1), encoding="utf-8")
+        write_file(self.folder / f"{digest}.npz", data)
+        write_file(about, json.dumps(entry.as_dict(), indent=1))
         return entry
 
 

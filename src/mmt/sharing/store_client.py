@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from mmt.core.errors import InputError, MmtError
+from mmt.core.existing_files import write_error
 from mmt.core.requests import Answer, AnswerError, open_answer
 from mmt.link.access import Access, check_scheme
 from mmt.link.connection import check_url
@@ -109,7 +110,7 @@ class RemoteStore:
                 raise MmtError(f"what came from {self._url} is not model {digest[:12]}: try again")
             part.replace(target)
         except OSError as error:
-            raise InputError(f"model {target}: {error.strerror or error}") from error
+            raise write_error(target, error) from error
 
     def _fetch_rest(self, digest: str, part: Path) -> None:
         begun = part.stat().st_size if part.is_file() else 0

@@ -8,7 +8,7 @@ import typer
 from mmt.cli.common import Force, json_option, messages, output, summary_table, write_json
 from mmt.cli.models import SUFFIX, describe, save
 from mmt.core.errors import InputError
-from mmt.core.existing_files import replacing, require_absent
+from mmt.core.existing_files import require_absent, write_file
 
 if TYPE_CHECKING:
     from mmt.core.arrays import FloatArray
@@ -178,12 +178,7 @@ def _write_xml(model: "TextureModel", target: Path, material: str, friction: flo
     from mmt_bridges.hatt.models import export_hatt
 
     content = export_hatt(model, material, friction)
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"model {target}: {error.strerror or error}") from error
-    with replacing(target) as part:
-        part.write_bytes(content)
+    write_file(target, content)
     messages.print(f"model: {target}", highlight=False)
 
 

@@ -5,6 +5,7 @@ waveform for the actuator: what is written is the level and the mean frequency o
 A sound file can be named beside them, which is heard and not felt.
 """
 
+import json
 from pathlib import Path
 from typing import Any, Final
 
@@ -12,7 +13,8 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
-from mmt_bridges.haptics.effects import EffectFile, checked_full_scale, write_document
+from mmt.core.existing_files import write_file
+from mmt_bridges.haptics.effects import EffectFile, checked_full_scale
 
 _STEP_S: Final = 0.02
 _LONGEST_EVENT_S: Final = 30.0  # of a continuous event, says Apple
@@ -67,7 +69,8 @@ def write_ahap(
     if sound is not None:
         event = _event("AudioCustom", 0.0, AudioVolume=1.0)
         pattern.append({"Event": {**event, "EventWaveformPath": sound}})
-    write_document(path, {"Version": 1.0, "Pattern": pattern})
+    document = {"Version": 1.0, "Pattern": pattern}
+    write_file(Path(path), json.dumps(document, separators=(",", ":"), allow_nan=False))
     return EffectFile(seconds, full_scale)
 
 

@@ -1,7 +1,6 @@
 """The vibration of a whole motion over a texture, as an array, and as files of other programs."""
 
-import json
-from collections.abc import Mapping
+import io
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -10,6 +9,7 @@ from scipy.io import wavfile
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
+from mmt.core.existing_files import write_file
 from mmt.rendering.calls import close, open_textures, render, touch
 from mmt.texture.model.texture_model import TextureModel
 
@@ -96,15 +96,12 @@ def write_wav(
     InputError
         The file cannot be written, or the full scale is not positive.
     """
-    path = Path(path)
     largest = float(np.abs(samples_m_s2).max(initial=0.0))
     full_scale = checked_full_scale(full_scale_m_s2, largest)
     scaled = np.clip(samples_m_s2 / full_scale, -1.0, 1.0)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        wavfile.write(path, rate_hz, np.round(scaled * 32767.0).astype(np.int16))
-    except OSError as error:
-        raise InputError(f"sound {path}: {error.strerror or error}") from error
+    sound = io.BytesIO()
+    wavfile.write(sound, rate_hz, np.round(scaled * 32767.0).astype(np.int16))
+    write_file(Path(path), sound.getvalue())
     return EffectFile(len(samples_m_s2) / rate_hz, full_scale)
 
 
@@ -120,19 +117,3 @@ def checked_full_scale(full_scale_m_s2: float | None, largest_m_s2: float) -> fl
     if not (np.isfinite(full_scale) and full_scale > 0):
         raise InputError(f"a full scale of {full_scale} m/s2: it must be positive and finite")
     return float(full_scale)
-
-
-def write_document(path: Path | str, document: Mapping[str, object]) -> None:
-    """Write an effect that is JSON; replaces what is there.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written.
-    """
-    path = Path(path)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(document, separators=(",", ":"), allow_nan=False))
-    except OSError as error:
-        raise InputError(f"effect {path}: {error.strerror or error}") from error

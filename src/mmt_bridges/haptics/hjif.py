@@ -5,6 +5,7 @@ hold keyframes, which take fifty times the room for as little error, and which i
 rounds to 8 bits. What the reference software makes of each kind is in the how-to.
 """
 
+import json
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
@@ -13,7 +14,8 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
-from mmt_bridges.haptics.effects import EffectFile, checked_full_scale, write_document
+from mmt.core.existing_files import write_file
+from mmt_bridges.haptics.effects import EffectFile, checked_full_scale
 from mmt_bridges.haptics.wavelets import wavelet_streams
 
 RATES_HZ: Final = (1000, 2000, 4000, 8000)
@@ -85,7 +87,7 @@ def write_hjif(
         "perceptions": [perception],
         "syncs": [],
     }
-    write_document(path, document)
+    write_file(Path(path), json.dumps(document, separators=(",", ":"), allow_nan=False))
     return EffectFile(len(samples_m_s2) / rate_hz, full_scale)
 
 

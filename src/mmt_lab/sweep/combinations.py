@@ -17,6 +17,7 @@ from pydantic import ValidationError
 
 import mmt
 from mmt.core.errors import InputError
+from mmt.core.existing_files import append_lines, write_file
 from mmt.evaluation.evaluate import evaluate_session
 from mmt.scene.texture_table import TEXTURE_TABLE, Texture
 from mmt.session.data import RecordedSession
@@ -163,7 +164,7 @@ class SweepResults:
             except (ValueError, KeyError, TypeError) as error:
                 raise InputError(f"{self.path}: line {number} is no result of a sweep") from error
         if torn:  # cut off while it was written
-            self.path.write_text(whole + "\n" if whole else "", encoding="utf-8")
+            write_file(self.path, whole + "\n" if whole else "")
 
     def add(self, outcome: Outcome) -> None:
         """Write a result at the file's end; a job that failed is not written, but tried again."""
@@ -179,8 +180,7 @@ class SweepResults:
             "evaluation": figures,
             "times": times,
         }
-        with self.path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(line) + "\n")
+        append_lines(self.path, json.dumps(line) + "\n")
         self.lines[job.key] = line
 
     def missing(self, jobs: Sequence[Job]) -> list[Job]:

@@ -9,7 +9,7 @@ import typer
 from mmt.cli.common import Force, json_option, messages, output, write_json
 from mmt.cli.models import SUFFIX, save
 from mmt.core.errors import InputError
-from mmt.core.existing_files import require_absent
+from mmt.core.existing_files import require_absent, write_file
 from mmt.scene import Texture
 
 if TYPE_CHECKING:
@@ -176,9 +176,5 @@ def _draw(path: Path, pool: "Pool", result: "Selection") -> None:
     from mmt.evaluation.figures import to_png
     from mmt_methods.selection.plane import selection_plane
 
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(to_png(selection_plane(pool.samples, result)))
-    except OSError as error:
-        raise InputError(f"--plot {path}: {error.strerror or error}") from error
+    write_file(path, to_png(selection_plane(pool.samples, result)))
     messages.print(f"plot: {path}", highlight=False)

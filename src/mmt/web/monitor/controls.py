@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from mmt.core.errors import InputError, MmtError
+from mmt.core.existing_files import write_file
 from mmt.web.binary_messages import pack
 from mmt.web.monitor.view import LeaderView
 
@@ -148,7 +149,7 @@ class Controls:
         if model is None:
             raise InputError("there is no model yet: stroke the surface first")
         path = self._free("-model", ".npz")
-        await asyncio.to_thread(_write, path, model.to_bytes)
+        await asyncio.to_thread(lambda: write_file(path, model.to_bytes()))
         self._leader.tell(f"model saved as {path}")
         return f"saved {len(model.points)} samples as {path}"
 
@@ -183,12 +184,6 @@ class Controls:
         while (path := base.with_name(f"{stem}{what}-{number}{suffix}")).exists():
             number += 1
         return path
-
-
-def _write(path: Path, content: Callable[[], bytes]) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("xb") as stream:
-        stream.write(content())
 
 
 def _parse(text: str) -> dict[str, Any]:

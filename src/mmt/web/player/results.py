@@ -2,13 +2,13 @@
 
 import csv
 import io
-import os
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
 from mmt.core.errors import InputError, MmtError
+from mmt.core.existing_files import append_lines
 
 COLUMNS: Final = (
     "time_utc",
@@ -64,12 +64,8 @@ class ResultsFile:
             It cannot be written.
         """
         try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            with self.path.open("a", encoding="utf-8", newline="") as stream:
-                text = _line(COLUMNS) if stream.tell() == 0 else ""
-                stream.write(text + _line([row.get(name) for name in COLUMNS]))
-                stream.flush()
-                os.fsync(stream.fileno())
+            line = _line([row.get(name) for name in COLUMNS])
+            append_lines(self.path, line, header=_line(COLUMNS))
         except OSError as error:
             raise MmtError(f"results {self.path}: {error.strerror or error}") from error
         self.rows += 1
