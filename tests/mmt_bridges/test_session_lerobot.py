@@ -5,6 +5,8 @@ import shutil
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from session_samples import made_frames
 
 from mmt.core.errors import InputError, MmtError
@@ -17,6 +19,7 @@ from mmt.session.importing.recording import import_recording
 from mmt_bridges.lerobot.dataset import export_lerobot
 from mmt_bridges.lerobot.rows import low_rate_rows
 
+pc = pytest.importorskip("pyarrow.compute", reason="needs the extra 'export'")
 pq = pytest.importorskip("pyarrow.parquet", reason="needs the extra 'export'")
 pa = pytest.importorskip("pyarrow", reason="needs the extra 'export'")
 
@@ -118,6 +121,8 @@ def test_the_metadata_say_what_is_in_it(folder):
 def test_statistics_are_those_of_the_rows(folder):
     stats = json.loads((folder / "meta/stats.json").read_text())
     line = read(folder, "meta/episodes/chunk-000/file-000.parquet").to_pylist()[1]
+    felt = arrays(folder, "observation.environment_state")
+    np.testing.assert_array_equal(felt, arrays(folder, "observation.state")[:, 3:])
     assert set(stats) == set(json.loads((folder / "meta/info.json").read_text())["features"])
     state = arrays(folder, "observation.state")
     for values, figures in (
@@ -345,6 +350,64 @@ def test_a_data_set_that_cannot_be_read_is_explained(tmp_path, info, said):
     foreign(tmp_path / "set", {}, {"timestamp": [0.0, 0.1]}, **info)
     with pytest.raises(InputError, match=said):
         import_session(tmp_path / "set")
+
+
+@settings(max_examples=25, deadline=None)
+@given(data=st.data())
+def test_an_edited_data_set_gives_the_frames_of_its_rows_or_none(tmp_path_factory, data):
+    """As other tools delete, number, order and split episodes, and as disks leave files."""
+    folder = tmp_path_factory.mktemp("edited") / "set"
+    made = [session_of(n, seed=seed) for seed, n in enumerate((100, 120, 120, 140))]
+    export_lerobot(made, folder)
+    file = folder / "data/chunk-000/file-000.parquet"
+    table = pq.read_table(file)
+    kept = data.draw(st.permutations(range(4)).map(tuple))[: data.draw(st.integers(1, 4))]
+    numbers = range(len(kept)) if data.draw(st.booleans(), "numbered anew") else kept
+    file.unlink()
+    damaged = data.draw(st.sampled_from([None, *kept]), "damaged")
+    for place, (episode, number) in enumerate(zip(kept, numbers, strict=True)):
+        rows = table.filter(pc.equal(table["episode_index"], episode))
+        rows = rows.take(
+            list(data.draw(st.sampled_from([range(len(rows)), range(len(rows))[::-1]])))
+        )
+        at = rows.schema.get_field_index("episode_index")
+        rows = rows.set_column(at, rows.schema.field(at), pa.array([number] * len(rows)))
+        part = file.with_name(f"file-{place:03}.parquet")
+        pq.write_table(rows, part)
+        part.with_name(f"._{part.name}").write_bytes(b"Mac OS X")
+        if episode == damaged:
+            part.write_bytes(part.read_bytes()[:-40])
+    for episode, number in zip(kept, numbers, strict=True):
+        options = ImportOptions(episode=number)
+        if episode == damaged:
+            with pytest.raises(InputError, match="was left out: this is not a Parquet file"):
+                import_recording(folder, options)
+        elif episode == number:
+            frames = import_recording(folder, options)[0].frames
+            assert frames.tobytes() == made[episode].frames.tobytes()
+        else:
+            with pytest.raises(InputError, match=r"is not of these rows .*: the rows alone"):
+                import_recording(folder, options)
+            columns = {f"position_{a}": f"action[{n}]" for n, a in enumerate("xyz")}
+            session, report = import_recording(folder, ImportOptions(columns, episode=number))
+            newest = made[episode].frames["position_mm"][39::20]
+            np.testing.assert_allclose(session.frames["position_mm"][:-1:20], newest, rtol=1e-6)
+            assert damaged is None or any("left out" in said for said in report.warnings)
+
+
+def test_components_of_one_name_are_both_reached(tmp_path):
+    rows = {
+        "observation.state": [[float(n), 10.0 + n] for n in range(20)],
+        "frame_index": np.arange(20),
+        "timestamp": (np.arange(20) / 10).astype(np.float32),
+        "episode_index": np.zeros(20, dtype=np.int64),
+    }
+    names = {"left": ["z"], "right": ["z"]}
+    feature = {"dtype": "float32", "shape": [2], "names": names}
+    foreign(tmp_path / "set", {"observation.state": feature}, rows)
+    columns = {"force_x": "observation.state.z.1", "force_y": "observation.state.z.2"}
+    frames = import_session(tmp_path / "set", columns={**columns, "force_z": "0"}).frames
+    np.testing.assert_allclose(frames["force_n"][::100, :2].T, [np.arange(20), 10 + np.arange(20)])
 
 
 def test_damage_and_wrong_episodes_are_explained(tmp_path, folder):

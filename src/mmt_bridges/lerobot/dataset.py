@@ -26,7 +26,7 @@ from mmt_bridges.lerobot.layout import (
     Feature,
     frames_file,
 )
-from mmt_bridges.lerobot.rows import FRAMES_HZ, Column, low_rate_rows, statistics
+from mmt_bridges.lerobot.rows import FELT, FRAMES_HZ, STATE, Column, low_rate_rows, statistics
 
 DEFAULT_FPS: Final = 50
 DEFAULT_TASK: Final = "stroke the surface"
@@ -55,6 +55,7 @@ def export_lerobot(
 
     A row stands for a period of 1 / `fps` s. Its ``observation.state`` has position and force
     of the newest frame in it and the root mean square of the acceleration over it, its
+    ``observation.environment_state`` all of that but the position, its
     ``action`` the position of the next row. What is missing in the session is held, and
     ``mmt.frames`` counts the frames of each row. The frames themselves are in
     ``mmt/episode-000000.parquet`` and on, as `mmt.export_session` writes them.
@@ -240,7 +241,10 @@ def _arrow_type(feature: Feature) -> Any:
 
 def _features(channels: Sequence[Channel]) -> dict[str, Feature]:
     """Return the features of rows in LeRobot's order: the robot's, then those of every data set."""
-    features = {"observation.state": Feature("float32", state_names(channels))}
+    features = {STATE: Feature("float32", state_names(channels))}
+    felt = state_names([channel for channel in channels if channel != "position"])
+    if felt:
+        features[FELT] = Feature("float32", felt)
     if "position" in channels:
         features["action"] = Feature("float32", axis_columns("position"))
     features["mmt.frames"] = Feature("int64", ("frames",))

@@ -1,8 +1,12 @@
-"""LeRobot data sets of format v3.0: features as columns, an episode at a time."""
+"""LeRobot data sets of format v3.0: features as columns, an episode at a time.
+
+Frames that mmt left beside an episode are taken if the rows are theirs: other tools delete, merge
+and number episodes and know nothing of these files.
+"""
 
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
@@ -10,11 +14,12 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from mmt.core.arrays import FloatArray
+from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError
+from mmt.session.data import RecordedSession
 from mmt.session.importing.columns import Columns
 from mmt.session.importing.options import ImportOptions
-from mmt.session.importing.parquet_file import read_numbers, read_parquet
+from mmt.session.importing.parquet_file import read_numbers, read_parquet, read_schema
 from mmt_bridges.lerobot.layout import (
     DATA_FOLDER,
     FORMAT,
@@ -22,15 +27,17 @@ from mmt_bridges.lerobot.layout import (
     OF_EVERY_DATA_SET,
     frames_file,
 )
+from mmt_bridges.lerobot.rows import STATE, low_rate_rows
 
 _PICTURES: Final = ("image", "video", "string", "language")
 """Kinds of features without numbers."""
+_SHOWN_RANGES: Final = 8
 _OFF_THE_GRID_S: Final = 1e-3
 """How far a time, which is in single precision, may lie off its frame's number by the rate."""
 
 
 def read_lerobot(folder: Path, wanted: Callable[[str], bool], options: ImportOptions) -> Columns:
-    """Read an episode: the 1 kHz frames that mmt left beside it, else its rows.
+    """Read an episode: the 1 kHz frames that mmt left beside it if they are its own, else its rows.
 
     Of the rows, features (n,) and (n, k) have their own names, and each named component that of
     the feature with its own behind a dot.
@@ -52,18 +59,83 @@ def read_lerobot(folder: Path, wanted: Callable[[str], bool], options: ImportOpt
     """
     origin = f"import {folder}"
     info = _info(folder, origin)
-    episodes = info["total_episodes"]
-    number = options.episode or 0
-    if not 0 <= number < episodes:
-        raise InputError(f"{origin}: --episode {number}: its episodes are 0 to {episodes - 1}")
+    files, notes = _whole_files(folder, origin)
+    episodes = np.unique(read_numbers(files, ["episode_index"], origin)["episode_index"]).tolist()
+    if not episodes:
+        raise InputError(f"{origin}: it has no rows{_because(notes)}")
+    number = episodes[0] if options.episode is None else options.episode
+    if number not in episodes:
+        raise InputError(
+            f"{origin}: --episode {number}: its episodes are {_ranges(episodes)}{_because(notes)}"
+        )
     origin += f", episode {number}"
-    notes = []
-    if options.episode is None and episodes > 1:
-        notes.append(f"this is episode 0 of {episodes}; --episode takes another")
+    if options.episode is None and len(episodes) > 1:
+        others = f"this is episode {number} of {len(episodes)}; --episode takes another"
+        notes.insert(0, others)
+    rows = _Rows(files, info, number, origin)
     file = frames_file(folder, number)
     if file.is_file() and not options.columns:
-        return replace(read_parquet(file, wanted, options), notes=notes, episode=number)
-    return replace(_rows(folder, info, number, wanted, origin), notes=notes, episode=number)
+        try:
+            columns = read_parquet(file, wanted, options)
+        except InputError as error:
+            differ: str | None = str(error)
+        else:
+            differ = None if columns.frames is None else _differ(columns.frames, rows)
+            if differ is None:
+                return replace(columns, notes=notes, episode=number)
+        notes.append(f"{file.name} is not of these rows ({differ}): the rows alone were read")
+        rows.origin = f"{origin} ({notes[-1]})"
+    return replace(rows.read(wanted), notes=notes, episode=number)
+
+
+def _whole_files(folder: Path, origin: str) -> tuple[list[Path], list[str]]:
+    """Return the files with rows that can be read, and a note for each other."""
+    files = sorted((folder / DATA_FOLDER).glob("*/[!.]*.parquet"))
+    if not files:
+        raise InputError(f"{origin}: there is no file in {folder / DATA_FOLDER}")
+    whole, notes = [], []
+    for file in files:
+        name = file.relative_to(folder)
+        try:
+            read_schema(file, f"{origin}: {name} was left out")
+            whole.append(file)
+        except InputError as error:
+            notes.append(str(error).removeprefix(f"{origin}: "))
+    if not whole:
+        raise InputError(f"{origin}: {notes[0]}")
+    return whole, notes
+
+
+def _because(notes: Sequence[str]) -> str:
+    return f"; {notes[0]}" if notes else ""
+
+
+def _ranges(numbers: Sequence[int]) -> str:
+    """Return rising numbers as in "0 to 3, 7"."""
+    ends = [n for n in numbers if not {n - 1, n + 1} <= set(numbers)]
+    texts = []
+    while ends and len(texts) < _SHOWN_RANGES:
+        first = ends.pop(0)
+        texts.append(f"{first} to {ends.pop(0)}" if first + 1 in numbers else f"{first}")
+    return ", ".join([*texts, "..."] if ends else texts)
+
+
+def _differ(frames: RecordArray, rows: "_Rows") -> str | None:
+    """Return what the rows that frames (n,) make have otherwise than the rows, None for nothing."""
+    fps = rows.info["fps"]
+    names = {STATE, "action"} & rows.features.keys()
+    found = rows.numbers([*sorted(names), "frame_index"])
+    try:
+        made = low_rate_rows(RecordedSession(frames), int(fps))
+    except InputError:
+        return "they make no row"
+    for name in ("frame_index", *sorted(names)):
+        ours, theirs = made.get(name), found[name]
+        if ours is None or len(ours) != len(theirs):
+            return f"{0 if ours is None else len(ours)} rows of {name} for {len(theirs)}"
+        if ours.shape != theirs.shape or not np.array_equal(ours, theirs, equal_nan=True):
+            return f"another {name}"
+    return None if fps == int(fps) and names else "nothing can be compared"
 
 
 def _info(folder: Path, origin: str) -> dict[str, Any]:
@@ -71,8 +143,8 @@ def _info(folder: Path, origin: str) -> dict[str, Any]:
         info = json.loads((folder / INFO_FILE).read_text(encoding="utf-8"))
         version = str(info["codebase_version"])
         features = {str(name): dict(feature) for name, feature in info["features"].items()}
-        found = {"total_episodes": int(info["total_episodes"]), "fps": float(info["fps"])}
-        valid = found["total_episodes"] >= 1 and 0 < found["fps"] < float("inf")
+        found = {"fps": float(info["fps"])}
+        valid = int(info["total_episodes"]) >= 1 and 0 < found["fps"] < float("inf")
     except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
         raise InputError(f"{origin}: {INFO_FILE} is not that of a LeRobot data set") from error
     if version != FORMAT:
@@ -85,39 +157,58 @@ def _info(folder: Path, origin: str) -> dict[str, Any]:
     return {**found, "features": features}
 
 
-def _rows(
-    folder: Path,
-    info: Mapping[str, Any],
-    episode: int,
-    wanted: Callable[[str], bool],
-    origin: str,
-) -> Columns:
-    features = {
-        name: _component_names(feature.get("names"))
-        for name, feature in info["features"].items()
-        if str(feature.get("dtype")) not in _PICTURES
-    }
-    columns = {
-        f"{name}.{component}": (name, place)
-        for name, components in features.items()
-        for place, component in enumerate(components)
-    }
-    needed = {name for name in features if wanted(name)}
-    needed |= {name for column, (name, _) in columns.items() if wanted(column)}
-    files = sorted((folder / DATA_FOLDER).glob("*/*.parquet"))
-    if not files:
-        raise InputError(f"{origin}: there is no file in {folder / DATA_FOLDER}")
-    read = read_numbers(
-        files, needed | {"frame_index", "timestamp"}, origin, [("episode_index", "==", episode)]
-    )
-    time_s = _times(read["frame_index"], read["timestamp"], info["fps"])
-    values: dict[str, FloatArray] = {name: read[name].astype(np.float64) for name in sorted(needed)}
-    for column, (name, place) in columns.items():
-        if name in needed and wanted(column):
-            values[column] = _component(values[name], place, column, origin)
-    names = [name for name in (*features, *columns) if name not in OF_EVERY_DATA_SET]
-    times = dict.fromkeys((*names, *values), time_s)
-    return Columns(origin=origin, values=values, names=names, times=times)
+class _Rows:
+    """The rows of an episode.
+
+    Parameters
+    ----------
+    files
+        Where they are among others.
+    info
+        What the data set says of itself.
+    episode
+        Its number.
+    origin
+        What is read, for errors.
+    """
+
+    def __init__(
+        self, files: Sequence[Path], info: Mapping[str, Any], episode: int, origin: str
+    ) -> None:
+        self.info, self.origin = info, origin
+        self.features = {
+            name: _component_names(feature.get("names"))
+            for name, feature in info["features"].items()
+            if str(feature.get("dtype")) not in _PICTURES
+        }
+        self._files = files
+        self._of_episode = [("episode_index", "==", episode)]
+
+    def numbers(self, names: Iterable[str]) -> dict[str, npt.NDArray[Any]]:
+        """Return features (n,) and (n, k) in the order of the rows."""
+        wanted = list(dict.fromkeys([*names, "frame_index"]))
+        read = read_numbers(self._files, wanted, self.origin, self._of_episode)
+        order = np.argsort(read["frame_index"], kind="stable")
+        return {name: column[order] for name, column in read.items()}
+
+    def read(self, wanted: Callable[[str], bool]) -> Columns:
+        """Return the features and components that are wanted."""
+        columns = {
+            f"{name}.{component}": (name, place)
+            for name, components in self.features.items()
+            for place, component in enumerate(components)
+        }
+        needed = {name for name in self.features if wanted(name)}
+        needed |= {name for column, (name, _) in columns.items() if wanted(column)}
+        read = self.numbers([*needed, "timestamp"])
+        time_s = _times(read["frame_index"], read["timestamp"], self.info["fps"])
+        values: dict[str, FloatArray] = {n: read[n].astype(np.float64) for n in sorted(needed)}
+        for column, (name, place) in columns.items():
+            if name in needed and wanted(column):
+                values[column] = _component(values[name], place, column, self.origin)
+        names = [name for name in (*self.features, *columns) if name not in OF_EVERY_DATA_SET]
+        times = dict.fromkeys((*names, *values), time_s)
+        return Columns(origin=self.origin, values=values, names=names, times=times)
 
 
 def _times(frame_index: npt.NDArray[Any], timestamp: npt.NDArray[Any], fps: float) -> FloatArray:
@@ -136,8 +227,15 @@ def _component(values: FloatArray, place: int, column: str, origin: str) -> Floa
 
 
 def _component_names(names: Any) -> Sequence[str]:
-    """Return the names of a feature's components; some writers nest them under what they are."""
-    return [re.sub(r"[\[\]]", "_", name) for name in _texts(names)]
+    """Return the names of a feature's components; some writers nest them under what they are.
+
+    Components of one name are numbered: each can be reached.
+    """
+    plain = [re.sub(r"[\[\]]", "_", name) for name in _texts(names)]
+    return [
+        f"{name}.{plain[: place + 1].count(name)}" if plain.count(name) > 1 else name
+        for place, name in enumerate(plain)
+    ]
 
 
 def _texts(names: Any) -> Iterator[str]:

@@ -16,6 +16,11 @@ FRAMES_HZ: Final = 1_000_000_000 // FRAME_PERIOD_NS
 Column: TypeAlias = npt.NDArray[Any]
 """Values (n,), or (n, k) of a feature with k components."""
 
+STATE: Final = "observation.state"
+FELT: Final = "observation.environment_state"
+"""Force and vibration once more: LeRobot's policies without pictures ask for what is around the
+robot under this name."""
+
 _LONGEST_GAP_S: Final = 600
 _FIGURES: Final[Mapping[str, Callable[..., Any]]] = {
     "min": np.min,
@@ -55,22 +60,32 @@ def low_rate_rows(session: RecordedSession, fps: int) -> dict[str, Column]:
             "needs one"
         )
     newest = np.searchsorted(row_of_frame, np.arange(count), side="right") - 1
-    fields = [FIELD_OF_CHANNEL[c] for c in session.channels if c != "acceleration"]
-    states = [frames[name][newest] for name in fields]
-    if "acceleration" in session.channels:
-        states.append(_vibration(frames["acceleration_m_s2"], row_of_frame, count))
-    state = np.concatenate(states, axis=1)
+    states = {
+        c: _vibration(frames["acceleration_m_s2"], row_of_frame, count)
+        if c == "acceleration"
+        else frames[FIELD_OF_CHANNEL[c]][newest]
+        for c in session.channels
+    }
+    state = np.concatenate(list(states.values()), axis=1)
     bad = np.flatnonzero(~np.isfinite(state).all(axis=1))
     if len(bad):
         raise InputError(f"{where}: a value at {bad[0] / fps:.3f} s is not finite")
     index = np.arange(count)
-    rows: dict[str, Column] = {"observation.state": state if state.shape[1] > 1 else state[:, 0]}
+    rows: dict[str, Column] = {STATE: _column(state)}
+    felt = [values for channel, values in states.items() if channel != "position"]
+    if felt:
+        rows[FELT] = _column(np.concatenate(felt, axis=1))
     if "position" in session.channels:
         rows["action"] = state[np.minimum(index + 1, count - 1), :3]
     rows["mmt.frames"] = np.bincount(row_of_frame, minlength=count)[:count]
     rows["timestamp"] = (index / fps).astype(np.float32)
     rows["frame_index"] = index
     return rows
+
+
+def _column(values: npt.NDArray[np.float32]) -> Column:
+    """Return values (n, k) as LeRobot's rows have them: (n,) for a single component."""
+    return values if values.shape[1] > 1 else values[:, 0]
 
 
 def _vibration(

@@ -155,7 +155,7 @@ def recorded_cases(
     cases: list[Case] = []
     remarks: list[str] = []
     for path in paths:
-        files = sorted(path.rglob("*.npz")) if path.is_dir() else [path]
+        files = sorted(path.rglob("[!.]*.npz")) if path.is_dir() else [path]
         if not path.exists() or not files:
             remarks.append(f"{path}: skipped, there is no recorded stroke (.npz)")
             continue

@@ -165,7 +165,7 @@ def find_runs(paths: list[Path]) -> list[Path]:
     """
     found: list[Path] = []
     for path in paths:
-        inside = sorted(path.glob("*.npz")) if path.is_dir() else [path]
+        inside = sorted(path.glob("[!.]*.npz")) if path.is_dir() else [path]
         if not inside or not inside[0].exists():
             raise InputError(f"{path}: no recording there: name .npz files or their folder")
         found += inside

@@ -159,7 +159,8 @@ def chosen_textures(textures: str | None) -> list[str]:
     for name in (name.strip() for name in textures.split(",")):
         whole, plus, altered = (name, "", "") if Path(name).exists() else name.partition("+")
         if Path(whole).is_dir():
-            files = [f for f in sorted(Path(whole).iterdir()) if f.suffix.lower() in _MODELS]
+            found = sorted(Path(whole).glob("[!.]*"))
+            files = [f for f in found if f.suffix.lower() in _MODELS]
             if not files:
                 raise InputError(f"--textures {name}: no model (.npz, .xml) is in this folder")
             chosen += [f"{file}{plus}{altered}" for file in files]
