@@ -28,14 +28,6 @@ def test_a_sample_at_the_limit_is_not_clipped():
     assert actuator.statistics.clipped == 0
 
 
-def test_not_finite_samples_are_played_as_zero():
-    actuator = SimulatedActuator(limit_m_s2=2.0)
-    actuator.write(np.array([math.nan, math.inf, -math.inf, 1.0]))
-    assert actuator.statistics.clipped == 3
-    assert actuator.statistics.rms_m_s2 == pytest.approx(0.5)
-    assert actuator.statistics.peak_m_s2 == 1.0
-
-
 def test_connect_starts_anew_and_close_keeps_the_figures():
     actuator = SimulatedActuator(limit_m_s2=2.0)
     assert actuator.statistics.rms_m_s2 == 0.0

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mmt.devices.protocols import Vector
-from mmt.leader.motion.slew import SlewLimitedDisplay, VibrationSlew
+from mmt.leader.motion.slew import GuardedDisplay, VibrationSlew
 from mmt.scene.files import scene_from_tables
 
 FORCES = st.tuples(*[st.floats(-40.0, 40.0)] * 3)
@@ -25,7 +25,7 @@ class Display:
 @given(st.lists(FORCES, min_size=1, max_size=30))
 def test_a_force_changes_by_a_step_at_most(forces_n: list[Vector]) -> None:
     display = Display()
-    limited = SlewLimitedDisplay(display, 0.5)
+    limited = GuardedDisplay(display, 100.0, 0.5)
     for force_n in forces_n:
         limited.write(force_n)
     written = np.array([(0.0, 0.0, 0.0), *display.forces])
@@ -37,7 +37,7 @@ def test_a_force_changes_by_a_step_at_most(forces_n: list[Vector]) -> None:
 
 def test_a_slow_force_passes_as_it_is_and_is_not_counted() -> None:
     display = Display()
-    limited = SlewLimitedDisplay(display, 1.0)
+    limited = GuardedDisplay(display, 100.0, 1.0)
     forces_n = [(0.0, 0.0, 0.9 * k) for k in range(4)]
     for force_n in forces_n:
         limited.write(force_n)
@@ -49,7 +49,7 @@ def test_a_slow_force_passes_as_it_is_and_is_not_counted() -> None:
 
 
 def test_a_vibration_changes_by_a_step_at_most_over_calls_too() -> None:
-    slew = VibrationSlew(60.0)
+    slew = VibrationSlew(500.0, 60.0)
     blocks = [np.array([60.0, -60.0]), np.array([60.0]), np.zeros(3)]
     for block in blocks:
         slew.limit(block)

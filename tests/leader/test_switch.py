@@ -26,9 +26,7 @@ class Noise:
 
 
 def make(streamed: float = 1.0, synthesized: float = 2.0, fade: int = 50) -> VibrationSwitch:
-    return VibrationSwitch(
-        lambda now_ns: streamed, Constant(synthesized), crossfade_samples=fade, limit_m_s2=10.0
-    )
+    return VibrationSwitch(lambda now_ns: streamed, Constant(synthesized), crossfade_samples=fade)
 
 
 def run(switch: VibrationSwitch, count: int) -> np.ndarray:
@@ -67,9 +65,7 @@ def test_turning_round_in_mid_fade_makes_no_step() -> None:
 def test_the_fade_keeps_the_power_of_uncorrelated_signals() -> None:
     powers = []
     for seed in range(300):
-        switch = VibrationSwitch(
-            Noise(seed), Noise(seed + 10_000), crossfade_samples=100, limit_m_s2=100.0
-        )
+        switch = VibrationSwitch(Noise(seed), Noise(seed + 10_000), crossfade_samples=100)
         switch.use_model(True)
         powers.append(run(switch, 100) ** 2)
     by_tenth = np.mean(powers, axis=0).reshape(10, 10).mean(axis=1)
@@ -77,7 +73,7 @@ def test_the_fade_keeps_the_power_of_uncorrelated_signals() -> None:
 
 
 def test_without_a_stream_it_fades_from_silence() -> None:
-    switch = VibrationSwitch(None, Constant(2.0), crossfade_samples=10, limit_m_s2=10.0)
+    switch = VibrationSwitch(None, Constant(2.0), crossfade_samples=10)
     assert switch.mode == "silent"
     assert (run(switch, 5) == 0.0).all()
     switch.use_model(True)
@@ -85,7 +81,7 @@ def test_without_a_stream_it_fades_from_silence() -> None:
 
 
 def test_without_a_model_it_stays_with_the_stream() -> None:
-    switch = VibrationSwitch(lambda now_ns: 1.0, None, crossfade_samples=10, limit_m_s2=10.0)
+    switch = VibrationSwitch(lambda now_ns: 1.0, None, crossfade_samples=10)
     switch.use_model(True)
     assert (run(switch, 20) == 1.0).all()
     assert switch.mode == "streamed"
@@ -100,7 +96,7 @@ def test_what_follows_the_motion_is_told_of_it_while_it_is_not_heard() -> None:
             self.unheard += len(speed_mm_s)
 
     following = Following(2.0)
-    switch = VibrationSwitch(None, following, crossfade_samples=10, limit_m_s2=10.0)
+    switch = VibrationSwitch(None, following, crossfade_samples=10)
     run(switch, 7)
     switch.use_model(True)
     run(switch, 30)
@@ -113,13 +109,6 @@ def test_no_crossfade_switches_at_once() -> None:
     assert run(switch, 1)[0] == pytest.approx(2.0)
 
 
-def test_the_output_is_bounded() -> None:
-    switch = make(streamed=-500.0, synthesized=500.0)
-    assert run(switch, 1)[0] == -10.0
-    switch.use_model(True)
-    assert np.abs(run(switch, 100)).max() == 10.0
-
-
 def test_each_missed_tick_gets_its_own_time_and_sample() -> None:
     seen: list[int] = []
 
@@ -127,7 +116,7 @@ def test_each_missed_tick_gets_its_own_time_and_sample() -> None:
         seen.append(now_ns)
         return float(len(seen))
 
-    switch = VibrationSwitch(streamed, None, crossfade_samples=0, limit_m_s2=10.0)
+    switch = VibrationSwitch(streamed, None, crossfade_samples=0)
     output = switch.render(10_000_000, ONES(3), ONES(3))
     assert output.tolist() == [1.0, 2.0, 3.0]
     assert seen == [8_000_000, 9_000_000, 10_000_000]

@@ -42,7 +42,7 @@ def answer(*arguments: float, **status: bool) -> str:
 
 
 def handle(clock: Clock, names: str = "3.5") -> ForceServo:
-    return ForceServo(Found("049D", NAMES[names], entry()), 50.0, 100.0, clock)
+    return ForceServo(Found("049D", NAMES[names], entry()), 50.0, 100.0, 3.0, clock)
 
 
 def robot(clock: Clock, **options: float) -> PositionServo:

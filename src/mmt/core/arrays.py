@@ -37,10 +37,29 @@ def clipped(position: Vector, low: Vector, high: Vector) -> Vector:
 
 
 def towards(start: Vector, goal: Vector, most: float) -> Vector:
-    """Return `goal`, or the point at distance `most` towards it where it is farther away."""
-    x, y, z = goal[0] - start[0], goal[1] - start[1], goal[2] - start[2]
-    distance = math.sqrt(x * x + y * y + z * z)
-    if distance <= most:
+    """Return `goal`, or the point at distance `most` towards it where it is farther away.
+
+    To a goal that is not finite there is no way: it is `start`. From a start that is not finite
+    it is `goal` at once. However large both are, nothing overflows.
+    """
+    x, y, z = (0.25 * b - 0.25 * a for a, b in zip(start, goal, strict=True))
+    quarter = math.hypot(x, y, z)
+    if not quarter < math.inf:
+        return start if all(map(math.isfinite, start)) else goal
+    if quarter <= 0.25 * most:
         return goal
-    share = most / distance
+    share = most / quarter
     return (start[0] + share * x, start[1] + share * y, start[2] + share * z)
+
+
+def bounded(vector: Vector, most: float) -> Vector:
+    """Return a vector no longer than `most`, its direction kept; nought if it is not finite."""
+    length = math.hypot(*vector)
+    if length <= most:
+        return vector
+    if not length < math.inf:
+        if not all(map(math.isfinite, vector)):
+            return (0.0, 0.0, 0.0)
+        return bounded((0.5 * vector[0], 0.5 * vector[1], 0.5 * vector[2]), most)
+    share = most / length
+    return (share * vector[0], share * vector[1], share * vector[2])

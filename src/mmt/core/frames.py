@@ -12,6 +12,9 @@ import numpy as np
 from mmt.core.arrays import IntArray, RecordArray
 from mmt.core.errors import InputError
 
+_RATE_TOLERANCE: Final = 0.1
+"""Jitter of stamps and a drifting clock are far less, another rate is more."""
+
 SEQUENCES: Final = 2**32
 """Sequence numbers are 32 bits: behind the last one comes 0 again, after 49 days at 1 kHz."""
 
@@ -108,6 +111,25 @@ def check_frames(frames: object, channels: Iterable[Channel] = CHANNELS) -> None
         raise InputError(
             f"frames without {', '.join(missing)}: {', '.join(channels)} are needed; add the "
             "channels to the scene"
+        )
+
+
+def check_frame_rate(frames: RecordArray, rate_hz: float) -> None:
+    """Check that frames (n,) which follow each other are a period apart by their time stamps.
+
+    Raises
+    ------
+    InputError
+        By half of them the rate is another one, by more than a tenth.
+    """
+    following = np.diff(frames["sequence"].astype(np.int64)) == 1
+    steps_ns = np.diff(frames["time_ns"].astype(np.int64))[following]
+    step_ns = float(np.median(steps_ns)) if len(steps_ns) else 0.0
+    if step_ns > 0.0 and abs(1e-9 * step_ns * rate_hz - 1.0) > _RATE_TOLERANCE:
+        raise InputError(
+            f"the frames are {1e-6 * step_ns:g} ms apart by their time stamps, which is "
+            f"{1e9 / step_ns:g} Hz: {rate_hz:g} Hz are needed, and 'mmt session import' resamples "
+            "a table of another rate"
         )
 
 

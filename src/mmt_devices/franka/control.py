@@ -1,8 +1,8 @@
 """How the arm is held at commanded positions."""
 
-import math
 from typing import Any, Final
 
+from mmt.core.arrays import difference, towards
 from mmt.devices.protocols import Vector
 from mmt_devices.franka.options import RobotOptions
 from mmt_devices.franka.problems import ArmProblem
@@ -104,13 +104,8 @@ class PositionControl:
     def _move(self, target: Vector, passed_s: float) -> None:
         """Move the point towards the target (mm), and follow its velocity (mm/s)."""
         step_s = min(max(passed_s, 1e-6), _LONGEST_STEP_S)
-        a, b, c = self._point
-        x, y, z = target[0] - a, target[1] - b, target[2] - c
-        distance = math.sqrt(x * x + y * y + z * z)
-        reach = self._options.speed_limit_mm_s * step_s
-        part = 1.0 if distance <= reach else reach / distance
-        x, y, z = part * x, part * y, part * z
-        self._point = (a + x, b + y, c + z)
+        point = towards(self._point, target, self._options.speed_limit_mm_s * step_s)
+        (x, y, z), self._point = difference(point, self._point), point
         share = step_s / (step_s + _SMOOTHING_S)
         u, v, w = self._velocity
         self._velocity = (

@@ -1,6 +1,5 @@
 """The leader's handle: an Inverse3 that the operator holds."""
 
-import math
 from typing import Any
 
 from mmt.devices.drivers import read_options
@@ -36,7 +35,11 @@ class Inverse3Handle(InverseDriver):
     def _make_link(self) -> ServiceLink:
         options = self._of_handle
         self._hand = HandForce(options.apparent_mass_kg)
-        servo = {"stale_ms": options.stale_ms, "ramp_ms": options.ramp_ms}
+        servo = {
+            "stale_ms": options.stale_ms,
+            "ramp_ms": options.ramp_ms,
+            "limit_n": options.force_limit_n,
+        }
         return ServiceLink("handle", options, servo, self._counts)
 
     def read(self, elapsed_ticks: int) -> InterfaceState:  # noqa: ARG002 - it has its own clock
@@ -59,14 +62,13 @@ class Inverse3Handle(InverseDriver):
         return InterfaceState(position, velocity, force_n, force_n > options.contact_n)
 
     def write(self, force_n: Vector) -> None:
-        """Display a force (N), cut to the limit; one that is not finite is counted and left out.
+        """Display a force (N); one that is not finite is counted and left out.
+
+        What is displayed is cut to the limit.
 
         Raises
         ------
         DeviceLost
             The handle does not answer any more.
         """
-        x, y, z = force_n
-        size, limit_n = math.hypot(x, y, z), self._of_handle.force_limit_n
-        scale = 1.0 if size <= limit_n else limit_n / size
-        self._command(self._axes.to_device((scale * x, scale * y, scale * z)))
+        self._command(self._axes.to_device(force_n))

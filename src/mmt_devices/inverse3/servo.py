@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 
 from mmt.core.arrays import towards
+from mmt.core.guards import ForceGuard
 from mmt.devices.plausibility import Watch
 from mmt.devices.protocols import Vector
 from mmt_devices.inverse3.exchange import ABSENT, Measured, State
@@ -43,6 +44,7 @@ _STUCK_NS: Final = 500_000_000
 """A tip that is pulled as far as it may be moves by the least bit within this, unless it is held
 fast, or the service does not obey."""
 _LONGEST_STEP_S: Final = 0.005
+_FADE_TICKS: Final = 10
 
 
 class Found(NamedTuple):
@@ -214,6 +216,8 @@ class ForceServo(Servo):
         See `Servo`.
     ramp_ms
         See `Fade`.
+    limit_n
+        Largest force, along any direction.
     """
 
     def __init__(
@@ -221,10 +225,12 @@ class ForceServo(Servo):
         found: Found,
         stale_ms: float,
         ramp_ms: float,
+        limit_n: float,
         clock: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         super().__init__(found, stale_ms, clock)
         self._fade = Fade(self.stale_ns, round(ramp_ms * 1e6))
+        self._guard = ForceGuard(limit_n, _FADE_TICKS)
 
     def speak(self, now_ns: int) -> str:
         """Return the command of the force, faded."""
@@ -236,7 +242,7 @@ class ForceServo(Servo):
         if begins:
             self.counts["stale commands"] += 1
         x, y, z = self.command
-        self.displayed_n = (share * x, share * y, share * z)
+        self.displayed_n = self._guard.step((share * x, share * y, share * z))
         return force_command(self.device, self._names, self.displayed_n)
 
 

@@ -87,7 +87,8 @@ class ServoPoint:
         normal = self._settings.normal
         pressed = sum(a * b for a, b in zip(force_n, normal, strict=True))
         rising = sum(a * b for a, b in zip(velocity, normal, strict=True))
-        self.held_back = pressed > self._settings.force_limit_n and rising < 0.0
+        small = pressed <= self._settings.force_limit_n  # false where it is no number
+        self.held_back = not small and rising < 0.0
         if not self.held_back:
             return velocity
         return [part - rising * along for part, along in zip(velocity, normal, strict=True)]

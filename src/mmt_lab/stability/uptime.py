@@ -140,9 +140,7 @@ class LeaderInProcess:
         self.queue = FrameQueue(10_000, least_drop=1000)
         self.dropped = 0
         self.synthesizer = Synthesizer(seed=1, renewal_samples=10)
-        self.switch = VibrationSwitch(
-            self.playout.pull, self.synthesizer, crossfade_samples=50, limit_m_s2=60.0
-        )
+        self.switch = VibrationSwitch(self.playout.pull, self.synthesizer, crossfade_samples=50)
         self.actuator = SimulatedActuator(limit_m_s2=60.0)
         self.numbering = SessionNumbering(PERIOD_NS)
 

@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
+from mmt.core.guards import SampleGuard
 from mmt.devices.calibrations import calibration_file, load_calibration, save_calibration
 from mmt.devices.haptuator.equaliser import TAPS, Equaliser
 from mmt.devices.haptuator.options import HaptuatorOptions
@@ -71,6 +72,8 @@ def _number(value: object) -> float | None:
     return float(value) if isinstance(value, int | float) and math.isfinite(value) else None
 
 
+FADE_S: Final = 0.01
+"""Over this a voltage that is not finite fades out, and the next in again."""
 _HIGHEST_SHARE: Final = 0.4999
 """A low-pass above this share of the rate would pass all that there is."""
 
@@ -79,7 +82,7 @@ class VoltageDrive:
     """Keep samples within the band, even them out, scale them to volts, and limit the voltage.
 
     Plain Python, some 2 us a sample, and as much for an equaliser. A sample that is not finite
-    counts as clipped and as zero.
+    counts as clipped, and the filters let it die away.
 
     Parameters
     ----------
@@ -99,14 +102,14 @@ class VoltageDrive:
         self._scale = level.volts_per_m_s2
         self._taps = level.taps
         self._history = deque([0.0] * len(level.taps), maxlen=len(level.taps))
-        self._limit_v = options.largest_v
+        self._guard = SampleGuard(options.largest_v, round(FADE_S * rate_hz))
         sections = [BiquadFilter(butterworth_high_pass(options.low_hz, rate_hz))]
         if options.high_hz < _HIGHEST_SHARE * rate_hz:
             sections.append(BiquadFilter(bessel_low_pass(options.high_hz, rate_hz)))
         self._filters: tuple[Callable[[float], float], ...] = tuple(s.step for s in sections)
         self._sections = sections
         self._samples = 0
-        self._clipped = 0
+        self._not_finite = 0
         self._sum_squares = 0.0
         self._peak = 0.0
         self.rest()
@@ -121,26 +124,21 @@ class VoltageDrive:
     def convert(self, samples_m_s2: Sequence[float] | FloatArray) -> list[float]:
         """Return the voltages (V) for samples (n,), m/s2."""
         values = samples_m_s2 if isinstance(samples_m_s2, Sequence) else samples_m_s2.tolist()
-        limit_v, scale, filters = self._limit_v, self._scale, self._filters
+        scale, filters = self._scale, self._filters
         taps, history = self._taps, self._history
         volts = []
         for value in values:
-            magnitude = abs(value)
-            if math.isfinite(magnitude):
-                self._peak = max(self._peak, magnitude)
-                wanted = value
+            if math.isfinite(value):
+                self._peak = max(self._peak, abs(value))
             else:
-                wanted = 0.0
-                self._clipped += 1
-            for step in filters:
+                self._not_finite += 1
+            wanted = value
+            for step in filters:  # they take what is not finite for what came before
                 wanted = step(wanted)
             if len(taps) > 1:
                 history.appendleft(wanted)
                 wanted = sum(map(mul, taps, history))
-            voltage = wanted * scale
-            if not -limit_v <= voltage <= limit_v:
-                voltage = math.copysign(limit_v, voltage)
-                self._clipped += 1
+            voltage = self._guard.step(wanted * scale)
             self._sum_squares += voltage * voltage
             volts.append(voltage)
         self._samples += len(values)
@@ -150,4 +148,5 @@ class VoltageDrive:
     def statistics(self) -> ActuatorStatistics:
         """Counts and levels; the RMS is that of the voltage, over the level."""
         rms_v = math.sqrt(self._sum_squares / self._samples) if self._samples else 0.0
-        return ActuatorStatistics(self._samples, self._clipped, rms_v / self._scale, self._peak)
+        clipped = self._not_finite + self._guard.limited + self._guard.not_finite
+        return ActuatorStatistics(self._samples, clipped, rms_v / self._scale, self._peak)

@@ -4,10 +4,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Final
 
-import numpy as np
-
 from mmt.core.arrays import FloatArray
-from mmt.devices.haptuator.drive import VoltageDrive
+from mmt.core.guards import SampleGuard
+from mmt.devices.haptuator.drive import FADE_S, VoltageDrive
 from mmt.devices.haptuator.options import HaptuatorOptions
 
 RATE_HZ: Final = 1000.0
@@ -25,12 +24,14 @@ class HaptuatorDriver(ABC):
     ----------
     options
         Level, band and limits.
+    output_rate_hz
+        Rate of the converter: what it gets passes `_guard`, the last step of all.
     """
 
-    def __init__(self, options: HaptuatorOptions) -> None:
+    def __init__(self, options: HaptuatorOptions, output_rate_hz: float) -> None:
         self._drive = VoltageDrive(options, RATE_HZ)
         self._to_volts = options
-        self._limited = 0
+        self._guard = SampleGuard(options.largest_v, round(FADE_S * output_rate_hz))
         self._latency_s: float | None = None
 
     @abstractmethod
@@ -70,14 +71,6 @@ class HaptuatorDriver(ABC):
         """
         self._check()
         self._play(self._to_volts.cut(volts))
-
-    def _limit(self, volts: FloatArray) -> None:
-        """Cut, in place, and count what goes beyond the limit between the session's samples."""
-        largest_v = self._to_volts.largest_v
-        beyond = int(np.count_nonzero(np.abs(volts) > largest_v))
-        if beyond:
-            self._limited += beyond
-            np.clip(volts, -largest_v, largest_v, out=volts)
 
     def _note_latency(self, latency_s: float) -> None:
         known = self._latency_s

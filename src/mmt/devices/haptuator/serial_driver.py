@@ -76,7 +76,7 @@ class SerialHaptuator(HaptuatorDriver):
     """
 
     def __init__(self, options: SerialOptions) -> None:
-        super().__init__(options)
+        super().__init__(options, float(options.board_rate_hz))
         self._options = options
         self._board = HaptuatorBoard(options.port, options.baud_rate)
         self.port = options.port
@@ -160,7 +160,7 @@ class SerialHaptuator(HaptuatorDriver):
             lost_frames=self._earlier[1] + self._report.lost,
             bad_messages=sum(self._board.faults.values()),
             slips=pusher.slips,
-            limited_frames=self._limited,
+            limited_frames=self._guard.limited,
             drift_ppm=round(1e6 * pusher.follower.drift, 1),
             latency_ms=self._latency_ms,
         )
@@ -211,7 +211,7 @@ class SerialHaptuator(HaptuatorDriver):
         return max(0, self._report.fill + under_way - played)
 
     def _send(self, volts: FloatArray) -> None:
-        self._limit(volts)
+        self._guard.apply(volts)
         scale = FULL_SCALE / self._options.full_scale_v
         values = np.rint(volts * scale).astype(np.int64).tolist()
         frames = []

@@ -142,7 +142,7 @@ class SoundHaptuator(HaptuatorDriver):
         library: Any = None,
         clock_ns: Callable[[], int] = time.monotonic_ns,
     ) -> None:
-        super().__init__(options)
+        super().__init__(options, float(options.card_rate_hz))
         self.name = f"sound card {'(default)' if options.device is None else options.device}"
         self._options = options
         self._library = library
@@ -233,7 +233,7 @@ class SoundHaptuator(HaptuatorDriver):
             underruns=puller.underruns,
             slips=puller.slips,
             card_underflows=self._card_underflows,
-            limited_frames=self._limited,
+            limited_frames=self._guard.limited,
             drift_ppm=round(1e6 * puller.follower.drift, 1),
             latency_ms=self._latency_ms,
         )
@@ -258,7 +258,7 @@ class SoundHaptuator(HaptuatorDriver):
             self._card_underflows += 1
         self._called_ns = self._clock_ns()
         volts = self._buffer.read(frames)
-        self._limit(volts)
+        self._guard.apply(volts)
         block.fill(0.0)
         block[:, -1] = volts / self._options.full_scale_v
         if not self._buffer.silent:

@@ -1,6 +1,5 @@
 """The leader's handle: a Phantom or Touch that the operator holds."""
 
-import math
 from typing import Any
 
 from mmt.devices.drivers import read_options
@@ -31,7 +30,6 @@ class OpenHapticsHandle(HdDriver[Servo]):
 
     def __init__(self, **options: Any) -> None:
         self._options = read_options(HandleOptions, "openhaptics", options)
-        self._limit_n = self._options.force_limit_n
         self._hand = HandForce(self._options.apparent_mass_kg)
         super().__init__(self._options)
 
@@ -42,7 +40,6 @@ class OpenHapticsHandle(HdDriver[Servo]):
         limit_n: float,
         stiffness_n_mm: float,  # noqa: ARG002 - nothing is rendered here
     ) -> Servo:
-        self._limit_n = limit_n
         self._hand = HandForce(self._options.apparent_mass_kg)
         return Servo(
             stack.hd,
@@ -50,6 +47,7 @@ class OpenHapticsHandle(HdDriver[Servo]):
             handle,
             stale_ns=round(self._options.stale_ms * 1e6),
             ramp_ns=round(self._options.ramp_ms * 1e6),
+            limit_n=limit_n,
         )
 
     def read(self, elapsed_ticks: int) -> InterfaceState:  # noqa: ARG002 - it has its own clock
@@ -71,7 +69,9 @@ class OpenHapticsHandle(HdDriver[Servo]):
         return InterfaceState(position, velocity, force_n, force_n > options.contact_n)
 
     def write(self, force_n: Vector) -> None:
-        """Display a force (N), cut to the limit; one that is not finite is counted and left out.
+        """Display a force (N); one that is not finite is counted and left out.
+
+        What is displayed is cut to the limit.
 
         Raises
         ------
@@ -79,10 +79,6 @@ class OpenHapticsHandle(HdDriver[Servo]):
             The handle does not answer any more.
         """
         servo = self._device.check()
-        if not self._is_finite(servo, force_n):
-            return
-        x, y, z = force_n
-        size = math.hypot(x, y, z)
-        scale = 1.0 if size <= self._limit_n else self._limit_n / size
-        servo.force = self._axes.to_device((scale * x, scale * y, scale * z))
-        servo.command_ns = servo.clock()
+        if self._is_finite(servo, force_n):
+            servo.force = self._axes.to_device(force_n)
+            servo.command_ns = servo.clock()

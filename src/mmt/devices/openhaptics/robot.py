@@ -4,6 +4,7 @@ import math
 from ctypes.util import find_library
 from typing import Any, Final
 
+from mmt.core.arrays import towards
 from mmt.core.errors import InputError
 from mmt.devices.drivers import read_options
 from mmt.devices.openhaptics.driver import HdDriver
@@ -50,6 +51,7 @@ class PositionServo(Servo):
             handle,
             stale_ns=round(options.stale_ms * 1e6),
             ramp_ns=round(options.ramp_ms * 1e6),
+            limit_n=limit_n,
         )
         self.target: Vector = (0.0, 0.0, 0.0)
         self.limit_n = limit_n
@@ -60,15 +62,15 @@ class PositionServo(Servo):
         self._pushed_at = (0.0, 0.0, 0.0)
         self._pushed_ns = 0
 
-    def drive(self, now_ns: int, share: float) -> None:
-        """Set the force of this tick."""
+    def drive(self, now_ns: int, share: float) -> Vector:
+        """Return the force of this tick."""
         x, y, z = self.position
         if share == 0.0:
             self._point = (x, y, z)
             self._pushed_ns = now_ns
-            self.displayed[:] = (0.0, 0.0, 0.0)
-            return
-        a, b, c = self._moved(min(1e-9 * (now_ns - self.tick_ns), _LONGEST_STEP_S))
+            return (0.0, 0.0, 0.0)
+        passed_s = min(1e-9 * (now_ns - self.tick_ns), _LONGEST_STEP_S)
+        a, b, c = self._point = towards(self._point, self.target, self._speed * passed_s)
         u, v, w = self.velocity
         stiffness, damping = self._stiffness, self._damping
         fx = stiffness * (a - x) - damping * u
@@ -81,18 +83,7 @@ class PositionServo(Servo):
         elif now_ns - self._pushed_ns > _STUCK_NS:
             self.distrust(STUCK, now_ns - _STUCK_NS)
             scale = 0.0
-        self.displayed[:] = (scale * fx, scale * fy, scale * fz)
-
-    def _moved(self, passed_s: float) -> Vector:
-        """Move the point towards the target and return it."""
-        a, b, c = self._point
-        x, y, z = self.target
-        x, y, z = x - a, y - b, z - c
-        distance = math.sqrt(x * x + y * y + z * z)
-        reach = self._speed * passed_s
-        part = 1.0 if distance <= reach else reach / distance
-        self._point = (a + part * x, b + part * y, c + part * z)
-        return self._point
+        return (scale * fx, scale * fy, scale * fz)
 
 
 class OpenHapticsRobot(HdDriver[PositionServo]):

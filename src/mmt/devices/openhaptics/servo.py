@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Any, Final
 
+from mmt.core.guards import ForceGuard
 from mmt.core.realtime import follow_real_time
 from mmt.devices.openhaptics.constants import (
     COMM_ERROR,
@@ -29,6 +30,7 @@ STUCK: Final = "a position that stays the same under the largest force"
 _LONGEST_STEP_NS: Final = 10_000_000
 _COOLING_NS: Final = 1_000_000_000
 _MOST_ERRORS: Final = 8
+_FADE_TICKS: Final = 10
 _POSITION, _VELOCITY, _FORCE = (
     ctypes.c_uint32(name) for name in (CURRENT_POSITION, CURRENT_VELOCITY, CURRENT_FORCE)
 )
@@ -54,6 +56,8 @@ class Servo:
     stale_ns, ramp_ns
         The force fades to zero within `ramp_ns` when no command has come for `stale_ns`,
         and comes back as slowly. It does so as well after a measurement that makes no sense.
+    limit_n
+        Largest force, along any direction.
     clock
         Monotonic time (ns).
     """
@@ -64,6 +68,7 @@ class Servo:
         copies: Any,
         handle: int,
         *,
+        limit_n: float,
         stale_ns: int,
         ramp_ns: int,
         clock: Callable[[], int] = time.monotonic_ns,
@@ -80,6 +85,7 @@ class Servo:
         self.senseless: tuple[str, int] | None = None
         """What is wrong with the measurements, and since when."""
         self.force: Vector = (0.0, 0.0, 0.0)
+        self.guard: Final = ForceGuard(limit_n, _FADE_TICKS)
         self.displayed = Vector3()
         self.command_ns: int | None = None
         self.share = 0.0
@@ -108,7 +114,7 @@ class Servo:
             self._measure(now_ns)
             if self.request is not None:
                 self.answer, self.request = self.request(), None
-            self.drive(now_ns, self._fade(now_ns))
+            self._display(self.drive(now_ns, self._fade(now_ns)))
             self._set(_FORCE, self.displayed)
             self._end(self._handle)
             error = self._error()
@@ -166,10 +172,17 @@ class Servo:
         first_ns = since_ns if self.senseless is None else self.senseless[1]
         self.senseless = (problem, first_ns)
 
-    def drive(self, now_ns: int, share: float) -> None:  # noqa: ARG002 - a controller needs it
-        """Set `displayed`, the force of this tick, from what is commanded."""
+    def drive(self, now_ns: int, share: float) -> Vector:  # noqa: ARG002 - a controller needs it
+        """Return the force of this tick from what is commanded."""
         x, y, z = self.force
-        self.displayed[:] = (share * x, share * y, share * z)
+        return (share * x, share * y, share * z)
+
+    def _display(self, force_n: Vector) -> None:
+        """Set `displayed`, after which nothing is computed: finite, and within the limit."""
+        bad = self.guard.not_finite
+        self.displayed[:] = self.guard.step(force_n)
+        if self.guard.not_finite != bad:
+            self.counts["forces that are not finite"] += 1
 
     def _fade(self, now_ns: int) -> float:
         """Return the share of the force that is displayed now."""

@@ -1,11 +1,12 @@
 """Kinesthetic feedback as in Awan et al., section IV: the streamed force goes to the hand."""
 
 from collections.abc import Mapping
+from math import hypot
 from typing import Any, Protocol
 
 import numpy as np
 
-from mmt.core.arrays import RecordArray
+from mmt.core.arrays import RecordArray, bounded
 from mmt.devices.protocols import InterfaceState, Vector
 from mmt.leader.motion.force_ramp import SILENCE_TICKS, ForceRamp
 
@@ -92,7 +93,7 @@ class StreamedForce:
 
     def on_frames(self, frames: RecordArray) -> None:
         """Store the newest frame's force."""
-        self._force = limited(frames["force_n"][-1].tolist(), self._limit_n)
+        self._force = bounded(frames["force_n"][-1].tolist(), self._limit_n)
         self._ramp.renew()
 
     def on_records(self, records: RecordArray) -> None:
@@ -125,14 +126,5 @@ class StreamedForce:
         return self._ramp.shape(self._force, elapsed)
 
     def _show(self, force_n: Vector) -> None:
-        x, y, z = force_n
-        self._largest_n = max(self._largest_n, (x * x + y * y + z * z) ** 0.5)
+        self._largest_n = max(self._largest_n, hypot(*force_n))
         self._interface.write(force_n)
-
-
-def limited(force_n: tuple[float, float, float], limit_n: float) -> Vector:
-    """Return a force (N) no larger than the limit, its direction kept."""
-    x, y, z = force_n
-    magnitude = float((x * x + y * y + z * z) ** 0.5)
-    scale = min(1.0, limit_n / magnitude) if magnitude > 0.0 else 1.0
-    return (x * scale, y * scale, z * scale)

@@ -11,10 +11,10 @@ from mmt.contact.estimation import ContactEstimator, ContactModel, EstimationSet
 from mmt.contact.force_map import ForceMap, SmoothSpeed
 from mmt.contact.passivity import PassivitySettings
 from mmt.contact.rendering import LocalContact, RenderingSettings
-from mmt.core.arrays import RecordArray
+from mmt.core.arrays import RecordArray, bounded
 from mmt.core.feedback_records import CONTACT, CONTACT_DTYPE
 from mmt.devices.protocols import InterfaceState, Vector
-from mmt.leader.motion.feedback import ForceDisplay, StreamedForce, limited
+from mmt.leader.motion.feedback import ForceDisplay, StreamedForce
 from mmt.leader.motion.force_ramp import SILENCE_TICKS
 from mmt.leader.motion.passivity_ports import PassivityPorts
 
@@ -109,7 +109,7 @@ class ModelForce(StreamedForce):
         force = list(self._force)
         if state is not None:
             force[self._normal] = self._modelled_n(state, elapsed)
-        x, y, z = limited((force[0], force[1], force[2]), self._limit_n)
+        x, y, z = bounded((force[0], force[1], force[2]), self._limit_n)
         wanted: Vector = self._ramp.shape((x, y, z), elapsed)
         self._show(self._ports.step(wanted, state, elapsed))
         return None

@@ -1,11 +1,12 @@
 """The part that displays the remote force; only the module of the scene's method is imported."""
 
+import math
 from typing import TYPE_CHECKING, Any, Literal
 
 from mmt.core.arrays import RecordArray
 from mmt.leader.motion.feedback import Feedback, ForceDisplay, StreamedForce
 from mmt.leader.motion.force_ramp import FADE_TICKS, SILENCE_TICKS
-from mmt.leader.motion.slew import SlewLimitedDisplay
+from mmt.leader.motion.slew import GuardedDisplay
 from mmt.leader.part import Part, Session, Tick
 from mmt.scene import ForceFeedback, Texture
 
@@ -25,16 +26,14 @@ class ForceFeedbackPart(Part):
         Session of the run.
     feedback
         The method's side at the leader.
-    slew
-        Bounds what the method writes; None where the scene says that nothing does.
+    bound
+        Bounds what the method writes.
     """
 
-    def __init__(
-        self, session: Session, feedback: Feedback, slew: SlewLimitedDisplay | None = None
-    ) -> None:
+    def __init__(self, session: Session, feedback: Feedback, bound: GuardedDisplay) -> None:
         self._session = session
         self.feedback = feedback
-        self._slew = slew
+        self._bound = bound
         self._given_ticks = 0
 
     @classmethod
@@ -46,10 +45,8 @@ class ForceFeedbackPart(Part):
         if table is None or hand is None:
             return None
         normal = (session.scene.texture or Texture()).normal
-        display: ForceDisplay = hand.device
-        slew = None
-        if table.slew_n_s != "off":
-            display = slew = SlewLimitedDisplay(display, table.slew_n_s / session.rate_hz)
+        step_n = math.inf if table.slew_n_s == "off" else table.slew_n_s / session.rate_hz
+        display = GuardedDisplay(hand.device, table.limit_n, step_n)
         if operating is not None:
             from mmt.leader.motion.feedback_shared import SharedContactForce
 
@@ -57,9 +54,9 @@ class ForceFeedbackPart(Part):
             settings = _model_settings(table, passivity, normal)
             limit_n = table.limit_n
             shared = SharedContactForce(display, operating, limit_n=limit_n, settings=settings)
-            return cls(session, shared, slew)
+            return cls(session, shared, display)
         feedback = build_feedback(table, display, rate_hz=session.rate_hz, normal=normal)
-        return cls(session, feedback, slew)
+        return cls(session, feedback, display)
 
     def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
         """Use the newest frame's force; without it, as while control is away, the force fades."""
@@ -81,8 +78,9 @@ class ForceFeedbackPart(Part):
     def summary(self, duration_s: float) -> dict[str, Any]:
         """Return what the method has counted and estimated."""
         _ = duration_s
-        slowed = self._slew.limited_writes if self._slew is not None else 0
-        return {"feedback": {**self.feedback.summary, "slew_limited": slowed}}
+        bound = self._bound
+        counts = {"slew_limited": bound.limited_writes, "not_finite": bound.guard.not_finite}
+        return {"feedback": {**self.feedback.summary, **counts}}
 
 
 def build_feedback(

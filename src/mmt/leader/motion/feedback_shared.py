@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 from mmt.contact.rendering import LocalContact
-from mmt.core.arrays import RecordArray
+from mmt.core.arrays import RecordArray, bounded
 from mmt.devices.protocols import InterfaceState, Vector
-from mmt.leader.motion.feedback import ForceDisplay, StreamedForce, limited
+from mmt.leader.motion.feedback import ForceDisplay, StreamedForce
 from mmt.leader.motion.feedback_model import ModelSettings
 from mmt.leader.motion.passivity_ports import PassivityPorts
 
@@ -76,7 +76,7 @@ class SharedContactForce(StreamedForce):
         depth_m = -_M * (state.position_mm[normal] + self.offset_mm[normal])
         force = [0.0, 0.0, 0.0]
         force[normal] = self._contact.step(depth_m, elapsed)
-        return limited((force[0], force[1], force[2]), min(limit_n, self._limit_n))
+        return bounded((force[0], force[1], force[2]), min(limit_n, self._limit_n))
 
     @property
     def summary(self) -> Mapping[str, Any]:

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from mmt.contact.passivity import ForcePort, PassivitySettings
+from mmt.core.arrays import bounded
 from mmt.devices.protocols import InterfaceState, Vector
-from mmt.leader.motion.feedback import limited
 
 _M: Final = 1e-3
 _UNLIMITED: Final[Vector] = (math.inf, math.inf, math.inf)
@@ -64,7 +64,7 @@ class PassivityPorts:
                 self._ports, wanted_n, self._position, given_j, strict=True
             )
         )
-        force = limited((x, y, z), self._limit_n)
+        force = bounded((x, y, z), self._limit_n)
         for port, force_n in zip(self._ports, force, strict=True):
             port.displayed(force_n)
             self._injected_j = max(self._injected_j, port.out_j - port.in_j + self._opening_j)

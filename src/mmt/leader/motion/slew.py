@@ -1,53 +1,72 @@
-"""The last bound before the devices: how fast a force and a vibration may change."""
+"""The leader's last step before its devices: finite, within a limit, and changing no faster."""
+
+import math
+from typing import Final
 
 from mmt.core.arrays import FloatArray, towards
+from mmt.core.guards import ForceGuard, SampleGuard
 from mmt.devices.protocols import Vector
 from mmt.leader.motion.feedback import ForceDisplay
 
+_FADE_TICKS: Final = 10
+"""What is not finite fades out over these, and the next in again."""
 
-class SlewLimitedDisplay:
-    """Writes forces to a display, each near the one before, whatever is asked for.
+
+class GuardedDisplay:
+    """Writes forces to a display, each finite, bounded and near the one before.
 
     Parameters
     ----------
     display
         The operator's handle.
+    limit_n
+        Largest force, N.
     largest_step_n
-        Largest change from one write to the next, in N.
+        Largest change from one write to the next, in N; infinite for none.
     """
 
-    def __init__(self, display: ForceDisplay, largest_step_n: float) -> None:
+    def __init__(
+        self, display: ForceDisplay, limit_n: float, largest_step_n: float = math.inf
+    ) -> None:
         self._display = display
         self._largest_step_n = largest_step_n
         self._written: Vector = (0.0, 0.0, 0.0)
+        self.guard: Final = ForceGuard(limit_n, _FADE_TICKS)
+        """Counts what was not finite."""
         self.limited_writes = 0
         """Writes that were asked to change the force by more."""
 
     def write(self, force_n: Vector) -> None:
         """Display a force (N), or go towards it by the largest step."""
-        written = towards(self._written, force_n, self._largest_step_n)
-        self.limited_writes += written is not force_n
+        wanted = self.guard.step(force_n)
+        written = towards(self._written, wanted, self._largest_step_n)
+        self.limited_writes += written is not wanted
         self._written = written
         self._display.write(written)
 
 
 class VibrationSlew:
-    """Bounds the change of a vibration from sample to sample.
+    """Makes a vibration finite, and bounds it and its change from sample to sample.
 
     Parameters
     ----------
+    limit_m_s2
+        Largest magnitude, m/s2.
     largest_step_m_s2
-        Largest change from one sample to the next, in m/s2.
+        Largest change from one sample to the next, in m/s2; infinite for none.
     """
 
-    def __init__(self, largest_step_m_s2: float) -> None:
+    def __init__(self, limit_m_s2: float, largest_step_m_s2: float = math.inf) -> None:
         self._largest_step = largest_step_m_s2
         self._last = 0.0
+        self.guard: Final = SampleGuard(limit_m_s2, _FADE_TICKS)
+        """Counts what was not finite."""
         self.limited_samples = 0
         """Samples that were to change by more."""
 
     def limit(self, vibration: FloatArray) -> None:
         """Bound the next samples (n,) in m/s2, in place."""
+        self.guard.apply(vibration)
         last, step = self._last, self._largest_step
         for index, wanted in enumerate(vibration.tolist()):
             if -step <= wanted - last <= step:

@@ -165,7 +165,14 @@ class ModelOutput(Part):
         self._rendered = surface
 
     def use_shared(self, model: "TextureModel", surface: int | None) -> None:
-        """Render a model that another leader shares; that of another surface is faded in."""
+        """Render a model that another leader shares; that of another surface is faded in.
+
+        Raises
+        ------
+        InputError
+            It is of another rate than the session.
+        """
+        model.check_rate(self._session.rate_hz)
         self._render(model, surface)
         self.takes_over = True
         self._choose()

@@ -33,7 +33,7 @@ class SynthesizingPart(Part):
         Raises
         ------
         InputError
-            The scene names a model that cannot be read.
+            The scene names a model that cannot be read, or is of another rate.
         """
         scene, table = session.scene, session.scene.rendering
         if table is None or scene.actuator is None:
@@ -53,6 +53,7 @@ class SynthesizingPart(Part):
             from mmt.texture.model.texture_model import TextureModel
 
             first.model = TextureModel.load(find_model(table.model))
+            first.model.check_rate(session.rate_hz)
         several = scene.texture is not None and scene.texture.surfaces is not None
         if not several and scene.listening is None:
             return cls(first)

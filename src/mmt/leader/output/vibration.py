@@ -61,8 +61,6 @@ class VibrationSwitch:
         The model's vibration, None where the scene has none.
     crossfade_samples
         Length of a full fade; 0 switches at once.
-    limit_m_s2
-        Bound of the output.
     period_ns
         Time between samples.
     """
@@ -73,7 +71,6 @@ class VibrationSwitch:
         synthesized: SynthesizedVibration | None,
         *,
         crossfade_samples: int,
-        limit_m_s2: float,
         period_ns: int = 1_000_000,
     ) -> None:
         self._streamed = streamed
@@ -81,7 +78,6 @@ class VibrationSwitch:
         """What renders, None where nothing does."""
         self._unheard = synthesized if isinstance(synthesized, MotionFollowing) else None
         self._step = 1.0 / crossfade_samples if crossfade_samples > 0 else 1.0
-        self._limit = limit_m_s2
         self._period_ns = period_ns
         self._share = 0.0  # of the synthesized vibration
         self._target = 0.0
@@ -134,7 +130,7 @@ class VibrationSwitch:
             else:  # in plain numbers, of which a tick has one: arrays take six times as long
                 angle = 0.5 * math.pi * self._share
                 value = math.cos(angle) * streamed + math.sin(angle) * float(synthesized[index])
-            output[index] = min(max(value, -self._limit), self._limit)
+            output[index] = value
         return output
 
     def _advance(self) -> None:
@@ -155,10 +151,10 @@ class VibrationPart(Part):
         What plays.
     switch
         What is played.
+    slew
+        Bounds what is played.
     reconnecting
         The actuator, where it is a driver's, which may be lost and come back.
-    slew
-        Bounds what is played; None where the scene says that nothing does.
     motion
         Drives the model if there is no hand.
     """
@@ -168,8 +164,8 @@ class VibrationPart(Part):
         session: Session,
         actuator: VibrationActuator,
         switch: VibrationSwitch,
+        slew: VibrationSlew,
         reconnecting: "ReconnectingActuator | None" = None,
-        slew: VibrationSlew | None = None,
         motion: "StreamedMotion | None" = None,
     ) -> None:
         self._session = session
@@ -212,15 +208,13 @@ class VibrationPart(Part):
             playout.buffer.pull if playout is not None else None,
             renderer if generated is None else generated,
             crossfade_samples=round(crossfade_ms * session.rate_hz / 1000),
-            limit_m_s2=table.limit_m_s2,
             period_ns=session.period_ns,
         )
         if renderer is not None and renderer.model is not None:
             switch.use_model(True)
-        slew = None
-        if table.slew_m_s3 != "off":
-            slew = VibrationSlew(table.slew_m_s3 / session.rate_hz)
-        return cls(session, actuator, switch, reconnecting, slew, motion)
+        step = math.inf if table.slew_m_s3 == "off" else table.slew_m_s3 / session.rate_hz
+        slew = VibrationSlew(table.limit_m_s2, step)
+        return cls(session, actuator, switch, slew, reconnecting, motion)
 
     @property
     def name(self) -> str:
@@ -249,8 +243,7 @@ class VibrationPart(Part):
         inputs = self._inputs(*self._drive(tick))
         vibration = self.switch.render(tick.now_ns, *(np.full(elapsed, x) for x in inputs))
         self._rest_without_hand(vibration, away=tick.hand_lost or tick.given)
-        if self._slew is not None:
-            self._slew.limit(vibration)
+        self._guard(vibration)
         self.actuator.write(vibration)
         mode = self.switch.mode
         first_ns = tick.now_ns - (elapsed - 1) * self._session.period_ns
@@ -284,7 +277,8 @@ class VibrationPart(Part):
             "vibration": {
                 "mode": self.switch.mode,
                 "switches": self._session.log.switches,
-                "slew_limited": self._slew.limited_samples if self._slew is not None else 0,
+                "slew_limited": self._slew.limited_samples,
+                "not_finite": self._slew.guard.not_finite,
                 "actuator": actuator,
             }
         }
@@ -296,6 +290,16 @@ class VibrationPart(Part):
         text = "What drives the actuator."
         yield state("vibration_mode", text, "mode", self.mode, get_args(Mode))
         yield from loss_metrics(self.reconnecting)
+
+    def _guard(self, vibration: FloatArray) -> None:
+        """Bound the vibration (n,) in place, and tell once if it was no number."""
+        before = self._slew.guard.not_finite
+        self._slew.limit(vibration)
+        if not before and self._slew.guard.not_finite:
+            self._session.journal.event(
+                "the vibration was no number: it fades to silence where it is none, and the "
+                "summary has how often"
+            )
 
     def _rest_without_hand(self, vibration: FloatArray, *, away: bool) -> None:
         """Fade the vibration (n,) in place: out while handle or control is away, and in again."""

@@ -98,6 +98,21 @@ class TextureModel:
         if at_once:
             self.prepared()
 
+    def check_rate(self, rate_hz: float) -> None:
+        """Check that the model is of a session's rate: at another its pitch would be another.
+
+        Raises
+        ------
+        InputError
+            It is not.
+        """
+        if self.rate_hz != rate_hz:
+            raise InputError(
+                f"the model is of {self.rate_hz:g} Hz, the session of {rate_hz:g} Hz: what is at "
+                f"100 Hz on its surface would be played at {100 * rate_hz / self.rate_hz:g} Hz; "
+                "build it anew from the recording"
+            )
+
     def __repr__(self) -> str:
         samples, space = self.samples, self.space
         speeds = f"{samples.speed_mm_s.min():.3g} to {samples.speed_mm_s.max():.3g} mm/s"

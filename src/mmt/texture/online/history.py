@@ -11,7 +11,7 @@ from annotated_types import Gt
 from mmt.core.arrays import RecordArray
 from mmt.core.bounds import check
 from mmt.core.errors import InputError
-from mmt.core.frames import check_frames
+from mmt.core.frames import check_frame_rate, check_frames
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.log import ModelLog
 from mmt.texture.online.modeller import OnlineModeller, carry_out
@@ -193,12 +193,18 @@ def build_together(
         How to model each. What they say of filters and segments must be the same.
     observe
         Called with each block behind the filters.
+
+    Raises
+    ------
+    InputError
+        By their time stamps the frames are of another rate than the settings.
     """
     modellers = [OnlineModeller(each, deferred=deferred) for each in settings]
     logs = [ModelLog(each) for each in settings]
     updates: list[list[ModelUpdate]] = [[] for _ in modellers]
     finished: list[tuple[Segment, ...]] = [() for _ in modellers]
     for block in blocks:
+        check_frame_rate(block, modellers[0].settings.rate_hz)
         *_, segmented = modellers[0].segment(block)
         assert segmented is not None  # noqa: S101 - the work comes last
         for place, modeller in enumerate(modellers):

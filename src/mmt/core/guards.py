@@ -1,0 +1,106 @@
+"""The last step before a device, after all arithmetic: what it gets is finite and bounded.
+
+A value that is no finite number is not used. What was played or displayed last then fades to
+nought, and the next finite values fade in, so that neither jumps; nothing of it is kept.
+"""
+
+import math
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray, Vector, bounded
+
+_NOUGHT: Final[Vector] = (0.0, 0.0, 0.0)
+
+
+class _Share:
+    """How much of the newest finite value is let through.
+
+    Parameters
+    ----------
+    fade
+        Values over which it goes from all to nothing, and back.
+    """
+
+    def __init__(self, fade: int) -> None:
+        self._change = 1.0 / fade
+        self._share = 1.0
+        self.not_finite = 0
+        """Values that were no finite numbers."""
+
+    def _step(self, *, finite: bool) -> float:
+        self.not_finite += not finite
+        if not finite:
+            self._share = max(self._share - self._change, 0.0)
+        elif self._share < 1.0:
+            self._share = min(self._share + self._change, 1.0)
+        return self._share
+
+
+class SampleGuard(_Share):
+    """The last step before what plays samples.
+
+    Parameters
+    ----------
+    limit
+        Largest magnitude of a sample.
+    fade
+        Samples over which the signal fades out where it is not finite, and in again.
+    """
+
+    def __init__(self, limit: float, fade: int) -> None:
+        super().__init__(fade)
+        self._limit = limit
+        self._last = 0.0
+        self.limited = 0
+        """Samples beyond the limit, played at the limit."""
+
+    def apply(self, samples: FloatArray) -> None:
+        """Bound the next samples (n,), in place."""
+        if not len(samples):
+            return
+        if self._share == 1.0 and np.abs(samples).max() <= self._limit:  # not where one is NaN
+            self._last = float(samples[-1])
+            return
+        samples[:] = [self.step(wanted) for wanted in samples.tolist()]
+
+    def step(self, wanted: float) -> float:
+        """Return what is played for the next sample."""
+        if -self._limit <= wanted <= self._limit:
+            self._last = wanted
+        elif math.isfinite(wanted):
+            self._last = math.copysign(self._limit, wanted)
+            self.limited += 1
+        else:
+            return self._step(finite=False) * self._last
+        return self._last if self._share == 1.0 else self._step(finite=True) * self._last
+
+
+class ForceGuard(_Share):
+    """The last step before what displays a force.
+
+    Parameters
+    ----------
+    limit_n
+        Largest force (N), along any direction.
+    fade
+        As of `SampleGuard`.
+    """
+
+    def __init__(self, limit_n: float, fade: int) -> None:
+        super().__init__(fade)
+        self._limit_n = limit_n
+        self._last = _NOUGHT
+
+    def step(self, force_n: Vector) -> Vector:
+        """Return what is displayed (N)."""
+        x, y, z = force_n
+        finite = math.isfinite(x) and math.isfinite(y) and math.isfinite(z)
+        if finite:
+            self._last = bounded(force_n, self._limit_n)
+            if self._share == 1.0:
+                return self._last
+        share = self._step(finite=finite)
+        x, y, z = self._last
+        return (share * x, share * y, share * z)

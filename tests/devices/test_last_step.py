@@ -1,0 +1,271 @@
+"""Whatever is asked for, each driver's own last step gives its device finite, bounded numbers.
+
+And nothing of it lasts: after what was no number comes what is asked for again.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mmt.core.arrays import Vector, bounded, towards
+from mmt.core.guards import ForceGuard, SampleGuard
+from mmt.devices.haptuator.drive import VoltageDrive
+from mmt.devices.haptuator.options import HaptuatorOptions
+from mmt.devices.openhaptics.library import Vector3
+from mmt.devices.openhaptics.options import RobotOptions
+from mmt.devices.openhaptics.robot import PositionServo
+from mmt.devices.openhaptics.servo import Servo
+from mmt.leader.motion.feedback import StreamedForce
+from mmt.leader.motion.slew import GuardedDisplay, VibrationSlew
+from mmt.testing.simulation.actuator import SimulatedActuator
+from mmt_devices.inverse3.messages import NAMES
+from mmt_devices.inverse3.servo import ForceServo, Found
+from mmt_devices.universal_robots.servo import ServoPoint, ServoSettings
+
+EXTREME = st.sampled_from(
+    [math.nan, math.inf, -math.inf, 1e308, -1.7e308, 5e-324, -2.2e-308, 0.0, -0.0, 1.0, -3.0]
+)
+NUMBERS = st.one_of(EXTREME, st.floats(width=64))
+VECTORS = st.tuples(NUMBERS, NUMBERS, NUMBERS)
+GOOD: Vector = (0.5, -0.25, 1.0)
+LIMIT_N = 3.0
+
+
+@given(VECTORS, VECTORS, st.one_of(st.floats(0.0, 1e300), st.just(math.inf)))
+def test_a_way_towards_a_goal_is_finite_and_no_longer_than_it_may_be(
+    start: Vector, goal: Vector, most: float
+) -> None:
+    point = towards(start, goal, most)
+    if all(map(math.isfinite, start)):
+        assert all(map(math.isfinite, point))
+        if all(map(math.isfinite, goal)) and most < 1e9 and max(map(abs, start)) < 1e9:
+            assert math.dist(start, point) <= most * (1.0 + 1e-9) + 1e-6
+    elif all(map(math.isfinite, goal)):
+        assert point == goal
+    length = math.hypot(*bounded(goal, most))
+    assert length <= most * (1.0 + 1e-9)
+
+
+# --- vibration: each case takes samples and gives what the converter would get, and its limit
+
+
+def _drive(**options: Any) -> tuple[Callable[[Sequence[float]], Sequence[float]], float]:
+    made = VoltageDrive(HaptuatorOptions(volts_per_m_s2=0.1, full_scale_v=6.0, **options), 1000.0)
+    return made.convert, 3.0
+
+
+def _guarded(guard: SampleGuard) -> Callable[[Sequence[float]], Sequence[float]]:
+    def play(samples: Sequence[float]) -> Sequence[float]:
+        array = np.array(samples, dtype=float)
+        guard.apply(array)
+        return array.tolist()
+
+    return play
+
+
+def _leader() -> tuple[Callable[[Sequence[float]], Sequence[float]], float]:
+    slew = VibrationSlew(60.0, 60.0)
+
+    def play(samples: Sequence[float]) -> Sequence[float]:
+        array = np.array(samples, dtype=float)
+        slew.limit(array)
+        return array.tolist()
+
+    return play, 60.0
+
+
+def _simulated() -> tuple[Callable[[Sequence[float]], Sequence[float]], float]:
+    actuator = SimulatedActuator(limit_m_s2=20.0)
+
+    def play(samples: Sequence[float]) -> Sequence[float]:
+        before = actuator._sum_squares
+        actuator.write(samples)
+        return [math.sqrt((actuator._sum_squares - before) / max(len(samples), 1))]
+
+    return play, 20.0
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        _drive,
+        lambda: _drive(high_hz=300.0),
+        lambda: (_guarded(SampleGuard(3.0, 10)), 3.0),
+        _leader,
+        _simulated,
+    ],
+    ids=["haptuator", "haptuator with a low-pass", "converter", "leader", "simulated"],
+)
+@settings(max_examples=80, deadline=None)
+@given(st.lists(NUMBERS, max_size=40))
+def test_vibration_is_finite_and_bounded_and_goes_on(make: Callable, samples: list[float]) -> None:
+    play, limit = make()
+    played = [*play(samples[:7]), *play(samples[7:])]
+    assert all(math.isfinite(value) and abs(value) <= limit * (1.0 + 1e-12) for value in played)
+    tone = [math.sin(2.0 * math.pi * 200.0 * k / 1000.0) for k in range(2000)]
+    anew = make()[0]
+    play(tone[:1800])
+    anew(tone[:1800])
+    np.testing.assert_allclose(play(tone[1800:]), anew(tone[1800:]), atol=1e-6)
+
+
+@given(st.floats(-3.0, 3.0), st.integers(1, 30), st.floats(-3.0, 3.0))
+def test_what_is_no_number_fades_out_and_in_and_is_counted(
+    before: float, count: int, after: float
+) -> None:
+    guard = SampleGuard(3.0, 10)
+    signal = [*[before] * 3, *[math.nan] * count, *[after] * 20]
+    played = [guard.step(value) for value in signal]
+    assert guard.not_finite == count
+    assert played[:3] == [before] * 3
+    assert played[-8:] == [after] * 8
+    steps = [abs(b - a) for a, b in pairwise(played[: 3 + count])]
+    assert max(steps) <= abs(before) / 10 + 1e-12
+    assert abs(played[3 + count]) <= max(abs(after), abs(before))
+    if count >= 10:
+        assert played[2 + count] == pytest.approx(0.0)
+        assert max(abs(b - a) for a, b in pairwise(played[2 + count :])) <= abs(after) / 10 + 1e-9
+
+
+# --- forces: each case takes a force a tick and gives what the device would get
+
+
+@dataclass
+class Library:
+    """Takes the servo's frames; measurements are what the test sets."""
+
+    position: Vector = (0.0, 0.0, 0.0)
+    velocity: Vector = (0.0, 0.0, 0.0)
+    now_ns: int = 0
+    shown: Vector = (0.0, 0.0, 0.0)
+
+    def hdBeginFrame(self, handle: Any) -> None:  # noqa: N802
+        self.now_ns += 1_000_000
+
+    def hdGetDoublev(self, what: Any, values: Any) -> None:  # noqa: N802
+        values[:] = self.position if what.value == 0x2050 else self.velocity
+
+    def hdSetDoublev(self, what: Any, values: Vector3) -> None:  # noqa: N802
+        self.shown = tuple(values[:])
+
+    def hdEndFrame(self, handle: Any) -> None:  # noqa: N802
+        pass
+
+    def hdGetError(self) -> Any:  # noqa: N802
+        from mmt.devices.openhaptics.library import ErrorInfo
+
+        return ErrorInfo()
+
+
+class HdHandle:
+    def __init__(self) -> None:
+        self.library = Library()
+        self.servo = Servo(
+            self.library, self.library, 0, stale_ns=10**8, ramp_ns=10**7, limit_n=LIMIT_N
+        )
+        self.servo.clock = lambda: self.library.now_ns
+        self.servo.tick_ns = 0
+
+    def tick(self, force_n: Vector) -> Vector:
+        self.servo.force, self.servo.command_ns = force_n, self.library.now_ns
+        self.servo.tick(None)
+        return self.library.shown
+
+
+class HdRobot(HdHandle):
+    """Gets the numbers as its velocity, and as its target."""
+
+    def __init__(self) -> None:
+        self.library = Library()
+        options = RobotOptions(stiffness_n_mm=1.0)
+        self.servo = PositionServo(self.library, self.library, 0, options, LIMIT_N)
+        self.servo.clock = lambda: self.library.now_ns
+        self.servo.tick_ns = 0
+
+    def tick(self, force_n: Vector) -> Vector:
+        self.servo.target, self.servo.command_ns = force_n, self.library.now_ns
+        self.library.velocity = (0.0, 0.0, 0.0) if force_n is GOOD else force_n
+        self.servo.tick(None)
+        return self.library.shown
+
+
+class Inverse3:
+    def __init__(self) -> None:
+        self.now_ns = 10**12
+        state = {"x": 0.0, "y": -0.15, "z": 0.15}
+        still = {"x": 0.0, "y": 0.0, "z": 0.0}
+        entry = {
+            "device_id": "049D",
+            "state": {"cursor_position": state, "cursor_velocity": still},
+            "status": {},
+        }
+        found = Found("049D", NAMES["3.5"], entry)
+        self.servo = ForceServo(found, 50.0, 10.0, LIMIT_N, lambda: self.now_ns)
+
+    def tick(self, force_n: Vector) -> Vector:
+        self.now_ns += 1_000_000
+        self.servo.command, self.servo.command_ns = force_n, self.now_ns
+        self.servo.speak(self.now_ns)
+        return self.servo.displayed_n
+
+
+class LeaderForce:
+    """Force feedback as streamed, and the leader's own last step."""
+
+    def __init__(self) -> None:
+        self.display = GuardedDisplay(self, LIMIT_N, 0.5)
+        self.feedback = StreamedForce(self.display, limit_n=LIMIT_N)
+        self.shown: Vector = (0.0, 0.0, 0.0)
+
+    def write(self, force_n: Vector) -> None:
+        self.shown = force_n
+
+    def tick(self, force_n: Vector) -> Vector:
+        self.feedback.on_frames(np.array([(force_n,)], dtype=[("force_n", "f8", 3)]))
+        self.feedback.tick(1, None)
+        return self.shown
+
+
+class Guard:
+    def __init__(self) -> None:
+        self.guard = ForceGuard(LIMIT_N, 10)
+
+    def tick(self, force_n: Vector) -> Vector:
+        return self.guard.step(force_n)
+
+
+@pytest.mark.parametrize("make", [Guard, LeaderForce, HdHandle, HdRobot, Inverse3])
+@settings(max_examples=80, deadline=None)
+@given(st.lists(VECTORS, max_size=25))
+def test_a_force_is_finite_and_bounded_and_comes_back(make: Any, forces_n: list[Vector]) -> None:
+    device = make()
+    for force_n in forces_n:
+        shown = device.tick(force_n)
+        assert all(map(math.isfinite, shown))
+        assert math.hypot(*shown) <= LIMIT_N * (1.0 + 1e-9)
+    for _ in range(400):
+        shown = device.tick(GOOD)
+    assert shown == pytest.approx(GOOD, abs=1e-6)
+
+
+@settings(max_examples=80, deadline=None)
+@given(st.lists(st.tuples(VECTORS, VECTORS), max_size=25))
+def test_an_arm_in_a_box_is_sent_to_finite_places(moves: list[tuple[Vector, Vector]]) -> None:
+    bounds = ServoSettings(
+        speed_m_s=0.25, acceleration_m_s2=5.0, force_limit_n=20.0, normal=(0.0, 0.0, 1.0),
+        lookahead_s=0.05, gain=1000.0,
+    )  # fmt: skip
+    point = ServoPoint(bounds, (0.0, 0.0, 0.0))
+    for target, force_n in moves:
+        inside = bounded(target, 1.0)  # as the driver cuts it to its box
+        before = point.position_m
+        place = point.move(inside, force_n, 0.002)
+        assert all(map(math.isfinite, place))
+        assert math.dist(before, place) <= 0.25 * 0.002 * (1.0 + 1e-9)
