@@ -16,6 +16,7 @@ from mmt.leader.motion.feedback_model import ModelForce
 from mmt.leader.motion.feedback_part import build_feedback
 from mmt.leader.motion.feedback_passive import PassiveForce
 from mmt.scene import ForceFeedback
+from mmt.scene.files import scene_from_tables
 
 SETTINGS = PassivitySettings()
 
@@ -69,7 +70,8 @@ def samples(depth_mm: np.ndarray, stiffness_n_mm: float) -> np.ndarray:
 def test_a_scene_chooses_both_sides(method: str, leader: type, follower: type) -> None:
     table = ForceFeedback.model_validate({"method": method})
     made = build_feedback(table, Handle(), rate_hz=1000.0, normal="z")
-    other = follower_feedback(table, 1000.0)
+    tables = {"link": {}, "hand": {}, "simulated": {}, "force_feedback": {"method": method}}
+    other = follower_feedback(scene_from_tables(tables))
     assert type(made) is leader
     assert type(other) is follower
     assert made.summary["method"] == method

@@ -144,8 +144,15 @@ EXPECTED: dict[str, set[str]] = {
     "follower model": {*NETWORK, SIMULATED, "mmt.follower.feedback", "mmt.contact.passivity"},
     "leader virtual-lab": {*NETWORK, *MODEL, *LEVEL, *FILES, RECORDER, HAND, ACTUATOR},
     "follower virtual-lab": {*NETWORK, DEVICE_SOURCE},
-    "leader virtual-arm": {*NETWORK, *MODEL, *LEVEL, *FILES, RECORDER, ACTUATOR},
-    "follower virtual-arm": {*NETWORK, DEVICE_SOURCE},
+    "leader virtual-arm": {
+        *(*NETWORK, *MODEL, *LEVEL, *FILES, RECORDER, ACTUATOR),
+        "mmt.contact.estimation",
+    },
+    "follower virtual-arm": {
+        *(*NETWORK, DEVICE_SOURCE),
+        "mmt.follower.feedback",
+        "mmt.contact.passivity",
+    },
     "leader anisotropic": {*NETWORK, *MODEL, *LEVEL, *FILES, RECORDER, HAND, ACTUATOR},
     "follower anisotropic": {*NETWORK, SIMULATED},
     "leader two-surfaces": {*NETWORK, *MODEL, *LEVEL, *FILES, *SURFACES, RECORDER, HAND, ACTUATOR},

@@ -212,6 +212,9 @@ def print_parts(scene: Scene, service: Service) -> None:
     left_out = [name for name, runs in parts.items() if not runs]
     messages.print(f"runs:     {', '.join(running) or 'nothing'}", highlight=False)
     messages.print(f"left out: {', '.join(left_out) or 'nothing'}", highlight=False)
+    hand_force = scene.describe_hand_force()
+    if service == "leader" and hand_force is not None:
+        messages.print(f"the hand's force: {hand_force}", highlight=False)
 
 
 def stop_on_signals(stop: Callable[[], None]) -> None:

@@ -16,7 +16,7 @@ from mmt.core.feedback_records import (
     ENERGY_DTYPE,
 )
 from mmt.devices.protocols import Vector
-from mmt.scene import ForceFeedback
+from mmt.scene import Scene
 
 _M: Final = 1e-3
 
@@ -155,22 +155,15 @@ class ContactReporter:
         return {"method": "model", "samples": self._sequence}
 
 
-def build_feedback(table: ForceFeedback, rate_hz: float) -> FollowerFeedback | None:
-    """Return the follower's side of the scene's method, None where it has none.
-
-    Parameters
-    ----------
-    table
-        The scene's ``[force_feedback]``.
-    rate_hz
-        Ticks a second.
-    """
-    if table.method == "passive":
+def build_feedback(scene: Scene) -> FollowerFeedback | None:
+    """Return the follower's side of force feedback and of the hand's force, None for none."""
+    table = scene.force_feedback
+    if table is not None and table.method == "passive":
         return PassiveFollower(
             PassivitySettings(
                 reserve_j=1e-3 * table.reserve_mj,
                 drift_m=_M * table.largest_drift_mm,
-                tick_s=1.0 / rate_hz,
+                tick_s=1.0 / scene.session.rate_hz,
             )
         )
-    return ContactReporter() if table.method == "model" else None
+    return ContactReporter() if scene.reports_contact else None

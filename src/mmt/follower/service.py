@@ -274,9 +274,9 @@ class Follower:
 
 
 def _build_feedback(scene: Scene) -> "FollowerFeedback | None":
-    table = scene.force_feedback
-    if table is None or table.method == "streamed":
+    feedback = scene.force_feedback
+    if not scene.reports_contact and (feedback is None or feedback.method == "streamed"):
         return None
     from mmt.follower.feedback import build_feedback
 
-    return build_feedback(table, scene.session.rate_hz)
+    return build_feedback(scene)

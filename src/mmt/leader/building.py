@@ -61,7 +61,8 @@ def operating(session: Session, parts: LeaderParts) -> Part | None:
     from mmt.leader.motion.operating import OperatingPart
 
     table = session.scene.operating
-    parts.operating = None if table is None else OperatingPart(session, table)
+    contact = None if parts.hand is None else parts.hand.contact
+    parts.operating = None if table is None else OperatingPart(session, table, contact)
     return parts.operating
 
 

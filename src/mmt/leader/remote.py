@@ -19,9 +19,9 @@ from mmt.scene import LARGEST_SPEED
 
 if TYPE_CHECKING:
     from mmt.leader.modelling.pipeline import Modelling
-    from mmt.leader.motion.feedback import Feedback
     from mmt.link.clock_exchange import RemoteClock
     from mmt.link.clock_offset import ClockJump
+    from mmt.link.endpoint import ForceFeedbackSide
     from mmt.link.http import Page
     from mmt.link.protocol import FollowerHello, LinkStatistics
     from mmt.link.server import LeaderServer
@@ -37,7 +37,7 @@ class RemoteFollower:
     session
         Session of the run; its scene has a link.
     feedback
-        The leader's side of the force feedback, if there is one.
+        Hears what the follower says beside its frames, if it says more.
     modelling
         Waits for frames that the follower sends again, if there is one.
     """
@@ -45,7 +45,7 @@ class RemoteFollower:
     def __init__(
         self,
         session: Session,
-        feedback: "Feedback | None" = None,
+        feedback: "ForceFeedbackSide | None" = None,
         modelling: "Modelling | None" = None,
     ) -> None:
         self._session = session

@@ -5,7 +5,7 @@ import logging
 import time
 from collections.abc import Callable
 from dataclasses import fields
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core import logs
 from mmt.core.errors import MmtError
@@ -18,6 +18,9 @@ from mmt.leader.remote import RemoteFollower
 from mmt.leader.run_log import LOG
 from mmt.leader.summary import LeaderStatus, LeaderSummary, summarise
 from mmt.scene import Scene
+
+if TYPE_CHECKING:
+    from mmt.link.endpoint import ForceFeedbackSide
 
 _STATUS_PERIOD_S: Final = 0.2
 _STATUS_FIELDS: Final = {item.name for item in fields(LeaderStatus)}
@@ -68,15 +71,19 @@ class Leader:
         self.parts = build_parts(self.session)
         self._remote: RemoteFollower | None = None
         if scene.link is not None:
-            displayed = self.parts.force_feedback
             self.session.remote = self._remote = RemoteFollower(
-                self.session,
-                displayed.feedback if displayed is not None else None,
-                self.parts.modelling,
+                self.session, self._told_more(), self.parts.modelling
             )
         self.ticker = self.session.ticker = Ticker(self.session.period_ns, self._tick)
         self._now = Tick()
         self._steps: list[Callable[[Tick], None]] = []
+
+    def _told_more(self) -> "ForceFeedbackSide | None":
+        """Return what hears more than frames of the follower: force feedback or the hand's."""
+        displayed, hand = self.parts.force_feedback, self.parts.hand
+        if displayed is not None and displayed.feedback.event is not None:
+            return displayed.feedback
+        return hand.contact if hand is not None and self.scene.reports_contact else None
 
     @property
     def remote(self) -> RemoteFollower | None:

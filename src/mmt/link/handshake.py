@@ -134,7 +134,8 @@ def admit(
     if hello.extra != extra:
         raise InputError(
             f"the follower has {hello.extra[:20] or 'nothing'} beside its frames, the leader's "
-            f"scene {extra or 'nothing'} (method of [force_feedback]): use the same scene on both"
+            f"scene {extra or 'nothing'} (method of [force_feedback], hand_force of "
+            "[handle]): use the same scene on both"
         )
     return hello
 

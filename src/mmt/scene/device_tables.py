@@ -35,6 +35,8 @@ class Handle(Driver, PartTable):
     model_config = ConfigDict(extra="allow")
 
     on_lost: Literal["hold", "stop"] = "hold"
+    hand_force: Literal["contact", "measured"] = "contact"
+    surface_stiffness_n_mm: float = Field(0.5, gt=0, le=50)
 
 
 class Actuator(PartTable):

@@ -104,6 +104,33 @@ class SceneTables(Table):
         where, how = self.motion_limits.describe()
         return f"{where}; {(self.link or Link()).limit_mm_s:g} mm/s; {how}"
 
+    def describe_hand_force(self) -> str | None:
+        """Return where the force of a handle's hand comes from, and how late; None for no handle.
+
+        It drives the vibration that is rendered from a model, beside the hand's motion.
+        """
+        handle = self.handle
+        if handle is None or self.rendering is None:
+            return None
+        if handle.hand_force == "measured":
+            return "measured by the handle, at once"
+        if self.link is None:
+            return (
+                f"{handle.surface_stiffness_n_mm:g} N/mm below the surface, which is at the "
+                "scene's zero or where another leader says, at once"
+            )
+        network = self.network
+        trip = "a round trip" if network is None else f"about {2.0 * network.delay_ms:g} ms"
+        if self.reports_contact:
+            return (
+                "by the hand's own motion and the model of the contact, at once; until the first "
+                f"touch has shown the surface, or after it has moved, {trip} late"
+            )
+        return (
+            f"the follower's: vibration follows the hand's motion at once, its force {trip} late "
+            '(method "passive" tells of energies, "streamed" and "model" let it come at once)'
+        )
+
     @property
     def commands(self) -> bool:
         """Whether somebody at the leader, real or simulated, moves and feels."""
@@ -114,6 +141,20 @@ class SceneTables(Table):
         """Whether streamed vibration is played at any time."""
         silent = self.rendering is not None and self.rendering.before == "silent"
         return self.playout is not None and not silent
+
+    @property
+    def reports_contact(self) -> bool:
+        """Whether the follower tells command, place and force of each tick beside its frames.
+
+        So that the leader has a model of the contact: for force feedback of the method ``model``,
+        or for the force of a hand whose handle measures none. The method ``passive`` tells
+        energies in its place.
+        """
+        feedback, handle = self.force_feedback, self.handle
+        if feedback is not None and feedback.method != "streamed":
+            return feedback.method == "model"
+        concluded = handle is not None and handle.hand_force == "contact"
+        return concluded and self.rendering is not None and self.link is not None
 
     @property
     def concealment(self) -> Literal["model", "repetition", "silence"]:
@@ -141,8 +182,8 @@ class SceneTables(Table):
             wanted.add("acceleration")
         if self.force_feedback is not None:
             wanted.add("force")
-            if self.force_feedback.method == "model":
-                wanted.add("position")
+        if self.reports_contact:
+            wanted |= {"position", "force"}
         keeping = (self.recording, *self.added.values())
         kept = [table.channels for table in keeping if isinstance(table, Recording | PassingTable)]
         if "all" in kept or (kept and not wanted):

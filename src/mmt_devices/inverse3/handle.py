@@ -3,7 +3,6 @@
 from typing import Any
 
 from mmt.devices.drivers import read_options
-from mmt.devices.hand_force import HandForce
 from mmt.devices.protocols import InterfaceState, Vector
 from mmt_devices.inverse3.driver import InverseDriver
 from mmt_devices.inverse3.link import ServiceLink
@@ -13,8 +12,8 @@ from mmt_devices.inverse3.options import HandleOptions
 class Inverse3Handle(InverseDriver):
     """Implements `LeaderInterface`; the options are those of `HandleOptions`.
 
-    `InterfaceState.force_n` is not measured but concluded: see `HandForce`, or with the option
-    ``hand_force = "depth"`` a stiffness times the depth below the surface.
+    It measures no force: with ``hand_force = "contact"`` of ``[handle]`` the leader concludes it
+    from the motion.
 
     Parameters
     ----------
@@ -29,12 +28,10 @@ class Inverse3Handle(InverseDriver):
 
     def __init__(self, **options: Any) -> None:
         self._of_handle = read_options(HandleOptions, "inverse3", options)
-        self._hand = HandForce(self._of_handle.apparent_mass_kg)
         super().__init__(self._of_handle)
 
     def _make_link(self) -> ServiceLink:
         options = self._of_handle
-        self._hand = HandForce(options.apparent_mass_kg)
         servo = {
             "stale_ms": options.stale_ms,
             "ramp_ms": options.ramp_ms,
@@ -50,16 +47,10 @@ class Inverse3Handle(InverseDriver):
         DeviceLost
             It does not answer any more.
         """
-        state, options = self._connected().read(), self._of_handle
-        measured = self._measured(state)
+        measured = self._measured(self._connected().read())
         position = self._axes.place_in_scene(measured.position_mm)
         velocity = self._axes.to_scene(measured.velocity_mm_s)
-        if options.hand_force == "depth":
-            force_n = max(-position[2], 0.0) * options.depth_stiffness_n_mm
-        else:
-            displayed = self._axes.to_scene(state.displayed_n)
-            force_n = self._hand.estimate(displayed[2], velocity[2], measured.time_ns)
-        return InterfaceState(position, velocity, force_n, force_n > options.contact_n)
+        return InterfaceState(position, velocity, 0.0, contact=False)
 
     def write(self, force_n: Vector) -> None:
         """Display a force (N); one that is not finite is counted and left out.

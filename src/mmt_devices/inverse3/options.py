@@ -5,7 +5,6 @@ from typing import Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from mmt.devices.axes import Axes, Millimetres
-from mmt.devices.hand_force import HandForceOptions
 
 
 class InverseOptions(BaseModel):
@@ -40,8 +39,8 @@ class RobotOptions(InverseOptions):
     lead_limit_mm: float = Field(10.0, ge=1, le=100)
 
 
-class HandleOptions(HandForceOptions, InverseOptions):
-    """Options of the handle: the force that it displays, and how the hand's is known."""
+class HandleOptions(InverseOptions):
+    """Options of the handle: the force that it displays."""
 
     force_limit_n: float = Field(3.0, gt=0, le=10)
     ramp_ms: float = Field(100.0, ge=5, le=2000)

@@ -9,7 +9,7 @@ from mmt.follower.feedback import FollowerFeedback
 from mmt.follower.feedback import build_feedback as build_follower_feedback
 from mmt.leader.motion.feedback import Feedback, ForceDisplay
 from mmt.leader.motion.feedback_part import build_feedback as build_leader_feedback
-from mmt.scene import ForceFeedback
+from mmt.scene import ForceFeedback, Hand, Link, Scene, Simulated
 from mmt.testing.simulation import RATE_HZ
 
 Method = Literal["streamed", "passive", "model"]
@@ -48,6 +48,7 @@ def make_sides(
         Energy that the leader's accounts begin with.
     """
     table = ForceFeedback(method=method, limit_n=limit_n)
+    scene = Scene(link=Link(), simulated=Simulated(), hand=Hand(), force_feedback=table)
     leader = build_leader_feedback(
         table,
         interface,
@@ -56,7 +57,7 @@ def make_sides(
         silence_ticks=_NEVER_TICKS,
         opening_j=opening_j,
     )
-    return Sides(leader, build_follower_feedback(table, RATE_HZ))
+    return Sides(leader, build_follower_feedback(scene))
 
 
 class Display:

@@ -51,6 +51,8 @@ class SceneDescription:
     streams: tuple[Stream, ...]
     robot_limits: str | None
     """Where, how fast and how hard the robot may be moved, None where none is."""
+    hand_force: str | None
+    """Where the hand's force comes from and how late, None where no handle renders."""
 
     def as_dict(self) -> dict[str, Any]:
         """Return it for a program."""
@@ -68,6 +70,7 @@ def describe_scene(scene: Scene) -> SceneDescription:
         follower=_side(scene, FOLLOWER) if scene.source is not None else None,
         streams=_streams(scene),
         robot_limits=scene.describe_motion_limits(),
+        hand_force=scene.describe_hand_force(),
     )
 
 
@@ -105,7 +108,7 @@ def _feedback_streams(scene: Scene, rate_hz: float) -> tuple[Stream, ...]:
         return tuple(
             _stream(way, ENERGY, ("energy",), size, 1.0, rate_hz) for way in ("up", "down")
         )
-    if table is not None and table.method == "model":
+    if scene.reports_contact:
         holds, size = ("command", "position", "force"), CONTACT_DTYPE.itemsize
         return (_stream("up", CONTACT, holds, size, CONTACT_GATHERED, rate_hz),)
     return ()

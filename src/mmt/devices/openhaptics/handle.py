@@ -3,19 +3,18 @@
 from typing import Any
 
 from mmt.devices.drivers import read_options
-from mmt.devices.hand_force import HandForce
 from mmt.devices.openhaptics.driver import HdDriver
 from mmt.devices.openhaptics.library import Stack
-from mmt.devices.openhaptics.options import HandleOptions
+from mmt.devices.openhaptics.options import HdOptions
 from mmt.devices.openhaptics.servo import Servo
 from mmt.devices.protocols import InterfaceState, Vector
 
 
 class OpenHapticsHandle(HdDriver[Servo]):
-    """Implements `LeaderInterface`; the options are those of `HandleOptions`.
+    """Implements `LeaderInterface`; the options are those of `HdOptions`.
 
-    `InterfaceState.force_n` is not measured but concluded: see `HandForce`, or with the option
-    ``hand_force = "depth"`` a stiffness times the depth below the surface.
+    It measures no force: with ``hand_force = "contact"`` of ``[handle]`` the leader concludes it
+    from the motion.
 
     Parameters
     ----------
@@ -29,8 +28,7 @@ class OpenHapticsHandle(HdDriver[Servo]):
     """
 
     def __init__(self, **options: Any) -> None:
-        self._options = read_options(HandleOptions, "openhaptics", options)
-        self._hand = HandForce(self._options.apparent_mass_kg)
+        self._options = read_options(HdOptions, "openhaptics", options)
         super().__init__(self._options)
 
     def _make_servo(
@@ -40,7 +38,6 @@ class OpenHapticsHandle(HdDriver[Servo]):
         limit_n: float,
         stiffness_n_mm: float,  # noqa: ARG002 - nothing is rendered here
     ) -> Servo:
-        self._hand = HandForce(self._options.apparent_mass_kg)
         return Servo(
             stack.hd,
             stack.copies,
@@ -58,15 +55,10 @@ class OpenHapticsHandle(HdDriver[Servo]):
         DeviceLost
             It does not answer any more.
         """
-        servo, options = self._device.check(), self._options
+        servo = self._device.check()
         position = self._axes.place_in_scene(servo.position)
         velocity = self._axes.to_scene(servo.velocity)
-        if options.hand_force == "depth":
-            force_n = max(-position[2], 0.0) * options.depth_stiffness_n_mm
-        else:
-            displayed = self._axes.to_scene(servo.displayed[:])
-            force_n = self._hand.estimate(displayed[2], velocity[2], servo.tick_ns)
-        return InterfaceState(position, velocity, force_n, force_n > options.contact_n)
+        return InterfaceState(position, velocity, 0.0, contact=False)
 
     def write(self, force_n: Vector) -> None:
         """Display a force (N); one that is not finite is counted and left out.

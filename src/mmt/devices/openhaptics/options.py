@@ -5,7 +5,6 @@ from typing import Final, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from mmt.devices.axes import Axes, Millimetres
-from mmt.devices.hand_force import HandForceOptions
 
 DEFAULT_AXES: Final = "x,-z,y"
 """The scene's x is HD's x, its y leads away from the user, its z, the normal, up."""
@@ -52,7 +51,3 @@ class RobotOptions(HdOptions):
                 "or be less stiff"
             )
         return self
-
-
-class HandleOptions(HandForceOptions, HdOptions):
-    """Options of the handle: how the hand's normal force is known."""

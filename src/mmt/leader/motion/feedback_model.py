@@ -9,6 +9,7 @@ import numpy as np
 
 from mmt.contact.estimation import ContactEstimator, ContactModel, EstimationSettings
 from mmt.contact.force_map import ForceMap, SmoothSpeed
+from mmt.contact.hand import HandContact
 from mmt.contact.passivity import PassivitySettings
 from mmt.contact.rendering import LocalContact, RenderingSettings
 from mmt.core.arrays import RecordArray, bounded
@@ -59,6 +60,8 @@ class ModelForce(StreamedForce):
         What it consists of.
     opening_j
         Energy that each account begins with.
+    hand
+        Learns the surface from the same samples; None makes one.
     """
 
     event: str | None = CONTACT
@@ -72,12 +75,13 @@ class ModelForce(StreamedForce):
         settings: ModelSettings | None = None,
         silence_ticks: int = SILENCE_TICKS,
         opening_j: float = 0.0,
+        hand: HandContact | None = None,
     ) -> None:
         super().__init__(interface, limit_n=limit_n, silence_ticks=silence_ticks)
         settings = settings or ModelSettings()
         self._ports = PassivityPorts(settings.passivity, limit_n=limit_n, opening_j=opening_j)
         self._felt = ContactEstimator(settings.estimation)
-        self._surface = ContactEstimator(settings.estimation)
+        self._hand = hand or HandContact(settings.estimation)
         self._contact = LocalContact(settings.rendering)
         self._memory = ForceMap()
         self._command_speed, self._hand_speed = SmoothSpeed(), SmoothSpeed()
@@ -99,7 +103,7 @@ class ModelForce(StreamedForce):
             self._felt.update(-_M * command, force)
             speed_m_s = self._command_speed.step(-_M * command, self._tick_s)
             self._memory.add(-_M * command, speed_m_s, force)
-            self._surface.update(-_M * place, force)
+            self._hand.update(-_M * command, -_M * place, force)
             self._samples += 1
             if self._samples % _RENEWAL == 0:
                 self._contact.set_target(self._felt.best())
@@ -148,22 +152,23 @@ class ModelForce(StreamedForce):
     @property
     def surface(self) -> ContactModel | None:
         """The estimate of the surface itself."""
-        return self._surface.best()
+        return self._hand.surface.best()
 
     @property
     def summary(self) -> Mapping[str, Any]:
         """Estimates and energies."""
+        surface = self._hand.surface
         return {
             **super().summary,
             "method": "model",
             **self._ports.summary,
-            "contacts": self._surface.contacts,
-            "contact_samples": self._surface.samples,
+            "contacts": surface.contacts,
+            "contact_samples": surface.samples,
             "model_after_s": None
             if self._samples_to_model is None
             else round(self._samples_to_model * self._tick_s, 3),
-            "surface": _table(self._surface.kelvin_voigt()),
-            "surface_hunt_crossley": _table(self._surface.hunt_crossley()),
+            "surface": _table(surface.kelvin_voigt()),
+            "surface_hunt_crossley": _table(surface.hunt_crossley()),
             "felt": _table(self.felt),
         }
 

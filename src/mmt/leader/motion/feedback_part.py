@@ -11,6 +11,7 @@ from mmt.leader.part import Part, Session, Tick
 from mmt.scene import ForceFeedback, Texture
 
 if TYPE_CHECKING:
+    from mmt.contact.hand import HandContact
     from mmt.contact.passivity import PassivitySettings
     from mmt.leader.motion.feedback_model import ModelSettings
     from mmt.leader.motion.hand import HandPart
@@ -55,7 +56,10 @@ class ForceFeedbackPart(Part):
             limit_n = table.limit_n
             shared = SharedContactForce(display, operating, limit_n=limit_n, settings=settings)
             return cls(session, shared, display)
-        feedback = build_feedback(table, display, rate_hz=session.rate_hz, normal=normal)
+        contact = None if hand.contact is None else hand.contact.model
+        feedback = build_feedback(
+            table, display, rate_hz=session.rate_hz, normal=normal, contact=contact
+        )
         return cls(session, feedback, display)
 
     def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
@@ -91,6 +95,7 @@ def build_feedback(
     normal: Literal["x", "y", "z"],
     silence_ticks: int = SILENCE_TICKS,
     opening_j: float = 0.0,
+    contact: "HandContact | None" = None,
 ) -> Feedback:
     """Return the leader's side of the scene's method.
 
@@ -108,6 +113,8 @@ def build_feedback(
         As of `StreamedForce`.
     opening_j
         Energy that each account begins with, in a method that counts it.
+    contact
+        Learns the surface, in a method that models it; None makes one.
     """
     if table.method == "streamed":
         return StreamedForce(interface, limit_n=table.limit_n, silence_ticks=silence_ticks)
@@ -130,6 +137,7 @@ def build_feedback(
         settings=_model_settings(table, passivity, normal),
         silence_ticks=silence_ticks,
         opening_j=opening_j,
+        hand=contact,
     )
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
-from mmt.core.arrays import difference, towards
+from mmt.core.arrays import RecordArray, difference, towards
 from mmt.devices.protocols import InterfaceState, LeaderInterface, Vector, survived
 from mmt.devices.reconnection import ReconnectingHandle
 from mmt.leader.part import Part, Session, Tick
@@ -11,6 +11,8 @@ from mmt.scene import Link, Simulated
 
 if TYPE_CHECKING:
     from prometheus_client.core import Metric
+
+    from mmt.leader.motion.hand_contact import FollowerContact
 
 
 _NO_OFFSET: Final[Vector] = (0.0, 0.0, 0.0)
@@ -80,6 +82,8 @@ class HandPart(Part):
         The hand.
     handle
         The same, where it is a driver's handle that may be lost and come back.
+    contact
+        Gives contact and force, if the handle measures none.
     """
 
     def __init__(
@@ -87,10 +91,12 @@ class HandPart(Part):
         session: Session,
         device: LeaderInterface | OperatorHandle,
         handle: OperatorHandle | None = None,
+        contact: "FollowerContact | None" = None,
     ) -> None:
         self._session = session
         self.device = device
         self.handle = handle
+        self.contact = contact
         self.control: CommandSource | None = None
         """Decides on the command; None where this hand alone does."""
         self.command_mm: Vector | None = None
@@ -122,11 +128,16 @@ class HandPart(Part):
         device: LeaderInterface = load_device(
             scene.handle.driver, scene.handle.options, role="handle"
         )
+        contact = None
+        if scene.handle.hand_force == "contact":
+            from mmt.leader.motion.hand_contact import FollowerContact
+
+            contact = FollowerContact(session, scene.handle.surface_stiffness_n_mm)
         if scene.handle.on_lost == "stop":
-            return cls(session, device)
+            return cls(session, device, contact=contact)
         link = scene.link or Link()
         handle = OperatorHandle(device, link.recovery_mm_s / scene.session.rate_hz)
-        return cls(session, handle, handle)
+        return cls(session, handle, handle, contact)
 
     @property
     def name(self) -> str:
@@ -141,6 +152,12 @@ class HandPart(Part):
     def close(self) -> None:
         """Release the device."""
         self.device.close()
+
+    def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
+        """Let the contact know of frames (n,)."""
+        _ = arrival_ns
+        if self.contact is not None:
+            self.contact.on_frames(frames)
 
     def tick(self, tick: Tick) -> None:
         """Read the hand while there is a follower, and command it."""
@@ -159,6 +176,9 @@ class HandPart(Part):
             if remote is not None and position is not None:
                 remote.command(tick.now_ns, position)
                 self.command_mm = position
+            if self.contact is not None and state is not None:
+                place_mm = state.position_mm if position is None else position
+                tick.state = self.contact.state_of(state, place_mm)
         tick.hand_lost = handle is not None and handle.lost
 
     def faults(self) -> list[str]:
@@ -172,6 +192,8 @@ class HandPart(Part):
             found = survived(self.device)
         else:
             found = self.handle.losses_summary | survived(self.handle.device)
+        if self.contact is not None and self.contact.summary:
+            found = {**found, "contact": self.contact.summary}
         return {"handle": {"device": self.name, **found}} if found else {}
 
     def metrics(self) -> "Iterable[Metric]":

@@ -1,6 +1,6 @@
 """The part with which this hand moves the robot of the leader that it listens to."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mmt.devices.protocols import Vector
 from mmt.leader.motion.clutch import Clutch
@@ -8,6 +8,9 @@ from mmt.leader.part import Part, Session, Tick
 from mmt.scene.sharing_tables import Operating
 from mmt.sharing.control_messages import ControlNews, control_access
 from mmt.sharing.operator import OperatorClient
+
+if TYPE_CHECKING:
+    from mmt.leader.motion.hand_contact import FollowerContact
 
 
 class OperatingPart(Part):
@@ -19,6 +22,8 @@ class OperatingPart(Part):
         Session of the run; it has a hand, and listens.
     table
         The scene's ``[operating]``.
+    contact
+        Gives the hand's force, if its handle measures none.
 
     Raises
     ------
@@ -26,7 +31,10 @@ class OperatingPart(Part):
         There is no token for control.
     """
 
-    def __init__(self, session: Session, table: Operating) -> None:
+    def __init__(
+        self, session: Session, table: Operating, contact: "FollowerContact | None" = None
+    ) -> None:
+        self._contact = contact
         self._period_s = 1.0 / session.rate_hz
         self.client = OperatorClient(control_access(table.token_file), session.journal.event)
         self._news: ControlNews | None = None
@@ -53,6 +61,9 @@ class OperatingPart(Part):
             self._clutch = Clutch(news.hold_mm, state.position_mm, news.recovery_mm_s)
         robot_mm: Vector = self._clutch.step(state, tick.elapsed * self._period_s)
         tick.offset_mm = self._clutch.offset_mm
+        if self._contact is not None:
+            shared = None if client.contact is None else client.contact.model
+            state = tick.state = self._contact.state_of(state, robot_mm, shared)
         client.put(tick.now_ns, robot_mm, state.velocity_mm_s, state.force_n, contact=state.contact)
 
     def status(self) -> dict[str, Any]:

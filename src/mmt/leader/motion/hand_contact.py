@@ -1,0 +1,117 @@
+"""Contact and force of a hand whose handle measures none, without the network's delay."""
+
+from typing import Any, Final
+
+import numpy as np
+
+from mmt.contact.estimation import ContactModel, EstimationSettings
+from mmt.contact.hand import HandContact
+from mmt.core.arrays import RecordArray
+from mmt.core.feedback_records import CONTACT, CONTACT_DTYPE
+from mmt.devices.protocols import InterfaceState, Vector
+from mmt.leader.part import Session
+from mmt.scene import Texture
+
+_M: Final = 1e-3
+_AXES: Final = ("x", "y", "z")
+_LEAST_N: Final = 0.05
+"""The follower's force is contact above this; it has noise."""
+
+
+class FollowerContact:
+    """The contact that the follower tells of, and the hand's by it.
+
+    Until the first touch has shown where the surface is and how stiff, the hand's force is that
+    of the follower, and as late. Without a follower the surface is at the scene's zero, or where
+    another leader says that it is.
+
+    Parameters
+    ----------
+    session
+        Session of the run.
+    stiffness_n_mm
+        Of a surface that nobody measures.
+    """
+
+    event: str | None = CONTACT
+    dtype: "np.dtype[np.void] | None" = CONTACT_DTYPE
+
+    def __init__(self, session: Session, stiffness_n_mm: float) -> None:
+        scene = session.scene
+        self._session = session
+        self._normal = _AXES.index((scene.texture or Texture()).normal)
+        feedback = scene.force_feedback
+        given = {} if feedback is None else {"contact_n": feedback.contact_n}
+        self.model: Final = HandContact(
+            EstimationSettings(**given, tick_s=1.0 / scene.session.rate_hz)
+        )
+        """Where the surface is and how stiff."""
+        self._has_follower = scene.link is not None
+        self._assumed = ContactModel(0.0, 1e3 * stiffness_n_mm)
+        self._streamed_n = 0.0
+        self._told = False
+
+    def on_records(self, records: RecordArray) -> None:
+        """Learn from the follower's samples (n,) of `CONTACT_DTYPE`."""
+        axis = self._normal
+        for command, place, force in zip(
+            records["command_mm"][:, axis].tolist(),
+            records["position_mm"][:, axis].tolist(),
+            records["force_n"][:, axis].tolist(),
+            strict=True,
+        ):
+            self.model.update(-_M * command, -_M * place, force)
+
+    def restart(self) -> None:
+        """Do nothing: samples stand for themselves."""
+
+    def on_frames(self, frames: RecordArray) -> None:
+        """Note the newest force of frames (n,), for as long as the contact is not known."""
+        if frames.dtype.names and "force_n" in frames.dtype.names:
+            self._streamed_n = float(frames["force_n"][-1, self._normal])
+
+    def state_of(
+        self, state: InterfaceState, place_mm: Vector, shared: ContactModel | None = None
+    ) -> InterfaceState:
+        """Return a handle's state with contact and force.
+
+        Parameters
+        ----------
+        state
+            As the handle gives it.
+        place_mm
+            Where the hand is in the robot's space.
+        shared
+            The contact of another leader's robot, if this hand moves it.
+        """
+        depth_m = -_M * place_mm[self._normal]
+        if not self._has_follower:
+            force_n = (shared or self._assumed).spring_n(depth_m)
+            return state._replace(force_n=force_n, contact=force_n > 0.0)
+        known_n = self.model.force_n(depth_m)
+        if known_n is None:
+            late_n = max(self._streamed_n, 0.0)
+            return state._replace(force_n=late_n, contact=late_n > _LEAST_N)
+        if not self._told:
+            self._tell()
+        return state._replace(force_n=known_n, contact=known_n > 0.0)
+
+    def _tell(self) -> None:
+        self._told = True
+        table = self.summary
+        self._session.journal.event(
+            "the hand's contact is known without delay from now on: the surface is at "
+            f"{table['surface_mm']:g} mm, the robot on it gives {table['stiffness_n_mm']:g} N/mm",
+            **table,
+        )
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """Where the surface is and how stiff, empty while it is not known."""
+        surface_m, stiffness_n_m = self.model.surface_m, self.model.stiffness_n_m
+        if surface_m is None or stiffness_n_m is None:
+            return {}
+        return {
+            "surface_mm": round(-1e3 * surface_m, 3),
+            "stiffness_n_mm": float(f"{1e-3 * stiffness_n_m:.4g}"),
+        }
