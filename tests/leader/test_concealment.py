@@ -139,7 +139,7 @@ def test_after_a_gap_the_stream_comes_back_without_an_offset(length):
 
 def output_of(frames):
     buffer = PlayoutBuffer(DELAY, concealment=build_concealment("model", 1))
-    vibration = StreamedVibration(buffer, "z", "z", 1000.0)
+    vibration = StreamedVibration(buffer, "z", 1000.0)
     at = {int(frame["sequence"]): frames[i : i + 1] for i, frame in enumerate(frames)}
     for k in range(3000):
         if k in at:

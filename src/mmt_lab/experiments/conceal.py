@@ -151,7 +151,7 @@ def played(
     """Return what the leader plays of a session (n,) without the frames that are lost (n,)."""
     frames = session(surface, duration_s).frames
     buffer = PlayoutBuffer(_DELAY_MS, concealment=concealment)
-    vibration = StreamedVibration(buffer, "z", "z", RATE_HZ)
+    vibration = StreamedVibration(buffer, "z", RATE_HZ)
     output = np.empty(len(frames))
     for index, (now_ns, missing) in enumerate(
         zip(frames["time_ns"].tolist(), lost.tolist(), strict=True)

@@ -133,7 +133,7 @@ class LeaderInProcess:
 
     def __init__(self) -> None:
         self.playout = PlayoutBuffer()
-        self.vibration = StreamedVibration(self.playout, "z", "z", 1000.0)
+        self.vibration = StreamedVibration(self.playout, "z", 1000.0)
         self.display = _Display()
         self.feedback = StreamedForce(self.display, limit_n=2.0)
         self.modeller: OnlineModeller | None = OnlineModeller()

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 from mmt.core.arrays import RecordArray
 from mmt.leader.output.concealment import LONGEST_SAMPLES, build_concealment
 from mmt.leader.output.playout import PlayoutBuffer
+from mmt.leader.output.three_axes import ThreeAxes
 from mmt.leader.part import Part, Session
 from mmt.scene import Texture
 from mmt.texture.settings import Axis, VibrationAxis
@@ -31,17 +32,17 @@ _PEAKS: Final = 2.0
 class StreamedVibration(Part):
     """High-pass the streamed acceleration and hand it to the playout buffer.
 
-    With DFT321 the model combines three axes; a causal stream cannot, so that the surface's
-    normal axis is played until the model takes over.
+    Where the model is of three axes together, by DFT321, so is the stream: `ThreeAxes`.
     """
 
-    def __init__(
-        self, buffer: PlayoutBuffer, axis: VibrationAxis, normal: Axis, rate_hz: float
-    ) -> None:
+    def __init__(self, buffer: PlayoutBuffer, axis: VibrationAxis, rate_hz: float) -> None:
         self.buffer = buffer
         self._session: Session | None = None
-        self._axis = _AXES[normal if axis == "dft321" else axis]
-        self._filter = BiquadFilter(butterworth_high_pass(_VIBRATION_CUTOFF_HZ, rate_hz))
+        axes = (0, 1, 2) if axis == "dft321" else (_AXES[axis],)
+        self._axes = list(axes)
+        high_pass = butterworth_high_pass(_VIBRATION_CUTOFF_HZ, rate_hz)
+        self._filters = [BiquadFilter(high_pass) for _ in axes]
+        self._together = ThreeAxes(rate_hz) if len(axes) == 3 else None
         self._next: int | None = None
         self._peak = 0.0
 
@@ -58,7 +59,7 @@ class StreamedVibration(Part):
             session.period_ns,
             build_concealment(scene.concealment, scene.session.seed),
         )
-        made = cls(buffer, texture.axis, texture.normal, session.rate_hz)
+        made = cls(buffer, texture.axis, session.rate_hz)
         made._session = session
         return made
 
@@ -87,17 +88,28 @@ class StreamedVibration(Part):
         return with an offset that decays for longer than the gap lasted. It restarts after a
         longer one, and where the acceleration has moved by more than it vibrates.
         """
-        values = frames["acceleration_m_s2"][:, self._axis].tolist()
+        values = frames["acceleration_m_s2"][:, self._axes].tolist()
         sequences = frames["sequence"].tolist()
         times_ns = frames["time_ns"].tolist()
         for sequence, time_ns, value in zip(sequences, times_ns, values, strict=True):
-            vibration = self._filter.step(value)
+            vibration = self._filtered(value)
             if sequence != self._next and not self._goes_on(sequence, vibration):
-                self._filter.reset()
-                vibration = self._filter.step(value)
+                for high_pass in self._filters:
+                    high_pass.reset()
+                vibration = self._filtered(value)
             self._next = sequence + 1
             self._peak = max(abs(vibration), _PEAK_DECAY * self._peak)
             self.buffer.push(sequence, time_ns, arrival_ns, vibration)
+
+    def _filtered(self, acceleration_m_s2: list[float]) -> float:
+        """Return the vibration of a frame's acceleration along the axes that are played."""
+        parts = [
+            high_pass.step(value)
+            for high_pass, value in zip(self._filters, acceleration_m_s2, strict=True)
+        ]
+        if self._together is None:
+            return parts[0]
+        return self._together.step((parts[0], parts[1], parts[2]))
 
     def _goes_on(self, sequence: int, vibration: float) -> bool:
         """Say whether a sample continues those before the gap."""

@@ -1,0 +1,84 @@
+"""One channel of vibration that has the power of three, sample by sample.
+
+DFT321 keeps the sum of the three axes' power spectra, but needs blocks of samples (Landin, Romano,
+McMahan and Kuchenbecker, "Dimensional reduction of high-frequency accelerations for haptic
+rendering", EuroHaptics 2010). What is streamed must leave at once. It is the sum of the
+acceleration along three directions at right angles, those in which it is uncorrelated: so the power
+of the sum is the sum of the powers, and the spectrum is that of DFT321 wherever the three are
+uncorrelated at each frequency, as for a vibration along one direction or from independent axes.
+The directions follow the covariance of the last tenth of a second, one Jacobi rotation a sample
+(Golub and Van Loan, *Matrix Computations*, section 8.5), of at most 45 degrees: no direction
+changes its sense. Cost: about 6 us a sample in plain Python.
+"""
+
+import math
+from typing import Final
+
+from mmt.core.arrays import Vector
+
+_MEMORY_S: Final = 0.1
+_SMALLEST: Final = 1e-20
+"""(m/s2)^2: below this there is no direction."""
+_PAIRS: Final = ((0, 1), (0, 2), (1, 2))
+
+
+class ThreeAxes:
+    """Reduce three axes to one channel of the same power.
+
+    Parameters
+    ----------
+    rate_hz
+        Sampling rate.
+    """
+
+    def __init__(self, rate_hz: float) -> None:
+        self._share = 1.0 / (_MEMORY_S * rate_hz)
+        self._covariance = (0.0,) * 6  # xx, yy, zz, xy, xz, yz
+        self._directions: list[Vector] = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
+        self._turn = 0
+
+    def step(self, vibration: Vector) -> float:
+        """Return the sample (m/s2) for one of three axes, their offsets removed."""
+        x, y, z = vibration
+        share = self._share
+        new = (x * x, y * y, z * z, x * y, x * z, y * z)
+        self._covariance = xx, yy, zz, xy, xz, yz = tuple(
+            old + share * (now - old) for old, now in zip(self._covariance, new, strict=True)
+        )
+        whole = xx + yy + zz
+        if whole > _SMALLEST:
+            self._rotate(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
+        (a, b, c), (d, e, f), (g, h, i) = self._directions
+        u, v, w = a + d + g, b + e + h, c + f + i
+        power = xx * u * u + yy * v * v + zz * w * w + 2.0 * (xy * u * v + xz * u * w + yz * v * w)
+        gain = math.sqrt(whole / power) if whole < 9.0 * power and whole > _SMALLEST else 1.0
+        return gain * (u * x + v * y + w * z)
+
+    def _rotate(self, rows: tuple[Vector, Vector, Vector]) -> None:
+        """Rotate the next pair of directions to where the two are uncorrelated."""
+        first, second = _PAIRS[self._turn]
+        self._turn = (self._turn + 1) % 3
+        p, q = self._directions[first], self._directions[second]
+        p_p, p_q, q_q = _form(rows, p, p), _form(rows, p, q), _form(rows, q, q)
+        if abs(p_q) <= 1e-12 * (p_p + q_q) + _SMALLEST:
+            return
+        ratio = (q_q - p_p) / (2.0 * p_q)
+        tangent = math.copysign(1.0, ratio) / (abs(ratio) + math.sqrt(1.0 + ratio * ratio))
+        cosine = 1.0 / math.sqrt(1.0 + tangent * tangent)
+        sine = tangent * cosine
+        self._directions[first] = _mixed(cosine, p, -sine, q)
+        self._directions[second] = _mixed(sine, p, cosine, q)
+
+
+def _form(rows: tuple[Vector, Vector, Vector], one: Vector, other: Vector) -> float:
+    a, b, c = other
+    d, e, f = one
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = rows
+    x, y, z = xx * a + xy * b + xz * c, xy * a + yy * b + yz * c, xz * a + yz * b + zz * c
+    return d * x + e * y + f * z
+
+
+def _mixed(share: float, one: Vector, rest: float, other: Vector) -> Vector:
+    a, b, c = one
+    d, e, f = other
+    return (share * a + rest * d, share * b + rest * e, share * c + rest * f)
