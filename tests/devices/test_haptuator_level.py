@@ -17,6 +17,7 @@ from mmt.devices.calibrations import save_calibration
 from mmt.devices.haptuator.drive import VoltageDrive, level_of, store_level
 from mmt.devices.haptuator.equaliser import TAPS, Equaliser, fit_equaliser, sweep
 from mmt.devices.haptuator.options import HaptuatorOptions
+from mmt.texture.synthesis.actuator import FREQUENCIES_HZ, ActuatorResponse
 
 
 def actuator(volts: np.ndarray) -> np.ndarray:
@@ -65,6 +66,37 @@ def test_the_equalisers_gain_is_bounded_for_any_actuator(
     assert len(fitted.taps) <= TAPS
     assert np.isfinite(fitted.volts_per_m_s2)
     assert fitted.volts_per_m_s2 > 0.0
+
+
+def coil(volts: np.ndarray, resonance_hz: float) -> np.ndarray:
+    """A voice coil's mass on a spring, 15 m/s2 for a volt above its resonance (bilinear)."""
+    rate = 2.0 * np.pi * resonance_hz
+    b, a = signal.bilinear([15.0, 0.0, 0.0], [1.0, 0.4 * rate, rate * rate], 1000.0)
+    return signal.lfilter(b, a, volts)
+
+
+@pytest.mark.parametrize("resonance_hz", [50.0, 80.0, 150.0])
+def test_the_band_begins_where_the_actuator_can_still_be_raised(
+    resonance_hz: float, home: Path
+) -> None:
+    """Its mass falls off by 12 dB an octave below the resonance, and 12 dB is the largest gain."""
+    volts = sweep(1.0, 20.0, 490.0, 8.0)
+    noise = np.random.default_rng(4).normal(0.0, 0.01, len(volts))
+    fitted = fit_equaliser(volts, coil(volts, resonance_hz) + noise)
+    assert 0.35 * resonance_hz < fitted.low_hz < 0.7 * resonance_hz + 4.0
+    store_level(fitted, "C1")
+    drive = VoltageDrive(HaptuatorOptions(serial="C1", full_scale_v=50.0, limit_v=50.0), 1000.0)
+    assert drive.low_hz == pytest.approx(fitted.low_hz)
+    # what is told of the way to the skin is what a texture's noise makes of it
+    sos = signal.butter(2, [40.0, 160.0], "bandpass", fs=1000.0, output="sos")
+    texture = signal.sosfilt(sos, np.random.default_rng(5).normal(size=60_000))
+    felt = coil(np.array(drive.convert(texture)), resonance_hz)
+    measured = np.mean(felt[1000:] ** 2) / np.mean(texture[1000:] ** 2)
+    density = np.abs(signal.sosfreqz(sos, FREQUENCIES_HZ, fs=1000.0)[1]) ** 2
+    response = ActuatorResponse(drive.gain(FREQUENCIES_HZ), drive.low_hz)
+    told = response.played_share(density[np.newaxis])[0]
+    assert 10.0 * np.log10(told / measured) == pytest.approx(0.0, abs=0.4)
+    assert ActuatorResponse.from_dict(json.loads(json.dumps(response.as_dict()))) is not None
 
 
 def test_what_tells_nothing_is_refused() -> None:
@@ -141,5 +173,5 @@ def test_the_command_explains_a_recording_that_it_cannot_use(home: Path) -> None
 
 
 def test_an_equaliser_is_stored_whole(home: Path) -> None:
-    path = store_level(Equaliser(0.2, (1.0, -0.5), 3.0, 0.1, 0.99), "B")
+    path = store_level(Equaliser(0.2, (1.0, -0.5), 3.0, 0.1, 0.99, 55.0, (50.0,), (9.0,)), "B")
     assert json.loads(path.read_text())["taps"] == [1.0, -0.5]

@@ -135,7 +135,10 @@ def equalise_actuator(
     keep: Annotated[
         Path | None, typer.Option(metavar="FILE.npz", help="Keep what was recorded.")
     ] = None,
-    low_hz: Annotated[float, typer.Option(help="Lower end of the band (Hz).")] = 90.0,
+    low_hz: Annotated[
+        float | None,
+        typer.Option(help="Lower end of the band (Hz); unless given, found by the sweep."),
+    ] = None,
     high_hz: Annotated[float, typer.Option(help="Upper end of the band (Hz).")] = 450.0,
     largest_gain_db: Annotated[
         float, typer.Option(help="Raise or lower a frequency by so much at most (dB).")

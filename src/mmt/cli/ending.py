@@ -174,6 +174,12 @@ def _errors(evaluation: Mapping[str, Any]) -> Iterator[str]:
             against = each.get("basis_reason", "the known texture")
             where = f"the strokes made and {plane}, against {against}"
         yield f"{name}{power_db:.1f} dB, within one JND on {100 * share:.0f} % of {where}"
+        skin = each.get("at_skin")
+        if skin is not None:
+            yield (
+                f"{name}{skin['power_error_db']:.1f} dB at the skin: the actuator plays "
+                f"{100 * skin['played_share']:.0f} % of the power"
+            )
 
 
 def _next(recording: str | None, report: Path | None, *, whole: bool) -> str:

@@ -30,7 +30,7 @@ class Fit:
     """What is fitted, and where it goes."""
 
     serial: str | None
-    low_hz: float
+    low_hz: float | None
     high_hz: float
     largest_gain_db: float
     json_file: Path | None
@@ -86,8 +86,8 @@ def equalise(what: str | None, fit: Fit, live: Live) -> None:
     path = store_level(fitted, serial)
     output.print(
         f"Haptuator {serial}: {fitted.volts_per_m_s2:.4g} V for 1 m/s2; uneven by "
-        f"{fitted.unevenness_db:.1f} dB from {fit.low_hz:g} to {fit.high_hz:g} Hz, evened out to "
-        f"{fitted.remaining_db:.1f} dB; coherence {fitted.coherence:.3f}",
+        f"{fitted.unevenness_db:.1f} dB from {fitted.low_hz:.0f} to {fit.high_hz:g} Hz, evened out "
+        f"to {fitted.remaining_db:.1f} dB; coherence {fitted.coherence:.3f}",
         highlight=False,
     )
     output.print(f"stored in {path}", highlight=False, soft_wrap=True)
@@ -125,7 +125,7 @@ def _record(scene: str | None, fit: Fit, live: Live) -> tuple[str, SweepRecordin
         load_device(actuator, played, role="actuator"),
         load_device(accelerometer, sensor_options, role="accelerometer"),
         SweepSettings(
-            low_hz=max(_EDGES_HZ[0], fit.low_hz - below),
+            low_hz=max(_EDGES_HZ[0], (fit.low_hz or 0.0) - below),
             high_hz=min(_EDGES_HZ[1], fit.high_hz + above),
             duration_s=live.duration_s,
             largest_m_s2=live.largest_m_s2,

@@ -211,6 +211,27 @@ class VoltageActuator(VibrationActuator, Protocol):
         """Play voltages (n,), V, at the session's rate, cut to `largest_v` and else as they are."""
 
 
+@runtime_checkable
+class RespondingActuator(VibrationActuator, Protocol):
+    """An actuator whose response is known; optional for a driver."""
+
+    def response(self, frequencies_hz: FloatArray) -> tuple[FloatArray, float]:
+        """Return the acceleration at the handle over the one that is asked for.
+
+        Parameters
+        ----------
+        frequencies_hz
+            Shape (f,).
+
+        Returns
+        -------
+        gain
+            Shape (f,), magnitudes.
+        low_hz
+            Below this it is not driven.
+        """
+
+
 class FollowerSource(Protocol):
     """What a follower streams: real devices, a simulation or a recorded session."""
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
+from mmt.evaluation.at_skin import at_skin
 from mmt.evaluation.coverage import coverage
 from mmt.evaluation.held_out import choose_held_out
 from mmt.evaluation.recorded_surfaces import SurfaceParts, part_by_surface
@@ -185,6 +186,7 @@ def evaluate_session(
         models=leader,
         power_map=errors,
         control=control_periods(session.events, duration_s),
+        at_skin=at_skin(session.events, model, truth, strokes),
         processing_s=time.perf_counter() - started,
     )
 

@@ -13,6 +13,7 @@ from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import ModelHistory
 from mmt.texture.settings import THRESHOLDS, ModellingSettings
 from mmt.texture.signals.faults import SignalFaults
+from mmt.texture.synthesis.actuator import skin_sentence
 
 Basis = Literal["truth", "held-out"]
 """The reference of the power error and of the share within one JND."""
@@ -142,6 +143,20 @@ class HeldOutSegment:
 
 
 @dataclass(frozen=True)
+class AtSkin:
+    """What reaches the skin through the actuator of the session.
+
+    ``played_share`` is the share of the texture's power that it plays, over the strokes made,
+    and ``power_error_db`` the root mean square of the level error with the model's own in it:
+    against the known texture, or where there is none against the model.
+    """
+
+    played_share: float
+    low_hz: float
+    power_error_db: float
+
+
+@dataclass(frozen=True)
 class PowerMap:
     """Power error (dB) of the leader's model over the grid, shape (forces, speeds)."""
 
@@ -164,6 +179,7 @@ class Evaluation:
     ``faults`` is what of its signals was no measurement.
     ``control`` says who moved the robot when, in times of the whole session, and is empty where
     control was never handed over. No figure depends on it: all are by what the robot measured.
+    ``at_skin`` is None where the recording does not tell the actuator's response.
     """
 
     name: str
@@ -196,6 +212,7 @@ class Evaluation:
     models: ModelHistory = field(repr=False)
     power_map: PowerMap | None = field(repr=False)
     control: tuple[ControlPeriod, ...] = ()
+    at_skin: AtSkin | None = None
 
     @property
     def times_real_time(self) -> float:
@@ -221,6 +238,13 @@ class Evaluation:
         if self.control:
             said.append(control_sentence(self.control))
             said.append("The figures are by the strokes of all of them.")
+        if self.at_skin is not None:
+            skin = self.at_skin
+            sentence = skin_sentence(skin.played_share, skin.low_hz)
+            said.append(
+                f"{sentence[0].upper()}{sentence[1:]}; with the model's own error "
+                f"{skin.power_error_db:.1f} dB there."
+            )
         return " ".join(said)
 
     def model_at(self, time_s: float | None) -> TextureModel | None:
@@ -266,6 +290,7 @@ class Evaluation:
             "by_heading": [_plain(asdict(errors)) for errors in self.by_heading],
             "control": [period.as_dict() for period in self.control],
             "coverage": _plain(asdict(self.coverage)),
+            "at_skin": _plain(asdict(self.at_skin)) if self.at_skin else None,
             "held_out": [_held_out(segment) for segment in self.held_out],
             "period_s": self.period_s,
             "step_s": self.step_s,

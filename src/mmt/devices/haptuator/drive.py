@@ -7,12 +7,14 @@ from operator import mul
 from pathlib import Path
 from typing import Final, NamedTuple
 
+import numpy as np
+
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.core.guards import SampleGuard
 from mmt.devices.calibrations import calibration_file, load_calibration, save_calibration
 from mmt.devices.haptuator.equaliser import TAPS, Equaliser
-from mmt.devices.haptuator.options import HaptuatorOptions
+from mmt.devices.haptuator.options import DATA_SHEET_LOW_HZ, HaptuatorOptions
 from mmt.devices.protocols import ActuatorStatistics
 from mmt.texture.signals.biquad import BiquadFilter, bessel_low_pass, butterworth_high_pass
 
@@ -25,6 +27,12 @@ class Level(NamedTuple):
     volts_per_m_s2: float
     taps: tuple[float, ...]
     """Taps of the equaliser, (1.0,) for none."""
+    low_hz: float = DATA_SHEET_LOW_HZ
+    """From here on it can be driven."""
+    response_hz: tuple[float, ...] = ()
+    """Frequencies at which its own response is known."""
+    response: tuple[float, ...] = ()
+    """Acceleration over voltage there, m/s2 for 1 V."""
 
 
 def level_of(options: HaptuatorOptions, directory: Path | None = None) -> Level:
@@ -53,7 +61,14 @@ def level_of(options: HaptuatorOptions, directory: Path | None = None) -> Level:
             f"the calibration {calibration_file(DEVICE, serial, directory)} is not that of a "
             "Haptuator: make it again by 'mmt device equalise'"
         )
-    return Level(volts, tuple(number for number in numbers if number is not None))
+    low_hz = _number(stored.get("low_hz"))
+    known = [_numbers(stored.get(name)) for name in ("response_hz", "response")]
+    level = Level(volts, tuple(number for number in numbers if number is not None))
+    if low_hz is not None and 1.0 <= low_hz <= _LARGEST_LOW_HZ:
+        level = level._replace(low_hz=low_hz)
+    if len(known[0]) == len(known[1]):  # an earlier calibration has none
+        level = level._replace(response_hz=known[0], response=known[1])
+    return level
 
 
 def store_level(equaliser: Equaliser, serial: str, directory: Path | None = None) -> Path:
@@ -64,8 +79,16 @@ def store_level(equaliser: Equaliser, serial: str, directory: Path | None = None
     MmtError
         It cannot be written.
     """
-    values = {**equaliser._asdict(), "taps": list(equaliser.taps)}
+    values = {
+        name: list(value) if isinstance(value, tuple) else value
+        for name, value in equaliser._asdict().items()
+    }
     return save_calibration(DEVICE, serial, values, directory)
+
+
+def _numbers(values: object) -> tuple[float, ...]:
+    numbers = [_number(value) for value in values] if isinstance(values, list) else []
+    return tuple(number for number in numbers if number is not None)
 
 
 def _number(value: object) -> float | None:
@@ -74,6 +97,7 @@ def _number(value: object) -> float | None:
 
 FADE_S: Final = 0.01
 """Over this a voltage that is not finite fades out, and the next in again."""
+_LARGEST_LOW_HZ: Final = 400.0
 _HIGHEST_SHARE: Final = 0.4999
 """A low-pass above this share of the rate would pass all that there is."""
 
@@ -103,11 +127,17 @@ class VoltageDrive:
         self._taps = level.taps
         self._history = deque([0.0] * len(level.taps), maxlen=len(level.taps))
         self._guard = SampleGuard(options.largest_v, round(FADE_S * rate_hz))
-        sections = [BiquadFilter(butterworth_high_pass(options.low_hz, rate_hz))]
+        low_hz = level.low_hz if options.low_hz is None else options.low_hz
+        sections = [butterworth_high_pass(low_hz, rate_hz)]
         if options.high_hz < _HIGHEST_SHARE * rate_hz:
-            sections.append(BiquadFilter(bessel_low_pass(options.high_hz, rate_hz)))
-        self._filters: tuple[Callable[[float], float], ...] = tuple(s.step for s in sections)
-        self._sections = sections
+            sections.append(bessel_low_pass(options.high_hz, rate_hz))
+        self.low_hz = low_hz
+        """Below this the actuator is not driven."""
+        self._level, self._biquads, self._rate_hz = level, sections, rate_hz
+        self._sections = [BiquadFilter(section) for section in sections]
+        self._filters: tuple[Callable[[float], float], ...] = tuple(
+            section.step for section in self._sections
+        )
         self._samples = 0
         self._not_finite = 0
         self._sum_squares = 0.0
@@ -143,6 +173,24 @@ class VoltageDrive:
             volts.append(voltage)
         self._samples += len(values)
         return volts
+
+    def gain(self, frequencies_hz: FloatArray) -> FloatArray:
+        """Return the acceleration at the handle over the one that is asked for, by frequency.
+
+        By the sweep; without one the actuator is taken to be even, and this is what the filters do.
+        """
+        unit = np.exp(-2j * np.pi * frequencies_hz / self._rate_hz)
+        total = np.polyval(self._taps[::-1], unit)
+        for each in self._biquads:
+            total = total * np.polyval((each.b2, each.b1, each.b0), unit)
+            total = total / np.polyval((each.a2, each.a1, 1.0), unit)
+        gain = np.abs(total)
+        if self._level.response:
+            known = np.interp(
+                frequencies_hz, self._level.response_hz, self._level.response, left=0.0
+            )
+            gain = gain * known * self._scale
+        return np.asarray(gain)
 
     @property
     def statistics(self) -> ActuatorStatistics:

@@ -56,6 +56,10 @@ class HaptuatorDriver(ABC):
         self._check()
         self._play(self._drive.convert(samples_m_s2))
 
+    def response(self, frequencies_hz: FloatArray) -> tuple[FloatArray, float]:
+        """Return the gain from what is asked for to the handle; see `RespondingActuator`."""
+        return self._drive.gain(frequencies_hz), self._drive.low_hz
+
     @property
     def largest_v(self) -> float:
         """Largest voltage (V) that the actuator may get."""

@@ -27,6 +27,11 @@ _LONGEST_SHIFT: Final = 200
 _SMOOTHING: Final = 2
 """Neighbours on each side over which the squared magnitude is averaged, 3.9 Hz each."""
 _FADE: Final = 8
+_PROVISIONAL_HZ: Final = 100.0
+"""Every actuator of this kind is within its band from here on."""
+_DRIVEN: Final = 1e-4
+"""Share of the largest power of the voltage above which a frequency counts as driven."""
+_FREQUENCIES_HZ: Final = np.fft.rfftfreq(_SEGMENT, 1.0 / RATE_HZ)
 
 Spectrum = np.ndarray[tuple[int], np.dtype[np.complex128]]
 
@@ -43,6 +48,12 @@ class Equaliser(NamedTuple):
     """And with it."""
     coherence: float
     """Share of the acceleration's power that the voltage explains, median over the band."""
+    low_hz: float
+    """From here on the actuator can be driven."""
+    response_hz: tuple[float, ...]
+    """Frequencies of `response`."""
+    response: tuple[float, ...]
+    """Acceleration over voltage, m/s2 for 1 V, smoothed."""
 
 
 def sweep(amplitude_v: float, low_hz: float, high_hz: float, duration_s: float) -> FloatArray:
@@ -70,7 +81,7 @@ def fit_equaliser(
     volts: FloatArray,
     acceleration_m_s2: FloatArray,
     *,
-    low_hz: float = 90.0,
+    low_hz: float | None = None,
     high_hz: float = 450.0,
     largest_gain_db: float = 12.0,
 ) -> Equaliser:
@@ -81,7 +92,9 @@ def fit_equaliser(
     volts, acceleration_m_s2
         Shape (n,) each, at 1 kHz, begun within 0.2 s of each other.
     low_hz, high_hz
-        The band that is evened out; beyond it the gain of its edges goes on.
+        The band that is evened out; beyond it the gain of its edges goes on. Without `low_hz` the
+        band begins where the actuator can be raised to its level by the largest gain, and obeys:
+        its own resonance and distortion decide, not a data sheet.
     largest_gain_db
         By which a frequency is raised or lowered at most.
 
@@ -90,8 +103,19 @@ def fit_equaliser(
     InputError
         The signals are too short, of different lengths, or have little to do with each other.
     """
-    band = _check(volts, acceleration_m_s2, low_hz, high_hz, largest_gain_db)
-    transfer, coherence = _transfer(*_align(volts, acceleration_m_s2))
+    first_hz = _PROVISIONAL_HZ if low_hz is None else low_hz
+    band = _check(volts, acceleration_m_s2, first_hz, high_hz, largest_gain_db)
+    transfer, coherence, driven = _transfer(*_align(volts, acceleration_m_s2))
+    bound = 10.0 ** (largest_gain_db / 20.0)
+    smooth = _smooth(np.abs(transfer) ** 2) ** 0.5
+    if low_hz is None:
+        obeys = driven & (coherence > _LEAST_COHERENCE)
+        obeys &= smooth * bound >= np.sqrt(np.mean(smooth[band] ** 2))
+        lowest = int(np.flatnonzero(band)[0])
+        while lowest > 1 and obeys[lowest - 1]:
+            lowest -= 1
+        band[lowest:] |= _FREQUENCIES_HZ[lowest:] < first_hz
+    low_hz = float(_FREQUENCIES_HZ[band][0])
     explained = float(np.median(coherence[band]))
     if explained < _LEAST_COHERENCE:
         raise InputError(
@@ -100,8 +124,7 @@ def fit_equaliser(
             "check that both are recorded at 1 kHz by one clock"
         )
     level = float(np.sqrt(np.mean(np.abs(transfer[band]) ** 2)))
-    relative = _smooth(np.abs(transfer) ** 2) ** 0.5 / level
-    bound = 10.0 ** (largest_gain_db / 20.0)
+    relative = smooth / level
     wanted = np.clip(1.0 / np.maximum(relative, 1e-9), 1.0 / bound, bound)
     inside = np.flatnonzero(band)
     wanted[: inside[0]] = wanted[inside[0]]
@@ -118,6 +141,9 @@ def fit_equaliser(
         unevenness_db=float(np.std(20.0 * np.log10(np.abs(transfer[band])))),
         remaining_db=float(np.std(20.0 * np.log10(evened))),
         coherence=explained,
+        low_hz=low_hz,
+        response_hz=tuple(_FREQUENCIES_HZ[driven].tolist()),
+        response=tuple(smooth[driven].tolist()),
     )
 
 
@@ -139,8 +165,7 @@ def _check(
         raise InputError("voltage and acceleration must be finite numbers")
     if not (volts.any() and acceleration.any()):
         raise InputError("voltage or acceleration is zero throughout: check what was recorded")
-    frequencies = np.fft.rfftfreq(_SEGMENT, 1.0 / RATE_HZ)
-    band = (frequencies >= low_hz) & (frequencies <= high_hz)
+    band = (low_hz <= _FREQUENCIES_HZ) & (high_hz >= _FREQUENCIES_HZ)
     if np.count_nonzero(band) < 4 or not 0.0 < largest_gain_db <= 40.0:
         raise InputError(
             f"band {low_hz:g} to {high_hz:g} Hz and {largest_gain_db:g} dB: allowed are at least "
@@ -161,18 +186,21 @@ def _align(volts: FloatArray, acceleration: FloatArray) -> tuple[FloatArray, Flo
     return volts[-shift:], acceleration[:shift]
 
 
-def _transfer(volts: FloatArray, acceleration: FloatArray) -> tuple[Spectrum, FloatArray]:
-    """Return transfer and coherence by frequency, from half-overlapping Hann windows."""
+def _transfer(
+    volts: FloatArray, acceleration: FloatArray
+) -> "tuple[Spectrum, FloatArray, np.ndarray[tuple[int], np.dtype[np.bool_]]]":
+    """Return transfer, coherence and what was driven by frequency, from Hann windows."""
     starts = np.arange(0, len(volts) - _SEGMENT + 1, _SEGMENT // 2)
     places = starts[:, np.newaxis] + np.arange(_SEGMENT)
     window = np.hanning(_SEGMENT)
     driven = np.fft.rfft(volts[places] * window, axis=1)
     response = np.fft.rfft(acceleration[places] * window, axis=1)
     power = np.mean(np.abs(driven) ** 2, axis=0)
+    was_driven = power > _DRIVEN * power.max()
     power = np.maximum(power, 1e-12 * power.max())
     cross = np.mean(response * np.conj(driven), axis=0)
     loudness = np.maximum(np.mean(np.abs(response) ** 2, axis=0), 1e-300)
-    return cross / power, np.abs(cross) ** 2 / (power * loudness)
+    return cross / power, np.abs(cross) ** 2 / (power * loudness), was_driven
 
 
 def _smooth(values: FloatArray) -> FloatArray:

@@ -11,6 +11,8 @@ from mmt.core.arrays import FloatArray
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 LARGEST_HZ = 1000.0
+DATA_SHEET_LOW_HZ = 90.0
+"""Lower end of the band of a TL002-14R."""
 
 
 class HaptuatorOptions(BaseModel):
@@ -26,14 +28,15 @@ class HaptuatorOptions(BaseModel):
     """Voltage at the actuator for the largest number that the converter takes."""
     limit_v: float = Field(default=3.0, gt=0, le=100)
     """Largest voltage that the actuator may get."""
-    low_hz: float = Field(default=90.0, ge=1, le=400)
-    """Below this the actuator distorts: a second-order high-pass."""
+    low_hz: float | None = Field(default=None, ge=1, le=400)
+    """Below this it is not driven: a second-order high-pass. None takes what the sweep that is
+    stored for `serial` has found, or the data sheet's `DATA_SHEET_LOW_HZ` without one."""
     high_hz: float = Field(default=LARGEST_HZ, ge=20, le=LARGEST_HZ)
     """Above this it is not driven: a second-order low-pass, where the signal reaches so far."""
 
     @model_validator(mode="after")
     def _band(self) -> Self:
-        if self.high_hz <= self.low_hz:
+        if self.low_hz is not None and self.high_hz <= self.low_hz:
             raise ValueError(
                 f"high_hz {self.high_hz:g} must be above low_hz {self.low_hz:g}: nothing would pass"
             )

@@ -94,6 +94,10 @@ class ModelOutput(Part):
             return self.rendered
         return None if self._log.update is None else self._log.update.model
 
+    def begin(self) -> None:
+        """Tell what the actuator makes of a saved model."""
+        self._tell_of_skin(self.rendered)
+
     def close(self) -> None:
         """Record the last models, and save that of each surface beside the recording."""
         self.record_last()
@@ -133,6 +137,20 @@ class ModelOutput(Part):
     def _criterion_met(self, which: str, update: "ModelUpdate") -> None:
         details = {"distance": update.distance, **update.progress.as_dict()}
         self._event(f"{which} criterion met at {update.time_s:.1f} s", **details)
+        self._tell_of_skin(update.model)
+
+    def _tell_of_skin(self, model: "TextureModel | None") -> None:
+        """Tell, and record, how much of a model's power the actuator plays, if that is known."""
+        found = None if self._vibration is None else self._vibration.response()
+        if found is None or model is None:
+            return
+        from mmt.texture.synthesis.actuator import FREQUENCIES_HZ, ActuatorResponse, skin_sentence
+
+        response = ActuatorResponse(*found(FREQUENCIES_HZ))
+        share = response.played_of(model)
+        sentence = skin_sentence(share, response.low_hz)
+        self._event(sentence, actuator_plays=round(share, 4))
+        self._session.journal.record({"event": "actuator response", **response.as_dict()})
 
     def _follow_surface(self, update: "ModelUpdate", *, usable: bool) -> None:
         """Go over to the model of another surface, where the tool has come onto one."""

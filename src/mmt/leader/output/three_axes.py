@@ -42,9 +42,10 @@ class ThreeAxes:
         x, y, z = vibration
         share = self._share
         new = (x * x, y * y, z * z, x * y, x * z, y * z)
-        self._covariance = xx, yy, zz, xy, xz, yz = tuple(
+        xx, yy, zz, xy, xz, yz = (
             old + share * (now - old) for old, now in zip(self._covariance, new, strict=True)
         )
+        self._covariance = (xx, yy, zz, xy, xz, yz)
         whole = xx + yy + zz
         if whole > _SMALLEST:
             self._rotate(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))

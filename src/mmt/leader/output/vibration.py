@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal, Protocol, get_args, runti
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.devices.protocols import VibrationActuator
+from mmt.devices.protocols import RespondingActuator, VibrationActuator
 from mmt.leader.motion.hand import loss_metrics
 from mmt.leader.motion.slew import VibrationSlew
 from mmt.leader.part import Part, Session, Tick
@@ -230,6 +230,11 @@ class VibrationPart(Part):
         self.actuator.connect()
         self.actuator.calibrate()
         self._on_output = self._session.parts.verbs("on_output")
+
+    def response(self) -> "Callable[[FloatArray], tuple[FloatArray, float]] | None":
+        """Return what gives the actuator's response by frequency, None where it is not known."""
+        device = self.actuator if self.reconnecting is None else self.reconnecting.device
+        return device.response if isinstance(device, RespondingActuator) else None
 
     def close(self) -> None:
         """Release the actuator."""

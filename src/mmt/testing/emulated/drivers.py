@@ -256,6 +256,10 @@ class VirtualHaptuator:
         """Play voltages (n,), V."""
         self._connected().write_volts(volts)
 
+    def response(self, frequencies_hz: FloatArray) -> tuple[FloatArray, float]:
+        """Return what the real driver knows of its response."""
+        return self._connected().response(frequencies_hz)
+
     @property
     def largest_v(self) -> float:
         """Largest voltage of the real driver, 0 before it is connected."""
