@@ -259,7 +259,7 @@ def test_text_that_is_wrong_is_named(tmp_path, text, reason):
 def test_files_of_another_kind_are_refused(tmp_path):
     (tmp_path / "a.npz").write_bytes(b"")
     (tmp_path / "b.npz").write_bytes(b"not an archive")
-    (tmp_path / "c.csv").write_bytes(b"\xff\xfe\x00\x01")
+    (tmp_path / "c.csv").write_bytes(b"\x00\x01\x02\x03")
     with (tmp_path / "d.npz").open("wb") as stream:
         np.save(stream, np.zeros(3))
     np.savez(tmp_path / "e.npz", time_s=np.array([{}]), force_n=np.ones((1, 3)))

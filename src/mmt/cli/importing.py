@@ -3,7 +3,7 @@
 from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.box import SIMPLE_HEAD
@@ -11,7 +11,6 @@ from rich.table import Table
 from rich.text import Text
 
 from mmt.cli.common import Force, json_option, messages, output, write_json
-from mmt.core.errors import InputError
 from mmt.core.existing_files import require_absent
 from mmt.core.frames import CHANNELS
 from mmt.core.printable import printable
@@ -19,6 +18,7 @@ from mmt.session.data import axis_columns
 
 if TYPE_CHECKING:
     from mmt.session.importing.checks import ImportReport
+    from mmt.session.importing.options import ImportOptions
 
 _SHOWN_NAMES = 40
 
@@ -35,12 +35,76 @@ class Stamps(StrEnum):
     KEPT = "kept"
 
 
-def inspect_file(source: SourceFile) -> None:
-    """Look at a recording of another program, and propose the command that imports it."""
-    from mmt.session.importing.proposal import propose
-    from mmt.session.importing.recording import import_recording
+Columns = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--map",
+        metavar="TARGET=COLUMN",
+        help="The column of time, position, force, acceleration (arrays), position_x ... "
+        "acceleration_z, position_time ..., or speed in place of position; -COLUMN turns the sign, "
+        "COLUMN[2] is a component, COLUMN*0.5 scaled, a number a constant. May be repeated.",
+    ),
+]
+Units = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--unit",
+        metavar="QUANTITY=UNIT",
+        help="The unit of time, position, force, acceleration or speed, such as acceleration=g, or "
+        "of one target, such as position_z=um. May be repeated.",
+    ),
+]
+Rate = Annotated[
+    float | None, typer.Option(help="Rows a second (Hz), in place of the file's times.")
+]
+Blanks = Annotated[
+    bool, typer.Option("--blanks-as-gaps", help="Leave out rows with an empty cell or NaN.")
+]
+Gap = Annotated[
+    float | None, typer.Option(help="Seconds over which is interpolated; five intervals if absent.")
+]
+StampsChoice = Annotated[
+    Stamps,
+    typer.Option(
+        help="Rows at the stamps as they are (kept), at the times of the clock behind them "
+        "(regular), or whichever fits the motion better (auto)."
+    ),
+]
+Episode = Annotated[
+    int | None, typer.Option(help="Episode of a LeRobot data set; the first if absent.")
+]
+Header = Annotated[
+    int | None, typer.Option(help="Line with the columns' names, from 1; looked for if absent.")
+]
+Sheet = Annotated[str | None, typer.Option(help="Sheet of a workbook, by name or number.")]
+Separator = Annotated[
+    str | None, typer.Option(help="Between the cells: comma, semicolon, tab, blank or a sign.")
+]
+Decimal = Annotated[str | None, typer.Option(help="The decimal sign of a text, . or a comma.")]
+Missing = Annotated[
+    list[str] | None, typer.Option(help="What stands for no value, such as 9999. May be repeated.")
+]
 
-    proposal = propose(source)
+
+def inspect_file(
+    source: SourceFile,
+    columns: Columns = None,
+    units: Units = None,
+    rate: Rate = None,
+    blanks_as_gaps: Blanks = False,
+    longest_gap: Gap = None,
+    stamps: StampsChoice = Stamps.AUTO,
+    episode: Episode = None,
+    header: Header = None,
+    sheet: Sheet = None,
+    separator: Separator = None,
+    decimal: Decimal = None,
+    missing: Missing = None,
+) -> None:
+    """Look at a recording of another program, and propose the command that imports it."""
+    from mmt.session.importing.proposal import propose, try_proposal
+
+    proposal = propose(source, _options(locals()))
     names = ", ".join(proposal.names[:_SHOWN_NAMES]) or "none"
     more = len(proposal.names) - _SHOWN_NAMES
     output.print(f"columns: {names}{f' and {more} more' if more > 0 else ''}", highlight=False)
@@ -50,14 +114,13 @@ def inspect_file(source: SourceFile) -> None:
     if set(CHANNELS) <= set(proposal.lacking):
         output.print("no name tells a channel: say which columns are", highlight=False)
         return
-    try:
-        _, report = import_recording(source, proposal.options)
-    except InputError as error:
-        messages.print(f"as proposed it cannot be imported: {error}", highlight=False)
-    else:
+    proposal, report, error = try_proposal(source, proposal)
+    if report is not None:
         print_report(source.name, report)
-        proposal = proposal.weighed(report)
-    output.print("proposed:", highlight=False)
+        output.print("proposed:", highlight=False)
+    else:
+        messages.print(f"it cannot be imported yet: {error}", highlight=False)
+        output.print("to be completed:", highlight=False)
     output.print(proposal.command(source), highlight=False, soft_wrap=True)
 
 
@@ -66,69 +129,49 @@ def import_file(
     target: Annotated[
         Path, typer.Argument(metavar="OUT", help="The session's file, such as mine.mcap.")
     ],
-    columns: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--map",
-            metavar="TARGET=COLUMN",
-            help="The column of time, position, force, acceleration (arrays), position_x ... "
-            "acceleration_z, or position_time ...; -COLUMN turns the sign, COLUMN[2] is a "
-            "component, COLUMN*0.5 scaled, a number a constant. May be repeated.",
-        ),
-    ] = None,
-    units: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--unit",
-            metavar="QUANTITY=UNIT",
-            help="The unit of time, position, force or acceleration, such as acceleration=g. "
-            "May be repeated.",
-        ),
-    ] = None,
-    rate: Annotated[
-        float | None, typer.Option(help="Rows a second (Hz) of a file without times.")
-    ] = None,
-    blanks_as_gaps: Annotated[
-        bool,
-        typer.Option("--blanks-as-gaps", help="Leave out rows with an empty cell or NaN."),
-    ] = False,
-    longest_gap: Annotated[
-        float | None,
-        typer.Option(help="Seconds over which is interpolated; five intervals if absent."),
-    ] = None,
-    stamps: Annotated[
-        Stamps,
-        typer.Option(
-            help="Rows at the stamps as they are (kept), at the times of the clock behind them "
-            "(regular), or whichever fits the motion better (auto)."
-        ),
-    ] = Stamps.AUTO,
-    episode: Annotated[
-        int | None, typer.Option(help="Episode of a LeRobot data set; the first if absent.")
-    ] = None,
+    columns: Columns = None,
+    units: Units = None,
+    rate: Rate = None,
+    blanks_as_gaps: Blanks = False,
+    longest_gap: Gap = None,
+    stamps: StampsChoice = Stamps.AUTO,
+    episode: Episode = None,
+    header: Header = None,
+    sheet: Sheet = None,
+    separator: Separator = None,
+    decimal: Decimal = None,
+    missing: Missing = None,
     force: Force = False,
     json_file: Annotated[Path | None, json_option("Write what was found there.")] = None,
 ) -> None:
     """Import a recording at any rate: a table, arrays, a ROS bag or a LeRobot data set."""
     from mmt.session import export_session
-    from mmt.session.importing.options import ImportOptions, assignments
     from mmt.session.importing.recording import import_recording
 
+    options = _options(locals())
     require_absent(target, force=force)
-    options = ImportOptions(
-        columns=assignments(columns or [], "--map"),
-        units=assignments(units or [], "--unit"),
-        rate_hz=rate,
-        blanks_as_gaps=blanks_as_gaps,
-        longest_gap_s=longest_gap,
-        stamps=stamps.value,
-        episode=episode,
-    )
     session, report = import_recording(source, options)
     export_session(session, target)
     print_report(source.name, report)
     messages.print(f"{len(session.frames)} frames written to {target}", highlight=False)
-    write_json(json_file, {"frames": len(session.frames), **asdict(report)})
+    found = {**asdict(report), "told": sorted(report.told)}
+    write_json(json_file, {"frames": len(session.frames), **found})
+
+
+def _options(given: dict[str, Any]) -> "ImportOptions":
+    """Return the options of a command by its arguments."""
+    from mmt.session.importing.options import ImportOptions, assignments
+
+    same = ("blanks_as_gaps", "episode", "header", "sheet", "separator", "decimal")
+    return ImportOptions(
+        columns=assignments(given["columns"] or [], "--map"),
+        units=assignments(given["units"] or [], "--unit"),
+        rate_hz=given["rate"],
+        longest_gap_s=given["longest_gap"],
+        stamps=given["stamps"].value,
+        missing=tuple(given["missing"] or ()),
+        **{name: given[name] for name in same},
+    )
 
 
 def print_report(title: str, report: "ImportReport") -> None:

@@ -7,6 +7,7 @@ format is met.
 import logging
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
@@ -19,7 +20,7 @@ _log = logging.getLogger(__name__)
 def read_session(path: str | Path) -> RecordedSession:
     """Read a session from a file of any readable format.
 
-    Every other than ``.mcap`` is imported, see `import_session`.
+    Every other than ``.mcap`` is imported, see `import_session`, and what looks wrong is logged.
 
     Raises
     ------
@@ -39,9 +40,7 @@ def read_session(path: str | Path) -> RecordedSession:
     if read is not None:
         session: RecordedSession = read(path)
         return session
-    from mmt.session.importing.recording import import_recording
-
-    return import_recording(path)[0]
+    return import_session(path)
 
 
 def import_session(
@@ -49,9 +48,7 @@ def import_session(
     *,
     columns: Mapping[str, str] | None = None,
     units: Mapping[str, str] | None = None,
-    rate_hz: float | None = None,
-    blanks_as_gaps: bool = False,
-    longest_gap_s: float | None = None,
+    **options: Any,
 ) -> RecordedSession:
     """Read a recording of another program and resample it to 1 kHz.
 
@@ -67,18 +64,14 @@ def import_session(
         set. Channels may be left out, and each may have times of its own
         (``acceleration_time_s``).
     columns
-        The names of columns that are called otherwise, as ``{"force_z": "Fz"}``, see
-        `mmt.session.importing.options.ImportOptions`.
+        The names of columns that are called otherwise, as ``{"force_z": "Fz"}``.
     units
-        Their units where the file does not say them, as ``{"acceleration": "g"}``.
-    rate_hz
-        Rows a second of a file without times.
-    blanks_as_gaps
-        Leave out rows with an empty cell or NaN.
-    longest_gap_s
-        Samples further apart than this are not joined: the frames between them are
-        missing in the session. None is five of the file's own median intervals, but
-        no less than 5 ms and no more than 100 ms.
+        Their units, in place of what the file says, as ``{"acceleration": "g"}``.
+    **options
+        Whatever else the command ``mmt session import`` has, by the names of
+        `mmt.session.importing.options.ImportOptions`: ``rate_hz``, ``blanks_as_gaps``,
+        ``longest_gap_s``, ``stamps``, ``episode``, ``header``, ``sheet``, ``separator``,
+        ``decimal``, ``missing``.
 
     Raises
     ------
@@ -89,12 +82,9 @@ def import_session(
     from mmt.session.importing.options import ImportOptions
     from mmt.session.importing.recording import import_recording
 
-    options = ImportOptions(
-        columns or {}, units or {}, rate_hz, blanks_as_gaps, longest_gap_s=longest_gap_s
-    )
-    session, report = import_recording(path, options)
+    session, report = import_recording(path, ImportOptions(columns or {}, units or {}, **options))
     for warning in report.warnings:
-        _log.warning("%s: %s", path, warning)
+        _log.warning("look: %s: %s", path, warning)
     return session
 
 

@@ -23,6 +23,9 @@ _SMALLEST_FORCE_N = 0.05
 _GRAVITY_M_S2: Final = 9.80665
 _LEAST_VIBRATION_M_S2 = 0.05
 _LOWEST_RATE_HZ = 700.0
+_LONGEST_HELD_S = 0.05
+_LEAST_CLIPPED = 1e-3
+"""Share of the rows at the end of a range from which it is said."""
 _NOTED_JITTER = 0.05
 """Periods of jitter from which it is said."""
 
@@ -51,6 +54,8 @@ class ImportReport:
     """The speed that is exceeded in one frame of a hundred, over 20 ms; None without position."""
     warnings: tuple[str, ...]
     """What looks wrong, each with the option that mends it."""
+    told: frozenset[str] = frozenset()
+    """As of `Samples`."""
 
 
 def assess(
@@ -85,8 +90,11 @@ def assess(
     if "acceleration" in samples.values:
         rate_hz = 1.0 / stamps["acceleration"].period_s
         warnings += _of_acceleration(samples.values["acceleration"], rate_hz, options)
+    for channel in ("force", "acceleration"):
+        if channel in samples.values:
+            warnings += _of_sensor(channel, samples.values[channel], 1.0 / stamps[channel].period_s)
     channels = tuple(_describe(c, v, stamps[c]) for c, v in samples.values.items())
-    return ImportReport(channels, speed_mm_s, tuple(warnings))
+    return ImportReport(channels, speed_mm_s, tuple(warnings), samples.told)
 
 
 def _describe(channel: Channel, values: FloatArray, stamps: Stamps) -> ChannelReport:
@@ -151,12 +159,14 @@ def _of_clock(channels: str, stamps: Stamps) -> list[str]:
 
 def _of_position(range_mm: FloatArray, speed_mm_s: float, options: ImportOptions) -> list[str]:
     largest_mm = float(np.max(range_mm))
+    if largest_mm == 0:
+        return ["position: it never changes; is it the right column?"]
     if speed_mm_s > _FASTEST_MM_S:
         return [
             f"position: the speed exceeds {speed_mm_s:.0f} mm/s in one frame of a hundred, a hand "
             f"strokes at 20 to 500; {_other_unit('position', 'um', options)}, or look at the times"
         ]
-    if largest_mm > 0 and speed_mm_s < _SLOWEST_MM_S:
+    if speed_mm_s < _SLOWEST_MM_S:
         return [
             f"position: it spans {largest_mm:.3g} mm, and the speed seldom exceeds "
             f"{speed_mm_s:.2g} mm/s; {_other_unit('position', 'm', options)}"
@@ -203,7 +213,7 @@ def _of_acceleration(
             f"{about}: its offset or its scale is wrong; counts become m/s2 by a factor, as in "
             "--map acceleration_x=NAME*0.0006"
         )
-    elif spread < _LEAST_VIBRATION_M_S2:
+    elif 0 < spread < _LEAST_VIBRATION_M_S2:
         unit = _other_unit("acceleration", "g", options)
         sentences.append(f"acceleration: it varies by {spread:.2g} m/s2 rms only; {unit}")
     if rate_hz < _LOWEST_RATE_HZ:
@@ -211,6 +221,28 @@ def _of_acceleration(
             f"acceleration: at {rate_hz:.0f} Hz nothing above {rate_hz / 2:.0f} Hz is in it; "
             "texture is felt up to 500 Hz"
         )
+    return sentences
+
+
+def _of_sensor(channel: str, values: FloatArray, rate_hz: float) -> list[str]:
+    """Say where a sensor stood still, or at the end of its range."""
+    sentences = []
+    still = np.concatenate([[0], np.all(np.diff(values, axis=0) == 0, axis=1), [0]]).astype(int)
+    edges = np.flatnonzero(np.diff(still))
+    longest = int(np.max(edges[1::2] - edges[::2], initial=0))
+    if longest + 1 == len(values):
+        return [f"{channel}: it never changes; is it the right column, and was the sensor on?"]
+    if channel == "acceleration" and longest > _LONGEST_HELD_S * rate_hz:
+        sentences.append(f"{channel}: it held one value for {longest / rate_hz:.3g} s")
+    for axis, column in zip("xyz", values.T, strict=True):
+        extreme = column[int(np.argmax(np.abs(column)))]
+        rows = column == extreme
+        together = rows[2:] & rows[1:-1] & rows[:-2]
+        if together.any() and _LEAST_CLIPPED * len(rows) <= rows.sum() < len(rows) and extreme:
+            sentences.append(
+                f"{channel}: {axis} stands at {extreme:.4g} in {rows.sum()} rows, the end of the "
+                "sensor's range?"
+            )
     return sentences
 
 

@@ -2,12 +2,13 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Final
 
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
 from mmt.session.importing.stamps import StampChoice
+from mmt.session.importing.units import QUANTITIES, unit_factor
 
 _AXES = "xyz"
 
@@ -16,21 +17,11 @@ TARGETS: Final = (
     *(f"{channel}_time" for channel in CHANNELS),
     *CHANNELS,
     *(f"{channel}_{axis}" for channel in CHANNELS for axis in _AXES),
+    "speed",
 )
-"""What a column may be mapped to: times, vectors (n, 3), and single axes."""
+"""What a column may be mapped to: times, vectors (n, 3), single axes, and speed for position."""
 
-UNITS: Final[Mapping[str, Mapping[str, float]]] = {
-    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0},
-    "position": {"mm": 1.0, "m": 1e3, "cm": 10.0, "um": 1e-3, "µm": 1e-3, "in": 25.4},
-    "force": {"N": 1.0, "mN": 1e-3, "kN": 1e3, "gf": 9.80665e-3, "kgf": 9.80665, "lbf": 4.4482216},
-    "acceleration": {
-        **dict.fromkeys(("m/s2", "m/s^2", "m/s²", "m_s2"), 1.0),
-        **dict.fromkeys(("mm/s2", "mm/s^2", "mm/s²"), 1e-3),
-        "g": 9.80665,
-        "mg": 9.80665e-3,
-    },
-}
-"""Factors to s, mm, N and m/s², by quantity."""
+_SEPARATORS: Final = {"comma": ",", "semicolon": ";", "tab": "\t", "blank": " "}
 
 _SOURCE = re.compile(
     r"^(-?)(.*?)(?:\[(\d+)\])?(?:\*([-+]?[0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?))?$", re.DOTALL
@@ -61,9 +52,10 @@ class ImportOptions:
     before it turns the sign, ``[2]`` after it takes that component of an array, ``*0.5`` behind
     that scales it, and a number is a constant."""
     units: Mapping[str, str] = field(default_factory=dict)
-    """The unit of "time", "position", "force", "acceleration" where the file does not say it."""
+    """The unit of a quantity ("time", "position", "force", "acceleration", "speed") or of one of
+    `TARGETS`, in place of what the file says."""
     rate_hz: float | None = None
-    """Rows a second of a file without times."""
+    """Rows a second, in place of the file's times."""
     blanks_as_gaps: bool = False
     """Leave out rows with an empty cell or NaN, as a gap of their channel."""
     longest_gap_s: float | None = None
@@ -72,6 +64,16 @@ class ImportOptions:
     """Whether times are the "kept" stamps or "regular" ones, see `assess_stamps`."""
     episode: int | None = None
     """The episode of a data set that has several; None is the first."""
+    header: int | None = None
+    """The line with the names of a table's columns, counted from 1; None looks for it."""
+    sheet: str | None = None
+    """The sheet of a workbook, by its name or number; None is the one that was open."""
+    separator: str | None = None
+    """What stands between the cells of a text: comma, semicolon, tab, blank or the sign itself."""
+    decimal: str | None = None
+    """The decimal sign of a text, "." or ","; None is the point, and a comma where it is one."""
+    missing: tuple[str, ...] = ()
+    """What stands in cells without a value, beside what mostly does."""
 
     def __post_init__(self) -> None:
         for target in self.columns:
@@ -79,20 +81,51 @@ class ImportOptions:
                 raise InputError(
                     f"--map {target}=...: there is no {target} to map to, only {', '.join(TARGETS)}"
                 )
-        for quantity, unit in self.units.items():
-            if quantity not in UNITS:
+        for target, unit in self.units.items():
+            if target not in QUANTITIES and target not in TARGETS:
                 raise InputError(
-                    f"--unit {quantity}=...: units are of {', '.join(UNITS)}, not of {quantity}"
+                    f"--unit {target}=...: units are of {', '.join(QUANTITIES)}, or of what is "
+                    f"mapped, such as force_z; not of {target}"
                 )
-            if unit_factor(quantity, unit) is None:
+            if unit_factor(quantity_of(target), unit) is None:
                 raise InputError(
-                    f"--unit {quantity}={unit}: {unit} is no known unit of it; "
-                    f"known are {', '.join(UNITS[quantity])}"
+                    f"--unit {target}={unit}: {unit} is no known unit of it; "
+                    f"known are {QUANTITIES[quantity_of(target)]}"
                 )
+        if self.header is not None and self.header < 1:
+            raise InputError(f"--header {self.header}: lines count from 1")
+        if self.decimal not in (None, ".", ","):
+            raise InputError(f"--decimal {self.decimal}: it is . or ,")
+        if self.separator is not None and len(self.delimiter or "") != 1:
+            raise InputError(
+                f"--separator {self.separator}: it is {', '.join(_SEPARATORS)}, or one sign"
+            )
         for name in ("rate_hz", "longest_gap_s"):
             value = getattr(self, name)
             if value is not None and not 0 < value < float("inf"):
                 raise InputError(f"{name} is {value}, it must be above zero")
+
+    def arguments(self) -> list[str]:
+        """Return the options of the command that say the same."""
+        parts: list[str] = []
+        for option, pairs in (("--map", self.columns), ("--unit", self.units)):
+            for name, value in pairs.items():
+                parts += [option, f"{name}={value}"]
+        named = {"columns", "units"}
+        names = {"rate_hz": "rate", "longest_gap_s": "longest-gap"}
+        for each in fields(self):
+            value = getattr(self, each.name)
+            if each.name in named or value == each.default:
+                continue
+            option = f"--{names.get(each.name, each.name.replace('_', '-'))}"
+            values = value if isinstance(value, tuple) else (value,)
+            parts += [option] if value is True else [f"{option}={one}" for one in values]
+        return parts
+
+    @property
+    def delimiter(self) -> str | None:
+        """The sign between the cells of a text, None where it is to be found."""
+        return None if self.separator is None else _SEPARATORS.get(self.separator, self.separator)
 
     def source(self, target: str, names: "Mapping[str, object]") -> Source | None:
         """Return what a target is mapped to, None where it is not mapped.
@@ -107,6 +140,8 @@ class ImportOptions:
             return Source(text)
         sign, name, component, factor = found.groups()
         scale = (-1.0 if sign else 1.0) * float(factor or 1.0)
+        if component is not None and f"{name}[{component}]" in names:
+            return Source(f"{name}[{component}]", None, scale)
         return Source(name, None if component is None else int(component), scale)
 
     def mapped_names(self) -> set[str]:
@@ -118,13 +153,9 @@ class ImportOptions:
         return names
 
 
-def unit_factor(quantity: str, unit: str) -> float | None:
-    """Return the factor to the unit of frames, None for a unit that is not known."""
-    known = UNITS[quantity]
-    if unit in known:
-        return known[unit]
-    plain = {name.lower(): factor for name, factor in known.items()}
-    return plain.get(unit.strip().lower())
+def quantity_of(target: str) -> str:
+    """Return the quantity of one of `TARGETS`."""
+    return "time" if target.endswith("time") else target.split("_", maxsplit=1)[0]
 
 
 def assignments(texts: list[str], option: str) -> dict[str, str]:

@@ -2,33 +2,36 @@
 
 import re
 import shlex
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
+from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
 from mmt.session.importing.checks import ImportReport, unit_by_gravity
-from mmt.session.importing.columns import (
-    MESSAGE_PARTS,
-    STANDARD_NAMES,
-    wanted_names,
-)
-from mmt.session.importing.options import UNITS, ImportOptions
-from mmt.session.importing.recording import read_columns
+from mmt.session.importing.columns import MESSAGE_PARTS, STANDARD_NAMES, wanted_names
+from mmt.session.importing.options import ImportOptions
+from mmt.session.importing.recording import import_recording, read_columns
+from mmt.session.importing.units import unit_factor, unit_in_name
 
 _WORDS: Final = {
     "position": "p|pos|position|tip|tcp|pen|stylus|tool",
     "force": "f|force|forces|load",
     "acceleration": "a|acc|accel|acceleration|accelerometer|imu|vibration",
+    "speed": "v|vel|velocity|speed",
 }
 _TIME: Final = re.compile(
-    r"^(t|times?|timestamps?|stamps?|clock|secs?|seconds|zeit|temps|tiempo|tempo)$"
+    r"^(t|times?|timestamps?|stamps?|clock|secs?|seconds|zeit|temps|tiempo|tempo|date|datetime)$"
 )
 _TIME_STEPS: Final = (("s", 0.05), ("ms", 50.0), ("us", 50e3), ("ns", 50e6))
 """The steps up to which times are taken to be in a unit: rows come 20 times a second or faster."""
+_EXCEL_DAYS: Final = (20_000.0, 80_000.0)
+"""Dates as days since 1900, of the years 1954 to 2119; 20 rows a second are `_EXCEL_STEP` apart."""
+_EXCEL_STEP = 6e-7
 
 
 @dataclass(frozen=True)
@@ -44,110 +47,133 @@ class Proposal:
 
     def weighed(self, report: ImportReport) -> "Proposal":
         """Return it with the unit of acceleration that a report of it asks about by gravity."""
+        if "acceleration" in self.options.units or "acceleration" in report.told:
+            return self
         means = [each.mean for each in report.channels if each.channel == "acceleration"]
         unit = unit_by_gravity(float(np.linalg.norm(means)))
-        if unit is None or "acceleration" in self.options.units:
+        if unit is None:
             return self
         units = {**self.options.units, "acceleration": unit}
         return replace(self, options=replace(self.options, units=units))
 
     def command(self, path: Path) -> str:
         """Return the command that imports the file by these options."""
-        parts = ["mmt", "session", "import", str(path), path.with_suffix(".mcap").name]
-        for option, pairs in (("--map", self.options.columns), ("--unit", self.options.units)):
-            for name, value in pairs.items():
-                parts += [option, f"{name}={value}"]
-        return shlex.join(parts)
+        target = path.with_suffix(".mcap").name
+        if path.suffix.lower() == ".mcap":
+            target = f"{path.stem}-imported.mcap"
+        parts = ["mmt", "session", "import", str(path), target]
+        return shlex.join([*parts, *self.options.arguments()])
 
 
-def propose(path: str | Path) -> Proposal:
-    """Look at the columns of a recording and propose what they are.
+def propose(path: str | Path, options: ImportOptions | None = None) -> Proposal:
+    """Look at the columns of a recording and propose what they are; the options say some of it.
 
     Raises
     ------
     InputError
         The file is missing, of another kind or not valid.
     """
-    path = Path(path)
-    read = read_columns(path, lambda _: False)
+    path, options = Path(path), options or ImportOptions()
+    read = read_columns(path, lambda _: False, options)
     names = read.names
-    columns, units = _guess(names)
+    columns = {**_guess(names), **options.columns}
+    units = dict(options.units)
     if "time" in columns or STANDARD_NAMES["time"] in names:
-        units = _with_time_unit(path, ImportOptions(columns, units))
+        units |= _time_unit(path, replace(options, columns=columns))
     found = set(columns) | {target for target, name in STANDARD_NAMES.items() if name in names}
     of_messages = bool(columns) and any(text.startswith("/") for text in columns.values())
-    has_times = "time" in found or of_messages or bool(read.times)
-    lacking = [] if has_times else ["time"]
+    timed = "time" in found or of_messages or bool(read.times) or options.rate_hz is not None
+    lacking = [] if timed else ["time"]
+    if "speed" in found:
+        found.add("position")
     lacking += [channel for channel in CHANNELS if not {channel, f"{channel}_x"} & found]
-    return Proposal(names, ImportOptions(columns, units), tuple(lacking))
+    return Proposal(names, replace(options, columns=columns, units=units), tuple(lacking))
 
 
-def _guess(names: Sequence[str]) -> tuple[dict[str, str], dict[str, str]]:
-    """Return the columns by target and the units by quantity that names tell."""
-    columns: dict[str, str] = {}
-    units: dict[str, str] = {}
-    standard = set(STANDARD_NAMES.values())
-    for name in names:
-        found = None if name in standard else _target(name)
-        if found is None or found[0] in columns or STANDARD_NAMES[found[0]] in names:
+def try_proposal(
+    path: Path, proposal: Proposal
+) -> tuple[Proposal, ImportReport | None, InputError | None]:
+    """Import a file as proposed; return the proposal that can be, and what was found or hindered.
+
+    Rows with blanks are left out where nothing else hinders.
+    """
+    options = proposal.options
+    refused = None
+    for blanks in dict.fromkeys((options.blanks_as_gaps, True)):
+        tried = replace(proposal, options=replace(options, blanks_as_gaps=blanks))
+        try:
+            report = import_recording(path, tried.options)[1]
+        except InputError as error:
+            refused = refused or error
             continue
-        target, quantity, unit = found
-        columns[target] = name
-        if unit:
-            units.setdefault(quantity, unit)
+        return tried.weighed(report), report, None
+    return proposal, None, refused
+
+
+def _guess(names: Sequence[str]) -> dict[str, str]:
+    """Return the columns by target that names tell."""
+    columns: dict[str, str] = {}
+    for name in _with_vectors(names):
+        target = None if name in STANDARD_NAMES.values() else _target(name)
+        if target and target not in columns and STANDARD_NAMES.get(target) not in names:
+            columns[target] = name
     for channel in CHANNELS:  # a sensor of one or two axes
         axes = {f"{channel}_{axis}" for axis in "xyz"}
         if axes & set(columns):
-            columns |= dict.fromkeys(sorted(axes - set(columns)), "0")
-    return columns, units
+            columns.pop(channel, None)
+            constant = "0.0" if "0" in names else "0"
+            columns |= dict.fromkeys(sorted(axes - set(columns)), constant)
+    if any(name.startswith("position") for name in (*columns, *names)):
+        columns.pop("speed", None)
+    return columns
 
 
-def _target(name: str) -> tuple[str, str, str] | None:
-    """Return target, quantity and unit that a name stands for, None for an unknown one."""
-    if name.startswith("/"):  # a topic
-        last = name.rsplit(".", 1)[-1]
-        quantity = next((q for q, parts in MESSAGE_PARTS.items() if last in parts), None)
-        return (quantity, quantity, "") if quantity else None
-    spaced = re.sub(r"([a-z])([A-Z])", r"\1 \2", name.rsplit(".", 1)[-1])
-    words = re.findall(r"[a-z]+[0-9]?", spaced.lower())
-    if not words:
-        return None
-    for end in range(len(words), max(0, len(words) - 3), -1):  # the last words may be a unit
-        joined, behind = "".join(words[:end]), "".join(words[end:])
-        unit = _unit("time", behind)
-        if _TIME.match(joined) and unit is not None:
-            return "time", "time", unit
-        for quantity, pattern in _WORDS.items():
-            optional = "?" if quantity == "position" else ""
-            unit = _unit(quantity, behind)
-            if unit is None:
-                continue
-            if found := re.fullmatch(rf"(?:{pattern}){optional}([xyz])", joined):
-                return f"{quantity}_{found.group(1)}", quantity, unit
-            of_a_structure = "." in name
-            if (len(joined) > 1 or of_a_structure) and re.fullmatch(pattern, joined):
-                return quantity, quantity, unit
-    return None
-
-
-def _unit(quantity: str, word: str) -> str | None:
-    """Return the unit that a word in a name stands for, "" for no word, None for another word."""
-    if not word:
-        return ""
-    return next(
-        (unit for unit in UNITS[quantity] if re.sub(r"[^a-z0-9]", "", unit.lower()) == word), None
+def _with_vectors(names: Sequence[str]) -> Iterator[str]:
+    """Yield the names, those of three elements as their array's: a[0], a[1], a[2] as a."""
+    bases = [re.sub(r"[\[(]\d+[\])]$", "", name) for name in names]
+    counts = Counter(base for base, name in zip(bases, names, strict=True) if base != name)
+    yield from dict.fromkeys(
+        base if counts[base] == 3 else name for base, name in zip(bases, names, strict=True)
     )
 
 
-def _with_time_unit(path: Path, options: ImportOptions) -> dict[str, str]:
-    """Return the units, with that of time where its steps tell it and its name does not."""
-    columns = read_columns(path, wanted_names(options))
+def _target(name: str) -> str | None:
+    """Return the target that a name stands for, None for an unknown one."""
+    if name.startswith("/"):  # a topic
+        last = name.rsplit(".", 1)[-1]
+        return next((q for q, parts in MESSAGE_PARTS.items() if last in parts), None)
+    spaced = re.sub(r"([a-z])([A-Z][a-z])", r"\1 \2", name.rsplit(".", 1)[-1])
+    words = re.findall(r"[a-z]+[0-9]?", spaced.lower())
+    for end in range(len(words), max(0, len(words) - 3), -1):  # the last words may be a unit
+        joined, behind = "".join(words[:end]), "_".join(words[end:])
+        if _TIME.match(joined) and (not behind or unit_factor("time", behind)):
+            return "time"
+        for quantity, pattern in _WORDS.items():
+            if behind and not unit_factor(quantity, behind):
+                continue
+            optional = "?" if quantity == "position" else ""
+            found = re.fullmatch(rf"(?:{pattern}){optional}([xyz])", joined)
+            if found and quantity != "speed":
+                return f"{quantity}_{found.group(1)}"
+            of_a_structure = "." in name
+            if (len(joined) > 1 or of_a_structure or quantity == "speed") and re.fullmatch(
+                pattern, joined
+            ):
+                return quantity
+    return None
+
+
+def _time_unit(path: Path, options: ImportOptions) -> dict[str, str]:
+    """Return the unit of time where its steps tell it, and neither file nor person."""
+    columns = read_columns(path, wanted_names(options), options)
     name = options.columns.get("time", STANDARD_NAMES["time"])
-    time = columns.values[name]
-    if "time" in options.units or name in columns.units or time.ndim != 1 or len(time) < 2:
-        return dict(options.units)
+    time = columns.values.get(name, np.zeros(0))
+    told = "time" in options.units or name in columns.units
+    named = name != STANDARD_NAMES["time"] and unit_in_name("time", name)
+    if told or named or time.ndim != 1 or len(time) < 2:
+        return {}
     step = (float(time[-1]) - float(time[0])) / (len(time) - 1)
+    if 0 < step < _EXCEL_STEP and _EXCEL_DAYS[0] < time[0] < _EXCEL_DAYS[1]:
+        return {"time": "d"}
     unit = next((unit for unit, largest in _TIME_STEPS if step <= largest), "s")
-    if unit == "s" or not np.isfinite(step):
-        return dict(options.units)
-    return {**options.units, "time": unit}
+    return {} if unit == "s" or not np.isfinite(step) else {"time": unit}

@@ -49,7 +49,7 @@ def import_recording(
         began_utc_ns=None if began_ns is None else began_ns + int(frames["time_ns"][0]),
     )
     report = assess(frames, samples, stamps, options, resampled=resampled)
-    return session, replace(report, warnings=(*columns.notes, *report.warnings))
+    return session, replace(report, warnings=(*columns.notes, *samples.notes, *report.warnings))
 
 
 def _of_frames(origin: str, frames: RecordArray) -> tuple[Samples, dict[Channel, Stamps]]:

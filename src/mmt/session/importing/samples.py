@@ -1,7 +1,8 @@
 """The channels of a recording with their times, checked."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
@@ -14,6 +15,12 @@ _LONGEST_S = 4_200_000.0
 
 _LARGEST = float(np.finfo(np.float32).max)
 """Frames are in single precision."""
+
+_COUNTS: Final = (2.0**16, 2.0**32, 86400.0)
+"""Counts at which a counter begins anew; the last are a day's seconds."""
+_FEW_ROWS = 16
+_PAUSE_S = 1.0
+"""What is put between rows and those of a clock that began anew; how long it was is not known."""
 
 ROW_NUMBER = "row {}, counted from 0"
 """Names a row of an array in messages."""
@@ -33,6 +40,10 @@ class Samples:
     sequence: FloatArray | None = None
     """Frame numbers where the file is an exported session."""
     row_name: Callable[[int], str] = ROW_NUMBER.format
+    notes: tuple[str, ...] = ()
+    """What a person should know of how the columns were taken."""
+    told: frozenset[str] = frozenset()
+    """Quantities whose unit the file tells, by more than a standard name."""
 
     def check(self) -> None:
         """Check times and values.
@@ -63,7 +74,7 @@ class Samples:
             whole = np.isfinite(vectors).all(axis=1) & np.isfinite(time_s)
             values[channel] = vectors[whole]
             times[channel] = shared.setdefault((id(time_s), whole.tobytes()), time_s[whole])
-        return Samples(self.origin, values, times, self.sequence, self.row_name)
+        return replace(self, values=values, times=times)
 
     def _check_time(self, channel: Channel, time_s: FloatArray) -> None:
         if len(time_s) < 2:
@@ -89,3 +100,29 @@ class Samples:
                 f"{self.origin}: the times of {channel} span {span_s:.3g} s, a session lasts 49 "
                 "days at most; say their unit, as in --unit time=ms (or us, ns)"
             )
+
+
+def continued(time_s: FloatArray, count_s: float) -> tuple[FloatArray, list[str]]:
+    """Return times (n,) that go on where a counter of `count_s` wrapped or began anew, and notes.
+
+    Times that fall otherwise, such as single ones, are left as they are.
+    """
+    steps_s = np.diff(time_s)
+    falls = np.flatnonzero(steps_s < 0)
+    if not len(falls) or len(falls) > len(time_s) / _FEW_ROWS:
+        return time_s, []
+    near_s = 2 * _FEW_ROWS * float(np.median(steps_s))
+    moved_s = np.zeros(len(time_s))
+    notes: dict[str, None] = {}
+    for fall, following in zip(falls, [*falls[1:], len(time_s) - 1], strict=True):
+        drop_s = -steps_s[fall]
+        wraps_s = [count * count_s for count in _COUNTS[:2]] + [_COUNTS[2]]
+        wrap_s = next((w for w in wraps_s if -1e-9 * w <= w - drop_s <= near_s), None)
+        few = time_s[fall + 1 : following + 1][:_FEW_ROWS]
+        if wrap_s is not None:
+            moved_s[fall + 1 :] += wrap_s
+            notes["wraps, and was continued"] = None
+        elif len(few) == _FEW_ROWS and few[-1] < time_s[fall] and steps_s[fall - 1] <= near_s:
+            moved_s[fall + 1 :] += drop_s + _PAUSE_S
+            notes[f"begins anew, which was put {_PAUSE_S:g} s after what was before"] = None
+    return time_s + moved_s, list(notes)

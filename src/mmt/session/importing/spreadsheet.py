@@ -1,6 +1,7 @@
-"""Excel workbooks: the sheet that was open when the file was saved."""
+"""Excel workbooks: a sheet, that which was open when the file was saved if none is named."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,8 @@ from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.table import read_table
 
 
-def read_spreadsheet(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> Columns:
-    """Read the wanted columns of a workbook's active sheet, see `read_table`.
+def read_spreadsheet(path: Path, wanted: Callable[[str], bool], options: ImportOptions) -> Columns:
+    """Read the wanted columns of a workbook's sheet, see `read_table`.
 
     Raises
     ------
@@ -26,9 +27,15 @@ def read_spreadsheet(path: Path, wanted: Callable[[str], bool], _options: Import
     try:
         book: Any = openpyxl.load_workbook(path, read_only=True, data_only=True)
         try:
-            return read_table(origin, book.active.iter_rows(values_only=True), wanted)
+            sheet = _sheet(book, options.sheet, origin)
+            columns = read_table(origin, sheet.iter_rows(values_only=True), wanted, options)
         finally:
             book.close()
+        if options.sheet is not None or len(book.sheetnames) == 1:
+            return columns
+        others = ", ".join(name for name in book.sheetnames if name != sheet.title)
+        note = f"this is the sheet {sheet.title}; --sheet takes another: {others}"
+        return replace(columns, notes=(note, *columns.notes))
     except OSError as error:
         raise InputError(f"{origin}: {error.strerror or error}") from error
     except InputError:
@@ -37,3 +44,13 @@ def read_spreadsheet(path: Path, wanted: Callable[[str], bool], _options: Import
         raise InputError(
             f"{origin}: this is not an .xlsx workbook with a table: {brief(error)}"
         ) from error
+
+
+def _sheet(book: Any, name: str | None, origin: str) -> Any:
+    if name is None:
+        return book.active
+    if name not in book.sheetnames and name.isdecimal():
+        name = dict(enumerate(book.sheetnames, start=1)).get(int(name), name)
+    if name not in book.sheetnames:
+        raise InputError(f"{origin}: --sheet {name}: there are {', '.join(book.sheetnames)}")
+    return book[name]

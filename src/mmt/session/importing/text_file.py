@@ -1,26 +1,33 @@
-"""Tables in text: comma, semicolon or tab between the cells, decimal point or comma."""
+"""Tables in text: any separator and encoding, decimal point or comma, packed by gzip or not."""
 
 import csv
-import re
-from collections.abc import Callable
+import gzip
+import zlib
+from collections.abc import Callable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
+from typing import Any, Final, TextIO
 
 from mmt.core.errors import InputError, brief
 from mmt.session.importing.columns import Columns
 from mmt.session.importing.options import ImportOptions
-from mmt.session.importing.table import read_table
+from mmt.session.importing.table import read_table, weigh_numbers
 
-_LOOKED_AT = 50
-_DECIMAL_COMMA = re.compile(r"^\s*[-+]?\d*,\d+(?:[eE][-+]?\d+)?\s*$")
+_LOOKED_AT = 1000
+_SIGNS: Final = ";\t, "
+_BEGINNINGS: Final = {
+    b"\xef\xbb\xbf": "utf-8-sig",
+    b"\xff\xfe": "utf-16",
+    b"\xfe\xff": "utf-16",
+}
 
 
-def read_text(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> Columns:
+def read_text(path: Path, wanted: Callable[[str], bool], options: ImportOptions) -> Columns:
     """Read the wanted columns of a text file, see `read_table`.
 
-    The separator is that of semicolon, tab and comma which stands in most of the first lines;
-    with the first two, a comma within a cell is the decimal sign. The encoding is UTF-8, else
-    Windows-1252.
+    The separator is that of semicolon, tab, comma and blanks which makes most numbers of the
+    lines; a sign of comments before a line is left out. The encoding is that which the file begins
+    with, UTF-8 or Windows-1252.
 
     Raises
     ------
@@ -30,32 +37,61 @@ def read_text(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
     origin = f"import {path}"
     try:
         encoding = _encoding(path)
-        with path.open(encoding=encoding, newline="") as stream:
-            lines = list(islice(stream, _LOOKED_AT))
+        with _opened(path, encoding) as stream:
+            lines = list(islice(stream, (options.header or 0) + _LOOKED_AT))
         if any("\0" in line for line in lines):
             raise InputError(f"{origin}: this is not text in columns, it holds zero bytes")
-        delimiter = _delimiter(lines)
-        cells = (cell for row in csv.reader(lines, delimiter=delimiter) for cell in row)
-        decimal_comma = delimiter != "," and any(map(_DECIMAL_COMMA.match, cells))
-        with path.open(encoding=encoding, newline="") as stream:
-            rows = csv.reader(stream, delimiter=delimiter)
-            return read_table(origin, rows, wanted, decimal_comma=decimal_comma)
+        delimiter = options.delimiter or _delimiter(lines[-_LOOKED_AT:], options)
+        with _opened(path, encoding) as stream:
+            return read_table(origin, _rows(stream, delimiter), wanted, options)
+    except (UnicodeDecodeError, csv.Error, EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise InputError(f"{origin}: this is not text in columns: {brief(error)}") from error
     except OSError as error:
         raise InputError(f"{origin}: {error.strerror or error}") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{origin}: this is not text in columns: {brief(error)}") from error
+
+
+def _opened(path: Path, encoding: str) -> TextIO:
+    with path.open("rb") as begin:
+        packed = begin.read(2) == b"\x1f\x8b"
+    opened: Any = gzip.open if packed else Path.open
+    stream: TextIO = opened(path, "rt", encoding=encoding, newline="")
+    return stream
 
 
 def _encoding(path: Path) -> str:
+    with _opened(path, "latin-1") as stream:
+        begin = stream.read(4).encode("latin-1")
+    for mark, encoding in _BEGINNINGS.items():
+        if begin.startswith(mark):
+            return encoding
+    if len(begin) == 4 and begin[1] == begin[3] == 0 != begin[0]:
+        return "utf-16-le"
     try:
-        with path.open(encoding="utf-8-sig") as stream:
+        with _opened(path, "utf-8") as stream:
             while stream.read(1 << 20):
                 pass
     except UnicodeDecodeError:
         return "cp1252"  # a degree or mu sign of a measuring program
-    return "utf-8-sig"
+    return "utf-8"
 
 
-def _delimiter(lines: list[str]) -> str:
-    """Return the separator that stands in most lines; where it stands in as many, in this order."""
-    return max(";\t,", key=lambda sign: sum(sign in line for line in lines))
+def _rows(lines: Iterator[str] | TextIO, delimiter: str) -> Iterator[Sequence[str]]:
+    uncommented = (
+        line if line[:1] not in ("#", "%") else line.lstrip("#%").lstrip(" ") for line in lines
+    )
+    if delimiter == " ":
+        return (line.split() for line in uncommented)
+    return csv.reader(uncommented, delimiter=delimiter, skipinitialspace=True)
+
+
+def _delimiter(lines: list[str], options: ImportOptions) -> str:
+    """Return the separator that makes most numbers; of those which make as many, the first."""
+
+    def worth(sign: str) -> tuple[int, int]:
+        try:
+            numbers = sum(weigh_numbers(row, options) for row in _rows(iter(lines), sign))
+        except csv.Error:  # a cell as long as a wide table's line
+            numbers = 0
+        return numbers, sum(sign in line for line in lines)
+
+    return max(_SIGNS, key=worth)

@@ -1,0 +1,139 @@
+"""Units of length, force, acceleration, time and speed as people write them.
+
+Spellings are compared as they stand and then in lower case, in which milli goes before mega. What
+is not known has no factor: it is for the caller to refuse it by name.
+"""
+
+import re
+import unicodedata
+from collections.abc import Iterator, Mapping
+from functools import cache
+from typing import Final
+
+QUANTITIES: Final[Mapping[str, str]] = {
+    "time": "s, ms, us, ns, min, h, d",
+    "position": "mm, m, cm, um, nm, in, ft",
+    "force": "N, mN, cN, kN, gf, kgf (kg), lbf (lb), ozf, dyn",
+    "acceleration": "m/s2, mm/s2, cm/s2, g, mg, ft/s2, in/s2, Gal",
+    "speed": "mm/s, m/s, cm/s, in/s",
+}
+"""Some units of each quantity, for people; the first is that of frames."""
+
+DATE: Final = "date"
+"""The unit of times that were dates or times of day: seconds, whatever a person says."""
+_GRAVITY_M_S2: Final = 9.80665
+_POUND_N: Final = 0.45359237 * _GRAVITY_M_S2
+_PREFIXES: Final = {"": 1.0, "n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "d": 1e-1, "k": 1e3}
+_LONG_PREFIXES: Final = {"": "", "nano": "n", "micro": "u", "milli": "m", "centi": "c", "kilo": "k"}
+_METRIC: Final = {
+    "time": {"s": 1.0, "sec": 1.0, "secs": 1.0},
+    "position": {"m": 1e3},
+    "force": {"N": 1.0, "gf": _GRAVITY_M_S2 / 1e3, "g": _GRAVITY_M_S2 / 1e3, "dyn": 1e-5},
+    "acceleration": {"g": _GRAVITY_M_S2, "gn": _GRAVITY_M_S2, "Gal": 0.01},
+}
+"""Symbols that take a prefix. A mass as a force is its weight."""
+_WORDS: Final = {
+    "time": {"second": 1.0},
+    "position": {"meter": 1e3, "metre": 1e3},
+    "force": {"newton": 1.0, "gram": _GRAVITY_M_S2 / 1e3, "dyne": 1e-5},
+}
+"""Words that take a prefix in full, and a plural."""
+_OTHERS: Final = {
+    "time": {
+        DATE: 1.0,
+        **dict.fromkeys(("min", "mins", "minute", "minutes"), 60.0),
+        **dict.fromkeys(("h", "hr", "hrs", "hour", "hours"), 3600.0),
+        **dict.fromkeys(("d", "day", "days"), 86400.0),
+    },
+    "position": {
+        **dict.fromkeys(("in", "inch", "inches", '"', "″"), 25.4),
+        **dict.fromkeys(("ft", "foot", "feet"), 304.8),
+        **dict.fromkeys(("mil", "mils", "thou"), 0.0254),
+        **dict.fromkeys(("micron", "microns"), 1e-3),
+    },
+    "force": {
+        **dict.fromkeys(("lbf", "lb", "lbs", "pound", "pounds"), _POUND_N),
+        **dict.fromkeys(("ozf", "oz", "ounce", "ounces"), _POUND_N / 16),
+        **dict.fromkeys(("kp", "kilopond"), _GRAVITY_M_S2),
+        "MN": 1e6,
+    },
+    "acceleration": {"g0": _GRAVITY_M_S2, "g_n": _GRAVITY_M_S2, "gee": _GRAVITY_M_S2},
+}
+_RATE: Final = re.compile(r"(?P<length>.+?)(?P<per>[/_]?)(?P<time>s|sec|min|h)(?P<power>-?[12])?")
+"""A length per time, once or twice."""
+_FOREIGN: Final = re.compile(
+    r"m?v|volts?|counts?|cnts?|lsb|adc|deg|degrees?|m?rad|[kmn]?nm|[kmhn]?pa|percent|n[ _*·.-]?m"
+)
+"""Endings of names that are units of other quantities."""
+
+
+def unit_factor(quantity: str, text: str) -> float | None:
+    """Return the factor to the unit of frames, None for a unit that is not known."""
+    plain = _plain(text)
+    factor = _exact(quantity, plain)
+    return _exact(quantity, plain.lower()) if factor is None else factor
+
+
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit of any quantity."""
+    foreign = _FOREIGN.fullmatch(_plain(text).lower()) is not None
+    return foreign or any(unit_factor(quantity, text) is not None for quantity in QUANTITIES)
+
+
+def unit_in_name(quantity: str, name: str) -> str:
+    """Return the unit of a quantity, or of another one, with which a name ends; "" without."""
+    spaced = re.sub(r"([a-z])([A-Z][a-z])", r"\1_\2", name)
+    words = [word for word in re.split(r"[\s_.,/:-]+", spaced) if word]
+    for count in range(min(3, len(words) - 1), 0, -1):
+        unit = "_".join(words[-count:])
+        # one letter is mostly a name's own: t_d, F_h
+        if unit_factor(quantity, unit) is not None and (len(unit) > 1 or unit in "smgnN"):
+            return unit
+    last = words[-1] if len(words) > 1 else ""
+    return last if last and _FOREIGN.fullmatch(_plain(last).lower()) else ""
+
+
+def _plain(text: str) -> str:
+    """Return a unit in ASCII: micro as u, powers as figures, no blanks, dots or brackets."""
+    text = unicodedata.normalize("NFKC", text).replace("μ", "u").replace("\N{MINUS SIGN}", "-")
+    text = re.sub(r"\s*\bper\b\s*", "/", text)
+    return re.sub(r"[\s·⋅*^()\[\]]|\.$", "", text)
+
+
+def _exact(quantity: str, unit: str) -> float | None:
+    found = _table(quantity).get(unit)
+    if found is not None or quantity not in ("acceleration", "speed"):
+        return found
+    squared = quantity == "acceleration"
+    if squared:
+        unit = re.sub(r"/(s|sec)/\1$", r"/\g<1>2", unit)
+    match = _RATE.fullmatch(unit)
+    if match is None:
+        return None
+    power = (match["power"] or "1").lstrip("-")
+    told = bool(match["per"] or match["power"])
+    length, time_s = _exact("position", match["length"]), _exact("time", match["time"])
+    if length is None or time_s is None or power != ("2" if squared else "1") or not told:
+        return None
+    return length / 1e3 / time_s**2 if squared else length / time_s
+
+
+@cache
+def _table(quantity: str) -> Mapping[str, float]:
+    """Return the factors by spelling; one in lower case stands for the first that it may mean."""
+    table: dict[str, float] = {}
+    for spelling, factor in _spellings(quantity):
+        table.setdefault(spelling, factor)
+    for spelling, factor in tuple(table.items()):
+        table.setdefault(spelling.lower(), factor)
+    return table
+
+
+def _spellings(quantity: str) -> Iterator[tuple[str, float]]:
+    for symbol, factor in _METRIC.get(quantity, {}).items():
+        yield from ((prefix + symbol, size * factor) for prefix, size in _PREFIXES.items())
+    for word, factor in _WORDS.get(quantity, {}).items():
+        for long, prefix in _LONG_PREFIXES.items():
+            yield long + word, _PREFIXES[prefix] * factor
+            yield f"{long}{word}s", _PREFIXES[prefix] * factor
+    yield from _OTHERS.get(quantity, {}).items()
