@@ -102,6 +102,34 @@ def test_intervals_without_a_clock_are_kept():
 
 
 @given(
+    share=st.floats(0, 0.05),
+    clocked=st.booleans(),
+    noise=st.floats(0, 100),
+    longest_burst=st.integers(6, 60),
+    longest_hole=st.integers(1, 14),
+    seed=st.integers(0, 1000),
+)
+@settings(max_examples=60, deadline=None)
+def test_bursts_with_holes_are_where_their_stamps_are(
+    share, clocked, noise, longest_burst, longest_hole, seed
+):
+    """Rows that were lost on the way, of a clock or of none: noise in them decides nothing."""
+    rng = np.random.default_rng(seed)
+    bursts, holes = (rng.integers(1, top + 1, 400) for top in (longest_burst, longest_hole))
+    steps = np.ones(1500)
+    ends = np.cumsum(4 + bursts)
+    ends = ends[ends < 1500]
+    steps[ends] += holes[: len(ends)] if clocked else 1.37 * holes[: len(ends)]
+    truth_s = np.cumsum(steps) / 150
+    if not clocked:
+        truth_s = np.cumsum(steps / 150 * (1 + share * rng.standard_normal(1500)))
+    stamps_s = truth_s + clocked * share / 150 * rng.uniform(-1, 1, 1500)
+    rows = motion(truth_s) + noise * rng.standard_normal((1500, 3))
+    found = assess_stamps(stamps_s, rows)
+    assert off_ms(found.time_s, truth_s) < 2.5e3 * share / 150 + 0.05
+
+
+@given(
     rows=st.integers(2, 400),
     scale=st.floats(1e-6, 1e3),
     start_s=st.floats(-1e6, 1e6),

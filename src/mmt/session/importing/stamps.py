@@ -26,6 +26,14 @@ _LINE_WINDOWS = 512
 """Windows of rows that one line is fitted to."""
 _FITTED_SHARE = 0.9
 """Share of the rows that must follow a clock; the others lie on lines of its period."""
+_OWN_RHYTHM = 0.15
+"""Periods that intervals may lie off whole periods where the stamps have a rhythm of their own."""
+_IN_BATCHES = 0.25
+"""Mean intervals below which most are where rows arrive in batches."""
+_BATCH_SPREAD = 0.25
+"""Intervals between batches by which their beginnings may lie off a clock's times."""
+_MUCH_BETTER = 0.5
+"""Share of the stamps' error that a clock may leave which does not explain the stamps."""
 _SHORTEST_PAUSE_S = 0.1
 _PAUSE_PERIODS = 20
 """Periods without a row, beyond which the source may have started anew, at any phase."""
@@ -40,8 +48,8 @@ class Stamps:
     period_s: float
     """Mean of the source's period, or of the intervals where it has none."""
     jitter_s: float
-    """Root mean square of what the stamps lie off regular times; of the intervals' deviation
-    where the source has no period."""
+    """Root mean square of what the stamps lie off regular times; of what the intervals lie off
+    whole periods, or their mean, where the source has no clock."""
     largest_s: float
     """The largest of these."""
     missing_rows: int
@@ -72,32 +80,59 @@ def assess_stamps(
     choice
         "regular" for regular times wherever the source is periodic, "kept" for the stamps.
     """
-    intervals_s = np.diff(stamps_s)
-    kept = Stamps(
-        time_s=stamps_s,
-        period_s=float(np.median(intervals_s)) or float(np.mean(intervals_s)),
-        jitter_s=float(np.std(intervals_s)),
-        largest_s=float(np.abs(intervals_s - np.median(intervals_s)).max()),
-        missing_rows=0,
-        periodic=False,
-        regular=False,
-    )
-    if len(stamps_s) < _FEWEST_ROWS:
-        return kept
-    line = _fit(stamps_s)
+    kept, own_s = _as_they_are(stamps_s)
+    line = _fit(stamps_s) if len(stamps_s) >= _FEWEST_ROWS else None
     if line is None:
         return kept
     off_s = stamps_s - line.time_s
-    jitter_s = float(np.sqrt(np.mean(off_s**2)))
-    largest_s = float(np.abs(off_s).max())
-    missing = int(line.numbers[-1]) + 1 - len(stamps_s)
-    regular = choice == "regular" or (
-        choice == "auto" and (rows is None or _predicts_better(line.time_s, stamps_s, rows))
-    )
-    time_s = line.time_s if regular else stamps_s
+    explained = _explains(off_s, np.diff(stamps_s), own_s)
+    share = 1.0 if rows is None else _error_share(line.time_s, stamps_s, rows)
+    better = share <= (1.0 if explained else _MUCH_BETTER)
+    regular = choice == "regular" or (choice == "auto" and better)
+    if not (explained or regular):
+        return kept
     return Stamps(
-        time_s, line.period_s, jitter_s, largest_s, missing, periodic=True, regular=regular
+        time_s=line.time_s if regular else stamps_s,
+        period_s=line.period_s,
+        jitter_s=float(np.sqrt(np.mean(off_s**2))),
+        largest_s=float(np.abs(off_s).max()),
+        missing_rows=int(line.numbers[-1]) + 1 - len(stamps_s),
+        periodic=True,
+        regular=regular,
     )
+
+
+def _as_they_are(stamps_s: FloatArray) -> tuple[Stamps, float]:
+    """Return the stamps, and what their intervals lie off whole periods of their own."""
+    intervals_s = np.diff(stamps_s)
+    period_s = float(np.median(intervals_s)) or float(np.mean(intervals_s))
+    steps = _whole_periods(intervals_s)
+    own_s = np.abs(intervals_s - steps * period_s)
+    in_step = bool(np.mean(own_s) < _OWN_RHYTHM * period_s)
+    uneven_s = own_s if in_step else np.abs(intervals_s - np.mean(intervals_s))
+    kept = Stamps(
+        time_s=stamps_s,
+        period_s=period_s,
+        jitter_s=float(np.sqrt(np.mean(uneven_s**2))),
+        largest_s=float(uneven_s.max()),
+        missing_rows=int(np.sum(steps - 1)) if in_step else 0,
+        periodic=False,
+        regular=False,
+    )
+    return kept, float(np.mean(own_s))
+
+
+def _explains(off_s: FloatArray, intervals_s: FloatArray, own_s: float) -> bool:
+    """Whether stamps lie `off_s` (n,) off a clock by no more than off a rhythm of their own.
+
+    Where rows arrive in batches they have none; then the batches must begin at the clock's times.
+    """
+    if np.median(intervals_s) >= _IN_BATCHES * np.mean(intervals_s):
+        return bool(np.median(np.abs(off_s)) <= 2.0 * own_s)
+    gaps = np.flatnonzero(intervals_s > 0.5 * np.mean(intervals_s))
+    begin_s = off_s[gaps + 1]
+    spread_s = np.median(np.abs(begin_s - np.median(begin_s)))
+    return bool(spread_s <= _BATCH_SPREAD * np.median(intervals_s[gaps]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,9 +193,10 @@ def _short_line(stamps_s: FloatArray, period_s: float) -> _Line:
 
 
 def _fit_stretch(stamps_s: FloatArray, window: int) -> _Line | None:
-    """Fit a line to rows of which none, or some, are missing, whichever leaves less; or None."""
+    """Fit a line to rows of which none, or some, are missing, whichever leaves least; or None."""
     best: tuple[float, _Line] | None = None
-    for numbers in (np.arange(len(stamps_s)), _with_missing(stamps_s, window)):
+    in_steps = np.cumsum([0, *_whole_periods(np.diff(stamps_s))])
+    for numbers in (np.arange(len(stamps_s)), _with_missing(stamps_s, window), in_steps):
         block = min(_BLOCK_WINDOWS * window, len(stamps_s) // 4)
         period_s, time_s = _through(stamps_s, numbers, block)
         off_s = stamps_s - time_s
@@ -171,6 +207,13 @@ def _fit_stretch(stamps_s: FloatArray, window: int) -> _Line | None:
         if best is None or left_s < best[0]:
             best = (left_s, _Line(numbers, period_s, time_s))
     return None if best is None else best[1]
+
+
+def _whole_periods(intervals_s: FloatArray) -> IntArray:
+    """Return intervals (n,) in periods, the mean of those that are no longer than most."""
+    median_s = np.median(intervals_s)
+    period_s = np.mean(intervals_s[intervals_s <= 1.5 * median_s])
+    return np.maximum(1, np.rint(intervals_s / (period_s or np.inf))).astype(np.int64)
 
 
 def _with_missing(stamps_s: FloatArray, window: int) -> IntArray:
@@ -246,9 +289,12 @@ def _block_medians(values: FloatArray, block: int) -> FloatArray:
     return medians
 
 
-def _predicts_better(regular_s: FloatArray, stamps_s: FloatArray, rows: FloatArray) -> bool:
-    """Whether regular times predict each second row from its neighbours as well as the stamps."""
-    return _prediction_error(regular_s, rows) <= _prediction_error(stamps_s, rows)
+def _error_share(regular_s: FloatArray, stamps_s: FloatArray, rows: FloatArray) -> float:
+    """Return by what share of the stamps' error regular times predict each second row."""
+    least = np.finfo(float).tiny  # both predict a constant
+    return (_prediction_error(regular_s, rows) + least) / (
+        _prediction_error(stamps_s, rows) + least
+    )
 
 
 def _prediction_error(time_s: FloatArray, rows: FloatArray) -> float:
