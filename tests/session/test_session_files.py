@@ -271,8 +271,8 @@ def test_missing_files_folders_and_suffixes_are_named(tmp_path):
     (tmp_path / "folder.mcap").mkdir()
     with pytest.raises(InputError, match="Is a directory"):
         read_session(tmp_path / "folder.mcap")
-    with pytest.raises(InputError, match=r"\.wav cannot be read.*\.csv.*\.mcap.*\.npz"):
-        read_session(tmp_path / "sound.wav")
+    with pytest.raises(InputError, match=r"\.mp3 cannot be read.*\.csv.*\.mcap.*\.npz"):
+        read_session(tmp_path / "sound.mp3")
     with pytest.raises(InputError, match=r"cannot write.*No such file"):
         write_session(tmp_path / "nowhere" / "run.mcap", made_frames(1))
 

@@ -269,8 +269,8 @@ def test_files_of_another_kind_are_refused(tmp_path):
     for name in "absent.npz", "absent.csv", "absent":
         with pytest.raises(InputError, match="No such file"):
             import_session(tmp_path / name)
-    with pytest.raises(InputError, match=r"\.wav cannot be read.*\.csv.*\.npz"):
-        import_session(tmp_path / "run.wav")
+    with pytest.raises(InputError, match=r"\.mp3 cannot be read.*\.csv.*\.npz"):
+        import_session(tmp_path / "run.mp3")
     with pytest.raises(InputError, match="longest_gap_s is 0"):
         import_session(tmp_path / "a.npz", longest_gap_s=0)
 

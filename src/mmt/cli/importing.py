@@ -125,7 +125,12 @@ def inspect_file(
 
 
 def import_file(
-    source: SourceFile,
+    sources: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE...", help="A file of another program, or several of a recording."
+        ),
+    ],
     target: Annotated[
         Path, typer.Argument(metavar="OUT", help="The session's file, such as mine.mcap.")
     ],
@@ -141,6 +146,15 @@ def import_file(
     separator: Separator = None,
     decimal: Decimal = None,
     missing: Missing = None,
+    offsets: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--offset",
+            metavar="FILE=S",
+            help="Seconds to add to the times of one of several files, or match: found by shocks "
+            "that are in both. May be repeated.",
+        ),
+    ] = None,
     force: Force = False,
     json_file: Annotated[Path | None, json_option("Write what was found there.")] = None,
 ) -> None:
@@ -150,9 +164,9 @@ def import_file(
 
     options = _options(locals())
     require_absent(target, force=force)
-    session, report = import_recording(source, options)
+    session, report = import_recording(sources, options)
     export_session(session, target)
-    print_report(source.name, report)
+    print_report(", ".join(source.name for source in sources), report)
     messages.print(f"{len(session.frames)} frames written to {target}", highlight=False)
     found = {**asdict(report), "told": sorted(report.told)}
     write_json(json_file, {"frames": len(session.frames), **found})
@@ -170,6 +184,7 @@ def _options(given: dict[str, Any]) -> "ImportOptions":
         longest_gap_s=given["longest_gap"],
         stamps=given["stamps"].value,
         missing=tuple(given["missing"] or ()),
+        offsets=assignments(given.get("offsets") or [], "--offset"),
         **{name: given[name] for name in same},
     )
 

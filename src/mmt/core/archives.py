@@ -12,7 +12,7 @@ import numpy as np
 
 from mmt.core.errors import InputError, brief
 
-_DAMAGE: Final = (
+DAMAGE: Final = (
     *(ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile, zlib.error),
     *(SyntaxError, TokenError, OverflowError, RecursionError),  # in the header of an array
     MemoryError,  # a shape that is larger than the machine
@@ -51,7 +51,7 @@ def load_arrays(
             with loaded as archive:
                 names = [name for name in archive.files if wanted is None or wanted(name)]
                 return {name: archive[name] for name in names}, list(archive.files)
-    except _DAMAGE as error:
+    except DAMAGE as error:
         raise InputError(f"this is not a .npz archive of numbers: {brief(error)}") from error
 
 
@@ -64,6 +64,17 @@ def _check_size(stream: Any) -> None:
         unpacked = sum(member.file_size for member in archive.infolist())
     size = stream.seek(0, io.SEEK_END)
     stream.seek(0)
+    check_growth(unpacked, size)
+
+
+def check_growth(unpacked: int, size: int) -> None:
+    """Refuse what unpacks to far more bytes than its file has.
+
+    Raises
+    ------
+    InputError
+        It does; the message does not name the file.
+    """
     if unpacked > max(_LARGEST_BYTES, _LARGEST_RATIO * size):
         raise InputError(
             f"it unpacks to {unpacked / 1e6:.0f} MB from {size / 1e6:.3g} MB, which no recording "

@@ -44,7 +44,7 @@ def read_session(path: str | Path) -> RecordedSession:
 
 
 def import_session(
-    path: str | Path,
+    path: str | Path | Sequence[str | Path],
     *,
     columns: Mapping[str, str] | None = None,
     units: Mapping[str, str] | None = None,
@@ -62,16 +62,18 @@ def import_session(
         ``acceleration_m_s2`` (n, 3), a table (``.csv``, ``.txt``, ``.xlsx``, ``.parquet``) with
         the same as columns (``time_s``, ``position_x_mm``, ...), a ROS bag, or a LeRobot data
         set. Channels may be left out, and each may have times of its own
-        (``acceleration_time_s``).
+        (``acceleration_time_s``). Or several files of one recording, as
+        ``["pose.csv", "acc.wav"]``.
     columns
-        The names of columns that are called otherwise, as ``{"force_z": "Fz"}``.
+        The names of columns that are called otherwise, as ``{"force_z": "Fz"}``; of several files
+        ``{"acceleration": "acc.wav:1*50"}``.
     units
         Their units, in place of what the file says, as ``{"acceleration": "g"}``.
     **options
         Whatever else the command ``mmt session import`` has, by the names of
         `mmt.session.importing.options.ImportOptions`: ``rate_hz``, ``blanks_as_gaps``,
         ``longest_gap_s``, ``stamps``, ``episode``, ``header``, ``sheet``, ``separator``,
-        ``decimal``, ``missing``.
+        ``decimal``, ``missing``, ``offsets``.
 
     Raises
     ------

@@ -1,14 +1,16 @@
-"""NumPy archives, and what belongs to a session in those that mmt wrote."""
+"""Arrays: NumPy's files, what belongs to a session in those that mmt wrote, and sound."""
 
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mmt.core.archives import load_arrays
+from mmt.core.archives import DAMAGE, load_arrays
 from mmt.core.arrays import FloatArray
-from mmt.core.errors import InputError
+from mmt.core.errors import InputError, brief
+from mmt.core.extras import require
 from mmt.session.importing.columns import Columns, parsed_events, parsed_scene
 from mmt.session.importing.options import ImportOptions
 
@@ -42,6 +44,73 @@ def read_archive(path: Path, wanted: Callable[[str], bool], _options: ImportOpti
         annotations=arrays["annotations"].tobytes() if "annotations" in arrays else b"",
         events=parsed_events(events, "events_json", origin),
     )
+
+
+def read_array(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> Columns:
+    """Read the wanted columns of a ``.npy``: its fields, or "1", "2" and on of an array (n, k).
+
+    Raises
+    ------
+    InputError
+        The file is missing, or not an array of numbers.
+    """
+    origin = f"import {path}"
+    try:
+        array = np.load(path, allow_pickle=False)
+    except OSError as error:
+        raise InputError(f"{origin}: {error.strerror or error}") from error
+    except DAMAGE as error:
+        raise InputError(f"{origin}: this is not a .npy array: {brief(error)}") from error
+    if not isinstance(array, np.ndarray) or array.ndim > 2:
+        raise InputError(f"{origin}: this is not an array of shape (n,) or (n, k)")
+    if array.dtype.names:
+        columns = {name: array[name] for name in array.dtype.names}
+    else:
+        columns = _numbered(array)
+    return Columns(
+        origin=origin,
+        values={n: _numbers(a, n, origin) for n, a in columns.items() if wanted(n)},
+        names=list(columns),
+    )
+
+
+def read_sound(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> Columns:
+    """Read the channels of a ``.wav`` as "1", "2" and on, in shares of full scale, with times.
+
+    Raises
+    ------
+    InputError
+        scipy is not installed, or the file is missing or no sound.
+    """
+    origin = f"import {path}"
+    require("scipy")
+    from scipy.io import wavfile
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks of other programs
+            rate_hz, samples = wavfile.read(path)
+    except OSError as error:
+        raise InputError(f"{origin}: {error.strerror or error}") from error
+    except Exception as error:  # damage reaches every part of the library
+        raise InputError(f"{origin}: this is not a .wav file: {brief(error)}") from error
+    scaled = samples.astype(np.float64)
+    if samples.dtype.kind in "iu":
+        middle = 128.0 if samples.dtype == np.uint8 else 0.0
+        scaled = (scaled - middle) / (np.iinfo(samples.dtype).max + 1.0 - middle)
+    columns = _numbered(scaled)
+    return Columns(
+        origin=origin,
+        values={name: values for name, values in columns.items() if wanted(name)},
+        names=list(columns),
+        units=dict.fromkeys(columns, "full scale"),
+        times=dict.fromkeys(columns, np.arange(len(scaled)) / rate_hz),
+    )
+
+
+def _numbered(array: Any) -> dict[str, Any]:
+    upright = array[:, None] if array.ndim == 1 else array
+    return {str(place): column for place, column in enumerate(upright.T, start=1)}
 
 
 def _numbers(array: Any, name: str, origin: str) -> FloatArray:

@@ -24,8 +24,11 @@ _GRAVITY_M_S2: Final = 9.80665
 _LEAST_VIBRATION_M_S2 = 0.05
 _LOWEST_RATE_HZ = 700.0
 _LONGEST_HELD_S = 0.05
-_LEAST_CLIPPED = 1e-3
+_LEAST_CLIPPED = 0.005
 """Share of the rows at the end of a range from which it is said."""
+_CLIPPED_STEP = 5
+"""Times by which these must be more than those at the next value."""
+_HIGHEST_RATE_HZ = 1e6
 _NOTED_JITTER = 0.05
 """Periods of jitter from which it is said."""
 
@@ -134,6 +137,11 @@ def _of_stamps(stamps: Mapping[Channel, Stamps]) -> list[str]:
 
 def _of_clock(channels: str, stamps: Stamps) -> list[str]:
     sentences = []
+    if stamps.period_s < 1 / _HIGHEST_RATE_HZ:
+        sentences.append(
+            f"{channels}: there are {1 / stamps.period_s:.2g} rows a second; is the time in "
+            "another unit, as dates of Excel in d? Then say --unit time=d"
+        )
     if stamps.jitter_s > _NOTED_JITTER * stamps.period_s:
         size = f"{1e3 * stamps.jitter_s:.2f} ms rms, {1e3 * stamps.largest_s:.1f} ms at most"
         clock = f"a clock of {1.0 / stamps.period_s:.1f} Hz"
@@ -234,14 +242,13 @@ def _of_sensor(channel: str, values: FloatArray, rate_hz: float) -> list[str]:
         return [f"{channel}: it never changes; is it the right column, and was the sensor on?"]
     if channel == "acceleration" and longest > _LONGEST_HELD_S * rate_hz:
         sentences.append(f"{channel}: it held one value for {longest / rate_hz:.3g} s")
-    for axis, column in zip("xyz", values.T, strict=True):
-        extreme = column[int(np.argmax(np.abs(column)))]
-        rows = column == extreme
-        together = rows[2:] & rows[1:-1] & rows[:-2]
-        if together.any() and _LEAST_CLIPPED * len(rows) <= rows.sum() < len(rows) and extreme:
+    for axis, column in zip("xyz", np.abs(values.T), strict=True):
+        high = float(np.max(column))
+        next_high = np.max(column, where=column < high, initial=0.0)
+        rows, next_rows = (int(np.sum(column == size)) for size in (high, next_high))
+        if next_high > 0 and rows > max(_LEAST_CLIPPED * len(column), _CLIPPED_STEP * next_rows):
             sentences.append(
-                f"{channel}: {axis} stands at {extreme:.4g} in {rows.sum()} rows, the end of the "
-                "sensor's range?"
+                f"{channel}: {axis} stands at {high:.4g} in {rows} rows, the end of its range?"
             )
     return sentences
 

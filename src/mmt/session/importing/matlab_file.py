@@ -1,6 +1,7 @@
 """MATLAB files: variables, and the fields of structures as ``structure.field``."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,17 +11,20 @@ from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError, brief
 from mmt.core.extras import require
 from mmt.session.importing.columns import Columns
+from mmt.session.importing.hdf5_file import read_hdf5
 from mmt.session.importing.options import ImportOptions
 
 _MOST_COMPONENTS = 16
 """Rows up to which an array that is wider than high has its samples along the columns."""
 
 
-def read_matlab(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> Columns:
+def read_matlab(path: Path, wanted: Callable[[str], bool], options: ImportOptions) -> Columns:
     """Read the wanted variables of a ``.mat`` file of any version, 7.3 by h5py.
 
     Vectors become (n,), and arrays whose samples stand along the columns are turned to
-    (n, k). Tables and timetables are objects that only MATLAB reads; structures are not.
+    (n, k). Elements of an array of structures, or of cells, of one shape are an array; others
+    are ``name{1}`` and on. Tables and timetables are objects that only MATLAB reads; structures
+    that table2struct makes of them are not.
 
     Raises
     ------
@@ -28,14 +32,24 @@ def read_matlab(path: Path, wanted: Callable[[str], bool], _options: ImportOptio
         The file is missing or not a MATLAB file, or it is of version 7.3 and h5py is missing.
     """
     origin = f"import {path}"
+    require("scipy")
+    from scipy.io import loadmat
+
     try:
-        variables = dict(_variables(path))
+        content = loadmat(path, squeeze_me=True, struct_as_record=True, appendmat=False)
+    except NotImplementedError:  # version 7.3 is HDF5, with the axes turned
+        read = read_hdf5(path, wanted, options)
+        return replace(read, values={n: _upright(v.T) for n, v in read.values.items()})
     except OSError as error:
         raise InputError(f"{origin}: {error.strerror or error}") from error
-    except InputError:
-        raise
     except Exception as error:  # damage reaches every part of the library
         raise InputError(f"{origin}: this is not a MATLAB file: {brief(error)}") from error
+    variables = {
+        name: values
+        for variable, content in content.items()
+        if not variable.startswith("__")
+        for name, values in _flattened(variable, content)
+    }
     return Columns(
         origin=origin,
         values={n: _upright(v) for n, v in variables.items() if wanted(n)},
@@ -43,45 +57,30 @@ def read_matlab(path: Path, wanted: Callable[[str], bool], _options: ImportOptio
     )
 
 
-def _variables(path: Path) -> Iterator[tuple[str, FloatArray]]:
-    require("scipy")
-    from scipy.io import loadmat
-
-    try:
-        content = loadmat(path, squeeze_me=True, struct_as_record=True, appendmat=False)
-    except NotImplementedError:  # version 7.3 is HDF5
-        yield from _hdf5_variables(path)
-        return
-    for name, value in content.items():
-        if not name.startswith("__"):
-            yield from _flattened(name, value)
-
-
 def _flattened(name: str, value: Any) -> Iterator[tuple[str, FloatArray]]:
-    fields = getattr(getattr(value, "dtype", None), "names", None)
-    if fields:
-        for field in fields:
-            inner = value[field]
-            if isinstance(inner, np.ndarray) and inner.dtype == object and inner.shape == ():
-                inner = inner.item()
-            yield from _flattened(f"{name}.{field}", inner)
-    elif isinstance(value, np.ndarray | np.number) and value.dtype.kind in "iufb":
+    kind = getattr(value, "dtype", None)
+    if kind is not None and kind.names:
+        for field in kind.names:
+            yield from _flattened(f"{name}.{field}", value[field])
+    elif kind is not None and kind.hasobject and value.shape == ():
+        yield from _flattened(name, value.item())
+    elif kind is not None and kind.hasobject:
+        elements = list(value.flat)
+        shapes = {getattr(each, "shape", ()) for each in elements}
+        if len(shapes) == 1 and all(
+            isinstance(each, int | float | np.ndarray) for each in elements
+        ):
+            joined = np.asarray(elements)
+            if joined.dtype.kind in "iufb":
+                yield name, joined.astype(np.float64)
+                return
+        for number, each in enumerate(elements, start=1):
+            yield from _flattened(f"{name}{{{number}}}", each)
+    elif (
+        isinstance(value, np.ndarray | np.number | int | float)
+        and np.asarray(value).dtype.kind in "iufb"
+    ):
         yield name, np.asarray(value, dtype=np.float64)
-
-
-def _hdf5_variables(path: Path) -> Iterator[tuple[str, FloatArray]]:
-    require("h5py")
-    import h5py
-
-    found: list[tuple[str, FloatArray]] = []
-
-    def look(name: str, item: Any) -> None:
-        if isinstance(item, h5py.Dataset) and item.dtype.kind in "iuf" and "#refs#" not in name:
-            found.append((name.replace("/", "."), np.asarray(item, dtype=np.float64).T))
-
-    with h5py.File(path, "r") as file:
-        file.visititems(look)
-    yield from found
 
 
 def _upright(values: FloatArray) -> FloatArray:

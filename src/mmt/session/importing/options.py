@@ -21,6 +21,8 @@ TARGETS: Final = (
 )
 """What a column may be mapped to: times, vectors (n, 3), single axes, and speed for position."""
 
+MATCHED: Final = "match"
+"""The offset of a file that is found by what is in it."""
 _SEPARATORS: Final = {"comma": ",", "semicolon": ";", "tab": "\t", "blank": " "}
 
 _SOURCE = re.compile(
@@ -74,6 +76,8 @@ class ImportOptions:
     """The decimal sign of a text, "." or ","; None is the point, and a comma where it is one."""
     missing: tuple[str, ...] = ()
     """What stands in cells without a value, beside what mostly does."""
+    offsets: Mapping[str, str] = field(default_factory=dict)
+    """Of several files by name, but the first: seconds that are added to the times, or "match"."""
 
     def __post_init__(self) -> None:
         for target in self.columns:
@@ -92,6 +96,18 @@ class ImportOptions:
                     f"--unit {target}={unit}: {unit} is no known unit of it; "
                     f"known are {QUANTITIES[quantity_of(target)]}"
                 )
+        self._check_reading()
+        for name in ("rate_hz", "longest_gap_s"):
+            value = getattr(self, name)
+            if value is not None and not 0 < value < float("inf"):
+                raise InputError(f"{name} is {value}, it must be above zero")
+
+    def _check_reading(self) -> None:
+        for name, offset in self.offsets.items():
+            if offset != MATCHED and not re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)", offset):
+                raise InputError(
+                    f"--offset {name}={offset}: it is a number of seconds, or {MATCHED}"
+                )
         if self.header is not None and self.header < 1:
             raise InputError(f"--header {self.header}: lines count from 1")
         if self.decimal not in (None, ".", ","):
@@ -100,18 +116,18 @@ class ImportOptions:
             raise InputError(
                 f"--separator {self.separator}: it is {', '.join(_SEPARATORS)}, or one sign"
             )
-        for name in ("rate_hz", "longest_gap_s"):
-            value = getattr(self, name)
-            if value is not None and not 0 < value < float("inf"):
-                raise InputError(f"{name} is {value}, it must be above zero")
 
     def arguments(self) -> list[str]:
         """Return the options of the command that say the same."""
         parts: list[str] = []
-        for option, pairs in (("--map", self.columns), ("--unit", self.units)):
+        for option, pairs in (
+            ("--map", self.columns),
+            ("--unit", self.units),
+            ("--offset", self.offsets),
+        ):
             for name, value in pairs.items():
                 parts += [option, f"{name}={value}"]
-        named = {"columns", "units"}
+        named = {"columns", "units", "offsets"}
         names = {"rate_hz": "rate", "longest_gap_s": "longest-gap"}
         for each in fields(self):
             value = getattr(self, each.name)

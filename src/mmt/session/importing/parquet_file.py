@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +14,9 @@ from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, frame_dtype
 from mmt.session.data import axis_columns
 from mmt.session.importing.columns import Columns, parsed_events, parsed_scene
 from mmt.session.importing.options import ImportOptions
+from mmt.session.importing.units import DATE
+
+_TICKS: Final = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
 
 def read_parquet(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> Columns:
@@ -28,12 +31,13 @@ def read_parquet(path: Path, wanted: Callable[[str], bool], _options: ImportOpti
         hold numbers, or the session's scene or events are not JSON of such.
     """
     origin = f"import {path}"
-    names, metadata = read_schema(path, origin)
+    names, metadata, dated = read_schema(path, origin)
     values = read_numbers([path], [name for name in names if wanted(name)], origin)
     return Columns(
         origin=origin,
         values={name: column.astype(np.float64) for name, column in values.items()},
         names=names,
+        units=dict.fromkeys(dated, DATE),
         scene=parsed_scene(metadata.get(b"mmt.scene"), "mmt.scene", origin),
         annotations=metadata.get(b"mmt.annotations", b""),
         events=parsed_events(metadata.get(b"mmt.events"), "mmt.events", origin),
@@ -41,8 +45,8 @@ def read_parquet(path: Path, wanted: Callable[[str], bool], _options: ImportOpti
     )
 
 
-def read_schema(path: Path, origin: str) -> tuple[list[str], Mapping[bytes, bytes]]:
-    """Return the names of a file's columns, and its metadata.
+def read_schema(path: Path, origin: str) -> tuple[list[str], Mapping[bytes, bytes], list[str]]:
+    """Return the names of a file's columns, its metadata, and which columns are times.
 
     Raises
     ------
@@ -50,7 +54,8 @@ def read_schema(path: Path, origin: str) -> tuple[list[str], Mapping[bytes, byte
         As `read_parquet`.
     """
     schema = _read(lambda parquet: parquet.read_schema(path), origin)
-    return list(schema.names), schema.metadata or {}
+    dated = [field.name for field in schema if hasattr(field.type, "unit")]
+    return list(schema.names), schema.metadata or {}, dated
 
 
 def read_numbers(
@@ -112,6 +117,10 @@ def _numbers(column: Any, name: str, origin: str) -> npt.NDArray[Any]:
         if not set(pc.list_value_length(array).to_pylist()) <= {width}:
             raise InputError(f"{origin}: the lists of {name} are not all of one length")
         return _numbers(pa.chunked_array([flat]), name, origin).reshape(rows, width)
+    if hasattr(kind, "unit"):  # a date, a time of day, a duration
+        ticks = pc.cast(array, pa.int32() if pa.types.is_time32(kind) else pa.int64())
+        seconds: npt.NDArray[Any] = ticks.to_numpy(zero_copy_only=False).astype(np.float64)
+        return seconds / _TICKS[kind.unit]
     if not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind)):
         raise InputError(f"{origin}: {name} holds {kind}, not numbers")
     numbers: npt.NDArray[Any] = array.to_numpy(zero_copy_only=False)

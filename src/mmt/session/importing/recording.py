@@ -1,6 +1,6 @@
 """Import a recording: read its columns, map them, make frames, and say what was found."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,11 +16,12 @@ from mmt.session.importing.columns import Columns, to_samples, wanted_names
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.resampling import on_the_grid, to_frames
 from mmt.session.importing.samples import Samples
+from mmt.session.importing.several import joined, options_of_each
 from mmt.session.importing.stamps import Stamps
 
 
 def import_recording(
-    path: str | Path, options: ImportOptions | None = None
+    paths: str | Path | Sequence[str | Path], options: ImportOptions | None = None
 ) -> tuple[RecordedSession, ImportReport]:
     """Read a recording of another program, resampled to 1 kHz, and say what was found in it.
 
@@ -29,13 +30,18 @@ def import_recording(
     InputError
         See `mmt.session.import_session`.
     """
-    path, options = Path(path), options or ImportOptions()
-    columns = read_columns(path, wanted_names(options), options)
-    if columns.frames is not None and options == ImportOptions(episode=options.episode):
+    files = [Path(p) for p in ([paths] if isinstance(paths, str | Path) else paths)]
+    options = options or ImportOptions()
+    each = options_of_each(options, files) if len(files) > 1 else [options]
+    read = [read_columns(f, wanted_names(o), o) for f, o in zip(files, each, strict=True)]
+    columns = read[0]
+    of_mmt = len(read) == 1 and options == ImportOptions(episode=options.episode)
+    if columns.frames is not None and of_mmt:
         frames, resampled = columns.frames, False
         samples, stamps = _of_frames(columns.origin, frames)
     else:
-        samples = to_samples(columns, options)
+        parts = [to_samples(c, o) for c, o in zip(read, each, strict=True)]
+        samples = joined(parts, [file.name for file in files], options)
         if options.blanks_as_gaps:
             samples = samples.without_blanks()
         frames, stamps, resampled = to_frames(samples, options.longest_gap_s, options.stamps)
@@ -44,12 +50,13 @@ def import_recording(
         frames=frames,
         scene=columns.scene,
         annotations=columns.annotations,
-        events=columns.events,
-        path=path,
+        events=[*columns.events, *({"time_s": 0.0, "event": note} for note in samples.notes)],
+        path=files[0],
         began_utc_ns=None if began_ns is None else began_ns + int(frames["time_ns"][0]),
     )
     report = assess(frames, samples, stamps, options, resampled=resampled)
-    return session, replace(report, warnings=(*columns.notes, *samples.notes, *report.warnings))
+    notes = [note for part in read for note in part.notes]
+    return session, replace(report, warnings=(*notes, *samples.notes, *report.warnings))
 
 
 def _of_frames(origin: str, frames: RecordArray) -> tuple[Samples, dict[Channel, Stamps]]:

@@ -166,7 +166,7 @@ def to_frames(
             raise InputError(
                 f"{samples.origin}: the time of {channel} is {assessed.time_s[row]:.9g} s in "
                 f"{samples.row_name(row)} and in the row before; such stamps can be used only "
-                "where the rows follow a clock, and these do not"
+                "where the rows follow a clock, and these do not (--rate HZ says the rows a second)"
             )
     numbers, values = resample(samples, stamps, longest_gap_s)
     return _frames(samples, numbers, numbers * FRAME_PERIOD_NS, values), stamps, True
@@ -232,7 +232,8 @@ def _frames(
         raise InputError(
             f"{samples.origin}: no frame can be made: its channels share no time in which "
             "their samples are close enough together; are the times in seconds (else say their "
-            "unit, as in --unit time=ms)? Otherwise allow a longer gap (--longest-gap)"
+            "unit, as in --unit time=ms)? Otherwise allow a longer gap (--longest-gap), or move a "
+            "file's times (--offset)"
         )
     channels = [channel for channel in CHANNELS if channel in values]
     frames = np.zeros(len(numbers), dtype=frame_dtype(channels))

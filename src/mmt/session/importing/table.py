@@ -176,11 +176,14 @@ def _is_date(row: Sequence[Cell], place: int) -> bool:
     return place < len(row) and _seconds(row[place]) is not None
 
 
-def weigh_numbers(row: Sequence[Cell], options: ImportOptions) -> int:
-    """Return how many more cells of a row are numbers than are not, 0 of one without numbers."""
-    filled = [cell for cell in row if _text(cell)]
-    numbers = sum(_is_number(cell, _numbers(options)) for cell in filled)
-    return 2 * numbers - len(filled) if numbers else 0
+def weigh_numbers(rows: Iterable[Sequence[Cell]], options: ImportOptions) -> int:
+    """Return how many more cells are numbers than are not, in the rows with numbers."""
+    number, weight = _numbers(options), 0
+    for row in rows:
+        filled = [cell for cell in row if _text(cell)]
+        numbers = sum(_is_number(cell, number) for cell in filled)
+        weight += 2 * numbers - len(filled) if numbers else 0
+    return weight
 
 
 def _numbers(options: ImportOptions) -> Callable[[Cell], float | None]:

@@ -13,7 +13,7 @@ from mmt.session.importing.columns import Columns
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.table import read_table, weigh_numbers
 
-_LOOKED_AT = 1000
+_LOOKED_AT = 300
 _SIGNS: Final = ";\t, "
 _BEGINNINGS: Final = {
     b"\xef\xbb\xbf": "utf-8-sig",
@@ -89,7 +89,7 @@ def _delimiter(lines: list[str], options: ImportOptions) -> str:
 
     def worth(sign: str) -> tuple[int, int]:
         try:
-            numbers = sum(weigh_numbers(row, options) for row in _rows(iter(lines), sign))
+            numbers = weigh_numbers(_rows(iter(lines), sign), options)
         except csv.Error:  # a cell as long as a wide table's line
             numbers = 0
         return numbers, sum(sign in line for line in lines)

@@ -71,7 +71,9 @@ def unit_factor(quantity: str, text: str) -> float | None:
     """Return the factor to the unit of frames, None for a unit that is not known."""
     plain = _plain(text)
     factor = _exact(quantity, plain)
-    return _exact(quantity, plain.lower()) if factor is None else factor
+    if factor is not None or plain.endswith("Nm"):  # a torque is no nanometre
+        return factor
+    return _exact(quantity, plain.lower())
 
 
 def is_unit(text: str) -> bool:

@@ -1,0 +1,97 @@
+"""HDF5 files of any layout: data sets by their path, with dots, and fields of tables behind it."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from mmt.core.archives import check_growth
+from mmt.core.arrays import FloatArray
+from mmt.core.errors import InputError, brief
+from mmt.core.extras import require
+from mmt.session.importing.columns import Columns, distinct, parsed_events, parsed_scene
+from mmt.session.importing.options import ImportOptions
+
+_UNIT_ATTRIBUTES: Final = ("units", "unit", "Units", "Unit", "UNITS")
+
+
+def read_hdf5(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> Columns:
+    """Read the wanted data sets of a file, and what belongs to a session in mmt's.
+
+    The attribute ``units`` of a data set is its unit.
+
+    Raises
+    ------
+    InputError
+        h5py is not installed, the file is missing or no HDF5 file, or a data set is much larger
+        than the file.
+    """
+    origin = f"import {path}"
+    require("h5py")
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            sets = list(_data_sets(file))
+            names, notes = distinct([name for name, _, _ in sets])
+            values, units = {}, {}
+            for name, (_, item, field) in zip(names, sets, strict=True):
+                if wanted(name):
+                    check_growth(item.size * 8, path.stat().st_size)
+                    values[name] = _numbers(file, item[()] if field is None else item[field])
+                    units[name] = _unit(item)
+            texts = {
+                name: file[name][()] for name in ("scene", "events", "annotations") if name in file
+            }
+    except InputError as error:
+        raise InputError(f"{origin}: {error}") from error
+    except FileNotFoundError as error:
+        raise InputError(f"{origin}: No such file or directory") from error
+    except Exception as error:  # damage reaches every part of the library
+        raise InputError(f"{origin}: this is not an HDF5 file: {brief(error)}") from error
+    return Columns(
+        origin=origin,
+        values=values,
+        names=names,
+        units={name: unit for name, unit in units.items() if unit},
+        scene=parsed_scene(_text(texts.get("scene")), "scene", origin),
+        events=parsed_events(_text(texts.get("events")), "events", origin),
+        annotations=texts["annotations"].tobytes() if "annotations" in texts else b"",
+        notes=notes,
+    )
+
+
+def _data_sets(group: Any) -> Iterator[tuple[str, Any, str | None]]:
+    """Yield data sets of numbers, or of references to such, with their names and fields."""
+    found: list[tuple[str, Any, str | None]] = []
+
+    def look(path: str, item: Any) -> None:
+        name = path.replace("/", ".")
+        if "#" in path or not hasattr(item, "dtype"):  # of MATLAB's own
+            return
+        fields = [n for n in item.dtype.names or () if item.dtype[n].base.kind in "iufb"]
+        found.extend((f"{name}.{field}", item, field) for field in fields)
+        if item.dtype.kind in "iufbO" and item.shape is not None:
+            found.append((name, item, None))
+
+    group.visititems(look)
+    return iter(found)
+
+
+def _numbers(file: Any, values: Any) -> FloatArray:
+    """Return numbers, or those that references lead to, one behind the other."""
+    values = np.asarray(values)
+    if values.dtype.kind == "O":
+        values = np.stack([np.squeeze(file[reference][()]) for reference in values.flat])
+    return np.asarray(values, dtype=np.float64)
+
+
+def _unit(item: Any) -> str:
+    told = (_text(item.attrs[name]) for name in _UNIT_ATTRIBUTES if name in item.attrs)
+    return next((text for text in told if text), "")
+
+
+def _text(value: Any) -> str | None:
+    value = value.flat[0] if isinstance(value, np.ndarray) and value.size else value
+    return value.decode(errors="replace") if isinstance(value, bytes) else value

@@ -1,0 +1,453 @@
+"""Every kind of file, written with any names, units, order and holes, is read as it was meant."""
+
+import gzip
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pytest
+import scipy.io
+import scipy.io.wavfile
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mmt.core.errors import InputError
+from mmt.session import import_session
+from mmt.session.importing.options import ImportOptions
+from mmt.session.importing.proposal import propose, try_proposal
+from mmt.session.importing.recording import import_recording
+from mmt.session.importing.units import unit_factor
+
+ROWS = 300
+TIME_S = np.arange(ROWS) / 1000
+POSITION_MM = np.column_stack([30 * np.sin(5 * TIME_S), 10 * TIME_S, 0.3 * np.cos(3 * TIME_S)])
+FORCE_N = np.column_stack([0.1 * np.cos(5 * TIME_S), 0.2 * TIME_S, 1 + 0.5 * np.sin(2 * TIME_S)])
+ACCELERATION_M_S2 = np.random.default_rng(1).standard_normal((ROWS, 3)) + np.array([0.0, 0.0, 9.81])
+
+UNITS = {
+    "time": {
+        "s": 1.0,
+        "ms": 1e-3,
+        "msec": 1e-3,
+        "us": 1e-6,
+        "\u03bcs": 1e-6,
+        "ns": 1e-9,
+        "min": 60.0,
+    },
+    "position": {
+        "mm": 1.0,
+        "m": 1e3,
+        "cm": 10.0,
+        "um": 1e-3,
+        "\u00b5m": 1e-3,
+        "\u03bcm": 1e-3,
+        "inch": 25.4,
+        "in": 25.4,
+        "ft": 304.8,
+        "Micrometers": 1e-3,
+        "MM": 1.0,
+    },
+    "force": {
+        "N": 1.0,
+        "mN": 1e-3,
+        "cN": 1e-2,
+        "kN": 1e3,
+        "gf": 9.80665e-3,
+        "kg": 9.80665,
+        "lbs": 4.4482216152605,
+        "lbf": 4.4482216152605,
+        "oz": 0.27801385095378,
+        "dyn": 1e-5,
+    },
+    "acceleration": {
+        "m/s2": 1.0,
+        "m/s^2": 1.0,
+        "m/s\u00b2": 1.0,
+        "cm/s2": 1e-2,
+        "mm/s2": 1e-3,
+        "g": 9.80665,
+        "mg": 9.80665e-3,
+        "Gal": 1e-2,
+        "ft/s2": 0.3048,
+        "m/s/s": 1.0,
+    },
+}
+"""Factors to s, mm, N and m/s2 as the SI brochure and the international pound have them."""
+FOREIGN = {"time": "V", "position": "deg", "force": "Nm", "acceleration": "counts"}
+CHANNELS = {"position": POSITION_MM, "force": FORCE_N, "acceleration": ACCELERATION_M_S2}
+TRUTH = {
+    "time": TIME_S,
+    **{f"{c}_{axis}": v[:, place] for c, v in CHANNELS.items() for place, axis in enumerate("xyz")},
+}
+"""By target."""
+
+a_unit = st.fixed_dictionaries(
+    {target: st.sampled_from(sorted(UNITS[target.split("_")[0]])) for target in TRUTH}
+)
+an_order = st.permutations(list(TRUTH))
+
+
+def in_file(target, unit):
+    """Return a target's values as they stand in a file in this unit."""
+    return TRUTH[target] / UNITS[target.split("_")[0]][unit]
+
+
+def name_of(target):
+    return f"c{list(TRUTH).index(target)}q"
+
+
+def check(frames, rtol=1e-5):
+    assert len(frames) == ROWS
+    for channel, field in zip(
+        CHANNELS, ("position_mm", "force_n", "acceleration_m_s2"), strict=True
+    ):
+        np.testing.assert_allclose(frames[field], CHANNELS[channel], rtol=rtol, atol=1e-4)
+
+
+def text(columns, header, sep, comma, above):
+    lines = [*above, *(sep.join(row) for row in header)]
+    for row in np.column_stack(columns).tolist():
+        cells = (f"{value:.12g}" for value in row)
+        lines.append(sep.join(cell.replace(".", ",") if comma else cell for cell in cells))
+    return "\n".join(lines) + "\n"
+
+
+@given(
+    units=a_unit,
+    order=an_order,
+    style=st.sampled_from(["brackets", "round", "row"]),
+    sep=st.sampled_from([",", ";", "\t", " ", "   "]),
+    comma=st.booleans(),
+    encoding=st.sampled_from(["utf-8", "utf-8-sig", "utf-16"]),
+    packed=st.booleans(),
+    above=st.lists(
+        st.sampled_from(["Sample rate,1000", "12000", "# a note: 3, 4", "", "Run;7;8", "a b c"]),
+        max_size=12,
+    ),
+)
+@settings(max_examples=60, deadline=None)
+def test_text_of_any_form_is_read_in_its_units(
+    units, order, style, sep, comma, encoding, packed, above
+):
+    mark = {"brackets": "{}[{}]", "round": "{}({})", "row": "{}"}[style]
+    header = [[mark.format(name_of(target), units[target]) for target in order]]
+    if style == "row":
+        header.append([units[target] for target in order])
+    content = text(
+        [in_file(target, units[target]) for target in order],
+        header,
+        sep,
+        comma and sep != ",",
+        above,
+    ).encode(encoding)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / ("a.csv.gz" if packed else "a.txt")
+        path.write_bytes(gzip.compress(content) if packed else content)
+        check(import_session(path, columns={target: name_of(target) for target in TRUTH}).frames)
+
+
+def write_npz(path, columns, units):
+    np.savez(path, **{f"{name}_{units[name]}": values for name, values in columns.items()})
+    return {name: f"{name}_{units[name]}" for name in columns}
+
+
+def write_npy(path, columns, units):
+    names = {name: f"{name}_{units[name]}" for name in columns}
+    table = np.zeros(ROWS, dtype=[(names[name], "f8") for name in columns])
+    for name, values in columns.items():
+        table[names[name]] = values
+    np.save(path, table)
+    return names
+
+
+def write_mat(path, columns, units):
+    structure = {f"{name}_{units[name]}": values for name, values in columns.items()}
+    scipy.io.savemat(path, {"run": structure})
+    return {name: f"run.{name}_{units[name]}" for name in columns}
+
+
+def write_h5(path, columns, units):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(path, "w") as file:
+        for name, values in columns.items():
+            file[f"run/{name}"] = values
+            file[f"run/{name}"].attrs["units"] = units[name]
+    return {name: f"run.{name}" for name in columns}
+
+
+def write_xlsx(path, columns, units):
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.create_sheet("notes")
+    for row in [["Run 7", 12], list(columns), [units[name] for name in columns]]:
+        book.active.append(row)
+    for row in np.column_stack(list(columns.values())).tolist():
+        book.active.append(row)
+    book.save(path)
+    return {name: name for name in columns}
+
+
+def write_parquet(path, columns, units):
+    pyarrow = pytest.importorskip("pyarrow")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    names = {name: f"{name}_{units[name]}" for name in columns}
+    parquet.write_table(
+        pyarrow.table({names[name]: values for name, values in columns.items()}), path
+    )
+    return names
+
+
+WRITERS = {
+    "npz": write_npz,
+    "npy": write_npy,
+    "mat": write_mat,
+    "h5": write_h5,
+    "xlsx": write_xlsx,
+    "parquet": write_parquet,
+}
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+@given(units=a_unit, order=an_order)
+@settings(max_examples=8, deadline=None)
+def test_each_kind_of_file_is_read_in_the_units_that_it_tells(kind, units, order):
+    """By attribute, by a row of units, or by the ends of the names."""
+    if kind not in ("h5", "xlsx"):
+        plain = {"time": "ms", "position": "um", "force": "mN", "acceleration": "mg"}
+        units = {target: plain[target.split("_")[0]] for target in units}
+    columns = {name_of(target): in_file(target, units[target]) for target in order}
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / f"a.{kind}"
+        names = WRITERS[kind](path, columns, {name_of(t): unit for t, unit in units.items()})
+        check(import_session(path, columns={t: names[name_of(t)] for t in TRUTH}).frames)
+
+
+@pytest.mark.parametrize("target", ["time", "position_y", "force_z", "acceleration_x"])
+@pytest.mark.parametrize("kind", ["csv", *WRITERS])
+def test_a_unit_of_something_else_is_refused_by_name_or_scaled(tmp_path, kind, target):
+    unit = FOREIGN[target.split("_")[0]]
+    units = dict.fromkeys(map(name_of, TRUTH), "") | {name_of(target): unit}
+    own = {"time": "s", "position": "mm", "force": "N", "acceleration": "m/s2"}
+    units |= {name_of(t): own[t.split("_")[0]] for t in TRUTH if t != target}
+    columns = {name_of(t): values for t, values in TRUTH.items()}
+    columns[name_of(target)] = columns[name_of(target)] / 2.5
+    path = tmp_path / f"a.{kind}"
+    if kind == "csv":
+        header = [[f"{name} ({units[name]})" for name in columns]]
+        path.write_text(text(list(columns.values()), header, ",", comma=False, above=[]))
+        names = {name: name for name in columns}
+    else:
+        units = units | {
+            name: unit.replace("/", "_") for name, unit in units.items() if kind != "h5"
+        }
+        names = WRITERS[kind](path, columns, units)
+    mapped = {t: names[name_of(t)] for t in TRUTH}
+    with pytest.raises(InputError, match=rf"{target} is mapped to .* in '{unit}' by the file"):
+        import_session(path, columns=mapped)
+    check(import_session(path, columns={**mapped, target: f"{mapped[target]}*2.5"}).frames)
+    said = {"time": "s", "position": "mm", "force": "N", "acceleration": "m/s2"}
+    unit_said = {target: said[target.split("_")[0]]}
+    options = ImportOptions({**mapped, target: f"{mapped[target]}*2.5"}, unit_said)
+    check(import_recording(path, options)[0].frames)
+
+
+@pytest.mark.parametrize("quantity", UNITS)
+def test_units_have_the_factors_of_the_standards(quantity):
+    for unit, factor in UNITS[quantity].items():
+        for spelled in (unit, f" {unit} ", unit.lower() if unit != "MN" else unit):
+            assert unit_factor(quantity, spelled) == pytest.approx(factor, rel=1e-9)
+    for unit in (*FOREIGN.values(), "", "x", "kgm", "1", "/", "m/s3", "N/m"):
+        assert unit_factor(quantity, unit) is None
+
+
+def rows_of(path, header, columns):
+    path.write_text(text(columns, [header], ",", comma=False, above=[]), encoding="utf-8")
+    return path
+
+
+@given(names=st.lists(st.sampled_from(["F", "F.1", "x", "x", "y"]), min_size=2, max_size=8))
+@settings(max_examples=40, deadline=None)
+def test_no_column_hides_another_of_its_name(names):
+    with TemporaryDirectory() as folder:
+        names = [*names, ""]
+        columns = [TIME_S, *(np.full(ROWS, float(place)) for place in range(len(names)))]
+        path = rows_of(Path(folder) / "a.csv", ["time_s", *names], columns)
+        told = propose(path).names
+        assert len(set(told)) == len(told) == len(columns)
+        for place, name in enumerate(told[1:]):
+            frames = import_session(path, columns={"time": "time_s", "force": name}).frames
+            np.testing.assert_array_equal(frames["force_n"][:, 2], place)
+        for name in {name for name in names if name and names.count(name) > 1}:
+            with pytest.raises(InputError, match=f"force is .*{name}|{name} stands in"):
+                import_session(path, columns={"force": name})
+
+
+@pytest.mark.parametrize("form", ["acc[{}]", "a(c)[{}]", "/arm/data[{}]", "F({})"])
+def test_elements_in_brackets_are_a_vector(tmp_path, form):
+    names = [form.format(place) for place in range(3)]
+    path = rows_of(tmp_path / "a.csv", ["t", *names], [TIME_S, *FORCE_N.T])
+    whole = import_session(path, columns={"time": "t", "force": form[:-4]})
+    turned = {f"force_{axis}": f"-{name}" for axis, name in zip("xyz", names, strict=True)}
+    parts = import_session(path, columns={"time": "t", **turned})
+    np.testing.assert_allclose(whole.frames["force_n"], FORCE_N, rtol=1e-6)
+    np.testing.assert_allclose(parts.frames["force_n"], -FORCE_N, rtol=1e-6)
+
+
+def test_numbers_are_columns_where_columns_are_numbered(tmp_path):
+    columns = {"time": "1", "force_x": "2", "force_y": "3", "force_z": "4"}
+    path = tmp_path / "a.csv"
+    path.write_text(text([TIME_S, *FORCE_N.T], [], ",", comma=False, above=[]))
+    np.testing.assert_allclose(import_session(path, columns=columns).frames["force_n"], FORCE_N)
+    with pytest.raises(InputError, match=r"column 5, which is not there.*written 5\.0"):
+        import_session(path, columns={**columns, "force_z": "5"})
+    constant = import_session(path, columns={**columns, "force_z": "5.0"}).frames["force_n"]
+    np.testing.assert_array_equal(constant[:, 2], 5.0)
+    rows_of(path, ["0", "1", "2", "3"], [TIME_S, *FORCE_N.T])
+    zero = import_session(
+        path, columns={"time": "0", "force_z": "3", "force_x": "1", "force_y": "2"}
+    )
+    np.testing.assert_allclose(zero.frames["force_n"], FORCE_N, rtol=1e-6)
+
+
+@given(
+    holes=st.lists(st.integers(0, ROWS - 1), min_size=1, max_size=20),
+    word=st.sampled_from(["", "NA", "#N/A", "nan", "-", "NULL", "9999", "--"]),
+)
+@settings(max_examples=20, deadline=None)
+def test_cells_without_a_value_are_gaps(holes, word):
+    rows = [[f"{value:.9g}" for value in row] for row in np.column_stack([TIME_S, FORCE_N])]
+    for hole in holes:
+        rows[hole][2] = word
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "a.csv"
+        path.write_text("\n".join(["time_s,force_x_n,force_y_n,force_z_n", *map(",".join, rows)]))
+        with pytest.raises(InputError, match=r"force_y is empty or NaN in line|end in different"):
+            import_session(path, missing=("9999",))
+        if ROWS - 1 not in holes:  # a column's end
+            frames = import_session(path, missing=("9999",), blanks_as_gaps=True).frames
+            there = np.setdiff1d(np.arange(ROWS), holes)
+            np.testing.assert_array_equal(frames["sequence"], there - there[0])
+
+
+@given(
+    start=st.integers(0, 2**32 - 1),
+    unit=st.sampled_from(["us", "ms"]),
+    bits=st.sampled_from([16, 32]),
+)
+@settings(max_examples=40, deadline=None)
+def test_a_counter_that_wraps_goes_on(start, unit, bits):
+    per_s = 1_000_000 if unit == "us" else 1000
+    counts = (start + np.rint(TIME_S * per_s).astype(np.int64)) % 2**bits
+    with TemporaryDirectory() as folder:
+        path = rows_of(Path(folder) / "a.csv", [f"n ({unit})", "Fz"], [counts, FORCE_N[:, 2]])
+        frames = import_session(path, columns={"time": "n", "force": "Fz"}).frames
+    np.testing.assert_allclose(frames["force_n"][:, 2], FORCE_N[:, 2], rtol=1e-4)
+    assert len(frames) == ROWS
+
+
+@pytest.mark.parametrize("again", [True, False])
+def test_a_recorder_that_began_anew_gives_both_parts(tmp_path, again):
+    lines = text([TIME_S, FORCE_N[:, 2]], [["t", "Fz"]], ",", comma=False, above=[]).splitlines()
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join([*lines, *(lines if again else lines[1:])]))
+    session, report = import_recording(path, ImportOptions({"time": "t", "force": "Fz"}))
+    assert len(session.frames) == 2 * ROWS
+    np.testing.assert_allclose(session.frames["force_n"][:, 2], [*FORCE_N[:, 2]] * 2, rtol=1e-6)
+    assert any("begins anew" in warning for warning in report.warnings)
+    assert any("header stands 2 times" in warning for warning in report.warnings) == again
+
+
+@pytest.mark.parametrize(
+    "form", ["%Y-%m-%d %H:%M:%S.%f", "%Y-%m-%dT%H:%M:%S.%fZ", "%d.%m.%Y %H:%M:%S.%f", "%H:%M:%S.%f"]
+)
+def test_dates_and_times_of_day_are_times(tmp_path, form):
+    stamps = (
+        np.datetime64("2026-01-31T23:59:59.800000") + (TIME_S * 1e6).astype("m8[us]")
+    ).tolist()
+    cells = [f"{stamp:{form}},{z:.9g}" for stamp, z in zip(stamps, FORCE_N[:, 2], strict=True)]
+    (tmp_path / "a.csv").write_text("\n".join(["when,Fz", *cells]))
+    columns = {"time": "when", "force": "Fz"}
+    frames = import_session(tmp_path / "a.csv", columns=columns, units={"time": "ms"}).frames
+    np.testing.assert_allclose(frames["force_n"][:, 2], FORCE_N[:, 2], rtol=1e-6)
+
+
+def test_the_rate_that_is_said_wins_over_the_stamps_and_says_so(tmp_path):
+    coarse = np.floor(TIME_S * 10) / 10
+    path = rows_of(tmp_path / "a.csv", ["time_s", "force"], [coarse, FORCE_N[:, 2]])
+    options = ImportOptions({"force": "force"}, rate_hz=1000.0)
+    session, report = import_recording(path, options)
+    np.testing.assert_allclose(session.frames["force_n"][:, 2], FORCE_N[:, 2], rtol=1e-6)
+    assert any("1000 rows a second, as --rate says; time_s" in each for each in report.warnings)
+
+
+def test_a_sound_needs_the_factor_of_its_sensor(tmp_path):
+    wave = np.column_stack([np.sin(0.3 * np.arange(8000)), np.zeros(8000)])
+    for kind, full in (("i2", 32767), ("i4", 2**31 - 1), ("f4", 1.0)):
+        scipy.io.wavfile.write(tmp_path / "a.wav", 8000, (0.5 * full * wave).astype(kind))
+        with pytest.raises(InputError, match="1, which is in 'full scale'"):
+            import_session(tmp_path / "a.wav", columns={"acceleration": "1"})
+        frames = import_session(tmp_path / "a.wav", columns={"acceleration": "1*40"}).frames
+        assert frames["acceleration_m_s2"][50:-50, 2].max() == pytest.approx(20, rel=0.05)
+
+
+def test_speed_stands_for_a_straight_path(tmp_path):
+    path = rows_of(tmp_path / "a.csv", ["t", "v [m/s]"], [TIME_S, 0.1 + 0.05 * np.sin(9 * TIME_S)])
+    session = import_session(path, columns={"time": "t", "speed": "v"})
+    path_mm = 100 * TIME_S + 50 / 9 * (1 - np.cos(9 * TIME_S))
+    np.testing.assert_allclose(session.frames["position_mm"][:, 0], path_mm, atol=1e-3)
+    assert "position was made of v" in session.events[0]["event"]
+
+
+@given(late_s=st.floats(-3, 3), seed=st.integers(0, 20))
+@settings(max_examples=10, deadline=None)
+def test_files_of_one_recording_are_joined_by_a_tap(late_s, seed):
+    rng = np.random.default_rng(seed)
+    slow_s, fast_s = np.arange(0, 12, 0.002), np.arange(0, 12, 1 / 4000)
+    force_n = 1 + 0.01 * rng.standard_normal(len(slow_s)) + 9 * np.exp(-((slow_s - 5) ** 2) / 2e-5)
+    shock = 50 * np.exp(-((fast_s - 5 - late_s) ** 2) / 8e-6)
+    with TemporaryDirectory() as folder:
+        np.savez(Path(folder) / "f.npz", t=slow_s, F=force_n)
+        np.savez(Path(folder) / "a.npz", t=fast_s, a=shock + rng.standard_normal(len(fast_s)))
+        paths = [Path(folder) / name for name in ("f.npz", "a.npz")]
+        columns = {"force": "f.npz:F", "force_time": "f.npz:t"}
+        columns |= {"acceleration": "a.npz:a", "acceleration_time": "a.npz:t"}
+        joined = import_session(paths, columns=columns, offsets={"a.npz": "match"}).frames
+        force_at, shock_at = (
+            int(np.argmax(joined[name][:, 2])) for name in ("force_n", "acceleration_m_s2")
+        )
+        assert abs(force_at - shock_at) <= 4
+        with pytest.raises(InputError, match="say of which file"):
+            import_session(paths, columns={"force": "F"})
+
+
+@given(
+    order=st.permutations(["t", "fx", "fy", "fz", "ax", "ay", "az", "x", "y", "z", "note"]),
+    unit=st.sampled_from(["", " [m]", "_um", " (inch)"]),
+    holes=st.booleans(),
+)
+@settings(max_examples=15, deadline=None)
+def test_what_is_proposed_runs(order, unit, holes):
+    named = dict(
+        zip(["t", *(f"{q}{axis}" for q in ("", "f", "a") for axis in "xyz")], TRUTH, strict=True)
+    )
+    header = [name + unit if name in ("x", "y", "z") else name for name in order]
+    scale = {"": 1.0, " [m]": 1e3, "_um": 1e-3, " (inch)": 25.4}[unit]
+    columns = [TRUTH.get(named.get(name, ""), TIME_S) for name in order]
+    columns = [
+        c / scale if n in ("x", "y", "z") else c for n, c in zip(order, columns, strict=True)
+    ]
+    with TemporaryDirectory() as folder:
+        path = rows_of(Path(folder) / "a.csv", header, columns)
+        if holes:
+            lines = path.read_text().splitlines()
+            lines[200] = ",".join(
+                "NA" if n == "fx" else c for n, c in zip(order, lines[200].split(","), strict=True)
+            )
+            path.write_text("\n".join(lines))
+        proposal, report, error = try_proposal(path, propose(path))
+        assert report is not None, error
+        session = import_recording(path, proposal.options)[0]
+        assert len(session.frames) == ROWS
+        np.testing.assert_allclose(
+            session.frames["position_mm"][:100], POSITION_MM[:100], rtol=1e-5, atol=1e-4
+        )
