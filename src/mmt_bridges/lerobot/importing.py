@@ -113,7 +113,7 @@ def _because(notes: Sequence[str]) -> str:
 def _ranges(numbers: Sequence[int]) -> str:
     """Return rising numbers as in "0 to 3, 7"."""
     ends = [n for n in numbers if not {n - 1, n + 1} <= set(numbers)]
-    texts = []
+    texts: list[str] = []
     while ends and len(texts) < _SHOWN_RANGES:
         first = ends.pop(0)
         texts.append(f"{first} to {ends.pop(0)}" if first + 1 in numbers else f"{first}")
