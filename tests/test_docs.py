@@ -235,7 +235,9 @@ def test_there_is_a_row_for_every_example_scene() -> None:
     rows = re.findall(
         r"^\| \[`([\w-]+)`\]\(../../configs/([\w-]+)\.toml\) \|", table[1], re.MULTILINE
     )
-    assert {(name, name) for name in example_scenes()} == set(rows)
+    pairs = ("-leader", "-follower")  # one of two machines' scenes: `mmt demo` names both
+    alone = {name for name in example_scenes() if not name.endswith(pairs)}
+    assert {(name, name) for name in alone} == set(rows)
 
 
 # --- scene keys

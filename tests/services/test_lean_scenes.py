@@ -237,7 +237,8 @@ def directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def modules(directory: Path) -> dict[str, set[str]]:
     """The modules of each service in each example scene, by e.g. "leader demo"."""
     scenes = {path.stem: path for path in sorted(CONFIGS.glob("*.toml"))}
-    for name in LACKING:
+    hardware = {name for name in scenes if name.endswith(("-leader", "-follower"))}
+    for name in LACKING | hardware:
         del scenes[name]
     for name in ("devices", *METHODS, "published"):
         scenes[name] = directory / f"{name}.toml"

@@ -18,6 +18,7 @@ from mmt.cli.common import (
     summary_table,
     write_json,
 )
+from mmt.cli.emulated_pair import coil_log, hand_log, pair_named, write_emulated
 from mmt.cli.ending import ending_lines
 from mmt.cli.scene_services import DemoRun, run_services
 from mmt.cli.visiting import visitors_page
@@ -29,6 +30,7 @@ from mmt.devices.drivers import load_device
 from mmt.follower.sources import build_source
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
+from mmt.testing.emulated.drivers import LabOptions
 
 _DEMO = Path("demo")
 
@@ -57,9 +59,16 @@ def demo(
         bool, typer.Option("--verbose", help="Show all counters at the end.")
     ] = False,
 ) -> None:
-    """Run leader and follower on loopback, then report what was modelled."""
+    """Run leader and follower on loopback, then report what was modelled.
+
+    NAME-leader.toml and NAME-follower.toml, named NAME, run with every device emulated.
+    """
     if realtime:
         require_real_time()
+    pair = pair_named(scene_file)
+    if pair is not None:
+        pair = write_emulated(pair, output_directory)
+        scene_file = pair.leader
     wanted = output_directory / "session.mcap"
     recording = wanted if force else free_path(wanted)  # one that is there already stays
     overrides: dict[str, Any] = {"session.duration_s": duration}
@@ -85,7 +94,15 @@ def demo(
     page = None if scene.sharing is None else visitors_page(scene.sharing)
     try:
         run = asyncio.run(
-            run_services(scene_file, scene, duration, replay, realtime=realtime, visitors=page)
+            run_services(
+                scene_file,
+                scene,
+                duration,
+                replay,
+                realtime=realtime,
+                visitors=page,
+                follower_file=None if pair is None else pair.follower,
+            )
         )
         _report(run, output_directory, recording, json_file, verbose=verbose)
         if page is not None and page.address is not None and not run.interrupted:
@@ -113,6 +130,9 @@ def _report(
         A service failed, or something could not be written; the rest is there nevertheless.
     """
     content: dict[str, Any] = run.tables()
+    coil = _coil(run, directory)
+    if coil:
+        content["coil"] = coil
     if verbose:
         for name, table in content.items():
             output.print(summary_table(name, table))
@@ -131,6 +151,28 @@ def _report(
     with noting(problems):
         write_json(json_file, content)
     raise_problems([*problems, *map(MmtError, run.errors)])
+
+
+def _coil(run: DemoRun, directory: Path) -> dict[str, Any]:
+    """Return, and print, what an emulated coil did; empty where there was none."""
+    hand, coil = hand_log(directory), coil_log(directory)
+    vibration = run.leader.get("vibration", {})
+    switches = [each for each in vibration.get("switches", ()) if each["mode"] == "synthesized"]
+    if not (hand.exists() and coil.exists() and switches):
+        return {}
+    from mmt.evaluation.coil import coil_figures
+
+    since_s = run.leader["session"]["duration_s"] - switches[-1]["time_s"]
+    latency_ms = vibration["actuator"]["latency_ms"] or 0.0
+    figures = coil_figures(hand, coil, LabOptions().surface, since_s, latency_ms)
+    if "begin_ms" in figures:
+        output.print(
+            "at the coil: vibration begins {begin_ms:+.1f} ms and ends {end_ms:+.1f} ms after the "
+            "hand's own contact, beyond the output's {output_latency_ms:.1f} ms; level "
+            "{level_error_db:+.1f} dB".format_map(figures),
+            highlight=False,
+        )
+    return figures
 
 
 def _check(scene: Scene, directory: Path) -> None:

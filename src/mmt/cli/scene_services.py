@@ -59,6 +59,7 @@ async def run_services(
     realtime: bool = False,
     visitors: Visitors | None = None,
     on_link: Callable[[str], None] = lambda _: None,
+    follower_file: Path | None = None,
 ) -> DemoRun:
     """Run the services of a scene as processes until both have ended.
 
@@ -78,6 +79,8 @@ async def run_services(
         Let in as soon as the leader shares its model.
     on_link
         Called with the URL of the leader's link when it listens.
+    follower_file
+        The follower's own scene, if it is not the leader's.
     """
     return await _Demo(
         scene_file,
@@ -89,6 +92,7 @@ async def run_services(
         realtime=realtime,
         visitors=visitors,
         on_link=on_link,
+        follower_file=follower_file,
     ).run()
 
 
@@ -105,6 +109,7 @@ class _Demo:
         realtime: bool,
         visitors: Visitors | None,
         on_link: Callable[[str], None],
+        follower_file: Path | None,
     ) -> None:
         self._scene = scene
         self._visitors = visitors
@@ -113,6 +118,7 @@ class _Demo:
         self._environment = environment
         self._run = DemoRun()
         self._arguments = [str(scene_file), "--json-lines"]
+        self._follower_file = follower_file or scene_file
         if realtime:
             self._arguments += ["--realtime"]
         if replay is not None:
@@ -185,7 +191,9 @@ class _Demo:
                 self._on_link(url)
                 if self._scene.monitor is not None:
                     self._progress.console.print(f"monitor: {url}/monitor/", highlight=False)
-                follower = await self._start("follower", [*self._arguments, "--leader", url])
+                follower = await self._start(
+                    "follower", [str(self._follower_file), *self._arguments[1:], "--leader", url]
+                )
                 following = asyncio.create_task(self._watch_follower(follower, leader))
         failed = await self._note_end(leader) != 0
         if follower is not None:

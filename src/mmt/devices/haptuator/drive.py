@@ -114,6 +114,8 @@ class VoltageDrive:
         Band, level and limits.
     rate_hz
         Sampling rate. A low-pass at or above half of it is left out.
+    level
+        In place of what the options name.
 
     Raises
     ------
@@ -121,8 +123,10 @@ class VoltageDrive:
         No level is stored for the serial number.
     """
 
-    def __init__(self, options: HaptuatorOptions, rate_hz: float) -> None:
-        level = level_of(options)
+    def __init__(
+        self, options: HaptuatorOptions, rate_hz: float, level: Level | None = None
+    ) -> None:
+        level = level or level_of(options)
         self._scale = level.volts_per_m_s2
         self._taps = level.taps
         self._history = deque([0.0] * len(level.taps), maxlen=len(level.taps))

@@ -6,7 +6,7 @@ from typing import Final
 
 from mmt.core.arrays import FloatArray
 from mmt.core.guards import SampleGuard
-from mmt.devices.haptuator.drive import FADE_S, VoltageDrive
+from mmt.devices.haptuator.drive import FADE_S, Level, VoltageDrive
 from mmt.devices.haptuator.options import HaptuatorOptions
 
 RATE_HZ: Final = 1000.0
@@ -26,10 +26,14 @@ class HaptuatorDriver(ABC):
         Level, band and limits.
     output_rate_hz
         Rate of the converter: what it gets passes `_guard`, the last step of all.
+    level
+        In place of the one that the options name.
     """
 
-    def __init__(self, options: HaptuatorOptions, output_rate_hz: float) -> None:
-        self._drive = VoltageDrive(options, RATE_HZ)
+    def __init__(
+        self, options: HaptuatorOptions, output_rate_hz: float, level: Level | None = None
+    ) -> None:
+        self._drive = VoltageDrive(options, RATE_HZ, level)
         self._to_volts = options
         self._guard = SampleGuard(options.largest_v, round(FADE_S * output_rate_hz))
         self._latency_s: float | None = None

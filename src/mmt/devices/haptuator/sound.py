@@ -15,6 +15,7 @@ from mmt.core.extras import require
 from mmt.devices.drivers import read_options
 from mmt.devices.haptuator import sound_library
 from mmt.devices.haptuator.card_buffer import CardBuffer
+from mmt.devices.haptuator.drive import Level
 from mmt.devices.haptuator.driver import RATE_HZ, SILENCE_NS, HaptuatorDriver
 from mmt.devices.haptuator.options import HaptuatorOptions
 from mmt.devices.haptuator.sound_library import load_sounddevice
@@ -134,6 +135,8 @@ class SoundHaptuator(HaptuatorDriver):
         What `sounddevice` offers, as an emulated card does; None imports it.
     clock_ns
         The monotonic time.
+    level
+        In place of the one that the options name.
     """
 
     def __init__(
@@ -141,8 +144,9 @@ class SoundHaptuator(HaptuatorDriver):
         options: SoundOptions,
         library: Any = None,
         clock_ns: Callable[[], int] = time.monotonic_ns,
+        level: Level | None = None,
     ) -> None:
-        super().__init__(options, float(options.card_rate_hz))
+        super().__init__(options, float(options.card_rate_hz), level)
         self.name = f"sound card {'(default)' if options.device is None else options.device}"
         self._options = options
         self._library = library

@@ -1,29 +1,50 @@
 """A Haptuator on a sound card in software, for a scene that has neither."""
 
-from typing import Any
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
 
 from mmt.devices.drivers import read_options
+from mmt.devices.haptuator.drive import Level
 from mmt.devices.haptuator.sound import DRIVER, SoundHaptuator, SoundOptions
 from mmt.testing.emulated.sound_card import EmulatedSoundCard
 
+_HISTORY_S: Final = 10.0
+_LOGGED_S: Final = 600.0
 
-def emulated_haptuator(**options: Any) -> "EmulatedHaptuator":
+
+def emulated_haptuator(log: str | None = None, **options: Any) -> "EmulatedHaptuator":
     """Make the driver on an emulated card; options are those of ``haptuator-sound``.
+
+    With a `serial` its level is that of a sweep of the emulated coil (`mmt.testing.emulated.coil`).
+    `log` names a file that gets what was played when it is closed.
 
     Raises
     ------
     InputError
         An option is not allowed.
     """
-    return EmulatedHaptuator(read_options(SoundOptions, DRIVER, options))
+    checked = read_options(SoundOptions, DRIVER, options)
+    level = None
+    if checked.serial is not None:
+        from mmt.testing.emulated.coil import swept_level
+
+        level = swept_level()
+    return EmulatedHaptuator(checked, level, None if log is None else Path(log))
 
 
 class EmulatedHaptuator(SoundHaptuator):
     """The driver of the sound card, with a card whose time goes on while it is connected."""
 
-    def __init__(self, options: SoundOptions) -> None:
-        self.card = EmulatedSoundCard(channels=max(2, options.channel))
-        super().__init__(options, self.card)
+    def __init__(
+        self, options: SoundOptions, level: Level | None = None, log: Path | None = None
+    ) -> None:
+        self.card = EmulatedSoundCard(
+            channels=max(2, options.channel), history_s=_HISTORY_S if log is None else _LOGGED_S
+        )
+        self._log = log
+        super().__init__(options, self.card, level=level)
 
     def connect(self) -> None:
         """Open the card and let its time go on."""
@@ -31,6 +52,17 @@ class EmulatedHaptuator(SoundHaptuator):
         self.card.start()
 
     def close(self) -> None:
-        """Fade out and stop the card."""
+        """Fade out, stop the card and write the log."""
         super().close()
         self.card.stop()
+        if self._log is not None and self.card.begun_s:
+            options = self._options
+            volts = self.card.played(options.channel) * options.full_scale_v
+            first_s = self._block_frames / options.card_rate_hz + self.card.dac_latency_s
+            np.savez(
+                self._log,
+                volts=volts.astype(np.float32),
+                rate_hz=options.card_rate_hz,
+                start_s=self.card.begun_s + first_s,
+            )
+            self._log = None

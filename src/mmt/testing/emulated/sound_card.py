@@ -18,7 +18,6 @@ from mmt.core.arrays import FloatArray
 
 Block = npt.NDArray[np.float32]
 
-_HISTORY_S: Final = 10.0
 _PAUSE_S: Final = 0.001
 
 
@@ -50,6 +49,8 @@ class EmulatedSoundCard:
         How much too fast its clock runs.
     dac_latency_s
         From a block's being filled to its first frame at the converter.
+    history_s
+        For how long it is known what was played.
     """
 
     PortAudioError = PortAudioError
@@ -61,10 +62,14 @@ class EmulatedSoundCard:
         *,
         clock_ppm: float = 0.0,
         dac_latency_s: float = 0.004,
+        history_s: float = 10.0,
     ) -> None:
         self.name = name
         self.channels = channels
         self.dac_latency_s = dac_latency_s
+        self.begun_s = 0.0
+        """When its time began to go on by itself, by the monotonic clock."""
+        self._history_s = history_s
         self._speed = 1.0 + 1e-6 * clock_ppm
         self._plugged = True
         self._known = True
@@ -83,6 +88,7 @@ class EmulatedSoundCard:
 
     def start(self) -> None:
         """Let time go on by itself."""
+        self.begun_s = time.monotonic() - self._time_s
         self._ended.clear()
         self._thread = threading.Thread(target=self._run, name="emulated sound card", daemon=True)
         self._thread.start()
@@ -126,7 +132,7 @@ class EmulatedSoundCard:
         self._underflow = True
 
     def played(self, channel: int = 1) -> FloatArray:
-        """Return what the newest 10 s played, full scale is 1, shape (frames,)."""
+        """Return what was played, of the history's length, full scale is 1, shape (frames,)."""
         with self._lock:
             blocks = [block[:, channel - 1] for block in self._blocks]
         return np.concatenate(blocks).astype(np.float64) if blocks else np.zeros(0)
@@ -150,7 +156,7 @@ class EmulatedSoundCard:
         stream.callback(block, stream.blocksize, _Times(now_s, now_s + self.dac_latency_s), status)
         self._blocks.append(block)
         self._held += len(block)
-        while self._held > _HISTORY_S * stream.samplerate:
+        while self._held > self._history_s * stream.samplerate:
             self._held -= len(self._blocks.popleft())
 
     # --- the library's side

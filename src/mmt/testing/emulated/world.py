@@ -7,7 +7,7 @@ from mmt.core.frames import CHANNELS
 from mmt.devices.protocols import Vector
 from mmt.scene import Simulated
 from mmt.testing.emulated.clockwork import Clockwork
-from mmt.testing.simulation.follower import SimulatedFollower
+from mmt.testing.simulation.follower import MovedTip, SimulatedFollower
 from mmt.testing.simulation.robot import START_MM
 
 TICK_NS: Final = 1_000_000
@@ -52,6 +52,11 @@ class World:
         self._clockwork = clockwork or Clockwork()
         self.command_mm: Vector | None = None
         """Where the robot is to go; set from any thread."""
+
+    def stand(self, tip: MovedTip) -> None:
+        """Put another tip onto the surface, in the robot's place, before the start."""
+        tip.friction_coefficient = self._follower.robot.friction_coefficient
+        self._follower.robot = tip
 
     def start(self) -> None:
         """Begin to move."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from math import isfinite
+from typing import Protocol
 
 from mmt.core.arrays import RecordArray
 from mmt.devices.protocols import Vector
@@ -9,8 +10,17 @@ from mmt.scene import Simulated
 from mmt.testing.simulation.course import SurfaceCourse
 from mmt.testing.simulation.instruments import Instruments
 from mmt.testing.simulation.known_surfaces import KnownSurface
-from mmt.testing.simulation.robot import START_MM, SimulatedRobot
+from mmt.testing.simulation.robot import START_MM, SimulatedRobot, TipState
 from mmt.testing.simulation.textures import get_surface
+
+
+class MovedTip(Protocol):
+    """What stands on the surface."""
+
+    friction_coefficient: float
+
+    def advance(self, command_mm: Vector) -> TipState:
+        """Move for one tick towards the command; return the state at its end."""
 
 
 class SimulatedFollower:
@@ -47,7 +57,8 @@ class SimulatedFollower:
     ) -> None:
         self._settings = settings
         self._surface = get_surface(settings.surface) if surface is None else surface
-        self._robot = SimulatedRobot(settings, self._surface.friction_coefficient)
+        self.robot: MovedTip = SimulatedRobot(settings, self._surface.friction_coefficient)
+        """What is moved; another may take its place before the first step."""
         self._instruments = Instruments(self._surface, channels, seed, noise=settings.noise)
         self._command = START_MM
 
@@ -66,10 +77,8 @@ class SimulatedFollower:
             self._command = command_position_mm
         friction = self._instruments.friction_coefficient
         if friction is not None:
-            self._robot.friction_coefficient = friction
-        return self._instruments.frames(
-            [self._robot.advance(self._command) for _ in range(elapsed)]
-        )
+            self.robot.friction_coefficient = friction
+        return self._instruments.frames([self.robot.advance(self._command) for _ in range(elapsed)])
 
     @property
     def finished(self) -> bool:

@@ -1,0 +1,105 @@
+"""A leader's and a follower's scene with every device emulated at its wire, for the demo."""
+
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import tomli_w
+
+from mmt.core.errors import InputError
+from mmt.scene import Scene
+from mmt.scene.files import find_scene, load_scene
+
+_EMULATED: Final = {
+    "openhaptics": "virtual-phantom",
+    "ati-net-ft": "virtual-net-ft",
+    "adxl335-serial": "virtual-adxl335",
+    "haptuator-sound": "virtual-haptuator-sound",
+}
+_ADDRESSES: Final = {
+    "openhaptics": {"library", "device"},
+    "ati-net-ft": {"host", "rdt_port", "http_port"},
+    "adxl335-serial": {"port", "baud_rate", "serial"},
+    "haptuator-sound": {"device"},
+}
+"""Options that say where a device is: an emulated one is elsewhere."""
+_NETWORK: Final = {"profile": "wan"}
+
+
+class Pair(NamedTuple):
+    """The files of both sides."""
+
+    leader: Path
+    follower: Path
+
+
+def pair_named(name: Path) -> Pair | None:
+    """Return ``NAME-leader`` and ``NAME-follower``, None where there are none of these names."""
+    try:
+        return Pair(*(find_scene(name.with_name(f"{name.name}-{side}")) for side in Pair._fields))
+    except InputError:
+        try:
+            return Pair(
+                *(find_scene(name.with_name(f"{name.name}-{side}.toml")) for side in Pair._fields)
+            )
+        except InputError:
+            return None
+
+
+def hand_log(directory: Path) -> Path:
+    """Return the file that gets the emulated hand's way."""
+    return directory / "hand.npz"
+
+
+def coil_log(directory: Path) -> Path:
+    """Return the file that gets what the emulated coil was driven with."""
+    return directory / "coil.npz"
+
+
+def write_emulated(pair: Pair, directory: Path) -> Pair:
+    """Write both scenes with emulated devices and network; return the files.
+
+    Without ``[network]`` it is that of the profile ``wan``; ``MMT_NETWORK__PROFILE`` names another.
+
+    Raises
+    ------
+    InputError
+        A scene cannot be used, names a driver that has no emulated device, or cannot be written.
+    """
+    written = []
+    for file in pair:
+        tables = _emulated(load_scene(file), directory)
+        target = directory / file.name
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+            target.write_text(tomli_w.dumps(tables), encoding="utf-8")
+        except OSError as error:
+            raise InputError(f"{target}: {error.strerror or error}") from error
+        written.append(target)
+    return Pair(*written)
+
+
+def _emulated(scene: Scene, directory: Path) -> dict[str, Any]:
+    tables = scene.dump()
+    for key in ("token_file", "certificate", "key", "authority", "host"):
+        tables.get("link", {}).pop(key, None)
+    tables.setdefault("network", _NETWORK)
+    tables.setdefault("recording", {}).update(file=str(directory / "session.mcap"))
+    if "handle" in tables:
+        tables["handle"] = {**_device(tables["handle"]), "log": str(hand_log(directory))}
+    if tables.get("actuator", {}).get("driver"):
+        tables["actuator"] = {**_device(tables["actuator"]), "log": str(coil_log(directory))}
+    devices = tables.get("devices", {})
+    for role in ("robot", "force_sensor", "accelerometer"):
+        if role in devices:
+            devices[role] = _device(devices[role])
+    return tables
+
+
+def _device(table: dict[str, Any]) -> dict[str, Any]:
+    driver = table["driver"]
+    if driver not in _EMULATED:
+        raise InputError(
+            f"the driver {driver} has no emulated device here; {', '.join(_EMULATED)} have one"
+        )
+    left = {key: value for key, value in table.items() if key not in _ADDRESSES[driver]}
+    return {**left, "driver": _EMULATED[driver]}

@@ -1,0 +1,132 @@
+"""What an emulated coil did, against what the surface would give at the hand's own motion.
+
+The oracle is the surface's own generator, driven by the hand's speed and the force that robot
+and surface would have at its place at rest: no network, no model, no actuator. Both are judged
+alike. Vibration begins in a touch when its power over 5 ms first exceeds a tenth of the oracle's
+mean there, and ends when it last does; the delay is the difference of the two, less what the
+output states of its own latency, as the median over the touches.
+"""
+
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from scipy import signal
+
+from mmt.core.arrays import FloatArray
+from mmt.testing.emulated.coil import coil_acceleration_m_s2
+from mmt.testing.emulated.phantom import SERIES_N_MM
+from mmt.testing.simulation.textures import get_surface
+from mmt.testing.simulation.vibration import vibration_of
+
+_RATE_HZ: Final = 1000
+_POWER_SAMPLES: Final = 5
+_THRESHOLD: Final = 0.1
+_LONGEST_LATE_S: Final = 0.5
+_LEAST_TOUCH_S: Final = 0.15
+_LEAST_APART_S: Final = 0.1
+_SETTLED_S: Final = 0.5
+_BAND_HZ: Final = (10.0, 450.0)
+
+
+def coil_figures(
+    hand: Path, coil: Path, surface: str, since_s: float, latency_ms: float
+) -> dict[str, Any]:
+    """Return the figures of a session.
+
+    Parameters
+    ----------
+    hand, coil
+        What the emulated handle and the emulated card have written.
+    surface
+        Name of the surface.
+    since_s
+        How long before the end the vibration began to come from the model.
+    latency_ms
+        What the output states of its own.
+    """
+    way = np.load(hand)["way"]
+    played = np.load(coil)
+    rate_hz, start_s = float(played["rate_hz"]), float(played["start_s"])
+    felt = coil_acceleration_m_s2(played["volts"].astype(np.float64), rate_hz)
+    end_s = min(way[-1, 0], start_s + len(felt) / rate_hz)
+    begin_s = max(way[0, 0], start_s, end_s - since_s + _SETTLED_S)
+    times_s = np.arange(begin_s, end_s, 1.0 / _RATE_HZ)
+    low_pass = signal.butter(6, 480.0, fs=rate_hz, output="sos")
+    at_coil = np.interp(
+        times_s,
+        start_s + np.arange(len(felt)) / rate_hz,
+        signal.sosfiltfilt(low_pass, felt),
+    )
+    velocity = np.column_stack([np.interp(times_s, way[:, 0], way[:, k]) for k in (4, 5)])
+    depth_mm = -np.interp(times_s, way[:, 0], way[:, 3])
+    oracle, touches = _oracle(surface, velocity, depth_mm)
+    late = round(latency_ms * _RATE_HZ / 1000.0)
+    at_coil = np.concatenate([at_coil[late:], np.zeros(late)])
+    stroking = np.zeros(len(oracle), bool)
+    edges = []
+    for first, last in touches:
+        stroking[first:last] = True
+        edges.append(_edges(at_coil, oracle, first, last))
+    found = np.array([edge for edge in edges if edge is not None])
+    if not len(found):
+        return {"touches": 0, "output_latency_ms": round(latency_ms, 2)}
+    both = [np.mean(each[stroking] ** 2) for each in (at_coil, oracle)]
+    frequencies, density = signal.welch(np.stack([at_coil, oracle]), _RATE_HZ, nperseg=256)
+    low, high = _BAND_HZ
+    strong = (frequencies >= low) & (frequencies <= high) & (density[1] > 0.01 * density[1].max())
+    difference_db = 10.0 * np.log10(density[0, strong] / density[1, strong])
+    return {
+        "touches": len(found),
+        "begin_ms": round(float(np.median(found[:, 0])), 2),
+        "end_ms": round(float(np.median(found[:, 1])), 2),
+        "output_latency_ms": round(latency_ms, 2),
+        "level_error_db": round(float(10.0 * np.log10(both[0] / both[1])), 2),
+        "spectrum_error_db": round(float(np.sqrt(np.mean(difference_db**2))), 2),
+    }
+
+
+def _oracle(
+    surface: str, velocity_mm_s: FloatArray, depth_mm: FloatArray
+) -> tuple[FloatArray, list[tuple[int, int]]]:
+    """Return the vibration at the hand's own motion, and first and last sample of each touch."""
+    source = vibration_of(get_surface(surface), np.random.default_rng(7))
+    force_n = SERIES_N_MM * np.maximum(depth_mm, 0.0)
+    speed = np.hypot(*velocity_mm_s.T)
+    heading = velocity_mm_s / np.maximum(speed, 1e-9)[:, np.newaxis]
+    made = np.array(
+        [
+            source.step(s, f, (h[0], h[1]))[0]
+            for s, f, h in zip(speed.tolist(), force_n.tolist(), heading.tolist(), strict=True)
+        ]
+    )
+    contact = np.concatenate([[False], depth_mm > 0.0, [False]])
+    changes = np.flatnonzero(np.diff(contact.astype(int)))
+    touches = list(zip(changes[::2].tolist(), changes[1::2].tolist(), strict=True))
+    apart, least = round(_LEAST_APART_S * _RATE_HZ), round(_LEAST_TOUCH_S * _RATE_HZ)
+    clear = [
+        (first, last)
+        for k, (first, last) in enumerate(touches)
+        if last - first >= least
+        and first >= apart
+        and last <= len(depth_mm) - 2 * apart
+        and (k == 0 or first - touches[k - 1][1] >= apart)
+        and (k == len(touches) - 1 or touches[k + 1][0] - last >= apart)
+    ]
+    return made, clear
+
+
+def _edges(
+    at_coil: FloatArray, oracle: FloatArray, first: int, last: int
+) -> tuple[float, float] | None:
+    """Return by how much (ms) the coil begins and ends after the oracle, None for nothing."""
+    late = round(_LONGEST_LATE_S * _RATE_HZ)
+    begin, end = first - round(_LEAST_APART_S * _RATE_HZ) // 2, last + late
+    kernel = np.full(_POWER_SAMPLES, 1.0 / _POWER_SAMPLES)
+    power = [np.convolve(each[begin:end] ** 2, kernel, "same") for each in (at_coil, oracle)]
+    threshold = _THRESHOLD * np.mean(oracle[first:last] ** 2)
+    places = [np.flatnonzero(each > threshold) for each in power]
+    if not len(places[0]) or not len(places[1]):
+        return None
+    (coil_first, coil_last), (own_first, own_last) = ((p[0], p[-1]) for p in places)
+    return float(coil_first - own_first), float(coil_last - own_last)

@@ -1,0 +1,204 @@
+"""A Phantom that leads and one that follows, at the wire: the emulated HD library.
+
+The follower's tip meets the wall of the library; it tells the lab where it is, where the surface
+under it makes force and vibration for the emulated sensors. The leader's is held by a simulated
+hand, as by a spring.
+"""
+
+import math
+import select
+import socket
+import struct
+import threading
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from mmt.devices.axes import Axes
+from mmt.devices.drivers import read_options
+from mmt.devices.openhaptics.handle import OpenHapticsHandle
+from mmt.devices.openhaptics.options import RobotOptions
+from mmt.devices.openhaptics.robot import OpenHapticsRobot
+from mmt.devices.protocols import Vector
+from mmt.testing.emulated.drivers import LAB, HandleLabOptions, LabOptions
+from mmt.testing.emulated.hd import EmulatedHd
+from mmt.testing.simulation.robot import START_MM, TipState
+
+if TYPE_CHECKING:
+    from mmt.testing.emulated.clockwork import Clockwork
+    from mmt.testing.emulated.world import World
+
+WALL_N_MM: Final = 2.0
+"""Stiffness of the surface."""
+ROBOT_N_MM: Final = float(RobotOptions.model_fields["stiffness_n_mm"].default)
+SERIES_N_MM: Final = 1.0 / (1.0 / WALL_N_MM + 1.0 / ROBOT_N_MM)
+"""Force over the depth of the command, of robot and surface together."""
+_GRIP_N_MM: Final = 1.0
+_PERIOD_S: Final = 0.001
+_COURSE_S: Final = 120.0
+_HALF_MM: Final = 45.0
+_UP_MM: Final = 4.0
+_TIP: Final = struct.Struct("<6d")
+_KEPT: Final = 500_000
+
+
+def brushing_mm(seed: int) -> list[Vector]:
+    """Return where a hand wants to be that brushes a surface: it lands and lifts while it strokes.
+
+    A place a millisecond, for `_COURSE_S`. It strokes to and fro over 90 mm at 30 to 270 mm/s in
+    the middle, is down for 0.5 to 1.5 s with 0.3 to 2.5 N, and up by 4 mm for 0.3 to 0.6 s.
+    """
+    random = np.random.default_rng(seed)
+    count = round(_COURSE_S / _PERIOD_S)
+    knots = np.arange(0.0, _COURSE_S + 1.0, 1.0)
+    now_s = np.arange(count) * _PERIOD_S
+    speed = np.interp(now_s, knots, random.uniform(30.0, 270.0, len(knots)))
+    force = np.interp(now_s, knots, random.uniform(0.3, 2.5, len(knots)))
+    way = np.cumsum(speed) * _PERIOD_S / _HALF_MM
+    down, at_s = np.zeros(count), 1.0
+    while at_s < _COURSE_S - 3.0:
+        lands_s, stays_s = random.uniform(0.06, 0.15), random.uniform(0.5, 1.5)
+        share = np.clip((now_s - at_s) / lands_s, 0.0, 1.0)
+        share -= np.clip((now_s - at_s - lands_s - stays_s) / lands_s, 0.0, 1.0)
+        down += 0.5 - 0.5 * np.cos(np.pi * share)
+        at_s += 2.0 * lands_s + stays_s + random.uniform(0.3, 0.6)
+    depth = (1.0 / SERIES_N_MM + 1.0 / _GRIP_N_MM) * force
+    height = _UP_MM - down * (_UP_MM + depth)
+    places = np.column_stack([_HALF_MM * np.sin(way), 10.0 * np.sin(0.2 * way), height])
+    return [(x, y, z) for x, y, z in places.tolist()]
+
+
+class ReportedTip:
+    """A tip that is elsewhere and tells where; it meets a wall at zero, with friction."""
+
+    def __init__(self) -> None:
+        self.friction_coefficient = 0.0
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind(("127.0.0.1", 0))
+        self._socket.setblocking(False)
+        self._state = (*START_MM, 0.0, 0.0, 0.0)
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Where it is told."""
+        return {"port": self._socket.getsockname()[1]}
+
+    def start(self) -> None:
+        """Do nothing: the world asks it."""
+
+    def stop(self) -> None:
+        """Give the port back."""
+        self._socket.close()
+
+    def advance(self, command_mm: Vector) -> TipState:  # noqa: ARG002 - it is moved elsewhere
+        """Return where it was told to be last, and the force there."""
+        while select.select([self._socket], [], [], 0.0)[0]:
+            packet = self._socket.recv(64)
+            if len(packet) == _TIP.size:
+                self._state = _TIP.unpack(packet)
+        x, y, z, u, v, w = self._state
+        normal = WALL_N_MM * max(-z, 0.0)
+        friction = self.friction_coefficient * normal / max(math.hypot(u, v), 1.0)
+        return TipState((x, y, z), (u, v, w), (-friction * u, -friction * v, normal), (0.0,) * 3)
+
+
+def in_lab(world: "World", seed: int, clockwork: "Clockwork") -> ReportedTip:
+    """Return the tip of the lab, which stands on the world's surface."""
+    _ = seed, clockwork
+    tip = ReportedTip()
+    world.stand(tip)
+    return tip
+
+
+class VirtualPhantomRobot(OpenHapticsRobot):
+    """The driver ``openhaptics`` on the emulated library; takes `LabOptions` too."""
+
+    def __init__(self, **options: Any) -> None:
+        own = {key: options.pop(key) for key in LabOptions.model_fields if key in options}
+        self._lab = read_options(LabOptions, "virtual-phantom", own)
+        self._emulated = EmulatedHd()
+        super().__init__(**{**options, "library": self._emulated.address})
+        self._ended = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def connect(self) -> None:
+        """Start the lab and the library, and tell the one where the other's tip is."""
+        self.close()
+        port = LAB.enter(self, *self._lab.arguments, "phantom")["phantom"]["port"]
+        self._emulated.start()
+        self._emulated.place(self._axes.place_on_device(START_MM))
+        wall_mm = self._axes.place_on_device((0.0, 0.0, 0.0))[1]
+        self._emulated.wall(wall_mm, WALL_N_MM)
+        self._ended.clear()
+        self._thread = threading.Thread(target=self._tell, args=(port,), daemon=True)
+        self._thread.start()
+        super().connect()
+
+    def close(self) -> None:
+        """Let go of both; calling it twice is harmless."""
+        super().close()
+        if self._thread is not None:
+            self._ended.set()
+            self._thread.join()
+            self._thread = None
+            self._emulated.stop()
+            LAB.leave(self)
+
+    def _tell(self, port: int) -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as outlet:
+            while not self._ended.wait(_PERIOD_S):
+                seen = self._emulated.look()
+                place = self._axes.place_in_scene(seen.position_mm)
+                speed = self._axes.to_scene(seen.velocity_mm_s)
+                outlet.sendto(_TIP.pack(*place, *speed), ("127.0.0.1", port))
+
+
+class VirtualPhantomHandle(OpenHapticsHandle):
+    """The driver ``openhaptics`` on the emulated library, its tip held by a simulated hand.
+
+    Parameters
+    ----------
+    log
+        File that gets the hand's way when it is closed; None for none.
+    **options
+        Those of the driver, and of `HandleLabOptions`.
+    """
+
+    def __init__(self, log: str | None = None, **options: Any) -> None:
+        own = {key: options.pop(key) for key in HandleLabOptions.model_fields if key in options}
+        seed = read_options(HandleLabOptions, "virtual-phantom", own).seed
+        axes = Axes(str(options.get("axes", "x,-z,y")), options.get("origin_mm", (0.0, 0.0, 0.0)))
+        wanted_mm = brushing_mm(seed)
+        self._log = None if log is None else Path(log)
+        self._way: list[tuple[float, ...]] = []
+        begun: list[int] = []
+        self._emulated: EmulatedHd
+
+        def place(time_ns: int) -> Vector:
+            if not begun:
+                begun.append(time_ns)
+            x, y, z = wanted_mm[round(1e-6 * (time_ns - begun[0])) % len(wanted_mm)]
+            if self._log is not None and len(self._way) < _KEPT:
+                seen = self._emulated.look()
+                now_s = 1e-9 * time.monotonic_ns()
+                where = axes.place_in_scene(seen.position_mm)
+                self._way.append((now_s, *where, *axes.to_scene(seen.velocity_mm_s)))
+            return axes.place_on_device((x, y, z))
+
+        self._emulated = EmulatedHd(place, hand_n_mm=_GRIP_N_MM)
+        super().__init__(**{**options, "library": self._emulated.address})
+
+    def connect(self) -> None:
+        """Start the library and let the hand move."""
+        self._emulated.start()
+        super().connect()
+
+    def close(self) -> None:
+        """Let go; calling it twice is harmless."""
+        super().close()
+        self._emulated.stop()
+        if self._log is not None and self._way:
+            np.savez(self._log, way=np.array(self._way))
+            self._log = None

@@ -1,0 +1,85 @@
+"""The papers' laboratory, every device emulated at its wire, from the sensor to the coil."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mmt.cli.emulated_pair import pair_named, write_emulated
+from mmt.core.errors import InputError
+from mmt.scene.files import load_scene
+from mmt.testing.emulated.phantom import SERIES_N_MM, WALL_N_MM
+
+
+def demo(folder: Path, *arguments: str, **variables: str) -> "subprocess.CompletedProcess[str]":
+    command = [sys.executable, "-m", "mmt.cli.main", "demo", "phantom-lab", *arguments]
+    environment = {**os.environ, **variables}
+    return subprocess.run(
+        command,
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=180,
+        check=False,
+    )
+
+
+def test_both_scenes_agree_and_are_emulated_at_their_wires(tmp_path: Path) -> None:
+    pair = pair_named(Path("phantom-lab"))
+    assert pair is not None
+    leader, follower = (load_scene(file) for file in pair)
+    assert leader.channels() == follower.channels()
+    assert leader.reports_contact
+    assert follower.reports_contact
+    for file in write_emulated(pair, tmp_path):
+        tables = tomllib.loads(file.read_text())
+        assert tables["network"]["profile"] == "wan"
+        assert "token_file" not in tables["link"]
+        drivers = [tables["handle"], *map(tables["devices"].get, ("robot", "force_sensor"))]
+        assert all(each["driver"].startswith("virtual-") for each in drivers)
+    assert pair_named(Path("no-such-lab")) is None
+    for side in pair:
+        text = side.read_text().replace('"ati-net-ft"', '"ati-gauges"')
+        (tmp_path / side.name.replace("phantom", "other")).write_text(text)
+    other = pair_named(tmp_path / "other-lab")
+    assert other is not None
+    with pytest.raises(InputError, match="ati-gauges has no emulated device"):
+        write_emulated(other, tmp_path / "out")
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
+def test_vibration_at_the_coil_begins_and_ends_with_the_hands_own_contact(tmp_path: Path) -> None:
+    """Over a network whose round trip is some 80 ms, on a machine that may be busy."""
+    ended = demo(tmp_path, "--duration", "20", "--json", "figures.json")
+    assert ended.returncode == 0, ended.stderr
+    figures = json.loads((tmp_path / "figures.json").read_text())
+    coil = figures["coil"]
+    assert coil["touches"] >= 3
+    assert abs(coil["begin_ms"]) < 40.0
+    assert abs(coil["end_ms"]) < 40.0
+    assert abs(coil["level_error_db"]) < 6.0
+    assert 0.0 < coil["output_latency_ms"] < 60.0
+    contact = figures["leader"]["handle"]["contact"]
+    assert contact["surface_mm"] == pytest.approx(0.0, abs=0.5)
+    assert contact["stiffness_n_mm"] == pytest.approx(SERIES_N_MM, rel=0.15)
+    surface = figures["leader"]["feedback"]["surface"]
+    assert surface["stiffness_n_mm"] == pytest.approx(WALL_N_MM, rel=0.3)
+    assert figures["leader"]["vibration"]["not_finite"] == 0
+    assert figures["evaluation"]["at_skin"]["played_share"] > 0.5
+    way = np.load(tmp_path / "mmt-demo" / "hand.npz")["way"]
+    assert way.shape[1] == 7
+    assert np.isfinite(way).all()
+
+
+def test_without_a_compiler_the_demo_ends_with_a_sentence(tmp_path: Path) -> None:
+    ended = demo(tmp_path, CC="no-such-compiler", XDG_CACHE_HOME=str(tmp_path / "cache"))
+    assert ended.returncode != 0
+    assert "install a C compiler" in ended.stderr
+    assert "Traceback" not in ended.stderr
