@@ -222,6 +222,9 @@ def test_the_boards_capacitors_are_warned_of_once(boards, drivers, caplog) -> No
     (message,) = [r.getMessage() for r in caplog.records]
     assert "passes 50 Hz (0.1 uF at each output), the scene wants 500 Hz" in message
     assert "by 0.01 uF or less" in message
+    turned = drivers(boards(), bandwidth_hz=1000.0, band_hz=800.0, axes=["x", "z", "-y"])
+    (remark,) = turned.remarks()
+    assert "here the scene's y, ends at 550 Hz" in remark
 
 
 def test_a_stored_calibration_is_used_and_its_mismatch_told(boards, drivers, caplog) -> None:

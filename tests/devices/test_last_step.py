@@ -235,7 +235,7 @@ class LeaderForce:
 
 class Guard:
     def __init__(self) -> None:
-        self.guard = ForceGuard(LIMIT_N, 10)
+        self.guard = ForceGuard(LIMIT_N, 10, (1.0, 2.0, LIMIT_N))
 
     def tick(self, force_n: Vector) -> Vector:
         return self.guard.step(force_n)

@@ -72,6 +72,18 @@ def test_the_displayed_force_is_cut_to_the_devices_limit(make, emulated) -> None
     assert emulated.look().motor_n[1] <= 1.2 + 1e-9
 
 
+def test_three_limits_hold_along_each_of_the_scenes_axes(make, emulated) -> None:
+    """Friction takes nothing from the pressure: along the normal 3 N stay 3 N."""
+    handle = make(force_limit_n=[1.0, 2.0, 3.0])
+    emulated.hold((0.0, 0.0, 0.0), 50.0)
+    until(
+        lambda: emulated.look().motor_n == pytest.approx((1.0, 3.0, 2.0), abs=1e-6),
+        lambda: handle.write((5.0, -9.0, 3.0)),
+    )
+    with pytest.raises(InputError, match="force_limit_n"):
+        load_device("openhaptics", {"force_limit_n": [1.0, 0.0, 3.0]}, role="handle")
+
+
 def test_a_handle_that_does_not_answer_is_lost_and_comes_back(make, emulated) -> None:
     handle = make()
     emulated.unplug()

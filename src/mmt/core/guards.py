@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray, Vector, bounded
+from mmt.core.arrays import FloatArray, Vector, bounded, clipped
 
 _NOUGHT: Final[Vector] = (0.0, 0.0, 0.0)
 
@@ -86,11 +86,14 @@ class ForceGuard(_Share):
         Largest force (N), along any direction.
     fade
         As of `SampleGuard`.
+    axes_n
+        Largest force along each axis by itself; None for no further bound.
     """
 
-    def __init__(self, limit_n: float, fade: int) -> None:
+    def __init__(self, limit_n: float, fade: int, axes_n: Vector | None = None) -> None:
         super().__init__(fade)
         self._limit_n = limit_n
+        self._axes_n = axes_n
         self._last = _NOUGHT
 
     def step(self, force_n: Vector) -> Vector:
@@ -98,6 +101,9 @@ class ForceGuard(_Share):
         x, y, z = force_n
         finite = math.isfinite(x) and math.isfinite(y) and math.isfinite(z)
         if finite:
+            if self._axes_n is not None:
+                a, b, c = self._axes_n
+                force_n = clipped(force_n, (-a, -b, -c), (a, b, c))
             self._last = bounded(force_n, self._limit_n)
             if self._share == 1.0:
                 return self._last

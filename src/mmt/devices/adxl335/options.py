@@ -7,6 +7,8 @@ from pydantic import ConfigDict, Field
 
 from mmt.devices.accelerometer_axes import AxesOptions
 
+_Z_HZ: Final = 550.0
+"""The sensor's own z axis ends here, whatever its capacitor; x and y at 1600 Hz (data sheet)."""
 _MICROFARAD_HZ: Final = 5.0
 """f = 5 uF / C: the filter of the sensor's 32 kOhm and the board's capacitor (data sheet)."""
 
@@ -34,14 +36,24 @@ class Adxl335Options(AxesOptions):
 
     def remarks(self) -> list[str]:
         """Return a sentence for each doubtful option."""
+        if self.band_hz > _Z_HZ:
+            along = "xyz"[[axis[-1] for axis in self.axes].index("z")]
+            said = [
+                f"the sensor's own z axis, here the scene's {along}, ends at "
+                f"{_Z_HZ:g} Hz, the scene wants {self.band_hz:g} Hz: turn the sensor so that x or "
+                "y lies along the axis that is modelled, and say so by 'axes'"
+            ]
+        else:
+            said = []
         if self.bandwidth_hz >= self.band_hz:
-            return []
+            return said
         farads = _MICROFARAD_HZ / self.bandwidth_hz
         wanted = _MICROFARAD_HZ / self.band_hz
         return [
+            *said,
             f"the accelerometer's board passes {self.bandwidth_hz:g} Hz ({farads:.2g} uF at each "
             f"output), the scene wants {self.band_hz:g} Hz: vibration above is lost. Replace the "
-            f"three capacitors by {wanted:.2g} uF or less (f = 5 uF / C), then set bandwidth_hz"
+            f"three capacitors by {wanted:.2g} uF or less (f = 5 uF / C), then set bandwidth_hz",
         ]
 
 

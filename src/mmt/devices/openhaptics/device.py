@@ -129,7 +129,7 @@ class HdDevice(Generic[AnyServo]):
                 f"{self.name} says that its largest force is {largest_n:g} N, so that no limit is "
                 "known: check it with the vendor's diagnosis program"
             )
-        return min(self._options.force_limit_n, largest_n)
+        return min(self._options.whole_limit_n, largest_n)
 
     def _wait_for_tick(self) -> None:
         deadline = time.monotonic() + _FIRST_TICK_S

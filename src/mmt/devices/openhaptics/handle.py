@@ -45,6 +45,7 @@ class OpenHapticsHandle(HdDriver[Servo]):
             stale_ns=round(self._options.stale_ms * 1e6),
             ramp_ns=round(self._options.ramp_ms * 1e6),
             limit_n=limit_n,
+            axes_limit_n=self._options.axes_limit_n,
         )
 
     def read(self, elapsed_ticks: int) -> InterfaceState:  # noqa: ARG002 - it has its own clock

@@ -1,16 +1,21 @@
 """The options of the drivers, as a scene gives them."""
 
-from typing import Final, Self
+from math import hypot
+from typing import Annotated, Final, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from mmt.devices.axes import Axes, Millimetres
+from mmt.devices.protocols import Vector
 
 DEFAULT_AXES: Final = "x,-z,y"
 """The scene's x is HD's x, its y leads away from the user, its z, the normal, up."""
 
 _DELAY_TICKS: Final = 1.5
 """A force that holds for a tick is half a tick late; the measurement costs another one."""
+
+
+Newtons = Annotated[float, Field(gt=0, le=40)]
 
 
 class HdOptions(BaseModel):
@@ -22,7 +27,8 @@ class HdOptions(BaseModel):
     device: str | None = Field(None, min_length=1, max_length=63)
     axes: str = DEFAULT_AXES
     origin_mm: tuple[Millimetres, Millimetres, Millimetres] = (0.0, 0.0, 0.0)
-    force_limit_n: float = Field(3.0, gt=0, le=40)
+    force_limit_n: Newtons | tuple[Newtons, Newtons, Newtons] = 3.0
+    """Of the whole force, or along each of the scene's axes by itself."""
     stale_ms: float = Field(50.0, ge=5, le=1000)
     ramp_ms: float = Field(100.0, ge=5, le=2000)
     calibration_s: float = Field(5.0, ge=0, le=120)
@@ -32,6 +38,21 @@ class HdOptions(BaseModel):
     def _right_axes(self) -> Self:
         Axes(self.axes)
         return self
+
+    @property
+    def axes_limit_n(self) -> Vector | None:
+        """Largest force along each of the device's axes, None if the whole force is limited."""
+        limit_n = self.force_limit_n
+        if not isinstance(limit_n, tuple):
+            return None
+        x, y, z = Axes(self.axes).to_device(limit_n)
+        return (abs(x), abs(y), abs(z))
+
+    @property
+    def whole_limit_n(self) -> float:
+        """Largest force in any direction that the limits allow."""
+        limit_n = self.force_limit_n
+        return hypot(*limit_n) if isinstance(limit_n, tuple) else limit_n
 
 
 class RobotOptions(HdOptions):

@@ -52,6 +52,7 @@ class PositionServo(Servo):
             stale_ns=round(options.stale_ms * 1e6),
             ramp_ns=round(options.ramp_ms * 1e6),
             limit_n=limit_n,
+            axes_limit_n=options.axes_limit_n,
         )
         self.target: Vector = (0.0, 0.0, 0.0)
         self.limit_n = limit_n

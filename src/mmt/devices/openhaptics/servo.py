@@ -58,6 +58,8 @@ class Servo:
         and comes back as slowly. It does so as well after a measurement that makes no sense.
     limit_n
         Largest force, along any direction.
+    axes_limit_n
+        Largest force along each of the device's axes by itself, None for no further bound.
     clock
         Monotonic time (ns).
     """
@@ -69,6 +71,7 @@ class Servo:
         handle: int,
         *,
         limit_n: float,
+        axes_limit_n: Vector | None = None,
         stale_ns: int,
         ramp_ns: int,
         clock: Callable[[], int] = time.monotonic_ns,
@@ -85,7 +88,7 @@ class Servo:
         self.senseless: tuple[str, int] | None = None
         """What is wrong with the measurements, and since when."""
         self.force: Vector = (0.0, 0.0, 0.0)
-        self.guard: Final = ForceGuard(limit_n, _FADE_TICKS)
+        self.guard: Final = ForceGuard(limit_n, _FADE_TICKS, axes_limit_n)
         self.displayed = Vector3()
         self.command_ns: int | None = None
         self.share = 0.0
