@@ -246,7 +246,7 @@ HEADER = "time_s,force_x_n,force_y_n,force_z_n\n"
         (HEADER + "0,1,1,1\n0.002,1,1,1\n0.001,1,1,1\n", "time of force is 0.001 s in line 4"),
         (HEADER + "0,1,1,1\n0.001,1,nan,1\n", "force_y is empty or NaN in line 3"),
         (HEADER + "0,1,1,1\n0.001,,1,1\n0.002,1,1,1\n", "force_x is empty or NaN in line 3"),
-        (HEADER + "0,1,1,1\n0.001,1,1\n", "axes of force end in different rows: 1, 2"),
+        (HEADER + "0,1,1,1\n.1,1,1,1\n.2,1,1\n.3,1,1\n", "force end in different rows: 2, 4"),
         ("\x00\x01\x02", "not text in columns"),
     ],
 )

@@ -354,7 +354,7 @@ def test_a_recorder_that_began_anew_gives_both_parts(tmp_path, again):
     assert len(session.frames) == 2 * ROWS
     np.testing.assert_allclose(session.frames["force_n"][:, 2], [*FORCE_N[:, 2]] * 2, rtol=1e-6)
     assert any("begins anew" in warning for warning in report.warnings)
-    assert any("header stands 2 times" in warning for warning in report.warnings) == again
+    assert any("1 lines of text were left out" in warning for warning in report.warnings) == again
 
 
 @pytest.mark.parametrize(
@@ -451,3 +451,37 @@ def test_what_is_proposed_runs(order, unit, holes):
         np.testing.assert_allclose(
             session.frames["position_mm"][:100], POSITION_MM[:100], rtol=1e-5, atol=1e-4
         )
+
+
+@pytest.mark.parametrize("cut", [1, 7, 12])
+def test_a_last_line_that_is_cut_off_costs_itself_alone(tmp_path, cut):
+    whole = text([TIME_S, *FORCE_N.T], [["t", "fx", "fy", "fz"]], ",", comma=False, above=[])
+    last = whole.splitlines()[-1]
+    (tmp_path / "a.csv").write_text(whole[: whole.rindex(last)] + last[:cut])
+    columns = {"time": "t", **{f"force_{axis}": f"f{axis}" for axis in "xyz"}}
+    session, report = import_recording(tmp_path / "a.csv", ImportOptions(columns))
+    np.testing.assert_allclose(session.frames["force_n"], FORCE_N[:-1], rtol=1e-6)
+    assert "the last line, 301, is cut off" in report.warnings[0]
+
+
+def test_a_decimal_sign_that_may_be_of_thousands_is_asked_about(tmp_path):
+    rows = [f"{t:.3f};{900 + 5 * n}" for n, t in enumerate(TIME_S)]
+    rows = [row.replace(";1", ";1,") for row in rows]  # 1,000 and on
+    (tmp_path / "a.csv").write_text("\n".join(["t;Fz (mN)", *rows]))
+    columns = {"time": "t", "force": "Fz"}
+    with pytest.raises(InputError, match=r"comma \(1,000\) and with a point.*--decimal"):
+        import_session(tmp_path / "a.csv", columns=columns)
+    frames = import_session(tmp_path / "a.csv", columns=columns, decimal=".").frames
+    np.testing.assert_allclose(frames["force_n"][:, 2], 0.9 + 0.005 * np.arange(ROWS), rtol=1e-6)
+
+
+def test_names_over_two_rows_are_all_reachable(tmp_path):
+    header = [["Time", "Position", "", "", "Force", "", ""], ["", *"xyz", *"xyz"]]
+    header.append(["ms", *["m"] * 3, *["mN"] * 3])
+    columns = [1e3 * TIME_S, *(POSITION_MM / 1e3).T, *(1e3 * FORCE_N).T]
+    (tmp_path / "a.csv").write_text(text(columns, header, ",", comma=False, above=["Run 7"]))
+    mapped = {f"position_{axis}": f"{axis}.1" for axis in "xyz"}
+    mapped |= {f"force_{axis}": f"{axis}.2" for axis in "xyz"}
+    frames = import_session(tmp_path / "a.csv", columns={"time": "Time", **mapped}).frames
+    np.testing.assert_allclose(frames["position_mm"], POSITION_MM, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(frames["force_n"], FORCE_N, rtol=1e-5)

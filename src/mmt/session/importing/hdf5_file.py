@@ -88,8 +88,8 @@ def _numbers(file: Any, values: Any) -> FloatArray:
 
 
 def _unit(item: Any) -> str:
-    told = (_text(item.attrs[name]) for name in _UNIT_ATTRIBUTES if name in item.attrs)
-    return next((text for text in told if text), "")
+    told = next((item.attrs[name] for name in _UNIT_ATTRIBUTES if name in item.attrs), "")
+    return ", ".join(dict.fromkeys(str(_text(each)) for each in np.ravel(told)))
 
 
 def _text(value: Any) -> str | None:

@@ -3,9 +3,9 @@
 import re
 from array import array
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, date, datetime, time, timedelta
-from itertools import chain, islice
+from itertools import chain, islice, zip_longest
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -26,7 +26,7 @@ _UNIT = re.compile(r"^(.*?)\s*[\[(]\s*([^\])]*?[^\s\d\])][^\])]*?)\s*[\])]$")
 """A name with a unit in brackets behind it; a number there is an index, and part of the name."""
 _MISSING: Final = frozenset(
     ("", "na", "n/a", "#n/a", "#na", "#nv", "nan", "null", "none", "nil", "-", "--", "---", "?")
-)
+) | {"#div/0!", "#value!", "#ref!", "#num!", "#name?", "#null!"}
 _DATES: Final = ("%d.%m.%Y %H:%M:%S.%f", "%d.%m.%Y %H:%M:%S", "%M:%S.%f")
 
 
@@ -42,7 +42,8 @@ def read_table(
     of units between them is understood, and so is a unit in brackets behind a name. Without a
     header the columns are named "1", "2" and on. Cells without a value are NaN, those at a
     column's end are left out: a column may end before the others. A date is in seconds since
-    1970, a time of day since midnight. Where the header stands again, it is left out.
+    1970, a time of day since midnight. Lines of text between the numbers are left out, and so is
+    a last one that is cut off.
 
     Raises
     ------
@@ -60,32 +61,13 @@ def read_table(
         if unit.lower() not in _MISSING:
             units[name] = unit.strip("[]() ")
     places = {name: place for place, name in enumerate(names) if wanted(name)}
-    columns = {name: array("d") for name in places}
-    lines = array("q")
-    number, again = _numbers(options), 0
-    for line, row in enumerate(chain(start[first:], rest), start=first + 1):
-        if not row:
-            continue
-        for name, place in places.items():
-            cell = row[place] if place < len(row) else None
-            try:
-                value = None if cell is None or cell == "" else number(cell)
-            except ValueError as error:
-                if list(map(_text, row)) in (list(map(_text, header)), list(map(_text, units_row))):
-                    again += 1
-                    break
-                raise InputError(
-                    f"{origin}: {name} is {_text(cell)[:_SHOWN_CHARACTERS]!r} in line {line}, it "
-                    "must be a number, or a date as 2026-01-31 10:30:00.5; --missing says what "
-                    "stands for no value"
-                ) from error
-            if value is not None:
-                columns[name].extend([np.nan] * (len(lines) - len(columns[name])))
-                columns[name].append(value)
-        else:
-            lines.append(line)
-    if again:
-        notes.append(f"the header stands {again + 1} times in it: the recorder was started anew")
+    number = _Numbers(options)
+    columns, lines, said = _read_rows(origin, chain(start[first:], rest), first + 1, places, number)
+    if number.commas and any(map(number.has_point, chain(*start[first:]))):
+        raise InputError(
+            f"{origin}: there are numbers with a comma ({number.commas}) and with a point: say "
+            "which is the decimal sign (--decimal . or --decimal ,)"
+        )
     dated = [n for n, p in places.items() if any(_is_date(row, p) for row in start[first:])]
     return Columns(
         origin=origin,
@@ -93,8 +75,52 @@ def read_table(
         names=names,
         units=units | dict.fromkeys(dated, DATE),
         row_name=lambda row: f"line {lines[row]}",
-        notes=(*notes, *doubled),
+        notes=(*notes, *doubled, *said),
     )
+
+
+def _read_rows(
+    origin: str,
+    rows: Iterable[Sequence[Cell]],
+    begin: int,
+    places: Mapping[str, int],
+    number: "_Numbers",
+) -> tuple[dict[str, "array[float]"], "array[int]", list[str]]:
+    """Return the numbers by column, the line of each row, and what was left out."""
+    columns = {name: array("d") for name in places}
+    lines, texts, cut = array("q"), [], []
+    for line, row in enumerate(rows, start=begin):
+        cells = [row[place] if place < len(row) else None for place in places.values()]
+        try:
+            values = [None if cell is None or cell == "" else number(cell) for cell in cells]
+        except ValueError as error:
+            if not any(number.reads(cell) for cell in row):
+                texts.append(line)
+                continue
+            name, cell = next(
+                (n, c) for n, c in zip(places, cells, strict=True) if not number.takes(c)
+            )
+            raise InputError(
+                f"{origin}: {name} is {_text(cell)[:_SHOWN_CHARACTERS]!r} in line {line}, it must "
+                "be a number, or a date as 2026-01-31 10:30:00.5; --missing says what is no value"
+            ) from error
+        if not row:
+            continue
+        cut += [line] if len(row) <= max(places.values(), default=0) else []
+        for column, value in zip(columns.values(), values, strict=True):
+            if value is not None:
+                column.extend([np.nan] * (len(lines) - len(column)))
+                column.append(value)
+        lines.append(line)
+    said = []
+    if texts:
+        said.append(f"{len(texts)} lines of text were left out, the first is line {texts[0]}")
+    if len(lines) > 1 and cut == [lines[-1]]:
+        said.append(f"the last line, {cut[0]}, is cut off, and was left out")
+        for column in columns.values():
+            del column[len(lines) - 1 :]
+        lines.pop()
+    return columns, lines, said
 
 
 def _split(
@@ -104,7 +130,7 @@ def _split(
     rest = iter(rows)
     start = list(islice(rest, (options.header or 0) + _LOOKED_AT))
     place = options.header or 0
-    number = _numbers(options)
+    number = _Numbers(options)
     while place < len(start):
         if _is_data(start[place : place + _LOOKED_AT], number):
             return start, rest, place
@@ -127,12 +153,16 @@ def _header(
         named = next(n for n, row in enumerate(rows) if _filled(row))
         return rows[named], (), named + 1, []
     width = len(rows[first])
-    above = [row for row in rows[:first] if 2 * _filled(row) > _filled(rows[first])]
+    above = [row for row in rows[:first] if _filled(row)]
+    while above and 2 * _filled(above[-1]) <= _filled(rows[first]):
+        above.pop()
     if above:
-        is_units = len(above) > 1 and _is_units(above[-1])
-        names = above[-2] if is_units else above[-1]
-        extra = [str(place + 1) for place in range(len(names), width)]
-        return [*names, *extra], above[-1] if is_units else (), first, []
+        units = above.pop() if len(above) > 1 and _is_units(above[-1]) else ()
+        over = above[-2] if len(above) > 1 else ()  # has the names of what is blank below it
+        wide = max(width, len(above[-1]))
+        pairs = zip_longest(above[-1], over[:wide], range(1, wide + 1))
+        names = [_text(name) or _text(group) or str(place) for name, group, place in pairs]
+        return names, units, first, []
     texts = list(map(_text, rows[first]))
     counted = [[str(start + place) for place in range(width)] for start in (0, 1)]
     if width >= _FEWEST_NAMES and texts in counted and len(rows) > first + 1:
@@ -141,11 +171,11 @@ def _header(
     return counted[1], (), first, []
 
 
-def _is_data(rows: Sequence[Sequence[Cell]], number: Callable[[Cell], float | None]) -> bool:
+def _is_data(rows: Sequence[Sequence[Cell]], number: "_Numbers") -> bool:
     """Whether the first of these rows is one of numbers, as most that follow it are."""
 
     def places(row: Sequence[Cell]) -> set[int]:
-        return {place for place, cell in enumerate(row) if _is_number(cell, number)}
+        return {place for place, cell in enumerate(row) if number.reads(cell)}
 
     if not places(rows[0]):
         return False
@@ -165,57 +195,71 @@ def _is_units(row: Sequence[Cell]) -> bool:
     return 2 * sum(text in ("-", "") or is_unit(text) for text in texts) > len(texts)
 
 
-def _is_number(cell: Cell, number: Callable[[Cell], float | None]) -> bool:
-    try:
-        return cell is not None and cell != "" and number(cell) is not None
-    except ValueError:
-        return False
-
-
 def _is_date(row: Sequence[Cell], place: int) -> bool:
     return place < len(row) and _seconds(row[place]) is not None
 
 
 def weigh_numbers(rows: Iterable[Sequence[Cell]], options: ImportOptions) -> int:
     """Return how many more cells are numbers than are not, in the rows with numbers."""
-    number, weight = _numbers(options), 0
+    number, weight = _Numbers(options), 0
     for row in rows:
         filled = [cell for cell in row if _text(cell)]
-        numbers = sum(_is_number(cell, number) for cell in filled)
+        numbers = sum(map(number.reads, filled))
         weight += 2 * numbers - len(filled) if numbers else 0
     return weight
 
 
-def _numbers(options: ImportOptions) -> Callable[[Cell], float | None]:
-    """Return what makes a cell a number, None of one without; it raises ValueError for a text."""
-    missing = _MISSING | {text.strip().lower() for text in options.missing}
-    thousands = {".": ",", ",": "."}.get(options.decimal or "")
+class _Numbers:
+    """What a cell holds: a number, or None of one without; ValueError of a text."""
 
-    def number(cell: Cell) -> float | None:
-        if not isinstance(cell, str):
-            seconds = _seconds(cell)
-            return seconds if seconds is not None else number(str(cell))
-        plain = None if options.missing or thousands else _float(cell)
-        if plain is not None:
-            return plain
-        text = cell.strip()
-        if text.lower() in missing:
+    def __init__(self, options: ImportOptions) -> None:
+        self.commas = ""
+        """A number whose comma was taken for the decimal sign, "" if there was none."""
+        self._missing = _MISSING | {text.strip().lower() for text in options.missing}
+        self._thousands = {".": ",", ",": "."}.get(options.decimal or "")
+        self._plain = not (options.missing or options.decimal)
+
+    def __call__(self, cell: Cell) -> float | None:
+        if self._plain and type(cell) is str:
+            try:
+                return float(cell)
+            except ValueError:
+                pass
+        text = _text(cell)
+        if text.lower() in self._missing:
             return None
-        seconds = _seconds(text)
+        seconds = _seconds(cell)
         if seconds is not None:
             return seconds
-        if thousands:
-            text = text.replace(thousands, "")
-        return float(text if "." in text else text.replace(",", ".", 1))
+        if self._thousands:
+            return float(text.replace(self._thousands, "").replace(",", "."))
+        if "," not in text or "." in text:
+            return float(text)
+        value = float(text.replace(",", ".", 1))
+        self.commas = self.commas or text
+        return value
 
-    return number
+    def reads(self, cell: Cell) -> bool:
+        """Whether a cell holds a number."""
+        return self.takes(cell) and _text(cell).lower() not in self._missing
 
+    def takes(self, cell: Cell) -> bool:
+        """Whether a cell holds a number or none."""
+        try:
+            self(cell)
+        except ValueError:
+            return False
+        return True
 
-def _float(text: str) -> float | None:
-    try:
-        return float(text)
-    except ValueError:
-        return None
+    def has_point(self, cell: Cell) -> bool:
+        """Whether a cell holds a number with a decimal point."""
+        return (
+            isinstance(cell, str)
+            and "." in cell
+            and self._plain
+            and self.reads(cell)
+            and _seconds(cell) is None
+        )
 
 
 def _seconds(cell: Cell) -> float | None:

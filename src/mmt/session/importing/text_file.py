@@ -77,7 +77,7 @@ def _encoding(path: Path) -> str:
 
 def _rows(lines: Iterator[str] | TextIO, delimiter: str) -> Iterator[Sequence[str]]:
     uncommented = (
-        line if line[:1] not in ("#", "%") else line.lstrip("#%").lstrip(" ") for line in lines
+        line.lstrip("#%").lstrip(" ") if line[:1] in ("#", "%") else line for line in lines
     )
     if delimiter == " ":
         return (line.split() for line in uncommented)

@@ -84,6 +84,9 @@ def is_unit(text: str) -> bool:
 
 def unit_in_name(quantity: str, name: str) -> str:
     """Return the unit of a quantity, or of another one, with which a name ends; "" without."""
+    for inside in re.findall(r"[\[(]([^\])]+)[\])]", name):
+        if unit_factor(quantity, inside) is not None:
+            return str(inside)
     spaced = re.sub(r"([a-z])([A-Z][a-z])", r"\1_\2", name)
     words = [word for word in re.split(r"[\s_.,/:-]+", spaced) if word]
     for count in range(min(3, len(words) - 1), 0, -1):
