@@ -1,21 +1,18 @@
-"""The columns of a recording as they stand in its file, and the samples that they are mapped to."""
+"""The columns of a recording as they stand in its file."""
 
 import json
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Final
-
-import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError
-from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, Channel
+from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL
 from mmt.session.data import JsonObject, axis_columns
-from mmt.session.importing.options import ImportOptions, Source
-from mmt.session.importing.samples import ROW_NUMBER, Samples, continued
-from mmt.session.importing.units import DATE, QUANTITIES, unit_factor, unit_in_name
+from mmt.session.importing.options import ImportOptions
+from mmt.session.importing.samples import ROW_NUMBER
 
 MESSAGE_PARTS: Final = {
     "position": ("position", "translation", "point"),
@@ -24,7 +21,7 @@ MESSAGE_PARTS: Final = {
 }
 """Names that a vector has within a ROS message, by quantity."""
 
-_SHOWN_COLUMNS = 12
+SHOWN_COLUMNS = 12
 _SHOWN_CHARACTERS = 60
 
 STANDARD_NAMES: Final[Mapping[str, str]] = {
@@ -95,24 +92,13 @@ def distinct(names: Sequence[str]) -> tuple[list[str], list[str]]:
     said = [
         f"{count} columns are called {name}: {name}.1 and so on" for name, count in doubled.items()
     ]
-    return found, [*said[:_SHOWN_COLUMNS]]
-
-
-def to_samples(columns: Columns, options: ImportOptions) -> Samples:
-    """Return the channels that the columns hold, in the units of frames.
-
-    Raises
-    ------
-    InputError
-        A column is missing or has another shape, or there are no times.
-    """
-    return _Mapping(columns, options).samples()
+    return found, [*said[:SHOWN_COLUMNS]]
 
 
 def listed(names: Sequence[str]) -> str:
     """Name columns in a text that stays short however many there are, and however long."""
-    shown = ", ".join(name[:_SHOWN_CHARACTERS] for name in names[:_SHOWN_COLUMNS])
-    if len(names) <= _SHOWN_COLUMNS:
+    shown = ", ".join(name[:_SHOWN_CHARACTERS] for name in names[:SHOWN_COLUMNS])
+    if len(names) <= SHOWN_COLUMNS:
         return f"the columns are {shown or 'none'}"
     return f"the first of {len(names)} columns are {shown}"
 
@@ -154,235 +140,3 @@ def _parsed(text: str | bytes | None, name: str, origin: str) -> Any:
         return None if text is None else json.loads(text)
     except (ValueError, RecursionError) as error:
         raise InputError(f"{origin}: {name} is not valid JSON: {error}") from error
-
-
-def _shared(time_s: FloatArray, others: Iterable[FloatArray]) -> FloatArray:
-    """Return that of the others which has the same times (n,), these where none has."""
-    alike = (other for other in others if np.array_equal(other, time_s, equal_nan=True))
-    return next(alike, time_s)
-
-
-class _Mapping:
-    def __init__(self, columns: Columns, options: ImportOptions) -> None:
-        self._columns = replace(columns, **_with_vectors(columns))
-        self._options = options
-        self._origin = columns.origin
-        self._notes: dict[str, None] = {}
-        self._told: set[str] = set()
-        self._by_name: dict[str, str] = {}
-
-    def samples(self) -> Samples:
-        values: dict[Channel, FloatArray] = {}
-        times: dict[Channel, FloatArray] = {}
-        for channel in CHANNELS:
-            vectors = self._vectors(channel)
-            if vectors is None:
-                continue
-            name, time_s = self._time(channel, len(vectors))
-            if len(time_s) != len(vectors):
-                raise InputError(
-                    f"{self._origin}: {channel} has {len(vectors)} rows, its times "
-                    f"({name}) {len(time_s)}"
-                )
-            values[channel] = vectors
-            times[channel] = _shared(time_s, times.values())
-        if not values:
-            raise InputError(
-                f"{self._origin}: it holds none of {', '.join(FIELD_OF_CHANNEL.values())}, and "
-                f"nothing is mapped to them (--map force_z=NAME); "
-                f"{listed(self._columns.names)}; mmt session inspect proposes a command"
-            )
-        if self._by_name:
-            units = ", ".join(list(self._by_name.values())[:_SHOWN_COLUMNS])
-            self._note(f"by the columns' names: {units}; --unit says another, as position_z=mm")
-        sequence = self._columns.values.get("sequence")
-        return Samples(
-            *(self._origin, values, times, sequence, self._columns.row_name),
-            notes=tuple(self._notes),
-            told=frozenset(self._told),
-        )
-
-    def _vectors(self, channel: Channel) -> FloatArray | None:
-        whole = self._column(channel, channel)
-        if whole is not None:
-            if whole.ndim == 1 and channel != "position":
-                self._note(f"{channel} is one number a row, which was taken along z, the normal")
-                return np.column_stack([0.0 * whole, 0.0 * whole, whole])
-            if whole.ndim != 2 or whole.shape[1] != 3:
-                raise InputError(
-                    f"{self._origin}: {channel} has shape {whole.shape}, it must have shape (n, 3)"
-                )
-            return whole
-        axes = {axis: self._column(f"{channel}_{axis}", channel) for axis in "xyz"}
-        given = {axis: values for axis, values in axes.items() if values is not None}
-        if not given:
-            return self._path() if channel == "position" else None
-        for axis in "xyz":
-            if axis not in given:
-                raise InputError(
-                    f"{self._origin}: {channel}_{axis} is missing (the column "
-                    f"{STANDARD_NAMES[f'{channel}_{axis}']}); map it, to 0 where there is none: "
-                    f"--map {channel}_{axis}=0"
-                )
-        lengths = {len(values) for values in given.values() if values.ndim}
-        if len(lengths) != 1:
-            raise InputError(
-                f"{self._origin}: the three axes of {channel} end in different rows: "
-                f"{', '.join(map(str, sorted(lengths))) or 'all are constants'}"
-            )
-        rows = lengths.pop()
-        return np.column_stack([np.broadcast_to(given[axis], rows) for axis in "xyz"])
-
-    def _path(self) -> FloatArray | None:
-        """Return positions along x that have the speed which is mapped, None without one."""
-        speed = self._column("speed", "speed") if "speed" in self._options.columns else None
-        if speed is None:
-            return None
-        time_s = self._time("position", len(speed))[1]
-        steps_mm = np.diff(time_s) * (speed[1:] + speed[:-1]) / 2
-        x_mm = np.where(np.isfinite(speed), np.nancumsum([0.0, *steps_mm]), np.nan)
-        self._note(
-            f"position was made of {self._options.columns['speed']}: a straight path along x"
-        )
-        return np.column_stack([x_mm, 0.0 * x_mm, 0.0 * x_mm])
-
-    def _column(self, target: str, quantity: str) -> FloatArray | None:
-        """Return a target's values in the unit of frames, shape () for a constant."""
-        source = self._source(target, quantity)
-        if isinstance(source, float) and quantity == "time":
-            raise InputError(
-                f"{self._origin}: {target} is mapped to the number {source:g}, it must be a "
-                "column; for a file without times give --rate HZ"
-            )
-        if source is None or isinstance(source, float):
-            return None if source is None else np.array(source)
-        values = self._columns.values[source.name]
-        if source.component is not None:
-            if values.ndim != 2 or source.component >= values.shape[1]:
-                raise InputError(
-                    f"{self._origin}: {target} is mapped to component {source.component} of "
-                    f"{source.name}, which has shape {values.shape}; components count from 0"
-                )
-            values = values[:, source.component]
-        lacks_rows = quantity in ("time", "speed") and values.ndim == 0
-        if target not in CHANNELS and (values.ndim > 1 or lacks_rows):
-            raise InputError(
-                f"{self._origin}: {source.name} has shape {values.shape}, it must have shape (n,) "
-                f"for {target}; a component is mapped as in --map {target}={source.name}[0]"
-            )
-        factor = source.factor * self._factor(target, quantity, source)
-        scaled = values if factor == 1.0 else factor * values
-        if quantity == "time":
-            scaled, notes = continued(scaled, abs(factor))
-            self._note(*(f"{source.name} {note}" for note in notes))
-        return scaled
-
-    def _source(self, target: str, quantity: str) -> Source | float | None:
-        """Return the column of a target, or its constant; None where it has none."""
-        columns, names = self._columns.values, self._columns.names
-        source = self._options.source(target, columns)
-        asked = source or Source(STANDARD_NAMES[target])
-        if asked.name in columns:
-            return asked
-        doubled = [name for name in names if re.fullmatch(rf"{re.escape(asked.name)}\.\d+", name)]
-        if len(doubled) > 1 and not set(doubled) - set(columns):
-            raise InputError(
-                f"{self._origin}: {asked.name} stands in {len(doubled)} columns: which of "
-                f"{', '.join(doubled[:_SHOWN_COLUMNS])} is it? (--map {target}=NAME)"
-            )
-        if source is None:
-            return None
-        text = self._options.columns[target]
-        numbered = bool(names) and all(name.isdecimal() for name in names)
-        if numbered and text.isdecimal() and int(text):
-            raise InputError(
-                f"{self._origin}: {target} is mapped to column {text}, which is not there; "
-                f"{listed(names)} (a constant is written {text}.0)"
-            )
-        try:
-            return float(text)
-        except ValueError:
-            pass
-        within = [name for name in columns if name.startswith(f"{source.name}.")]
-        if target == quantity:  # vectors; a single axis is mapped to a column of its own
-            within = [name for name in within if columns[name].shape[1:] == (3,)]
-        if len(within) > 1:
-            parts = MESSAGE_PARTS.get(quantity, (quantity,))
-            within = [name for name in within if name.rsplit(".", 1)[-1] in parts]
-        if len(within) == 1:
-            return replace(source, name=within[0])
-        raise InputError(
-            f"{self._origin}: {target} is mapped to {source.name}, which is not there; "
-            f"{listed(names)}"
-        )
-
-    def _factor(self, target: str, quantity: str, source: Source) -> float:
-        """Return the factor to the unit of frames: a person's word, the file's, the name's."""
-        name, told = source.name, self._columns.units.get(source.name)
-        given = self._options.units.get(target) or self._options.units.get(quantity)
-        unit = told if told == DATE else given or told or unit_in_name(quantity, name)
-        factor = unit_factor(quantity, unit) if unit else 1.0
-        if told or (unit and name not in STANDARD_NAMES.values()):
-            self._told.add(quantity)
-        if factor is not None:
-            if factor != 1.0 and not (given or told):
-                self._by_name[name] = f"{name} in {unit}"
-            return factor
-        if source.factor == 1.0:
-            raise InputError(
-                f"{self._origin}: {target} is mapped to {name}, which is in {unit!r} by the file; "
-                f"of {quantity}, known are {QUANTITIES[quantity]}: say the unit (--unit "
-                f"{target}=UNIT), or scale it to the first (--map {target}={name}*FACTOR)"
-            )
-        return 1.0
-
-    def _time(self, channel: Channel, rows: int) -> tuple[str, FloatArray]:
-        """Return the name and the times (n,) of a channel."""
-        found, rate_hz = self._stamps(channel), self._options.rate_hz
-        if rate_hz is None and found is None:
-            raise InputError(
-                f"{self._origin}: there is no column time_s, nor one that is mapped to it (--map "
-                f"time=NAME); for a file without times give --rate HZ; "
-                f"{listed(self._columns.names)}"
-            )
-        if rate_hz is None and found is not None:
-            return found
-        if found is not None:
-            span_s = float(np.ptp(found[1])) if len(found[1]) else 0.0
-            self._note(
-                f"there are {rate_hz:g} rows a second, as --rate says; {found[0]}, by which all "
-                f"{rows} last {span_s:.6g} s, was left out"
-            )
-        return "row number", np.arange(rows) / (rate_hz or 1.0)
-
-    def _stamps(self, channel: Channel) -> tuple[str, FloatArray] | None:
-        """Return the name and the times (n,) that the file has for a channel."""
-        for target in (f"{channel}_time", "time"):
-            column = self._column(target, "time")
-            if column is not None:
-                return self._options.columns.get(target, STANDARD_NAMES[target]), column
-        targets = [channel, *(f"{channel}_{axis}" for axis in "xyz")]
-        for target in [*targets, *(["speed"] if "speed" in self._options.columns else [])]:
-            source = self._source(target, channel)
-            if isinstance(source, Source) and source.name in self._columns.times:
-                return source.name, self._columns.times[source.name]
-        return None
-
-    def _note(self, *sentences: str) -> None:
-        self._notes |= dict.fromkeys(sentences)
-
-
-def _with_vectors(columns: Columns) -> dict[str, Any]:
-    """Return values and units with arrays of what has the names of their elements: a[0], a[1]."""
-    arrays: dict[str, list[tuple[int, str]]] = {}
-    for name, column in columns.values.items():
-        if (found := re.fullmatch(r"(.+)[\[(](\d+)[\])]", name)) and column.ndim == 1:
-            arrays.setdefault(found[1], []).append((int(found[2]), name))
-    values, units = dict(columns.values), dict(columns.units)
-    for base, elements in arrays.items():
-        names = [name for _, name in sorted(elements)]
-        alike = len({(len(values[name]), units.get(name)) for name in names}) == 1
-        if alike and base not in values:
-            values[base] = np.column_stack([values[name] for name in names])
-            units |= {base: units[names[0]]} if names[0] in units else {}
-    return {"values": values, "units": units}

@@ -12,7 +12,8 @@ from mmt.core.frames import FIELD_OF_CHANNEL, Channel
 from mmt.session.data import RecordedSession
 from mmt.session.formats import find_format, suffixes
 from mmt.session.importing.checks import ImportReport, assess
-from mmt.session.importing.columns import Columns, to_samples, wanted_names
+from mmt.session.importing.columns import Columns, wanted_names
+from mmt.session.importing.mapping import to_samples
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.resampling import on_the_grid, to_frames
 from mmt.session.importing.samples import Samples
