@@ -16,12 +16,12 @@ from mmt.core.palette import LIGHT, SERIES
 from mmt.evaluation.figures import make_plain
 from mmt.scene import Hand
 from mmt.scene.files import example_scenes, load_scene
-from mmt.scene.sharing_tables import Listening
 from mmt.session import RecordedSession, read_session
-from mmt.sharing.client import ListenerClient
 from mmt.testing.simulation.hand import SimulatedHand
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.synthesis.synthesizer import Synthesizer
+from mmt_share.client import ListenerClient
+from mmt_share.tables import Listening
 
 DURATION_S: Final = 18.0
 SHOWN_S: Final = 2.0

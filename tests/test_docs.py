@@ -13,9 +13,10 @@ import typer
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from mmt.cli import follower, leader, listener, main
+from mmt.cli import follower, leader, main
 from mmt.scene import Scene
 from mmt.scene.files import example_scenes
+from mmt_share.commands import listener
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"

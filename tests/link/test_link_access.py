@@ -21,10 +21,10 @@ from mmt.link.client import FollowerClient
 from mmt.link.server import LeaderServer
 from mmt.scene import Link
 from mmt.scene.secured_table import SecuredTable
-from mmt.scene.sharing_tables import Listening, Sharing
-from mmt.sharing.client import ListenerClient
-from mmt.sharing.relay import Relay
-from mmt.sharing.server import SharingServer
+from mmt_share.client import ListenerClient
+from mmt_share.relay import Relay
+from mmt_share.server import SharingServer
+from mmt_share.tables import Listening, Sharing
 
 TOKEN = "a token that nobody guesses"
 

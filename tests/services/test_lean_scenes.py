@@ -101,8 +101,8 @@ FILES = {"mmt.session", "mcap", "google.protobuf", "zstandard"}
 MODEL = {*NUMERICS, "mmt.texture.online.modeller", "mmt.texture.synthesis.synthesizer"}
 SURFACES = {"mmt.texture.surfaces"}
 LEVEL = {"mmt.texture.field.posterior", "mmt.texture.completion.uncertainty"}
-SHARING = {"mmt.sharing"}
-CONTROL = {"mmt.leader.control", "mmt.leader.motion.operating", "mmt.sharing.control_messages"}
+SHARING = {"mmt_share"}
+CONTROL = {"mmt_share.parts.control", "mmt_share.parts.operating", "mmt_share.control_messages"}
 HAND = "mmt.testing.simulation.hand"
 ACTUATOR = "mmt.testing.simulation.actuator"
 RECORDER = "mmt.session.recorder"
@@ -170,7 +170,7 @@ EXPECTED: dict[str, set[str]] = {
         *NETWORK,
         *MODEL - {"mmt.texture.online.modeller"},
         *SHARING,
-        *CONTROL - {"mmt.leader.control"},
+        *CONTROL - {"mmt_share.parts.control"},
         "mmt.leader.motion.feedback_model",
         "mmt.contact.passivity",
         "mmt.contact.estimation",

@@ -21,7 +21,6 @@ from mmt.cli.common import (
 from mmt.cli.emulated_pair import coil_log, hand_log, pair_named, write_emulated
 from mmt.cli.ending import ending_lines
 from mmt.cli.scene_services import DemoRun, run_services
-from mmt.cli.visiting import visitors_page
 from mmt.core.errors import InputError, MmtError
 from mmt.core.existing_files import free_path
 from mmt.core.extras import require
@@ -31,6 +30,7 @@ from mmt.follower.sources import build_source
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
 from mmt.testing.emulated.drivers import LabOptions
+from mmt_share.commands.visiting import visitors_page
 
 _DEMO = Path("demo")
 

@@ -33,8 +33,8 @@ from mmt.scene import Scene
 from mmt.scene.files import load_scene
 
 if TYPE_CHECKING:
-    from mmt.cli.visiting import VisitorsPage
     from mmt.leader.service import Leader
+    from mmt_share.commands.visiting import VisitorsPage
 
 _STARTED_S: Final = time.perf_counter()
 
@@ -99,7 +99,7 @@ def leader(
     )
     visitors: VisitorsPage | None = None
     if page and scene.sharing is not None:
-        from mmt.cli.visiting import visitors_page
+        from mmt_share.commands.visiting import visitors_page
 
         visitors = visitors_page(scene.sharing)
     if report is not None and scene.recording is None:

@@ -5,18 +5,18 @@ from typing import TYPE_CHECKING
 from mmt.leader.part import Part, Parts, Session
 
 if TYPE_CHECKING:
-    from mmt.leader.control import ControlPart
     from mmt.leader.modelling.pipeline import Modelling
     from mmt.leader.monitoring import MonitorPart
     from mmt.leader.motion.feedback_part import ForceFeedbackPart
     from mmt.leader.motion.hand import HandPart
-    from mmt.leader.motion.operating import OperatingPart
     from mmt.leader.output.model_output import ModelOutput, OtherGenerator
     from mmt.leader.output.stream import StreamedMotion, StreamedVibration
     from mmt.leader.output.synthesis import SynthesizingPart
     from mmt.leader.output.vibration import VibrationPart
     from mmt.leader.recording import RecordingPart
-    from mmt.leader.sharing import SharingPart
+    from mmt_share.parts.control import ControlPart
+    from mmt_share.parts.operating import OperatingPart
+    from mmt_share.parts.sharing import SharingPart
 
 
 class LeaderParts(Parts):
@@ -58,7 +58,7 @@ def hand(session: Session, parts: LeaderParts) -> Part | None:
 
 def operating(session: Session, parts: LeaderParts) -> Part | None:
     """Make the part that moves another leader's robot."""
-    from mmt.leader.motion.operating import OperatingPart
+    from mmt_share.parts.operating import OperatingPart
 
     table = session.scene.operating
     contact = None if parts.hand is None else parts.hand.contact
@@ -140,7 +140,7 @@ def completing(session: Session, parts: LeaderParts) -> Part:
 
 def listening(session: Session, parts: LeaderParts) -> Part | None:
     """Make the part that renders another leader's model."""
-    from mmt.leader.listening import ListeningPart
+    from mmt_share.parts.listening import ListeningPart
 
     table = session.scene.listening
     if table is None:
@@ -150,7 +150,7 @@ def listening(session: Session, parts: LeaderParts) -> Part | None:
 
 def sharing(session: Session, parts: LeaderParts) -> Part | None:
     """Make the part that shares the model."""
-    from mmt.leader.sharing import SharingPart
+    from mmt_share.parts.sharing import SharingPart
 
     table = session.scene.sharing
     parts.sharing = None if table is None else SharingPart(session, table, parts.completing)
@@ -159,7 +159,7 @@ def sharing(session: Session, parts: LeaderParts) -> Part | None:
 
 def control(session: Session, parts: LeaderParts) -> Part | None:
     """Make the part that hands over control."""
-    from mmt.leader.control import ControlPart
+    from mmt_share.parts.control import ControlPart
 
     table, hand, sharing = session.scene.control, parts.hand, parts.sharing
     if table is None or hand is None or sharing is None:

@@ -10,8 +10,8 @@ if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
     from mmt.leader.backfill import Backfill
-    from mmt.leader.motion.handover import State
     from mmt.link.http import Page
+    from mmt_share.parts.handover import State
 
 
 class MetricsPart(Part):

@@ -12,17 +12,17 @@ from mmt.web.monitor.running import LeaderMonitor
 
 if TYPE_CHECKING:
     from mmt.core.ticking import Ticker
-    from mmt.leader.control import ControlPart
     from mmt.leader.modelling.pipeline import Modelling
     from mmt.leader.output.model_output import ModelOutput
     from mmt.leader.output.stream import StreamedVibration
     from mmt.leader.output.vibration import VibrationPart
     from mmt.leader.recording import RecordingPart
-    from mmt.leader.sharing import SharingPart
     from mmt.link.http import Page
     from mmt.link.server import LeaderServer
     from mmt.texture.model.texture_model import TextureModel
     from mmt.texture.online.work import ModelUpdate
+    from mmt_share.parts.control import ControlPart
+    from mmt_share.parts.sharing import SharingPart
 
 
 class SessionView:

@@ -1,4 +1,10 @@
-"""Scenes: what one run needs, read from TOML and checked."""
+"""Scenes: what one run needs, read from TOML and checked.
+
+The scene itself is imported when it is first asked for: its tables are also those of added parts,
+whose modules import the bases of tables from here.
+"""
+
+from typing import TYPE_CHECKING, Any
 
 from mmt.scene.device_tables import Actuator, Devices, Driver, Handle
 from mmt.scene.feedback_table import ForceFeedback
@@ -8,10 +14,12 @@ from mmt.scene.motion_limits import MotionLimits
 from mmt.scene.network_table import PROFILES, Network
 from mmt.scene.recording_tables import LARGEST_SPEED, Recording, Replay
 from mmt.scene.rendering_tables import Playout, Rendering
-from mmt.scene.scene import PART_TABLES, Scene, Session
 from mmt.scene.simulated_tables import Course, Hand, Simulated
 from mmt.scene.table import Part, PartTable, Service, Table
 from mmt.scene.texture_table import Texture
+
+if TYPE_CHECKING:
+    from mmt.scene.scene import PART_TABLES, Scene, Session
 
 __all__ = [
     "LARGEST_SPEED", "PART_TABLES", "PROFILES", "Actuator", "Course", "Devices", "Driver",
@@ -19,3 +27,13 @@ __all__ = [
     "Part", "PartTable", "Playout", "Recording", "Rendering", "Replay", "Scene", "Service",
     "Session", "Simulated", "Table", "Texture",
 ]  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    if name not in {"PART_TABLES", "Scene", "Session"}:
+        message = f"module {__name__!r} has no attribute {name!r}"
+        raise AttributeError(message)
+    from mmt.scene import scene
+
+    globals()[name] = value = getattr(scene, name)
+    return value

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ValidationError
 from mmt.core.errors import InputError
 from mmt.scene import Scene
 from mmt.scene.problems import explain_problems
-from mmt.scene.sharing_tables import HubScene
+from mmt_share.tables import HubScene
 
 AnyTable = TypeVar("AnyTable", bound=BaseModel)
 

@@ -18,10 +18,10 @@ from mmt.scene.motion_limits import MotionLimits
 from mmt.scene.network_table import Network
 from mmt.scene.recording_tables import Recording, Replay
 from mmt.scene.rendering_tables import Playout, Rendering
-from mmt.scene.sharing_tables import Control, Listening, Operating, Sharing
 from mmt.scene.simulated_tables import Hand, Simulated
 from mmt.scene.table import Part, PartTable, Service, Table
 from mmt.scene.texture_table import Texture
+from mmt_share.tables import Control, Listening, Operating, Sharing
 
 _Added = TypeVar("_Added", bound=PartTable)
 

@@ -57,21 +57,24 @@ def monitor_files(main: str = "monitor.js") -> dict[str, PageFile]:
     main
         The module to start with: ``monitor.js`` for a run, ``recording.js`` for a recording.
     """
-    files = _files("monitor", _VENDORED)
+    files = page_files(_FOLDER / "monitor", _VENDORED)
     return {**files, MAIN: files[main]}
 
 
-def player_files() -> dict[str, PageFile]:
-    """Return the texture player's files by their names in its page."""
-    return _files("player", {})
+def page_files(folder: Path, vendored: Mapping[str, str]) -> dict[str, PageFile]:
+    """Return a page's own files, those that pages share, and libraries by the names given.
 
-
-def _files(page: str, vendored: Mapping[str, str]) -> dict[str, PageFile]:
-    """Return a page's own files, those that pages share, and libraries by the names given."""
+    Parameters
+    ----------
+    folder
+        Holds the page's own files.
+    vendored
+        Libraries below ``pages``, by their names in the page.
+    """
     paths = {
         path.name: path
-        for folder in ("shared", page)
-        for path in sorted((_FOLDER / folder).iterdir())
+        for files in (_FOLDER / "shared", folder)
+        for path in sorted(files.iterdir())
         if path.suffix in _TYPES
     }
     paths |= {name: _FOLDER / path for name, path in vendored.items()}

@@ -18,10 +18,12 @@ import numpy as np
 from mmt.core.errors import InputError
 from mmt.link.access import Access
 from mmt.link.rate_limit import PeriodLimit
-from mmt.scene.sharing_tables import Listening
-from mmt.sharing.client import ANSWER_PERIOD_S
-from mmt.sharing.lag import FIRST_ANSWERS, Have
-from mmt.sharing.messages import (
+from mmt.texture.model.difference import digest
+from mmt.texture.model.file_arrays import file_arrays
+from mmt_lab.sharing.plain_socket import PlainSocket
+from mmt_share.client import ANSWER_PERIOD_S
+from mmt_share.lag import FIRST_ANSWERS, Have
+from mmt_share.messages import (
     AGAIN,
     CHANGE,
     END,
@@ -33,10 +35,8 @@ from mmt.sharing.messages import (
     WELCOME,
     Hello,
 )
-from mmt.sharing.replica import ModelReplica
-from mmt.texture.model.difference import digest
-from mmt.texture.model.file_arrays import file_arrays
-from mmt_lab.sharing.plain_socket import PlainSocket
+from mmt_share.replica import ModelReplica
+from mmt_share.tables import Listening
 
 _JOINING: Final = 10
 """Listeners of this process that connect at the same time."""

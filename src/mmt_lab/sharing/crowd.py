@@ -19,9 +19,9 @@ from typing import Final
 
 from mmt.core.errors import MmtError
 from mmt.core.process import step_back
-from mmt.scene.sharing_tables import Listening
-from mmt.sharing.client import STATES_HZ, ListenerClient
 from mmt_lab.sharing.counting import Counter, auth_of
+from mmt_share.client import STATES_HZ, ListenerClient
+from mmt_share.tables import Listening
 
 _BUILDERS: Final = 10
 """Listeners that are a user's client and build the model."""

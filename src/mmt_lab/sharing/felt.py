@@ -21,10 +21,10 @@ import numpy as np
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.evaluation.levels import BAND_EDGES_HZ, band_errors_db
 from mmt.scene import Network
-from mmt.scene.sharing_tables import Listening
-from mmt.sharing.client import STATES_HZ, ListenerClient
 from mmt.texture.model.texture_model import TextureModel
 from mmt_lab.sharing.distant import DistantProxy
+from mmt_share.client import STATES_HZ, ListenerClient
+from mmt_share.tables import Listening
 
 STEP_NS: Final = 50_000_000
 """From moment to moment."""

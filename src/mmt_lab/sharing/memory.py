@@ -47,7 +47,7 @@ class Memory:
             leader = psutil.Process(pid)
             self.add("leader", now_s, leader.memory_info().rss / 1e6)
             for child in leader.children():
-                if "mmt.sharing.process" in child.cmdline():
+                if "mmt_share.process" in child.cmdline():
                     self.add("sharing", now_s, child.memory_info().rss / 1e6)
         except psutil.Error:
             return  # it has just ended

@@ -16,10 +16,10 @@ import aiohttp
 import socketio
 
 from mmt.core.errors import MmtError
-from mmt.scene.sharing_tables import Listening
-from mmt.sharing.client import ListenerClient
-from mmt.sharing.messages import SHARING_VERSION
 from mmt_lab.soak.proxy import Proxy
+from mmt_share.client import ListenerClient
+from mmt_share.messages import SHARING_VERSION
+from mmt_share.tables import Listening
 
 STEADY: Final = 5
 """Listeners that stay."""

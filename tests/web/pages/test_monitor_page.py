@@ -26,10 +26,10 @@ from mmt.leader.service import Leader
 from mmt.link.access import TOKEN_VARIABLE
 from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
-from mmt.sharing.control_messages import MOTION_DTYPE
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.model.texture_model import TextureModel
 from mmt.web.page_server import monitor_files
+from mmt_share.control_messages import MOTION_DTYPE
 
 __all__ = ["browser"]
 pytestmark = MARKS

@@ -16,7 +16,7 @@ from mmt.cli.scene_services import DemoRun, run_services
 from mmt.core.errors import MmtError
 from mmt.scene import Replay, Scene
 from mmt.scene.files import ENVIRONMENT_PREFIX
-from mmt.sharing.control_messages import CONTROL_VARIABLE
+from mmt_share.control_messages import CONTROL_VARIABLE
 
 _MARGIN_S = 2.0
 """A recording made for a replay is so much longer than the run."""

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from mmt.contact.passivity import PassivitySettings
     from mmt.leader.motion.feedback_model import ModelSettings
     from mmt.leader.motion.hand import HandPart
-    from mmt.leader.motion.operating import OperatingPart
+    from mmt_share.parts.operating import OperatingPart
 
 
 class ForceFeedbackPart(Part):
@@ -49,7 +49,7 @@ class ForceFeedbackPart(Part):
         step_n = math.inf if table.slew_n_s == "off" else table.slew_n_s / session.rate_hz
         display = GuardedDisplay(hand.device, table.limit_n, step_n)
         if operating is not None:
-            from mmt.leader.motion.feedback_shared import SharedContactForce
+            from mmt_share.parts.feedback_shared import SharedContactForce
 
             passivity = _passivity(table, 1.0 / session.rate_hz)
             settings = _model_settings(table, passivity, normal)

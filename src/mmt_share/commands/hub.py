@@ -1,0 +1,135 @@
+"""``mmt hub``: a leader's shared model for any number of listeners."""
+
+import asyncio
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import psutil
+import typer
+
+from mmt.cli.common import (
+    ALL_ADDRESSES,
+    OPTIONS,
+    json_option,
+    messages,
+    output,
+    require_one_output,
+    stop_on_signals,
+    summary_table,
+    write_json,
+    write_line,
+)
+from mmt.core.extras import require
+from mmt.core.logs import Logs
+from mmt.core.queued_output import queue_output
+from mmt.scene.files import load_hub_scene
+from mmt_share.commands.visiting import own_address
+from mmt_share.hub.descriptors import make_room
+from mmt_share.tables import HubScene, Sharing
+
+if TYPE_CHECKING:
+    from mmt_share.hub.service import Hub
+
+_SPACING_S: Final = 5.0
+"""Time between two lines that say how many are listening."""
+
+
+def hub(
+    url: Annotated[str, typer.Argument(help="Where the leader shares its model.")],
+    scene_file: Annotated[
+        Path | None,
+        typer.Argument(metavar="[SCENE]", help="Tables hub, sharing, listening: a TOML file."),
+    ] = None,
+    redis: Annotated[
+        str | None, typer.Option(metavar="URL", help="The Redis server that joins the hubs.")
+    ] = None,
+    address: Annotated[
+        str | None, typer.Option(metavar="URL", help="Where listeners reach this hub.")
+    ] = None,
+    port: Annotated[
+        int | None, typer.Option(help="Listen on this port; 0 takes any free one.")
+    ] = None,
+    duration: Annotated[float | None, typer.Option(min=0.0, help="Seconds to serve.")] = None,
+    json_file: Annotated[Path | None, json_option("Write the summary.")] = None,
+    json_lines: Annotated[
+        bool, typer.Option("--json-lines", help="Progress and summary as JSON lines on stdout.")
+    ] = False,
+) -> None:
+    """Serve a leader's shared model to any number of listeners, together with other hubs."""
+    require("redis")
+    require_one_output(json_file, json_lines=json_lines)
+    overrides = {
+        "listening.url": url,
+        "hub.redis": redis,
+        "hub.address": address,
+        "sharing.port": port,
+    }
+    scene = load_hub_scene(scene_file, overrides, OPTIONS)
+    queue_output()
+    with Logs("hub", None, None):
+        summary = asyncio.run(_run(scene, duration, json_lines=json_lines))
+    if json_lines:
+        write_line("summary", **summary)
+    else:
+        output.print(summary_table("hub", summary))
+    write_json(json_file, summary)
+
+
+async def _run(scene: HubScene, duration_s: float | None, *, json_lines: bool) -> dict[str, Any]:
+    from mmt_share.hub.service import Hub
+
+    def say(sentence: str) -> None:
+        if json_lines:
+            write_line("event", event=sentence)
+        else:
+            messages.print(sentence, highlight=False)
+
+    make_room(scene.sharing.most, say)
+    ended = asyncio.Event()
+    stop_on_signals(ended.set)
+    serving = Hub(scene, lambda port: _address(scene.sharing, port), say)
+    counting = asyncio.create_task(_count(serving, say))
+    begun_s = time.monotonic()
+    try:
+        await serving.start()
+        if json_lines:
+            write_line("ready", port=serving.server.port, address=serving.address)
+        else:
+            messages.print(f"hub:      {serving.address}", highlight=False)
+        if duration_s is not None:
+            asyncio.get_running_loop().call_later(duration_s, ended.set)
+        await serving.run(ended)
+    finally:
+        counting.cancel()
+        await serving.stop()
+    process = psutil.Process()
+    cpu = process.cpu_times()
+    return {
+        "address": serving.address,
+        "duration_s": round(time.monotonic() - begun_s, 3),
+        "most_listeners": serving.most_listeners,
+        "model": {"session_id": serving.copy.session_id, "number": serving.copy.number},
+        "sent": {**serving.relay.sent, "listened_s": round(serving.server.listened_s, 3)},
+        "process": {
+            "cpu_s": round(cpu.user + cpu.system, 3),
+            "memory_mb": round(process.memory_info().rss / 1e6, 1),
+        },
+    }
+
+
+async def _count(hub: "Hub", say: Callable[[str], None]) -> None:
+    """Say how many are listening, seldom."""
+    said = 0
+    while True:
+        await asyncio.sleep(_SPACING_S)
+        if hub.listeners != said:
+            said = hub.listeners
+            say(f"{said} listening")
+
+
+def _address(settings: Sharing, port: int) -> str:
+    """Return where listeners reach this machine."""
+    host = own_address() if settings.host in ALL_ADDRESSES else settings.host
+    return settings.model_copy(update={"host": host}).url(port)

@@ -1,0 +1,125 @@
+"""``mmt model list``, ``push`` and ``pull``: the shipped models, and those of a leader's store."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.table import Table
+
+from mmt.cli.common import (
+    Force,
+    json_option,
+    messages,
+    output,
+    write_json,
+)
+from mmt.cli.models import SUFFIX
+from mmt.core.errors import InputError
+from mmt.core.existing_files import require_absent
+
+if TYPE_CHECKING:
+    from mmt_share.store.client import RemoteStore
+
+_SHOWN = 12  # digits of a hash: enough to name it
+
+
+def _remote(url: str) -> "RemoteStore":
+    from mmt_share.store.client import RemoteStore
+
+    return RemoteStore.from_environment(url)
+
+
+def list_models(
+    store: Annotated[
+        str | None, typer.Option("--from", metavar="URL", help="List those of a leader's store.")
+    ] = None,
+    json_file: Annotated[Path | None, json_option("Write it there.")] = None,
+) -> None:
+    """List the shipped models, or those of a store."""
+    from mmt.models import shipped_models
+    from mmt.texture.model.file import unpack
+
+    if store is not None:
+        _list_store(store, json_file)
+        return
+    figures = {}
+    table = Table("name", "inputs", "samples", "order", "bytes")
+    for name, path in shipped_models().items():
+        samples = unpack(path.read_bytes()).samples
+        figures[name] = {
+            "inputs": samples.space.name,
+            "samples": len(samples),
+            "order": int(samples.lsf.shape[1]),
+            "file_bytes": path.stat().st_size,
+        }
+        table.add_row(name, *map(str, figures[name].values()))
+    output.print(table)
+    write_json(json_file, figures)
+
+
+def _list_store(url: str, json_file: Path | None) -> None:
+    """Print what a store has, the newest first."""
+    entries = _remote(url).entries()
+    table = Table("name", "hash", "made", "who", "licence", "samples", "error (dB)", "note")
+    for entry in entries:
+        error = "" if entry.error_db is None else f"{entry.error_db:.2f}"
+        table.add_row(
+            *(entry.name, entry.hash[:_SHOWN], entry.made, entry.who, entry.licence),
+            *(str(entry.samples), error, entry.note),
+        )
+    output.print(table)
+    write_json(json_file, [entry.as_dict() for entry in entries])
+
+
+def pull(
+    name: Annotated[str, typer.Argument(help="The model's name, or its hash.")],
+    store: Annotated[str, typer.Option("--from", metavar="URL", help="The leader's store.")],
+    target: Annotated[
+        Path | None, typer.Option("--output", help="The file; NAME.npz if absent.")
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Fetch a model from a leader's store; what broke off goes on where it was."""
+    remote = _remote(store)
+    entry = remote.find(name)
+    file = target or Path(f"{_file_name(entry.name)}{SUFFIX}")
+    require_absent(file, force=force)
+    remote.fetch(entry.hash, file)
+    licence = f", licence {entry.licence}" if entry.licence else ", without a licence"
+    messages.print(f"model: {file} ({entry.name}{licence})", highlight=False)
+
+
+def push(
+    source: Annotated[Path, typer.Argument(metavar="MODEL", help="A .npz file.")],
+    store: Annotated[str, typer.Option("--to", metavar="URL", help="The leader's store.")],
+    name: Annotated[str | None, typer.Option(help="Its name; the file's if absent.")] = None,
+    who: Annotated[str, typer.Option(help="Who made it.")] = "",
+    licence: Annotated[str, typer.Option(help="Terms under which it may be used.")] = "",
+    note: Annotated[str, typer.Option(help="Anything else.")] = "",
+    error_db: Annotated[
+        float | None, typer.Option(help="Its power error over the plane (dB), where it is known.")
+    ] = None,
+    json_file: Annotated[Path | None, json_option("Write what the store says of it.")] = None,
+) -> None:
+    """Add a model to a leader's store."""
+    from mmt.texture.model.file import unpack
+    from mmt_share.store.store import Entry
+
+    try:
+        data = source.read_bytes()
+    except OSError as error:
+        raise InputError(f"model {source}: {error.strerror or error}") from error
+    try:
+        unpack(data)
+    except InputError as error:
+        raise InputError(f"model {source}: {error}") from error
+    said = Entry(name or source.stem, who, licence, note, error_db=error_db)
+    entry = _remote(store).push(data, said)
+    messages.print(f"stored as {entry.name} ({entry.hash[:_SHOWN]})", highlight=False)
+    write_json(json_file, entry.as_dict())
+
+
+def _file_name(name: str) -> str:
+    """Return a name as a file has it: no folders, nothing hidden."""
+    plain = "".join(c if c.isalnum() or c in "._- " else "-" for c in name).strip(" .")
+    return plain or "model"

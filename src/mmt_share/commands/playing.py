@@ -1,0 +1,138 @@
+"""``mmt play``: the texture player's page."""
+
+import asyncio
+import socket
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+import typer
+
+from mmt.cli.common import ALL_ADDRESSES, Force, messages, stop_on_signals
+from mmt.core.errors import InputError, MmtError
+from mmt.core.kernel_cache import compile_kernels
+from mmt.link.access import Access
+from mmt.models import find_model, shipped_models
+from mmt.scene import Link
+from mmt.scene.files import table_from
+from mmt_share.tables import Listening
+
+if TYPE_CHECKING:
+    from mmt_share.player.results import ResultsFile
+    from mmt_share.player.server import PlayerServer
+
+_MCAP: Final = ".mcap"
+
+
+def play(
+    sources: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="[MODEL]...", help="Files or names of shipped models; all shipped if absent."
+        ),
+    ] = None,
+    shared: Annotated[
+        str | None,
+        typer.Option("--from", metavar="URL", help="Play the model that a leader shares there."),
+    ] = None,
+    results: Annotated[Path, typer.Option(help="Add the scenarios' rows to this file.")] = Path(
+        "mmt-play.csv"
+    ),
+    record: Annotated[
+        Path | None, typer.Option(help="Record touches into this MCAP file, one a texture.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the orders and the excitation.")] = 0,
+    host: Annotated[str, typer.Option(help="Listen on this address.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="Listen on this port; 0 takes any free one.")] = 8770,
+    token_file: Annotated[Path | None, typer.Option(help="A file with the token.")] = None,
+    certificate: Annotated[Path | None, typer.Option(help="PEM file: use TLS.")] = None,
+    key: Annotated[Path | None, typer.Option(help="PEM file of the certificate's key.")] = None,
+    everyone: Annotated[
+        bool, typer.Option("--open", help="Let everyone play who reaches the port.")
+    ] = False,
+    force: Force = False,
+) -> None:
+    """Serve a page on which a person strokes textures and hears them."""
+    link = _link(host, port, token_file, certificate, key)
+    if record is not None and record.suffix.lower() != _MCAP:
+        raise InputError(f"--record {record}: the name of a recording must end in {_MCAP}")
+    if shared is not None and (sources or record is not None):
+        raise InputError("--from plays one shared surface: leave out models and --record")
+    compile_kernels(["mmt_share.player.player"], messages.print)
+    from mmt.texture.model.texture_model import TextureModel
+    from mmt_share.player.player import Player
+    from mmt_share.player.results import ResultsFile
+    from mmt_share.player.server import PlayerServer
+
+    if shared is not None:
+        asyncio.run(_serve_shared(shared, ResultsFile(results), seed, link, everyone))
+        return
+    files = [find_model(source) for source in sources or []] or list(shipped_models().values())
+    names = [file.stem for file in files]
+    repeated = sorted({name for name in names if names.count(name) > 1})
+    if repeated:
+        raise InputError(f"{', '.join(repeated)}: two textures have this name")
+    player = Player(
+        names,
+        [TextureModel.load(file) for file in files],
+        results=ResultsFile(results),
+        record=record,
+        replace=force,
+        seed=seed,
+    )
+    asyncio.run(_serve(PlayerServer(player, Access.of(link)), link, everyone))
+
+
+async def _serve_shared(
+    url: str, results: "ResultsFile", seed: int, link: Link, everyone: bool
+) -> None:
+    """Serve pages with the surface that a leader shares, as many as come."""
+    from mmt_share.player.following import SharedTexture
+    from mmt_share.player.player import Player
+    from mmt_share.player.server import PlayerServer
+
+    table = table_from(Listening, "listening", {"url": url, "name": "player"})
+    texture = SharedTexture(table, lambda text: messages.print(text, highlight=False))
+    following: asyncio.Task[None] | None = None
+    try:
+        model = await texture.first()
+        player = Player([texture.name], [model], results=results, seed=seed, scenarios=False)
+        following = asyncio.create_task(texture.follow(player))
+        await _serve(PlayerServer(player, Access.of(link), several=True), link, everyone)
+    finally:
+        if following is not None:
+            following.cancel()
+        await texture.close()
+
+
+async def _serve(server: "PlayerServer", link: Link, everyone: bool) -> None:
+    ended, player = asyncio.Event(), server.player
+    await server.start(link.host, link.port, everyone=everyone)
+    stop_on_signals(ended.set)
+    named = link.model_copy(update={"host": socket.gethostname()})
+    shown = named if link.host in ALL_ADDRESSES else link
+    messages.print(f"player:   {shown.url(server.port)}/player/", highlight=False)
+    try:
+        await ended.wait()
+    finally:
+        for path, seconds in await server.stop():
+            messages.print(f"recorded: {path}, {seconds:.1f} s", highlight=False)
+        if player.results.rows:
+            messages.print(
+                f"results:  {player.results.path}, {player.results.rows} rows more",
+                highlight=False,
+            )
+    if player.recording_problem is not None:
+        raise MmtError(player.recording_problem)
+
+
+def _link(
+    host: str, port: int, token_file: Path | None, certificate: Path | None, key: Path | None
+) -> Link:
+    given = {
+        "host": host,
+        "port": port,
+        "token_file": token_file,
+        "certificate": certificate,
+        "key": key,
+    }
+    return table_from(Link, "link", {k: v for k, v in given.items() if v is not None})

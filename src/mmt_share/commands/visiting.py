@@ -1,0 +1,144 @@
+"""The page of a model that is shared: an address, and its QR code, for whoever comes by.
+
+It is `mmt play --from URL` as a process, open to the network that this machine is in: visitors feel
+the surface, and can move nothing. It ends when its standard input is closed, as it is where whoever
+started it is killed.
+"""
+
+import asyncio
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import suppress
+from io import StringIO
+from typing import IO, Final
+
+from mmt.core.children import python_command
+from mmt.core.errors import InputError
+from mmt.link.access import Access
+from mmt_share.messages import TOKEN_VARIABLE
+from mmt_share.tables import Sharing
+
+_LONGEST_S: Final = 30.0
+_POLL_S: Final = 0.1
+_PORT: Final = 8770
+_ELSEWHERE: Final = ("192.0.2.1", 9)  # an address that nobody has (RFC 5737); nothing is sent
+
+
+class VisitorsPage:
+    """Serve the page from the moment that there is a model, until `close`.
+
+    Parameters
+    ----------
+    token
+        What the leader asks of its listeners, None for nothing.
+    """
+
+    def __init__(self, token: str | None = None) -> None:
+        self._token = token
+        self._process: subprocess.Popen[bytes] | None = None
+        self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `close`
+        self.address: str | None = None
+        """Where visitors find it, None until it can be had."""
+
+    async def open(self, url: str, *, code: bool = True) -> str:
+        """Serve what is shared at a URL; return a text for the terminal as soon as it can be had.
+
+        The text is a sentence and, where ``code`` asks for it and `segno` is installed, a QR code;
+        or says that it failed.
+        """
+        port = _free_port()
+        self._process = subprocess.Popen(  # noqa: S603 - our own program; returns at once
+            [
+                *python_command("-m", "mmt.cli.child", "main", "play", "--from", url),
+                *("--host", "0.0.0.0", "--port", str(port), "--open"),  # noqa: S104 - it is asked for
+            ],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=self._errors,
+            env=os.environ | ({} if self._token is None else {TOKEN_VARIABLE: self._token}),
+            start_new_session=sys.platform != "win32",
+        )
+        while self._process.poll() is None:
+            with suppress(OSError):
+                _, writer = await asyncio.open_connection("127.0.0.1", port)
+                writer.close()
+                self.address = f"http://{own_address()}:{port}/player/"
+                return f"feel it at {self.address}{qr_code(self.address) if code else ''}"
+            await asyncio.sleep(_POLL_S)
+        self._errors.seek(0)
+        said = self._errors.read().decode(errors="replace").strip().rpartition("\n")[2]
+        return f"no page for visitors: {said or 'its process has ended'}"
+
+    def wait(self) -> None:
+        """Wait for the page's end.
+
+        By looking again and again: a signal that comes just before a wait would not end that.
+        """
+        while self._process is not None and self._process.poll() is None:
+            time.sleep(_POLL_S)
+
+    def close(self) -> None:
+        """End it."""
+        self._errors.close()
+        process, self._process = self._process, None
+        if process is None:
+            return
+        assert process.stdin is not None  # noqa: S101 - it was asked for
+        process.stdin.close()
+        try:
+            process.wait(_LONGEST_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+def visitors_page(sharing: Sharing) -> VisitorsPage:
+    """Return the page of a scene's shared model.
+
+    Raises
+    ------
+    InputError
+        The token cannot be read, or the model is shared by TLS, for which the page needs a
+        certificate of its own.
+    """
+    if sharing.certificate is not None:
+        raise InputError(
+            "a page for visitors needs a certificate that their browsers know: share without it, "
+            "or leave the page out here and run mmt play --from URL --certificate FILE --key FILE"
+        )
+    return VisitorsPage(Access.of(sharing, variable=TOKEN_VARIABLE).token)
+
+
+def own_address() -> str:
+    """Return this machine's address in the network that it is in, or its name."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as connection:
+        try:
+            connection.connect(_ELSEWHERE)
+        except OSError:
+            return socket.gethostname()
+        return str(connection.getsockname()[0])
+
+
+def qr_code(text: str) -> str:
+    """Return lines that show a text as a QR code, none where `segno` is not installed."""
+    try:
+        import segno
+    except ImportError:
+        return ""
+    lines = StringIO()
+    segno.make(text).terminal(out=lines, compact=True, border=2)
+    return f"\n{lines.getvalue().rstrip()}"
+
+
+def _free_port() -> int:
+    """Return the usual port, or any free one where it is taken."""
+    for port in (_PORT, 0):
+        with socket.socket() as connection, suppress(OSError):
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            connection.bind(("", port))
+            return int(connection.getsockname()[1])
+    return _PORT

@@ -1,0 +1,108 @@
+"""A hub's copy of the shared model, from what the feeder hands on."""
+
+import struct
+import time
+from collections.abc import Mapping
+from typing import Any, Final
+
+from mmt.core.errors import InputError
+from mmt.link.protocol import encode_event
+from mmt.link.rate_limit import PeriodLimit
+from mmt_share.messages import CHANGE, END, MODEL, STATE, STATE_DTYPE, WELCOME
+from mmt_share.relay import Relay
+from mmt_share.replica import ModelReplica
+
+_TIME_S: Final = struct.Struct("<d")
+"""How a state of the hand begins."""
+
+
+class HubCopy:
+    """Take a leader's messages in any number and order, and let listeners have what is new.
+
+    What is here already is passed over, so that two hubs may feed at once; where something is
+    missing, `lacking` says so until the whole model has come.
+
+    Parameters
+    ----------
+    relay
+        Of the hub's server.
+    states_hz
+        How many states of the hand listeners get in a second at most.
+
+    Attributes
+    ----------
+    welcome
+        What the leader said of its session, empty before the first.
+    lacking
+        Whether the session, or a state of the model, is missing.
+    """
+
+    def __init__(self, relay: Relay, states_hz: float) -> None:
+        self._relay = relay
+        self._states = PeriodLimit(1.0 / states_hz)
+        self._replica = ModelReplica()
+        self.welcome: dict[str, Any] = {}
+        self.lacking = True
+
+    @property
+    def session_id(self) -> str:
+        """The leader's session, empty before the first."""
+        return str(self.welcome.get("session_id", ""))
+
+    @property
+    def number(self) -> int:
+        """Number of the model, 0 before the first of the session."""
+        return self._replica.number
+
+    def whole(self) -> dict[str, Any] | None:
+        """Return the message of the whole model, None where there is none yet."""
+        return self._replica.message() if self.number else None
+
+    def take(self, event: str, message: Any) -> None:
+        """Take a message."""
+        if event == STATE:
+            whole = isinstance(message, bytes) and len(message) == STATE_DTYPE.itemsize
+            if whole and self._states.passes(time.monotonic()):
+                (time_s,) = _TIME_S.unpack_from(message)
+                self._relay.offer_state(encode_event(STATE, message), time_s, time.monotonic_ns())
+        elif not isinstance(message, Mapping):
+            return
+        elif event == WELCOME:
+            self._take_session(message)
+        elif event in {MODEL, CHANGE}:
+            self._take_model(event, message)
+        elif event == END:
+            self._relay.finish(str(message.get("outcome")))
+
+    def _take_session(self, message: Mapping[str, Any]) -> None:
+        same = self.session_id == message.get("session_id")
+        self.welcome = {name: message.get(name) for name in ("session_id", "name", "rate_hz")}
+        if same:
+            return
+        self._replica = ModelReplica()
+        self._relay.begin()
+        self.lacking = False
+
+    def _take_model(self, event: str, message: Mapping[str, Any]) -> None:
+        number = message.get("number")
+        if message.get("session_id") != self.session_id:
+            self.lacking = True
+            return
+        if isinstance(number, int) and number <= self.number:
+            self.lacking &= event != MODEL
+            return
+        replica = self._replica
+        try:
+            if event == MODEL:
+                replica.take_whole(message)
+                self._relay.offer_model(replica.number, encode_event(MODEL, message), None)
+            else:
+                replica.take_change(message)
+                change = encode_event(CHANGE, message)
+                self._relay.offer_model(
+                    replica.number, lambda: encode_event(MODEL, replica.message()), change
+                )
+        except InputError:
+            self.lacking = True
+        else:
+            self.lacking = False

@@ -1,0 +1,306 @@
+"""A hub as it runs: its listeners, the other hubs, and the leader where it is its turn."""
+
+import asyncio
+import logging
+import time
+import uuid
+from collections import deque
+from collections.abc import Callable, Coroutine
+from typing import Any, Final
+
+from mmt.core.ending import cancel_until_ended
+from mmt.core.errors import InputError, MmtError
+from mmt_share.client import ListenerClient
+from mmt_share.hub.copy import HubCopy
+from mmt_share.hub.manager import HubManager
+from mmt_share.hub.peers import BEAT_S, Beat, Peers
+from mmt_share.messages import AGAIN, MODEL, WELCOME
+from mmt_share.relay import Relay
+from mmt_share.server import SharingServer
+from mmt_share.tables import HubScene
+
+LOG: Final = logging.getLogger("mmt_share")
+
+_BEAT: Final = "beat"
+_LOOK_S: Final = 0.25
+"""Time between two looks at whose turn it is."""
+_MOST_WAITING: Final = 100
+"""Messages that wait for Redis; for more of them the oldest goes, and the whole is asked for."""
+_WELCOME: Final = {"session_id": "", "name": "", "rate_hz": 1000, "hubs": []}
+"""Of a hub that knows of no session yet."""
+
+
+class Hub:
+    """Serve a leader's shared model, together with other hubs.
+
+    Parameters
+    ----------
+    scene
+        Its tables; the leader's address is ``url`` of ``[listening]``.
+    own_address
+        Gives the address for listeners at a port, where ``[hub]`` has none.
+    on_event
+        Called with a sentence whenever something happens that a person wants to know.
+
+    Raises
+    ------
+    InputError
+        A URL is not valid, or a token or a certificate cannot be read.
+    """
+
+    def __init__(
+        self,
+        scene: HubScene,
+        own_address: Callable[[int], str],
+        on_event: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        self._scene, self._own_address, self._on_event = scene, own_address, on_event
+        self.id = f"{time.time_ns():020d}-{uuid.uuid4().hex[:8]}"
+        self.address = ""
+        """Where listeners connect, empty before `start`."""
+        self.listeners = self.most_listeners = 0
+        self.relay = Relay()
+        self.copy = HubCopy(self.relay, scene.hub.states_hz)
+        self._peers = Peers(self.id, time.monotonic())
+        group = scene.hub.group or scene.listening.url.partition("://")[2].rstrip("/")
+        self.manager = HubManager(scene.hub.redis, group, self._deliver)
+        self.server = SharingServer(
+            scene.sharing, self.relay, _WELCOME, self._on_listeners, self.manager
+        )
+        self._feed: ListenerClient | None = self._new_feed()  # what is not valid is told now
+        self._connecting: asyncio.Task[None] | None = None
+        self._leaders_welcome: dict[str, Any] = {}
+        self._outbox: deque[tuple[str, Any]] = deque(maxlen=_MOST_WAITING)
+        self._posted = asyncio.Event()
+        self._asked = False
+        self._behind = 0
+        self._told_hubs: list[str] = []
+        self._told_session = ""
+        self._told: dict[str, str | None] = {}
+        self._tasks: list[asyncio.Task[None]] = []
+
+    @property
+    def feeding(self) -> bool:
+        """Whether this hub is connected to the leader."""
+        return self._feed is not None and self._feed.connected
+
+    async def start(self) -> None:
+        """Find Redis and listen.
+
+        Raises
+        ------
+        InputError
+            Anyone could listen and the scene does not allow it, or a certificate cannot be used.
+        MmtError
+            No Redis server answers, or the host or the port cannot be used.
+        """
+        await self.manager.require()
+        await self.server.start()
+        self.address = self._scene.hub.address or self._own_address(self.server.port)
+        self.manager.initialize()
+
+    async def run(self, ended: asyncio.Event) -> None:
+        """Serve until `ended` is set.
+
+        Raises
+        ------
+        MmtError
+            No hub has ever reached the leader, which did not answer in time or refused this one.
+        """
+        over = asyncio.create_task(ended.wait())
+        parts: tuple[Coroutine[Any, Any, None], ...] = (self._beat(), self._look(), self._post())
+        self._tasks = [asyncio.create_task(part) for part in parts]
+        try:
+            done, _ = await asyncio.wait([over, *self._tasks], return_when=asyncio.FIRST_COMPLETED)
+            for task in done:
+                task.result()
+        finally:
+            over.cancel()
+
+    async def stop(self) -> None:
+        """Leave the other hubs and the listeners; without `start`, do nothing."""
+        await cancel_until_ended(self._tasks)
+        if self.address:
+            await self.manager.tell(_BEAT, self._own_beat(leaving=True).as_dict())
+        await self._stop_feeding()
+        await self.server.stop()
+        await self.manager.close()
+
+    # --- what comes from the other hubs, and from this one
+
+    def _deliver(self, event: str, message: Any) -> None:
+        if event == _BEAT:
+            self._hear(message)
+        elif event == AGAIN:
+            self._asked = True
+        else:
+            self.copy.take(event, message)
+            if event == WELCOME and self.copy.session_id != self._told_session:
+                self._told_session = self.copy.session_id
+                self._spawn(self.server.welcome(**self.copy.welcome))
+
+    def _hear(self, message: Any) -> None:
+        try:
+            beat = Beat.from_message(message)
+        except InputError as error:
+            LOG.info("%s", error)
+            return
+        self._peers.hear(beat, time.monotonic())
+        if not beat.feeding or beat.id == self.id:
+            return
+        mine = (self.copy.session_id, self.copy.number)
+        ahead = beat.session_id != mine[0] or beat.number > mine[1]
+        self._behind = self._behind + 1 if ahead else 0
+        if self._behind > 1:  # what made the difference is not on its way: it was lost
+            self.copy.lacking = True
+
+    # --- what goes to them
+
+    def _own_beat(self, *, leaving: bool = False) -> Beat:
+        copy = self.copy
+        feeding = self.feeding and not leaving
+        return Beat(
+            self.id, self.address, self.listeners, feeding, copy.session_id, copy.number, leaving
+        )
+
+    async def _beat(self) -> None:
+        """Tell once a second that this hub is there, and what it lacks."""
+        while True:
+            problem = await self.manager.check()
+            told = self._tell(
+                "redis",
+                problem and f"Redis is lost ({problem}): this hub goes on alone",
+                "Redis is back",
+            )
+            if told and problem is None:
+                self.copy.lacking = True
+            if problem is None:
+                await self.manager.tell(_BEAT, self._own_beat().as_dict())
+            if self.copy.lacking:
+                await self._ask()
+            await asyncio.sleep(BEAT_S)
+
+    async def _ask(self) -> None:
+        """Ask for what is missing: the leader where this hub is connected to it, else the hubs."""
+        if self._feed is not None and self._feed.connected:
+            self._hand_on(WELCOME, self._leaders_welcome)
+            self._feed.ask()
+        else:
+            await self.manager.tell(AGAIN, self.id)
+
+    async def _look(self) -> None:
+        """See whose turn it is to feed, and which hubs there are."""
+        while True:
+            now_s = time.monotonic()
+            if self._peers.should_feed(now_s, feeding=self.feeding):
+                if self._connecting is None:
+                    self._connecting = asyncio.create_task(self._connect())
+            elif self._connecting is not None:
+                await self._stop_feeding()
+            if self._connecting is not None and self._connecting.done():
+                self._connecting.result()
+            addresses = [beat.address for beat in self._peers.alive(now_s)]
+            if addresses != self._told_hubs:
+                self._told_hubs = addresses
+                self._on_event(f"other hubs: {', '.join(addresses) or 'none'}")
+                await self.server.tell_hubs(addresses)
+            if self._asked and self._answers(now_s):
+                self._hand_on_whole()
+            self._asked = False
+            await asyncio.sleep(_LOOK_S)
+
+    # --- the leader
+
+    def _new_feed(self) -> ListenerClient:
+        return ListenerClient(
+            self._scene.listening,
+            on_event=self._on_event,
+            on_message=self._hand_on,
+            states_hz=None,
+        )
+
+    async def _connect(self) -> None:
+        """Connect to the leader; the first time it must answer, later it is waited for.
+
+        Raises
+        ------
+        MmtError
+            It did not answer the first time, or refused.
+        """
+        while not self.feeding:
+            self._feed = self._feed or self._new_feed()
+            try:
+                await self._feed.connect()
+            except MmtError as error:
+                await self._feed.close()
+                self._feed = None
+                if not self.copy.session_id:
+                    raise
+                self._tell("leader", str(error), "")
+                await asyncio.sleep(BEAT_S)
+            else:
+                self._tell("leader", None, "")
+                self._on_event("this hub takes the model from the leader")
+
+    async def _stop_feeding(self) -> None:
+        connecting, self._connecting = self._connecting, None
+        if connecting is not None:
+            await cancel_until_ended([connecting])
+        feed, self._feed = self._feed, None
+        if feed is not None:
+            await feed.close()
+
+    def _hand_on(self, event: str, message: Any) -> None:
+        if event == WELCOME:
+            self._leaders_welcome = message
+        self._outbox.append((event, message))
+        self._posted.set()
+
+    def _hand_on_whole(self) -> None:
+        """Let every hub have the session and the whole model."""
+        self._hand_on(WELCOME, self.copy.welcome)
+        whole = self.copy.whole()
+        if whole is not None:
+            self._hand_on(MODEL, whole)
+
+    def _answers(self, now_s: float) -> bool:
+        """Whether it is this hub's turn to answer one that lacks something.
+
+        That is the feeder's, and while there is none that of the oldest which has a session.
+        """
+        if self.copy.lacking or not self.copy.session_id:
+            return False
+        others = self._peers.alive(now_s)
+        if self.feeding or any(beat.feeding for beat in others):
+            return self.feeding
+        return not any(beat.session_id and beat.id < self.id for beat in others)
+
+    async def _post(self) -> None:
+        """Hand on what has come from the leader, in its order."""
+        while True:
+            await self._posted.wait()
+            self._posted.clear()
+            while self._outbox:
+                await self.manager.tell(*self._outbox.popleft())
+
+    # --- what is said
+
+    def _tell(self, subject: str, problem: str | None, cured: str) -> bool:
+        """Say a problem once, and once that it is gone; return whether anything has changed."""
+        before = self._told.get(subject)
+        if (before is None) == (problem is None):
+            return False
+        self._told[subject] = problem
+        sentence = problem or cured
+        if sentence:
+            self._on_event(sentence)
+        return True
+
+    def _on_listeners(self, _: str, details: dict[str, Any]) -> None:
+        self.listeners = details["listeners"]
+        self.most_listeners = max(self.listeners, self.most_listeners)
+
+    def _spawn(self, coroutine: Coroutine[Any, Any, None]) -> None:
+        task = asyncio.get_running_loop().create_task(coroutine)
+        self._tasks.append(task)
+        task.add_done_callback(self._tasks.remove)

@@ -1,0 +1,114 @@
+"""Listeners with the right to ask for control, as the process that serves them knows them."""
+
+import asyncio
+from collections.abc import Callable
+from functools import partial
+from typing import Final
+
+import socketio
+
+from mmt.core.logs import REPEAT_PERIOD_S, RepeatLimit
+from mmt.link.access import Access
+from mmt_share.control_messages import ASK, MOTION, MOTION_HZ, RELEASE
+from mmt_share.relay import Listener
+
+_LONGEST_BYTES: Final = 4096
+"""Of a message of motion; one of a hundred records has 3704."""
+
+
+class Operators:
+    """Hand on what operators send, and stop the motion of all but one.
+
+    Parameters
+    ----------
+    server
+        The Socket.IO server.
+    access
+        Has the token for control.
+    tell
+        Called with what an operator has sent, by keywords: ``control`` ("ask", "release",
+        "motion" or "gone"), ``who``, and ``name`` or ``data``.
+    """
+
+    def __init__(
+        self,
+        server: socketio.AsyncServer,
+        access: Access,
+        tell: Callable[..., None],
+    ) -> None:
+        self.access = access
+        self.messages_hz = MOTION_HZ
+        self._tell = tell
+        self._numbers: dict[str, int] = {}
+        self._names: dict[str, str] = {}
+        self._used: set[str] = set()
+        self._listeners: dict[int, Listener] = {}
+        self._asks = RepeatLimit()
+        self._waiting: dict[str, asyncio.TimerHandle] = {}  # who has asked again within a second
+        self._admitted: int | None = None
+        self.refused = 0
+        """Messages of motion that were not handed on."""
+        server.on(ASK, self._on_ask)
+        server.on(RELEASE, self._on_release)
+
+    def distinct(self, name: str, number: int) -> str:
+        """Return the name by which everybody knows an operator: no other has had it."""
+        while not name or name in self._used:
+            name = f"{name or 'operator'} {number}"
+        self._used.add(name)
+        return name
+
+    def join(
+        self, sid: str, number: int, name: str, listener: Listener
+    ) -> dict[str, Callable[[bytes], None]]:
+        """Take in a listener that may operate; return the handlers of its frequent events."""
+        self._numbers[sid], self._names[sid] = number, name
+        self._listeners[number] = listener
+        return {MOTION: partial(self._on_motion, number)}
+
+    def leave(self, sid: str) -> None:
+        """Forget a connection, which may be that of an operator."""
+        number = self._numbers.pop(sid, None)
+        self._names.pop(sid, None)
+        self._forget_ask(sid)
+        if number is not None:
+            del self._listeners[number]
+            self._tell(control="gone", who=number)
+
+    def admit_motion(self, number: int | None) -> None:
+        """Hand on the motion of this operator alone."""
+        self._admitted = number
+
+    def send(self, number: int, message: bytes) -> None:
+        """Send an operator a message, if it is still there and listens."""
+        listener = self._listeners.get(number)
+        if listener is not None:
+            listener.tell(message)
+
+    def _on_ask(self, sid: str, *_: object) -> None:
+        if sid not in self._numbers or sid in self._waiting:
+            return
+        if self._asks.allow(sid):
+            self._tell(control="ask", who=self._numbers[sid], name=self._names[sid])
+        else:
+            loop = asyncio.get_running_loop()
+            self._waiting[sid] = loop.call_later(REPEAT_PERIOD_S, self._ask_late, sid)
+
+    def _ask_late(self, sid: str) -> None:
+        del self._waiting[sid]
+        self._on_ask(sid)
+
+    def _forget_ask(self, sid: str) -> None:
+        if (waiting := self._waiting.pop(sid, None)) is not None:
+            waiting.cancel()
+
+    def _on_release(self, sid: str, *_: object) -> None:
+        self._forget_ask(sid)
+        if sid in self._numbers:
+            self._tell(control="release", who=self._numbers[sid])
+
+    def _on_motion(self, number: int, data: object) -> None:
+        if number != self._admitted or not isinstance(data, bytes) or len(data) > _LONGEST_BYTES:
+            self.refused += 1
+        else:
+            self._tell(control="motion", who=number, data=data.hex())

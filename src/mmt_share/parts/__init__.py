@@ -1,0 +1,1 @@
+"""Parts of the leader that share its model and its control."""

@@ -1,0 +1,299 @@
+"""The part that hands control of the robot to a listener, and takes it back."""
+
+import time
+from typing import TYPE_CHECKING, Any, Final
+
+from mmt.core.arrays import difference, towards
+from mmt.core.errors import InputError
+from mmt.core.printable import printable
+from mmt.devices.protocols import InterfaceState, Vector
+from mmt.leader.motion.force_ramp import FADE_TICKS
+from mmt.leader.part import Part, Session, Tick
+from mmt.scene import Link, Texture
+from mmt_share.control_messages import (
+    ControlNews,
+    SharedContact,
+    control_access,
+    decode_motion,
+)
+from mmt_share.parts.clutch import Clutch
+from mmt_share.parts.handover import Change, HandOver
+from mmt_share.parts.operator_motion import OperatorMotion
+from mmt_share.tables import Control
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from prometheus_client.core import Metric
+
+    from mmt.leader.motion.feedback import Feedback
+    from mmt.leader.motion.hand import HandPart
+    from mmt_share.parts.sharing import SharingPart
+
+_CONTACT_TICKS: Final = 50
+_SENTENCES: Final = {
+    "asked": "{name} asks for control",
+    "refused": "control refused to {name}",
+    "giving": "control goes to {name}: the robot holds",
+    "moves": "{name} moves the robot",
+    "ended": "control taken from {name}: {why}; the robot holds",
+    "back": "the leader's hand moves the robot",
+}
+
+
+class ControlPart(Part):
+    """Decide in each tick what the robot is commanded, where a listener may have control.
+
+    Parameters
+    ----------
+    session
+        Session of the run; it has a hand, a link, and shares its model.
+    table
+        The scene's ``[control]``.
+    hand
+        Is told what the robot is commanded instead of its own position.
+    sharing
+        Leads to the listeners.
+    feedback
+        What is displayed to the leader's own hand, if anything is.
+
+    Raises
+    ------
+    InputError
+        There is no token for control.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        table: Control,
+        hand: "HandPart",
+        sharing: "SharingPart",
+        feedback: "Feedback | None",
+    ) -> None:
+        control_access(table.token_file)  # the listeners' process reads it, too late to say so
+        self._session = session
+        rate_hz, link = session.rate_hz, session.scene.link or Link()
+        self._period_s = 1.0 / rate_hz
+        self._recovery_mm_s = link.recovery_mm_s
+        self._limit_mm = link.limit_mm_s / rate_hz
+        self._silence_ns = round(table.silence_ms * 1e6)
+        self._over = HandOver(
+            hold_ticks=FADE_TICKS,
+            silence_ticks=round(table.silence_ms * rate_hz / 1000),
+        )
+        self._motion = OperatorMotion(self._silence_ns)
+        self._clutch: Clutch | None = None
+        self._command_mm: Vector | None = None
+        self._contact_ticks = 0
+        self._normal = "xyz".index((session.scene.texture or Texture()).normal)
+        self._sharing, self._feedback = sharing, feedback
+        sharing.on_control = self.receive
+        hand.control = self
+        self._grants = self._messages = self._refused = self._given_ticks = self._held_ticks = 0
+
+    # --- what a person decides
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """Who moves the robot, and who asks to, for a page."""
+        over = self._over
+        asking = [[who, name] for who, name in over.asking.items()]
+        return {"state": over.state, "operator": over.name, "asking": asking}
+
+    def give(self, who: int) -> None:
+        """Give control to a listener that asks for it.
+
+        Raises
+        ------
+        InputError
+            It does not ask, or no robot is there.
+        """
+        remote = self._session.remote
+        if self._command_mm is None or remote is None or not remote.connected:
+            raise InputError("there is no robot to give control of: start the follower")
+        self._over.give(who)
+        self._motion, self._clutch = OperatorMotion(self._silence_ns), None
+        self._grants += 1
+        self._tell()
+
+    def refuse(self, who: int) -> None:
+        """Refuse a listener that asks for control.
+
+        Raises
+        ------
+        InputError
+            It does not ask.
+        """
+        self._over.refuse(who)
+        self._tell()
+
+    def take_back(self) -> None:
+        """Give control back to the leader's hand."""
+        self._over.take_back("the leader has taken it back")
+        self._tell()
+
+    def toggle(self) -> None:
+        """Take control back, or give it to who has asked for longest."""
+        over, tell = self._over, self._session.journal.event
+        if over.operator is not None:
+            self.take_back()
+        elif not over.asking:
+            tell("nobody asks for control")
+        else:
+            try:
+                self.give(next(iter(over.asking)))
+            except InputError as error:
+                tell(str(error))
+
+    # --- what the listeners' process tells
+
+    def receive(self, line: dict[str, Any]) -> None:
+        """Handle what an operator has sent, which is not trusted."""
+        who = line["who"]
+        match line["control"]:
+            case "ask":
+                self._over.ask(who, printable(line["name"]) or f"listener {who}")
+            case "release":
+                self._over.leave(who, "it was given back")
+            case "gone":
+                self._over.leave(who, "the operator is lost")
+            case "refused":  # before it came here
+                self._refused += line["count"]
+            case "motion":
+                self._receive_motion(who, bytes.fromhex(line["data"]))
+        self._tell()
+
+    def _receive_motion(self, who: int, data: bytes) -> None:
+        try:
+            grant, records = decode_motion(data)
+        except InputError:
+            self._refused += 1
+            return
+        if not self._over.accepts(who, grant):
+            self._refused += 1
+            return
+        self._messages += 1
+        self._motion.add(records, time.monotonic_ns())
+
+    # --- while it runs
+
+    @property
+    def away(self) -> bool:
+        """Whether the robot is not the own hand's to move."""
+        return self._over.state != "own"
+
+    def command(self, tick: Tick, own_mm: Vector | None) -> Vector | None:
+        """Return what the robot is to be commanded (mm), None before anything was.
+
+        Parameters
+        ----------
+        tick
+            It has the state of the leader's own hand; what is said of the other is filled in.
+        own_mm
+            What the leader's own hand asks for, None before it was read.
+        """
+        over = self._over
+        if over.state == "own":
+            return self._follow_own(tick, own_mm)
+        self._given_ticks += tick.elapsed
+        hand = self._motion.at(tick.now_ns) if over.state == "given" else None
+        if hand is None or self._command_mm is None:
+            self._held_ticks += tick.elapsed
+            self._clutch = None
+            return self._command_mm
+        self._go(self._step(hand, tick.elapsed), tick.elapsed)
+        tick.operating = hand._replace(position_mm=self._command_mm)
+        return self._command_mm
+
+    def _follow_own(self, tick: Tick, own_mm: Vector | None) -> Vector | None:
+        """Command what the leader's hand asks for, and what it lacks since it was given away."""
+        state = tick.state
+        if own_mm is None:
+            return self._command_mm
+        if self._grants == 0 or self._command_mm is None:
+            self._command_mm = own_mm
+            return own_mm
+        still = InterfaceState(own_mm, (0.0, 0.0, 0.0), 0.0, contact=False)
+        hand = still if state is None else state._replace(position_mm=own_mm)
+        self._go(self._step(hand, tick.elapsed), tick.elapsed)
+        tick.offset_mm = difference(self._command_mm, own_mm)
+        return self._command_mm
+
+    def _step(self, hand: InterfaceState, elapsed: int) -> Vector:
+        assert self._command_mm is not None  # noqa: S101 - the callers have looked
+        if self._clutch is None:
+            self._clutch = Clutch(self._command_mm, hand.position_mm, self._recovery_mm_s)
+        return self._clutch.step(hand, elapsed * self._period_s)
+
+    def _go(self, wanted_mm: Vector, elapsed: int) -> None:
+        """Command a position, or what of the way there the robot may make."""
+        assert self._command_mm is not None  # noqa: S101 - the callers have looked
+        self._command_mm = towards(self._command_mm, wanted_mm, self._limit_mm * elapsed)
+
+    def tick(self, tick: Tick) -> None:
+        """Let time pass, and tell the operator what its own force is rendered from."""
+        over = self._over
+        over.tick(tick.elapsed)
+        if over.changes:
+            self._tell()
+        if over.operator is None:
+            return
+        self._contact_ticks += tick.elapsed
+        if self._contact_ticks >= _CONTACT_TICKS:
+            self._contact_ticks = 0
+            self._sharing.send_to(over.operator, self._contact().encode())
+
+    def _contact(self) -> SharedContact:
+        model = getattr(self._feedback, "felt", None)
+        table = self._session.scene.force_feedback
+        return SharedContact(model, self._normal, 0.0 if table is None else table.limit_n)
+
+    def _tell(self) -> None:
+        """Tell, record and send what has changed."""
+        changes = self._over.changes
+        while changes:
+            change = changes.popleft()
+            if change.what in _SENTENCES:
+                details: dict[str, object] = {"control": change.what, "grant": change.grant}
+                if change.name:
+                    details["operator"] = change.name
+                sentence = _SENTENCES[change.what].format(name=change.name, why=change.why)
+                self._session.journal.event(sentence, **details)
+            if change.what in {"asked", "refused", "given", "ended"}:
+                self._send(change)
+
+    def _send(self, change: Change) -> None:
+        hold = self._command_mm or (0.0, 0.0, 0.0)
+        news = ControlNews(change.what, change.grant, hold, self._recovery_mm_s, change.why)
+        self._sharing.admit_motion(self._over.operator)
+        self._sharing.send_to(change.who, news.encode())
+
+    # --- what it says
+
+    def status(self) -> dict[str, Any]:
+        """Return who moves the robot."""
+        return {"control": self._over.name or self._over.state}
+
+    def metrics(self) -> "Iterable[Metric]":
+        """Return whose hand moves the robot, and how often that has changed."""
+        from mmt.leader.metrics import control_metrics
+
+        return control_metrics(self._over.state, self._figures())
+
+    def summary(self, duration_s: float) -> dict[str, Any]:
+        """Return how often control was given, and what came."""
+        _ = duration_s
+        delay_ms = round(self._motion.delay_ms, 1)
+        return {"control": {**self._figures(), "delay_ms": delay_ms}}
+
+    def _figures(self) -> dict[str, Any]:
+        return {
+            "grants": self._grants,
+            "refusals": self._over.refusals,
+            "holds": self._over.holds,
+            "given_s": round(self._given_ticks * self._period_s, 3),
+            "held_s": round(self._held_ticks * self._period_s, 3),
+            "messages": self._messages,
+            "refused_messages": self._refused,
+        }

@@ -1,0 +1,84 @@
+"""The force of a contact that another leader has modelled, rendered from this hand's place."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Final
+
+from mmt.contact.rendering import LocalContact
+from mmt.core.arrays import RecordArray, bounded
+from mmt.devices.protocols import InterfaceState, Vector
+from mmt.leader.motion.feedback import ForceDisplay, StreamedForce
+from mmt.leader.motion.feedback_model import ModelSettings
+from mmt.leader.motion.passivity_ports import PassivityPorts
+
+if TYPE_CHECKING:
+    from mmt_share.parts.operating import OperatingPart
+
+_M: Final = 1e-3
+_SILENCE_TICKS: Final = 300
+"""The contact comes 20 times a second; without it for this long, the force fades."""
+
+
+class SharedContactForce(StreamedForce):
+    """Display what the leader's model of the contact gives for this hand's own place.
+
+    The force acts along the normal alone: friction is not modelled, and no streamed force is shown,
+    whose delay over a network could make it unstable. It passes the port of `ForcePort`.
+
+    Parameters
+    ----------
+    interface, limit_n
+        As `StreamedForce`; no more is shown than the leader shows to its own hand.
+    operating
+        Has the contact while this hand has control.
+    settings
+        Of passivity and rendering.
+    """
+
+    def __init__(
+        self,
+        interface: ForceDisplay,
+        operating: "OperatingPart",
+        *,
+        limit_n: float,
+        settings: ModelSettings,
+    ) -> None:
+        super().__init__(interface, limit_n=limit_n, silence_ticks=_SILENCE_TICKS)
+        self._client = operating.client
+        self._ports = PassivityPorts(settings.passivity, limit_n=limit_n)
+        self._contact = LocalContact(settings.rendering)
+        self._heard = 0
+        self._ramp.fall_silent()
+
+    def tick(self, elapsed: int, state: InterfaceState | None) -> RecordArray | None:
+        """Display the force for the elapsed ticks; nothing is sent."""
+        client, wanted = self._client, (0.0, 0.0, 0.0)
+        shared = client.contact
+        if shared is None:
+            self._ramp.fall_silent()
+        else:
+            if client.contacts != self._heard:
+                self._heard = client.contacts
+                self._contact.set_target(shared.model)
+                self._ramp.renew()
+            if state is not None:
+                self._force = self._modelled(state, elapsed, shared.normal, shared.limit_n)
+        wanted = self._ramp.shape(self._force, elapsed)
+        self._show(self._ports.step(wanted, state, elapsed))
+        return None
+
+    def rest(self, elapsed: int) -> None:
+        """Display nothing; see `Feedback`. The model stays."""
+        self._ports.rest()
+        self._contact.rest()
+        super().rest(elapsed)
+
+    def _modelled(self, state: InterfaceState, elapsed: int, normal: int, limit_n: float) -> Vector:
+        depth_m = -_M * (state.position_mm[normal] + self.offset_mm[normal])
+        force = [0.0, 0.0, 0.0]
+        force[normal] = self._contact.step(depth_m, elapsed)
+        return bounded((force[0], force[1], force[2]), min(limit_n, self._limit_n))
+
+    @property
+    def summary(self) -> Mapping[str, Any]:
+        """Energies, and the largest force that was displayed."""
+        return {**super().summary, "method": "shared", **self._ports.summary}

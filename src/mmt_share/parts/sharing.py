@@ -1,0 +1,244 @@
+"""The part that shares the model: it hands what is new to a process that serves listeners."""
+
+import asyncio
+import json
+import sys
+import time
+from collections.abc import Callable, Coroutine, Iterable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Final
+
+import msgpack
+import numpy as np
+
+from mmt.core.children import python_command
+from mmt.core.errors import InputError, MmtError
+from mmt.leader.part import Part, Session, Tick
+from mmt.link.protocol import encode_event
+from mmt_share.messages import STATE, STATE_DTYPE, About
+from mmt_share.parts.listeners import Listeners
+from mmt_share.publishing import ModelPublisher
+from mmt_share.store.store import Entry, ModelStore
+from mmt_share.tables import Sharing
+
+if TYPE_CHECKING:
+    from prometheus_client.core import Metric
+
+    from mmt.leader.output.model_output import ModelOutput
+    from mmt.texture.model.texture_model import TextureModel
+
+_PERIOD_S: Final = 0.05
+_MOST_WAITING: Final = 1 << 20
+"""Bytes that may wait for the process; beyond, newer ones are kept back until it reads on."""
+_LEAVE_S: Final = 3.0
+"""How long the process may take to say goodbye to all listeners."""
+
+
+class SharingPart(Part):
+    """Keep what listeners are to have, and hand it on twenty times a second.
+
+    Parameters
+    ----------
+    session
+        Session of the run.
+    table
+        The scene's ``[sharing]``.
+    completing
+        Has the model.
+    """
+
+    def __init__(self, session: Session, table: Sharing, completing: "ModelOutput") -> None:
+        self._session = session
+        self._table = table
+        self._publisher = ModelPublisher()
+        self._shared: tuple[TextureModel, About] | None = None
+        self._state: Tick | None = None
+        self._completing = completing
+        self._process: asyncio.subprocess.Process | None = None
+        self.models = 0
+        """States of the model that were handed on."""
+        self.listeners = Listeners()
+        self._reading: asyncio.Task[None] | None = None
+        self.port: int | None = None
+        """The port that listeners connect to, None before there is one."""
+        self.on_control: Callable[[dict[str, Any]], None] = lambda _: None
+        """Called with what operators send, where control may be handed over."""
+
+    def tasks(self) -> dict[str, Coroutine[Any, Any, None]]:
+        """Return the task that hands on what is new."""
+        return {"sharing": self._run()}
+
+    def tick(self, tick: Tick) -> None:
+        """Keep the hand's state."""
+        self._state = tick
+
+    async def stop(self) -> None:
+        """Let the listeners have the end of the session."""
+        process = self._process
+        if process is None or process.stdin is None:
+            return
+        self._write({"end": self._session.ending.outcome})
+        process.stdin.close()
+        try:
+            async with asyncio.timeout(_LEAVE_S):
+                if self._reading is not None:
+                    await asyncio.wait([self._reading])
+                await process.wait()
+        except TimeoutError:
+            process.kill()
+            await process.wait()
+
+    def close(self) -> None:
+        """Add the model to the store, if the scene has one and it is ready."""
+        newest = self._now()
+        if self._table.store is None or newest is None or not newest[1].ready:
+            return
+        model, about = newest
+        session, log = self._session.scene.session, self._session.log
+        said = Entry(session.name, note=f"session {log.session_id}, {about.completion}")
+        try:
+            entry = ModelStore(self._table.store).add(model.to_bytes(), said)
+        except (OSError, InputError) as error:
+            self._session.journal.say(f"the model is not in the store {self._table.store}: {error}")
+        else:
+            self._session.journal.say(f"stored as {entry.name} ({entry.hash[:12]})")
+
+    def send_to(self, operator: int, message: bytes) -> None:
+        """Send a message to one operator."""
+        if not self._congested:
+            self._write({"to": [operator, message]})
+
+    def admit_motion(self, operator: int | None) -> None:
+        """Have the motion of this operator alone handed on."""
+        self._write({"admit": operator})
+
+    def status(self) -> dict[str, Any]:
+        """Return how many are listening."""
+        return {"listeners": self.listeners.now}
+
+    def summary(self, duration_s: float) -> dict[str, Any]:
+        """Return what was shared."""
+        _ = duration_s
+        return {
+            "sharing": {"port": self.port, "models": self.models, **self.listeners.summary()},
+        }
+
+    def metrics(self) -> "Iterable[Metric]":
+        """Return how many listen, what they get, and how far they are behind."""
+        return self.listeners.metrics()
+
+    async def _run(self) -> None:
+        """Start the process and hand on what is new, until cancelled.
+
+        Raises
+        ------
+        MmtError
+            The process cannot listen, or has ended.
+        """
+        table, control = self._table, self._session.scene.control
+        given = {
+            "control": None if control is None else control.model_dump(mode="json"),
+            "sharing": table.model_dump(mode="json"),
+            "welcome": {
+                "session_id": self._session.log.session_id,
+                "name": self._session.scene.session.name,
+                "rate_hz": self._session.scene.session.rate_hz,
+            },
+        }
+        process = self._process = await asyncio.create_subprocess_exec(
+            *python_command("-m", "mmt_share.process", json.dumps(given)),
+            stdin=asyncio.subprocess.PIPE,
+            stdout=asyncio.subprocess.PIPE,
+            start_new_session=sys.platform != "win32",
+        )
+        reading = self._reading = asyncio.create_task(self._read(process))
+        while not reading.done():
+            await asyncio.sleep(_PERIOD_S)
+            if self.port is not None and not self._congested:
+                await self._hand_on()
+        reading.result()
+        raise MmtError("the process that shares the model has ended")
+
+    async def _read(self, process: asyncio.subprocess.Process) -> None:
+        """Take what the process says, until it ends.
+
+        Raises
+        ------
+        MmtError
+            It cannot listen.
+        """
+        assert process.stdout is not None  # noqa: S101 - it was asked for
+        async for raw in process.stdout:
+            line = json.loads(raw)
+            if "problem" in line:
+                raise MmtError(f"the model cannot be shared: {line['problem']}")
+            if "port" in line:
+                self.port = line["port"]
+                self._session.journal.event(f"shared at {self._table.url(line['port'])}")
+            elif "control" in line:
+                self.on_control(line)
+            elif "figures" in line:
+                self.listeners.take_figures(line["figures"], line.get("listened_s"))
+            else:
+                self.listeners.take_event(line["details"])
+                self._session.journal.event(line["event"], **line["details"])
+
+    async def _hand_on(self) -> None:
+        time_s = self._session.time_s()
+        state = self._packed_state(time_s)
+        if state is not None:
+            self._write({"state": [encode_event(STATE, state), time_s, time.monotonic_ns()]})
+        now = self._now()
+        if now is None or now == self._shared:
+            return
+        self._shared = now
+        published = await asyncio.to_thread(self._publisher.publish, *now)
+        self._write({"model": list(published)})
+        self.models += 1
+
+    def _now(self) -> "tuple[TextureModel, About] | None":
+        """Return the model that is rendered or grows, and what is to be said of it."""
+        log, completing = self._session.log, self._completing
+        update = log.update
+        model = completing.newest
+        if model is None:
+            if self._shared is None:
+                return None
+            model, about = self._shared  # it was reset
+            return model, replace(about, ready=False)
+        return model, About(
+            session_id=log.session_id,
+            time_s=0.0 if update is None else update.time_s,
+            ready=completing.takes_over or log.start_s is not None,
+            surface=None if update is None else update.surface,
+            samples=len(model.samples),
+            completion="" if update is None else str(update.progress),
+            complete=log.stop_s is not None or self._session.scene.texture is None,
+        )
+
+    def _packed_state(self, time_s: float) -> bytes | None:
+        """Return where the tool is at a session time, None before it is known."""
+        state = None if self._state is None else self._state.moving
+        if state is None:
+            return None
+        record = np.zeros(1, STATE_DTYPE)
+        record[0] = (
+            time_s,
+            state.position_mm,
+            state.velocity_mm_s,
+            state.force_n,
+            state.contact,
+        )
+        return record.tobytes()
+
+    @property
+    def _congested(self) -> bool:
+        process = self._process
+        if process is None or process.stdin is None:
+            return True
+        return process.stdin.transport.get_write_buffer_size() > _MOST_WAITING
+
+    def _write(self, message: dict[str, Any]) -> None:
+        process = self._process
+        if process is not None and process.stdin is not None and not process.stdin.is_closing():
+            process.stdin.write(msgpack.packb(message))

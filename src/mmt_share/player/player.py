@@ -1,0 +1,189 @@
+"""The texture player: its textures with their pictures, the scenario that runs, the recording."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.core.errors import InputError
+from mmt.texture.model.texture_model import TextureModel
+from mmt.web.binary_messages import pack
+from mmt_share.player.motion import PointerMotion
+from mmt_share.player.recording import TouchRecorder
+from mmt_share.player.results import ResultsFile
+from mmt_share.player.study import BEST, MOST_TILES, SCENARIOS, Study
+
+FULL_SCALE_M_S2: Final = 30.0
+"""Acceleration that the page turns into a sound card's full scale, at full volume."""
+
+SIZE: Final = 96
+"""Pixels along each edge."""
+_WIDTH_MM: Final = 24.0
+_SPEED_MM_S: Final = 100.0
+_FORCE_N: Final = 1.0
+_HEADINGS: Final = 72
+_LONGEST_MM: Final = 8.0
+
+
+class Player:
+    """Textures that a page plays, one scenario at a time, and the recording of what is touched.
+
+    Parameters
+    ----------
+    names, models
+        The textures, 1 to 26.
+    results
+        Receives the scenarios' rows.
+    record
+        File of the sessions; None records nothing.
+    replace
+        Whether these files are replaced where they exist.
+    seed
+        Seed of the scenarios' orders and of the excitation.
+    scenarios
+        Whether scenarios may be begun.
+
+    Raises
+    ------
+    InputError
+        There are too many textures, or none.
+    """
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        models: Sequence[TextureModel],
+        *,
+        results: ResultsFile,
+        record: str | Path | None = None,
+        replace: bool = False,
+        seed: int = 0,
+        scenarios: bool = True,
+    ) -> None:
+        if not 1 <= len(models) <= MOST_TILES:
+            raise InputError(f"{len(models)} textures: allowed are 1 to {MOST_TILES}")
+        self.names = tuple(names)
+        self.models = tuple(models)
+        self.seed = seed
+        self._scenarios = scenarios
+        self.study: Study | None = None
+        self.results = results
+        self._recorder = None
+        if record is not None:
+            rate_hz = max(model.rate_hz for model in models)
+            self._recorder = TouchRecorder(record, names, models, rate_hz, replace=replace)
+        self._pictures = _pictures(models)
+
+    def close(self) -> list[tuple[Path, float]]:
+        """End the scenario and the recordings; return each recording with its seconds."""
+        recorded = [] if self._recorder is None else self._recorder.close()
+        self.leave()
+        return recorded
+
+    def use(self, models: Sequence[TextureModel]) -> None:
+        """Go on with other models of the same textures."""
+        self.models = tuple(models)
+        self._pictures = _pictures(models)
+
+    def hello(self) -> bytes:
+        """Return the first message to a page: the textures with their pictures."""
+        header = {"names": self.names, "full_scale_m_s2": FULL_SCALE_M_S2, "best": BEST}
+        return pack("hello", header, {"pictures": self._pictures})
+
+    @property
+    def recording_problem(self) -> str | None:
+        """Why recording stopped, None without a problem."""
+        return None if self._recorder is None else self._recorder.problem
+
+    def status(self) -> dict[str, object]:
+        """Return the status of recording and results."""
+        recorder = self._recorder
+        return {
+            "recorded_s": None if recorder is None else round(recorder.seconds, 1),
+            "problem": self.recording_problem,
+            "rows": self.results.rows,
+        }
+
+    def texture(self, tile: int) -> int | None:
+        """Return the texture under a tile, None where the scenario disables it now."""
+        return tile if self.study is None else self.study.texture(tile)
+
+    def record(self, texture: int, motion: PointerMotion, vibration_m_s2: FloatArray) -> None:
+        """Record a touch, if recording is on."""
+        if self._recorder is not None and len(vibration_m_s2):
+            self._recorder.record(texture, motion, vibration_m_s2)
+
+    def lift(self) -> None:
+        """End the touch."""
+        if self._recorder is not None:
+            self._recorder.lift()
+
+    def begin(self, scenario: str, participant: str) -> str:
+        """Begin a scenario; return a message for the page.
+
+        Raises
+        ------
+        InputError
+            There is no scenario of this name.
+        MmtError
+            The results cannot be written.
+        """
+        if not self._scenarios:
+            raise InputError("this page plays a shared surface: it has no scenarios")
+        if scenario not in SCENARIOS:
+            raise InputError(f"scenario {scenario}: allowed are {', '.join(SCENARIOS)}")
+        self.leave()
+        self.study = SCENARIOS[scenario](self.names, participant, self.seed, self.results.write)
+        return f"{scenario} of {participant} begins"
+
+    def leave(self) -> str:
+        """End the scenario, if one runs; return a message for the page."""
+        study, self.study = self.study, None
+        if study is not None:
+            study.leave()
+        return "all textures may be felt"
+
+
+def _pictures(models: Sequence[TextureModel]) -> FloatArray:
+    """Return the relief of each, shape (n, 96, 96)."""
+    return np.stack([picture(model, number) for number, model in enumerate(models)])
+
+
+def picture(model: TextureModel, seed: int = 0) -> FloatArray:
+    """Return a relief of zero mean and unit variance, shape (96, 96), y downwards.
+
+    Parameters
+    ----------
+    model
+        The texture's model.
+    seed
+        Seed of the phases.
+    """
+    per_mm = np.fft.fftfreq(SIZE, _WIDTH_MM / SIZE)
+    across, down = np.meshgrid(per_mm, -per_mm)
+    radius = np.hypot(across, down)
+    powers = _powers(model, radius, np.arctan2(down, across))
+    powers[radius < 1.0 / _LONGEST_MM] = 0.0
+    noise = np.fft.fft2(np.random.default_rng(seed).standard_normal((SIZE, SIZE)))
+    relief = np.real(np.fft.ifft2(noise * np.sqrt(powers)))
+    spread = float(relief.std())
+    return np.asarray(relief / spread if spread > 0.0 else relief, dtype=np.float64)
+
+
+def _powers(model: TextureModel, per_mm: FloatArray, heading: FloatArray) -> FloatArray:
+    """Return the powers of spatial frequencies (n, n) along headings (n, n)."""
+    frequencies = np.linspace(0.0, model.rate_hz / 2.0, 257)
+    angles = np.arange(_HEADINGS) * (2.0 * np.pi / _HEADINGS)
+    motion = model.space.from_motion(
+        _SPEED_MM_S * np.cos(angles), _SPEED_MM_S * np.sin(angles), _FORCE_N
+    )
+    spectra = model.spectrum(*motion.T, frequencies_hz=frequencies)
+    # a relief looks the same from both sides, and a ring has more pixels the wider it is
+    spectra = spectra + np.roll(spectra, _HEADINGS // 2, axis=0)
+    row = np.round(heading / (2.0 * np.pi) * _HEADINGS).astype(int) % _HEADINGS
+    column = per_mm * _SPEED_MM_S / (frequencies[1] - frequencies[0])
+    inside = column < len(frequencies) - 1
+    powers = spectra[row, np.where(inside, np.round(column), 0).astype(int)]
+    return np.asarray(np.where(inside, powers, 0.0) / np.maximum(per_mm, 1e-9))

@@ -1,0 +1,114 @@
+"""The process that serves listeners, so that none of them costs the leader's ticks anything.
+
+It is a child of the leader, which writes msgpack maps to its standard input: ``{"model": [number,
+whole, change]}``, ``{"state": [message, session time, ns of its making]}`` and ``{"end":
+outcome}``; models and states are messages ready to be sent. It ends with that input, so that no
+leader leaves one behind. To standard output it writes JSON lines: its port, an event whenever a
+listener has come or gone, and once a second the figures of those who listen.
+
+Where control may be handed over, what operators send goes to standard output too, a line with
+``control`` and ``who``, and from standard input come ``{"to": [operator, message]}`` and
+``{"admit": operator}``, whose motion alone is handed on.
+"""
+
+import asyncio
+import json
+import signal
+import sys
+from collections.abc import AsyncIterator
+from typing import Any, Final
+
+import msgpack
+
+from mmt.core.end_signals import handle_end_signals
+from mmt.core.errors import MmtError
+from mmt.core.process import step_back
+from mmt.core.queued_output import finish_output, queue_output
+from mmt_share.messages import LONGEST_MESSAGE
+from mmt_share.relay import Relay
+from mmt_share.server import SharingServer
+from mmt_share.tables import Control, Sharing
+
+_CHUNK: Final = 65_536
+_FIGURES_PERIOD_S: Final = 1.0
+
+
+async def _input() -> AsyncIterator[dict[str, Any]]:
+    """Yield what comes on standard input, until it is closed."""
+    loop = asyncio.get_running_loop()
+    reader = asyncio.StreamReader(limit=LONGEST_MESSAGE)
+    await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
+    unpacker = msgpack.Unpacker(max_buffer_size=4 * LONGEST_MESSAGE)
+    while chunk := await reader.read(_CHUNK):
+        unpacker.feed(chunk)
+        for message in unpacker:
+            yield message
+
+
+def _say(**line: object) -> None:
+    sys.stdout.write(json.dumps(line) + "\n")
+
+
+async def serve(settings: Sharing, welcome: dict[str, Any], control: Control | None = None) -> None:
+    """Serve listeners until standard input is closed."""
+    relay = Relay()
+    try:
+        server = SharingServer(
+            settings, relay, welcome, lambda text, details: _say(event=text, details=details)
+        )
+        if control is not None:
+            from mmt_share.control_messages import control_access
+
+            server.admit_operators(control_access(control.token_file), _say)
+        await server.start()
+    except MmtError as error:
+        _say(problem=str(error))
+        return
+    _say(port=server.port)
+    telling = asyncio.create_task(_tell(server))
+    outcome = "the leader has gone"
+    async for message in _input():
+        if "model" in message:
+            relay.offer_model(*message["model"])
+        elif "state" in message:
+            relay.offer_state(*message["state"])
+        elif "end" in message:
+            outcome = message["end"]
+        elif server.operators is not None and "to" in message:
+            server.operators.send(*message["to"])
+        elif server.operators is not None and "admit" in message:
+            server.operators.admit_motion(message["admit"])
+    telling.cancel()
+    relay.finish(outcome)
+    await server.stop()
+    if server.operators is not None:
+        _say(control="refused", who=0, count=server.operators.refused)
+    _say(figures=server.figures(), listened_s=round(server.listened_s, 3))
+
+
+async def _tell(server: SharingServer) -> None:
+    """Tell the figures once a second, as long as they change."""
+    told: dict[str, Any] = {}
+    while True:
+        await asyncio.sleep(_FIGURES_PERIOD_S)
+        figures = server.figures()
+        if figures != told:
+            _say(figures=figures)
+        told = figures
+
+
+def main() -> None:
+    """Run the process; the first argument is the scene's table and the welcome as JSON."""
+    given = json.loads(sys.argv[1])
+    handle_end_signals(signal.SIG_IGN)  # the leader says when it ends
+    step_back()  # the leader's ticks do not wait for what listeners take
+    control = None if given["control"] is None else Control.model_validate(given["control"])
+    queue_output()
+    try:
+        asyncio.run(serve(Sharing.model_validate(given["sharing"]), given["welcome"], control))
+    finally:
+        finish_output()
+
+
+if __name__ == "__main__":
+    main()

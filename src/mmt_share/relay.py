@@ -1,0 +1,247 @@
+"""What listeners are to have, and who of them has what.
+
+Every message is made once, and one task gives it to all who can take it, since waking a task for
+each costs several times the sending. A listener has room for no queue: when it can take the next
+message, it gets what is newest by then. So a slow one skips states, the memory does not grow, and
+nobody waits for anybody.
+"""
+
+import asyncio
+import time
+from collections import OrderedDict, deque
+from collections.abc import Callable
+from typing import Any, Final
+
+from mmt.link.protocol import encode_event
+from mmt.link.queue import Sending, SuspendedSend, begin_send
+from mmt.link.rate_limit import PeriodLimit
+from mmt_share.lag import FIRST_ANSWERS, Have, Lag
+from mmt_share.messages import END
+
+_KINDS: Final = ("wholes", "changes", "states")
+_BYTES_OF: Final = {kind: f"{kind}_bytes" for kind in _KINDS}
+_REMEMBERED: Final = 600
+"""States whose time of making is known: half a minute of them."""
+
+_OWN_MESSAGES: Final = 20
+_TURN: Final = 64
+"""Listeners that are given something before the event loop runs its other tasks; some 1 ms."""
+STALLED_S: Final = 10.0
+"""A listener that takes no message for this long is let go."""
+
+
+class Relay:
+    """The newest messages, and the listeners that they are for."""
+
+    def __init__(self) -> None:
+        self.number = 0
+        """Number of the model."""
+        self._whole: bytes | Callable[[], bytes] | None = None
+        self.change: bytes | None = None
+        self.states = 0
+        """Number of the newest state of the hand."""
+        self.state: bytes | None = None
+        self.end: bytes | None = None
+        self.listeners: dict[str, Listener] = {}
+        self.sent = dict.fromkeys((*_KINDS, *_BYTES_OF.values(), "skipped"), 0)
+        """Messages that all listeners have been given, together, and their bytes, by kind; and how
+        many they skipped."""
+        self._made_ns: OrderedDict[float, int | None] = OrderedDict()
+        self._news = False
+        self._giving: asyncio.Task[None] | None = None
+
+    @property
+    def whole(self) -> bytes | None:
+        """The message of the whole model, None before there is one."""
+        if callable(self._whole):
+            self._whole = self._whole()
+        return self._whole
+
+    def offer_model(
+        self, number: int, whole: bytes | Callable[[], bytes], change: bytes | None
+    ) -> None:
+        """Let every listener have a new state of the model.
+
+        Parameters
+        ----------
+        number
+            Of this state.
+        whole
+            Its message, or what makes it, which is called once somebody needs it.
+        change
+            The message that leads here from the number before, None where there is none.
+        """
+        self.number, self._whole, self.change = number, whole, change
+        self._tell()
+
+    def begin(self) -> None:
+        """Forget the model and its end: another session begins, whose model has its own numbers."""
+        self.number, self._whole, self.change = 0, None, None
+        self.end = None
+        for listener in self.listeners.values():
+            listener.again()
+
+    def offer_state(self, message: bytes, time_s: float, made_ns: int) -> None:
+        """Let every listener have a new state of the hand.
+
+        Parameters
+        ----------
+        message
+            Ready to be sent.
+        time_s, made_ns
+            Its session time, and when it was made by this machine's monotonic clock.
+        """
+        self.states, self.state = self.states + 1, message
+        # before the first frame the session's time stands still: such states are not told apart
+        self._made_ns[time_s] = None if time_s in self._made_ns else made_ns
+        if len(self._made_ns) > _REMEMBERED:
+            self._made_ns.popitem(last=False)
+        self._tell()
+
+    def made_ns(self, time_s: float) -> int | None:
+        """Return when the state of a session time was made, None where that is not known."""
+        return self._made_ns.get(time_s)
+
+    def finish(self, outcome: str) -> None:
+        """Let every listener know that the session is over."""
+        self.end = encode_event(END, {"outcome": outcome})
+        self._tell()
+
+    def _tell(self) -> None:
+        self._news = True
+        if self.listeners and self._giving is None:
+            self._giving = asyncio.get_running_loop().create_task(self._give())
+
+    async def _give(self) -> None:
+        """Give all listeners what is newest, as often as there has been something new meanwhile."""
+        try:
+            while self._news:
+                self._news = False
+                for place, listener in enumerate(tuple(self.listeners.values()), 1):
+                    listener.give()
+                    if place % _TURN == 0:
+                        await asyncio.sleep(0)
+        finally:
+            self._giving = None
+
+
+class Listener:
+    """One who listens: which messages it has, and which is next.
+
+    Parameters
+    ----------
+    relay
+        Has the messages.
+    states_hz
+        How many states of the hand it wants in a second at most, None for all. The first come
+        as they are made, so that its lag is soon known.
+    """
+
+    def __init__(self, relay: Relay, states_hz: float | None = None) -> None:
+        self._relay = relay
+        self._thinning = None if states_hz is None else PeriodLimit(1.0 / states_hz)
+        self._number = self._states = 0
+        self._ended = False
+        self.sent = dict.fromkeys(relay.sent, 0)
+        """What it has been given, as in `Relay.sent`."""
+        self.lag = Lag()
+        self._own: deque[bytes] = deque(maxlen=_OWN_MESSAGES)
+        self._send: Callable[[bytes], Sending] | None = None
+        self._rest: SuspendedSend | None = None
+        self._wanted = asyncio.Event()
+
+    def again(self) -> None:
+        """Let it have the whole model next, and the end of the session where it is over."""
+        self._number = 0
+        self._ended = False
+        self.give()
+
+    def has(self, have: Have, now_ns: int) -> None:
+        """Take its answer of what it has, which came at this time of the monotonic clock."""
+        self.lag.take(have, self._relay.made_ns(have.time_s), now_ns)
+
+    def figures(self, now_ns: int) -> dict[str, Any]:
+        """Return what it was given and how far it is behind, for a table."""
+        return {**self.lag.figures(now_ns), **self.sent}
+
+    def tell(self, message: bytes) -> None:
+        """Let it have a message that is for it alone; of too many the oldest are left out."""
+        self._own.append(message)
+        self.give()
+
+    def next(self) -> bytes | None:
+        """Return the next message, None where it has all."""
+        relay = self._relay
+        if self._own:
+            return self._own.popleft()
+        if relay.number != self._number:
+            follows = self._number == relay.number - 1 and relay.change is not None
+            if self._number:
+                self._count("skipped", relay.number - self._number - 1)
+            self._number = relay.number
+            if follows:
+                return self._given("changes", relay.change)
+            return self._given("wholes", relay.whole)
+        if relay.states != self._states:
+            skipped, self._states = relay.states - self._states - 1, relay.states
+            if self._wants_state():
+                self._count("skipped", skipped)
+                return self._given("states", relay.state)
+        if relay.end is not None and not self._ended:
+            self._ended = True
+            return relay.end
+        return None
+
+    def _wants_state(self) -> bool:
+        """Whether a state is due, at the rate that it wants."""
+        if self._thinning is None or self.sent["states"] < FIRST_ANSWERS:
+            return True
+        return self._thinning.passes(time.monotonic())
+
+    def _given(self, kind: str, message: bytes | None) -> bytes | None:
+        """Count a message that is given to it."""
+        self._count(kind, 1)
+        self._count(_BYTES_OF[kind], len(message or b""))
+        return message
+
+    def _count(self, kind: str, more: int) -> None:
+        if more:
+            self.sent[kind] += more
+            self._relay.sent[kind] += more
+
+    def give(self) -> None:
+        """Send what is newest, while it is served; what has to wait is left to `serve`."""
+        while self._send is not None and self._rest is None:
+            message = self.next()
+            if message is None:
+                return
+            self._rest = begin_send(self._send(message))
+            if self._rest is not None or self._ended:
+                self._wanted.set()
+
+    async def serve(self, send: Callable[[bytes], Sending]) -> None:
+        """Send what is newest, until the session is over.
+
+        Raises
+        ------
+        ConnectionError
+            It has gone.
+        TimeoutError
+            It has taken no message for `STALLED_S`.
+        """
+        self._states = max(0, self._relay.states - 1)  # the newest is the first that it gets
+        self._send = send
+        try:
+            self.give()
+            while self._rest is not None or not self._ended:
+                await self._wanted.wait()
+                self._wanted.clear()
+                if self._rest is not None:
+                    async with asyncio.timeout(STALLED_S):
+                        await self._rest
+                    self._rest = None
+                    self.give()
+        finally:
+            rest, self._rest, self._send = self._rest, None, None
+            if rest is not None:
+                rest.close()

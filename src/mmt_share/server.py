@@ -1,0 +1,308 @@
+"""The server of a shared model: Socket.IO for listeners, on a port of its own."""
+
+import asyncio
+import logging
+import time
+from collections.abc import Callable, Coroutine, Mapping
+from contextlib import suppress
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final
+
+import socketio
+from aiohttp import web
+
+from mmt.core.errors import InputError, MmtError
+from mmt.core.logs import RepeatLimit
+from mmt.core.process import release_freed_memory
+from mmt.link.access import Access, Entrance
+from mmt.link.http import CLOSE_TIMEOUT_S, LinkServer, Page
+from mmt.link.protocol import MAX_SENTENCE, loss_of, peer_text
+from mmt.link.rate_limit import RateLimit
+from mmt_share.guest import Guest
+from mmt_share.lag import Have
+from mmt_share.messages import (
+    AGAIN,
+    HAVE,
+    HUBS,
+    PING_S,
+    SHARING_VERSION,
+    TOKEN_VARIABLE,
+    WELCOME,
+    Hello,
+)
+from mmt_share.relay import STALLED_S, Listener, Relay
+from mmt_share.tables import Sharing
+
+if TYPE_CHECKING:
+    from mmt_share.operators import Operators
+
+
+class FullError(InputError):
+    """As many listen as may."""
+
+
+LOG: Final = logging.getLogger("mmt_share")
+
+_LISTENERS: Final = Entrance.of_table("a listener", "sharing", TOKEN_VARIABLE)
+_REFUSED: Final = (
+    "the token is missing or wrong: give the listener the leader's token, "
+    f"in {TOKEN_VARIABLE} or token_file of [listening]"
+)
+_NO_CONTROL: Final = (
+    "no control is given to this listener: the leader's scene needs [control], and the listener "
+    "the leader's token for it, in MMT_CONTROL_TOKEN or token_file of [operating]"
+)
+_MESSAGES_HZ: Final = 1.0
+"""A listener may send ten messages a second, of 20 kB in all: it has little to say."""
+
+_RELEASE_PERIOD_S: Final = 60.0
+_MOST_SHOWN: Final = 30
+"""Listeners of which the figures are told every second: those that are furthest behind."""
+
+
+class SharingServer:
+    """Serve a relay's messages to listeners.
+
+    Parameters
+    ----------
+    settings
+        The scene's ``[sharing]``; port 0 takes any free one.
+    relay
+        Has the messages.
+    welcome
+        What a listener is told first: ``session_id``, ``name`` and ``rate_hz`` of the session.
+    on_change
+        Called when a listener has come or gone, with a sentence and details: ``kind``, "listener
+        joined" or "listener left"; how many there are, ``listeners``; and the ``listener``.
+    manager
+        The client manager, None for that of one process.
+
+    Raises
+    ------
+    InputError
+        The token cannot be read.
+    """
+
+    def __init__(
+        self,
+        settings: Sharing,
+        relay: Relay,
+        welcome: Mapping[str, Any],
+        on_change: Callable[[str, dict[str, Any]], None],
+        manager: socketio.AsyncManager | None = None,
+    ) -> None:
+        self._settings = settings
+        self._access = Access.of(settings, variable=TOKEN_VARIABLE, table="sharing")
+        self._relay = relay
+        self._welcome = {"sharing": SHARING_VERSION, **welcome}
+        self._on_change = on_change
+        self._guests: dict[str, Guest] = {}
+        self._joined = 0
+        self.listened_s = 0.0
+        """Seconds that all listeners have listened, together, but for those who still do."""
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._releasing: asyncio.Task[None] | None = None
+        self._refusals = RepeatLimit()
+        self._host = LinkServer(
+            settings,
+            self._access,
+            _pages(settings),
+            entrance=_LISTENERS,
+            most=2 * settings.most,
+            manager=manager,
+            ping_s=PING_S,
+        )
+        self._host.server.on("connect", self._on_connect)
+        self._host.server.on("disconnect", self._on_disconnect)
+        self._host.server.on(AGAIN, self._on_again)
+        self._host.server.on(HAVE, self._on_have)
+        self.operators: Operators | None = None
+        """Those who may ask for control, None where nobody may."""
+
+    def admit_operators(self, token: Access, tell: Callable[..., None]) -> None:
+        """Let who shows this token ask for control; see `Operators`."""
+        from mmt_share.operators import Operators
+
+        self.operators = Operators(self._host.server, token, tell)
+
+    @property
+    def port(self) -> int:
+        """The port that is listened on, 0 before `start`."""
+        return self._host.port
+
+    async def start(self) -> None:
+        """Listen; see `LinkServer.start` for the errors."""
+        await self._host.start()
+        self._releasing = self._start(_release())
+
+    async def stop(self) -> None:
+        """Let every listener have its last messages, within a second, and close."""
+        serving = [guest.serving for guest in self._guests.values() if guest.serving is not None]
+        if serving:
+            _, late = await asyncio.wait(serving, timeout=CLOSE_TIMEOUT_S)
+            for task in late:
+                task.cancel()
+        for sid in list(self._guests):
+            self._on_disconnect(sid, "the session is over")
+        if self._releasing is not None:
+            self._releasing.cancel()
+        await self._host.stop()
+
+    async def welcome(self, **changed: object) -> None:
+        """Welcome everyone anew, with what has changed."""
+        self._welcome.update(changed)
+        await self._host.server.emit(WELCOME, self._welcome, ignore_queue=True)
+
+    async def tell_hubs(self, addresses: list[str]) -> None:
+        """Tell everyone where else the same model is to be had."""
+        self._welcome[HUBS] = addresses
+        await self._host.server.emit(HUBS, addresses, ignore_queue=True)
+
+    def figures(self) -> dict[str, Any]:
+        """Return the figures of all listeners together, and ``rows`` of 30 that are behind most."""
+        guests = self._guests.values()
+        behind = sorted(guests, key=Guest.lag_order, reverse=True)
+        lags = sorted(lag for each in guests if (lag := each.listener.lag.last_ms) is not None)
+        return {
+            "listeners": len(guests),
+            "joined": self._joined,
+            "sent": dict(self._relay.sent),
+            "lag_median_ms": lags[len(lags) // 2] if lags else None,
+            "lag_most_ms": lags[-1] if lags else None,
+            "rows": [each.figures() for each in behind[:_MOST_SHOWN]],
+        }
+
+    def _admit(self, auth: object) -> Hello:
+        """Return the hello of a listener that may connect.
+
+        Raises
+        ------
+        MmtError
+            It may not; the message is for its user.
+        """
+        if not self._access.admits(auth.get("token") if isinstance(auth, dict) else None):
+            raise MmtError(_REFUSED)
+        hello = Hello.from_auth(auth)
+        if hello.operates:
+            token = auth.get("control_token") if isinstance(auth, dict) else None
+            if self.operators is None or not self.operators.access.admits(token):
+                raise MmtError(_NO_CONTROL)
+        if len(self._guests) >= self._settings.most:
+            raise FullError(
+                f"{self._settings.most} are listening already: raise most of [sharing], or wait"
+            )
+        return hello
+
+    def _on_connect(self, sid: str, environ: Mapping[str, object], auth: object = None) -> None:
+        try:
+            hello = self._admit(auth)
+        except MmtError as error:
+            times = self._refusals.allow("refusal")
+            if times:
+                LOG.warning("refused a listener: %s", peer_text(str(error), MAX_SENTENCE))
+            elsewhere = self._welcome.get(HUBS) if isinstance(error, FullError) else None
+            data = [{HUBS: elsewhere}] if elsewhere else []
+            raise socketio.exceptions.ConnectionRefusedError(str(error), *data) from error
+        self._joined += 1
+        operators = self.operators if hello.operates else None
+        name = hello.name if operators is None else operators.distinct(hello.name, self._joined)
+        guest = self._guests[sid] = Guest(
+            self._joined,
+            name,
+            self._host.sockets.send(sid, environ),
+            Listener(self._relay, hello.states_hz),
+        )
+
+        def let_go(error: MmtError) -> None:
+            guest.why = str(error)
+
+        messages_hz = _MESSAGES_HZ
+        handlers: dict[str, Callable[[bytes], None]] = {HAVE: partial(self._on_have, sid)}
+        if operators is not None:
+            handlers |= operators.join(sid, guest.number, name, guest.listener)
+            messages_hz += operators.messages_hz
+        limit = RateLimit(messages_hz, guest.reject, let_go)
+        self._host.sockets.admit(environ, handlers, limit)
+        self._start(self._host.server.emit(WELCOME, self._welcome, to=sid, ignore_queue=True))
+        self._tell(f"{guest.text} joined", "listener joined", id=guest.number, name=guest.name)
+
+    def _on_disconnect(self, sid: str, reason: str) -> None:
+        guest = self._guests.pop(sid, None)
+        if guest is None:
+            return
+        figures = guest.figures()
+        self.listened_s += figures["listened_s"]
+        self._relay.listeners.pop(sid, None)
+        if self.operators is not None:
+            self.operators.leave(sid)
+        if guest.serving is not None:
+            guest.serving.cancel()
+        why = guest.why or loss_of(reason)
+        text = f"{guest.text} left after {figures['listened_s']:.0f} s ({why})"
+        self._tell(text, "listener left", why=why, **figures)
+
+    def _on_again(self, sid: str, *_: object) -> None:
+        guest = self._guests.get(sid)
+        if guest is None:
+            return
+        guest.listener.again()
+        if guest.serving is None:
+            self._relay.listeners[sid] = guest.listener
+            guest.serving = self._start(self._serve(sid, guest))
+
+    def _on_have(self, sid: str, data: object = None, *_: object) -> None:
+        guest = self._guests.get(sid)
+        if guest is None:
+            return
+        try:
+            guest.listener.has(Have.unpack(data), time.monotonic_ns())
+        except InputError as error:
+            guest.reject(str(error))
+
+    async def _serve(self, sid: str, guest: Guest) -> None:
+        with suppress(ConnectionError):
+            try:
+                await guest.listener.serve(guest.send)
+            except TimeoutError:
+                LOG.warning("a listener has stalled and is let go")
+                guest.why = f"it took nothing for {STALLED_S:g} s"
+                await self._host.server.disconnect(sid)
+                return
+        guest.serving = None  # it has the end, and may ask again
+        self._relay.listeners.pop(sid, None)
+
+    def _start(self, coroutine: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
+        task = asyncio.get_running_loop().create_task(coroutine)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        return task
+
+    def _tell(self, text: str, kind: str, **listener: object) -> None:
+        count = len(self._guests)
+        details = {"kind": kind, "listeners": count, "listener": listener}
+        self._on_change(f"{text}, {count} listening", details)
+
+
+async def _release() -> None:
+    """Give back what those who have left took; it would add up over hours."""
+    await asyncio.sleep(_RELEASE_PERIOD_S)
+    while release_freed_memory():
+        await asyncio.sleep(_RELEASE_PERIOD_S)
+
+
+def _pages(settings: Sharing) -> list[Page]:
+    pages: list[Page] = [_front_page]
+    if settings.store is not None:  # which needs the compiled numerics
+        from mmt_share.store.pages import store_pages
+        from mmt_share.store.store import ModelStore
+
+        pages.append(store_pages(ModelStore(settings.store), accepts=settings.accept))
+    return pages
+
+
+def _front_page(application: web.Application, _: Access) -> None:
+    application.router.add_get("/", _explain)
+
+
+async def _explain(_: web.Request) -> web.Response:
+    return web.Response(text="A texture model is shared here: mmt-listen with this address.\n")

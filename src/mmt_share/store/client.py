@@ -1,0 +1,166 @@
+"""Models from and to a store on another machine."""
+
+import hashlib
+import json
+import urllib.parse
+from collections.abc import Iterator
+from contextlib import contextmanager
+from http import HTTPStatus
+from pathlib import Path
+from typing import Final
+
+from mmt.core.errors import InputError, MmtError
+from mmt.core.existing_files import write_error
+from mmt.core.requests import Answer, AnswerError, open_answer
+from mmt.link.access import Access, check_scheme
+from mmt.link.connection import check_url
+from mmt_share.messages import TOKEN_VARIABLE
+from mmt_share.store.store import LARGEST_BYTES, MOST_MODELS, Entry
+from mmt_share.tables import Listening
+
+_LARGEST_ENTRY: Final = 10_000
+"""Most bytes of what is listed of a model."""
+
+
+class RemoteStore:
+    """The store of a leader.
+
+    Parameters
+    ----------
+    url
+        Where the leader shares, ``http://HOST:PORT`` or ``https://HOST:PORT``.
+    access
+        The token and the certificates of this side.
+
+    Raises
+    ------
+    InputError
+        The URL is not valid, or a certificate cannot be used.
+    """
+
+    def __init__(self, url: str, access: Access) -> None:
+        check_url(url)
+        check_scheme(url, access)
+        self._url = url.rstrip("/")
+        self._token = access.token
+        self._tls = access.client_context()
+
+    @classmethod
+    def from_environment(cls, url: str) -> "RemoteStore":
+        """Return the store, with the token that the environment has for shared models.
+
+        Raises
+        ------
+        InputError
+            The URL is not valid, or the token is too short.
+        """
+        return cls(url, Access.of(Listening(), variable=TOKEN_VARIABLE, table="listening"))
+
+    def entries(self) -> list[Entry]:
+        """Return what is known of all its models, the newest first.
+
+        Raises
+        ------
+        MmtError
+            It does not answer, or has no store.
+        """
+        try:
+            return _entries(self._request("/models", MOST_MODELS * _LARGEST_ENTRY))
+        except InputError as error:
+            raise MmtError(f"{self._url} has no store of models that this program reads") from error
+
+    def find(self, name: str) -> Entry:
+        """Return the newest model of a name, or that of a hash or its beginning.
+
+        Raises
+        ------
+        InputError
+            There is none.
+        MmtError
+            The store does not answer.
+        """
+        entries = self.entries()
+        for entry in entries:
+            if entry.name == name or (len(name) >= 6 and entry.hash.startswith(name)):
+                return entry
+        names = ", ".join(sorted({entry.name for entry in entries})) or "none"
+        raise InputError(f"no model called {name} is at {self._url}; there are {names}")
+
+    def fetch(self, digest: str, target: Path) -> None:
+        """Fetch a model into a file; what an earlier attempt has left (``.part``) is gone on with.
+
+        Raises
+        ------
+        MmtError
+            The store does not answer or breaks off, or what came is not the model.
+        InputError
+            The file cannot be written.
+        """
+        part = target.with_name(f"{target.name}.part")
+        try:
+            try:
+                self._fetch_rest(digest, part)
+            except AnswerError as error:
+                if error.status != HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE:
+                    raise
+                part.unlink()  # what was begun is not shorter than the model: it is of another
+                self._fetch_rest(digest, part)
+            if hashlib.sha256(part.read_bytes()).hexdigest() != digest:
+                part.unlink()
+                raise MmtError(f"what came from {self._url} is not model {digest[:12]}: try again")
+            part.replace(target)
+        except OSError as error:
+            raise write_error(target, error) from error
+
+    def _fetch_rest(self, digest: str, part: Path) -> None:
+        begun = part.stat().st_size if part.is_file() else 0
+        with self._open(f"/models/{digest}", begun=begun) as answer:
+            goes_on = answer.status == HTTPStatus.PARTIAL_CONTENT
+            with part.open("ab" if goes_on else "wb") as file:
+                for chunk in answer.chunks(LARGEST_BYTES - (begun if goes_on else 0)):
+                    file.write(chunk)
+
+    def push(self, data: bytes, said: Entry) -> Entry:
+        """Add a model; return what the store says of it. One that is there already stays.
+
+        Raises
+        ------
+        MmtError
+            The store does not answer, or does not take it; the message says why.
+        """
+        about = {key: value for key, value in said.as_dict().items() if value not in {"", 0, None}}
+        path = f"/models?{urllib.parse.urlencode(about)}"
+        answer = self._request(path, _LARGEST_ENTRY, data=data)
+        try:
+            return Entry.listed(json.loads(answer))
+        except (ValueError, RecursionError, InputError) as error:
+            raise MmtError(f"what {self._url} says of the model cannot be read") from error
+
+    def _request(self, path: str, most_bytes: int, *, data: bytes | None = None) -> bytes:
+        with self._open(path, data=data) as answer:
+            return answer.content(most_bytes)
+
+    @contextmanager
+    def _open(self, path: str, *, data: bytes | None = None, begun: int = 0) -> Iterator[Answer]:
+        headers = {"Authorization": f"Bearer {self._token}"} if self._token else {}
+        if begun:
+            headers["Range"] = f"bytes={begun}-"
+        with open_answer(self._url, path, data=data, headers=headers, tls=self._tls) as answer:
+            yield answer
+
+
+def _entries(text: str | bytes) -> list[Entry]:
+    """Return a store's entries out of its listing.
+
+    Raises
+    ------
+    InputError
+        It is none.
+    """
+    try:
+        listed = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"a list of models is not valid JSON: {error}") from error
+    if not isinstance(listed, list) or len(listed) > MOST_MODELS:
+        raise InputError(f"a list of models is no list of at most {MOST_MODELS}")
+    return [Entry.listed(each) for each in listed]

@@ -1,0 +1,63 @@
+"""A store of models over HTTP, beside the shared model; ``docs/reference/sharing.md``."""
+
+import asyncio
+import json
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Final
+
+from aiohttp import web
+
+from mmt.core.errors import InputError
+from mmt_share.store.store import DIGITS, LARGEST_BYTES, Entry, ModelStore
+
+if TYPE_CHECKING:
+    from mmt.link.access import Access
+    from mmt.link.http import Page
+
+MODELS: Final = "/models"
+
+
+def store_pages(store: ModelStore, *, accepts: bool) -> "Page":
+    """Return the pages that list a store, give its models and, if it `accepts`, take others."""
+
+    async def listed(_: web.Request) -> web.Response:
+        entries = await asyncio.to_thread(store.entries)
+        return web.json_response([entry.as_dict() for entry in entries])
+
+    async def fetched(request: web.Request) -> web.StreamResponse:
+        path = store.path(request.match_info["digest"])
+        if path is None:
+            return web.Response(status=404, text="there is no model of this hash\n")
+        return web.FileResponse(path, headers={"Content-Type": "application/octet-stream"})
+
+    async def pushed(request: web.Request) -> web.Response:
+        try:
+            said = Entry.said(_said(request.query))
+            entry = await asyncio.to_thread(store.add, await request.read(), said)
+        except InputError as error:
+            return web.Response(status=400, text=f"{error}\n")
+        except OSError as error:
+            return web.Response(status=507, text=f"it cannot be stored: {error.strerror}\n")
+        return web.json_response(entry.as_dict())
+
+    async def refused(_: web.Request) -> web.Response:
+        return web.Response(status=403, text="it takes no models: set accept of its [sharing]\n")
+
+    def add(application: web.Application, _: "Access") -> None:
+        library = web.Application(client_max_size=LARGEST_BYTES + 1)
+        library.router.add_get("", listed)
+        library.router.add_get(f"/{{digest:[0-9a-f]{{{DIGITS}}}}}", fetched)
+        library.router.add_post("", pushed if accepts else refused)
+        application.add_subapp(MODELS, library)
+
+    return add
+
+
+def _said(query: Mapping[str, str]) -> dict[str, Any]:
+    said: dict[str, Any] = dict(query)
+    if "error_db" in said:
+        try:
+            said["error_db"] = json.loads(said["error_db"])
+        except ValueError as error:
+            raise InputError(f"error_db is {said['error_db']!r}: it must be a number") from error
+    return said

@@ -1,0 +1,151 @@
+"""Textures and a server for the player's tests, and a page without a screen."""
+
+import asyncio
+import itertools
+import json
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import aiohttp
+import numpy as np
+from monitor_messages import unpack
+
+from mmt.link.access import Access
+from mmt.texture.autoregression.forms import lsf_to_reflection, output_power
+from mmt.texture.model.texture_model import TextureModel, TextureSamples
+from mmt_share.player.player import Player
+from mmt_share.player.results import ResultsFile
+from mmt_share.player.server import PlayerServer
+
+NAMES = ("cork", "linen", "slate")
+RMS_M_S2 = (1.0, 2.0, 4.0)
+RATE_HZ = 48_000
+STEP = RATE_HZ // 200
+LONGEST_S = 60.0
+
+
+def flat_texture(rms_m_s2: float, lowest: float = 0.3, *, rate_hz: float = 1000.0) -> TextureModel:
+    """A texture of one filter and one level between 30 and 270 mm/s, 0.3 and 2.7 N."""
+    inputs = np.array(
+        list(itertools.product(np.arange(30.0, 271.0, 40.0), np.arange(0.3, 2.8, 0.4)))
+    )
+    lsf = np.tile(np.linspace(lowest, 2.4, 6), (len(inputs), 1))
+    unit = output_power(np.ones(len(inputs)), lsf_to_reflection(lsf))
+    power = np.full(len(inputs), rms_m_s2**2)
+    return TextureModel(TextureSamples(inputs, lsf, power / unit, power), rate_hz=rate_hz)
+
+
+def textures() -> list[TextureModel]:
+    return [flat_texture(rms, 0.2 + 0.1 * number) for number, rms in enumerate(RMS_M_S2)]
+
+
+@asynccontextmanager
+async def playing(
+    directory: Path,
+    *,
+    record: Path | None = None,
+    token: str | None = None,
+    count: int = 3,
+    port: int = 0,
+) -> AsyncIterator[PlayerServer]:
+    player = Player(
+        NAMES[:count],
+        textures()[:count],
+        results=ResultsFile(directory / "results.csv"),
+        record=record,
+        seed=3,
+    )
+    server = PlayerServer(player, Access(token))
+    await server.start("127.0.0.1", port)
+    try:
+        yield server
+    finally:
+        await server.stop()
+
+
+def address(server: PlayerServer, path: str = "/player/") -> str:
+    return f"http://127.0.0.1:{server.port}{path}"
+
+
+class Browserless:
+    """A page that does what it is told, in its own time."""
+
+    def __init__(self, socket: aiohttp.ClientWebSocketResponse) -> None:
+        self.socket = socket
+        self.number = 0
+        self.now_ms = 0.0
+        self.received = 0
+        self.others: list[dict[str, Any]] = []
+
+    async def say(self, **message: Any) -> None:
+        await self.socket.send_str(json.dumps(message))
+
+    async def until(self, kind: str) -> dict[str, Any]:
+        """Return the next message of a kind."""
+        async with asyncio.timeout(LONGEST_S):
+            while True:
+                message = unpack(await self.socket.receive_bytes())
+                if message["kind"] == kind:
+                    return message
+                self.others.append(message)
+
+    async def order(self, **order: Any) -> dict[str, Any]:
+        self.number += 1
+        await self.say(id=self.number, **order)
+        return await self.until("answer")
+
+    async def open(self) -> dict[str, Any]:
+        await self.say(do="open", rate_hz=RATE_HZ)
+        return await self.until("opened")
+
+    async def play(
+        self, tile: int | None, points: list[list[float]] | None = None, lead: int = STEP
+    ) -> np.ndarray:
+        """Ask for what is next, as if all that came had been played."""
+        self.number += 1
+        await self.say(
+            do="play", number=self.number, now_ms=self.now_ms, played=self.received, lead=lead,
+            tile=tile, points=points or [],
+        )  # fmt: skip
+        message = await self.until("sound")
+        assert (message["number"], message["first"]) == (self.number, self.received)
+        sound = message["arrays"]["sound"]
+        self.received += len(sound)
+        return sound
+
+    async def step(self, tile: int | None, points: list[list[float]]) -> np.ndarray:
+        """Have 5 ms of sound, which may come no faster than a sound card plays it."""
+        self.now_ms += 5.0
+        sound = await self.play(tile, points, lead=STEP)
+        while len(sound) < STEP:
+            await asyncio.sleep(0.01)
+            more = await self.play(tile, [], lead=STEP - len(sound))
+            sound = np.concatenate([sound, more])
+        return sound
+
+    async def rest(self, seconds: float) -> np.ndarray:
+        """Touch nothing."""
+        return np.concatenate([await self.step(None, []) for _ in range(round(seconds * 200))])
+
+    async def stroke(self, tile: int, seconds: float, speed_mm_s: float = 120.0) -> np.ndarray:
+        """Stroke to and fro over 20 mm, with 200 reports a second of the page's own time."""
+        sounds, x_mm, way = [], 0.0, 1.0
+        for _ in range(round(seconds * 200)):
+            x_mm += way * speed_mm_s * 0.005
+            if abs(x_mm) > 10.0:
+                way = -way
+            sounds.append(await self.step(tile, [[self.now_ms + 5.0, x_mm, 0.0, 1.0]]))
+        return np.concatenate(sounds)
+
+
+@asynccontextmanager
+async def visiting(server: PlayerServer, token: str | None = None) -> AsyncIterator[Browserless]:
+    async with (
+        aiohttp.ClientSession() as http,
+        http.ws_connect(address(server, "/player/socket")) as socket,
+    ):
+        page = Browserless(socket)
+        await page.say(token=token)
+        yield page

@@ -1,0 +1,161 @@
+"""Models that grow, and a server of them, for the tests of sharing."""
+
+import asyncio
+import time
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mmt.link.protocol import encode_event
+from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
+from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.space.inputs import ISOTROPIC
+from mmt.texture.space.samples import TextureSamples
+from mmt_share.client import ListenerClient
+from mmt_share.messages import STATE, STATE_DTYPE, About
+from mmt_share.operator import OperatorClient
+from mmt_share.player.following import SharedTexture
+from mmt_share.player.player import Player
+from mmt_share.player.results import ResultsFile
+from mmt_share.player.server import PlayerServer
+from mmt_share.publishing import ModelPublisher
+from mmt_share.relay import Relay
+from mmt_share.server import SharingServer
+from mmt_share.tables import Listening, Sharing
+
+LONGEST_S = 30.0
+WELCOME = {"session_id": "abc", "name": "a table", "rate_hz": 1000}
+
+
+def model_of(count: int, order: int = 6) -> TextureModel:
+    """A model whose first samples are those of a smaller one."""
+    table = np.array([np.random.default_rng(n).uniform(-0.8, 0.8, order + 3) for n in range(count)])
+    reflection = np.ascontiguousarray(table[:, :order])
+    variance = 1.0 + table[:, order] ** 2
+    inputs = np.column_stack([150.0 + 150.0 * table[:, -2], 1.5 + table[:, -1]])
+    return TextureModel(
+        TextureSamples(
+            inputs,
+            reflection_to_lsf(reflection),
+            variance,
+            output_power(variance, reflection),
+            ISOTROPIC,
+        )
+    )
+
+
+def about(samples: int, *, ready: bool = True) -> About:
+    return About("abc", float(samples), ready, None, samples, "completion sum 5.00", False)
+
+
+async def until(happened: Callable[[], object]) -> None:
+    async with asyncio.timeout(LONGEST_S):
+        while not happened():
+            await asyncio.sleep(0.005)
+
+
+@dataclass
+class Shared:
+    """A server that shares a model, in this process."""
+
+    server: SharingServer
+    relay: Relay
+    said: list[str] = field(default_factory=list)
+    details: list[dict[str, Any]] = field(default_factory=list)
+    publisher: ModelPublisher = field(default_factory=ModelPublisher)
+
+    @property
+    def url(self) -> str:
+        return f"http://127.0.0.1:{self.server.port}"
+
+    def publish(self, count: int, *, ready: bool = True) -> None:
+        self.offer(model_of(count), about(count, ready=ready))
+
+    def offer(self, model: TextureModel, said: About) -> None:
+        self.relay.offer_model(*self.publisher.publish(model, said))
+
+    def offer_state(self, time_s: float, force_n: float = 0.0, speed_mm_s: float = 0.0) -> None:
+        state = np.zeros(1, STATE_DTYPE)
+        state["velocity_mm_s"][0, 0] = speed_mm_s
+        state["time_s"], state["force_n"], state["contact"] = time_s, force_n, force_n > 0.0
+        message = encode_event(STATE, state.tobytes())
+        self.relay.offer_state(message, time_s, time.monotonic_ns())
+
+
+@asynccontextmanager
+async def shared(**settings: object) -> AsyncIterator[Shared]:
+    """Share on any free port."""
+    said: list[str] = []
+    details: list[dict[str, Any]] = []
+
+    def take(text: str, more: dict[str, Any]) -> None:
+        said.append(text)
+        details.append(more)
+
+    relay = Relay()
+    table = Sharing.model_validate({"port": 0, **settings})
+    server = SharingServer(table, relay, WELCOME, take)
+    await server.start()
+    try:
+        yield Shared(server, relay, said, details)
+    finally:
+        await server.stop()
+
+
+@asynccontextmanager
+async def playing_shared(sharing: Shared, directory: Path) -> AsyncIterator[PlayerServer]:
+    """Serve the page that plays what is shared, as soon as there is a model."""
+    texture = SharedTexture(Listening(url=sharing.url), sharing.said.append)
+    model = await texture.first()
+    results = ResultsFile(directory / "results.csv")
+    player = Player([texture.name], [model], results=results, scenarios=False)
+    following = asyncio.create_task(texture.follow(player))
+    server = PlayerServer(player, several=True)
+    await server.start("127.0.0.1", 0)
+    try:
+        yield server
+    finally:
+        following.cancel()
+        await server.stop()
+        await texture.close()
+
+
+@dataclass
+class Heard:
+    """A listener, and what it has heard."""
+
+    client: ListenerClient
+    said: list[str]
+    models: list[int]
+    states: list[float]
+
+
+@asynccontextmanager
+async def listening(
+    url: str,
+    operator: OperatorClient | None = None,
+    states_hz: float | None = None,
+    **settings: object,
+) -> AsyncIterator[Heard]:
+    """Listen there until the end of the block."""
+    said: list[str] = []
+    models: list[int] = []
+    states: list[float] = []
+    table = Listening.model_validate({"url": url, "patience_s": 5.0, **settings})
+    client = ListenerClient(
+        table,
+        on_model=lambda: models.append(client.replica.number),
+        on_state=lambda state: states.append(float(state["time_s"])),
+        on_event=said.append,
+        operator=operator,
+        states_hz=states_hz,
+    )
+    await client.connect()
+    try:
+        yield Heard(client, said, models, states)
+    finally:
+        await client.close()

@@ -1,0 +1,300 @@
+"""Hubs with a Redis server of their own: one, two, and what happens as each of them is lost."""
+
+import asyncio
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import AsyncExitStack
+from dataclasses import replace
+
+import pytest
+import socketio
+from hub_samples import RedisServer, free_port, hub_process, needs_redis, redis_server, serving
+from sharing_samples import Heard, about, listening, model_of, shared, until
+
+from mmt.core.errors import InputError, MmtError
+from mmt.texture.model.difference import apply, digest
+from mmt.texture.model.file import arrays_of
+from mmt.texture.model.file_arrays import file_arrays
+from mmt_share.hub import peers
+from mmt_share.hub.manager import HubManager
+from mmt_share.messages import SHARING_VERSION, About
+
+pytestmark = needs_redis
+
+
+@pytest.fixture
+def redis() -> Iterator[RedisServer]:
+    with redis_server() as server:
+        yield server
+
+
+@pytest.fixture
+def alone(redis: RedisServer, monkeypatch: pytest.MonkeyPatch) -> RedisServer:
+    """A Redis server for one hub, which has no beats of others to wait for."""
+    monkeypatch.setattr(peers, "FIRST_S", 0.0)
+    return redis
+
+
+def other_about(count: int) -> About:
+    """What is said of a model in another session."""
+    return replace(about(count), session_id="def")
+
+
+def is_model_of(heard: Heard, count: int) -> bool:
+    """Whether a listener has this model to the bit."""
+    replica = heard.client.replica
+    if replica.about != about(count):
+        return False
+    return digest(arrays_of(replica.build().contents)) == digest(
+        arrays_of(model_of(count).contents)
+    )
+
+
+async def test_a_hub_gives_its_listeners_what_the_leader_shares(alone: RedisServer) -> None:
+    async with shared() as leader, serving(leader.url, alone.url) as hub:
+        leader.publish(10)
+        await until(lambda: hub.hub.copy.number)
+        async with listening(hub.url) as heard:
+            await until(lambda: is_model_of(heard, 10))
+            for count in (11, 14):
+                leader.publish(count)
+                await until(lambda count=count: is_model_of(heard, count))
+            assert heard.models == [1, 2, 3]
+            assert (heard.client.wholes, heard.client.changes) == (1, 2)
+            assert heard.client.session["session_id"] == "abc"
+            leader.offer_state(0.75)
+            await until(lambda: heard.states[-1:] == [0.75])
+            async with listening(hub.url) as late:
+                await until(lambda: is_model_of(late, 14))
+                assert (late.client.wholes, late.client.changes) == (1, 0)
+            leader.relay.finish("completed")
+            await until(lambda: "the shared session has ended: completed" in heard.said)
+        assert len(leader.server._guests) == 1
+
+
+async def test_the_leader_has_one_listener_however_many_hubs_there_are(redis: RedisServer) -> None:
+    async with AsyncExitStack() as stack:
+        leader = await stack.enter_async_context(shared())
+        leader.publish(10)
+        hubs = [await stack.enter_async_context(serving(leader.url, redis.url)) for _ in range(3)]
+        heard = [await stack.enter_async_context(listening(hub.url)) for hub in hubs]
+        await until(lambda: all(is_model_of(each, 10) for each in heard))
+        await until(lambda: [hub.hub.feeding for hub in hubs] == [True, False, False])
+        leader.publish(12)
+        await until(lambda: all(is_model_of(each, 12) for each in heard))
+        assert len(leader.said) == 1
+        others = [{hub.url for hub in hubs} - {each.url} for each in hubs]
+        await until(lambda: [set(each.client._hubs) for each in heard] == others)
+
+
+async def test_the_others_go_on_where_the_feeder_leaves(redis: RedisServer) -> None:
+    async with AsyncExitStack() as stack:
+        leader = await stack.enter_async_context(shared())
+        leader.publish(10)
+        async with serving(leader.url, redis.url) as first:
+            await until(lambda: first.hub.feeding)
+            second = await stack.enter_async_context(serving(leader.url, redis.url))
+            of_first = await stack.enter_async_context(listening(first.url))
+            of_second = await stack.enter_async_context(listening(second.url))
+            await until(lambda: of_first.client._hubs and is_model_of(of_second, 10))
+            assert not second.hub.feeding
+        await until(lambda: second.hub.feeding)
+        leader.publish(11)
+        await until(lambda: is_model_of(of_first, 11) and is_model_of(of_second, 11))
+        assert of_second.models[-1] == 2
+
+
+async def test_a_feeder_that_is_killed_is_replaced_and_its_listeners_find_another_hub(
+    redis: RedisServer,
+) -> None:
+    async with AsyncExitStack() as stack:
+        leader = await stack.enter_async_context(shared())
+        leader.publish(10)
+        first = await stack.enter_async_context(hub_process(leader.url, redis.url))
+        await until(lambda: "listener hub joined, 1 listening" in leader.said)
+        second = await stack.enter_async_context(hub_process(leader.url, redis.url))
+        of_first = await stack.enter_async_context(listening(first.url, name="a"))
+        of_second = await stack.enter_async_context(listening(second.url, name="b"))
+        for url, heard in ((second.url, of_first), (first.url, of_second)):
+            await until(lambda url=url, heard=heard: heard.client._hubs == [url])
+        await until(lambda: is_model_of(of_first, 10) and is_model_of(of_second, 10))
+        killed_s = time.monotonic()
+        first.child.send(signal.SIGKILL)
+        await until(lambda: leader.said.count("listener hub joined, 1 listening") == 2)
+        assert time.monotonic() - killed_s < 3.5
+        leader.publish(12)
+        await until(lambda: is_model_of(of_first, 12) and is_model_of(of_second, 12))
+        assert len(leader.server._guests) == 1
+
+
+async def test_any_socket_io_client_can_listen_at_a_hub(alone: RedisServer) -> None:
+    heard: dict[str, object] = {}
+    stock = socketio.AsyncClient(serializer="msgpack", reconnection=False)
+    for event in ("welcome", "hubs", "model", "change", "state", "end"):
+        stock.on(event, lambda argument, event=event: heard.update({event: argument}))
+    async with shared() as leader, serving(leader.url, alone.url) as hub:
+        leader.publish(10)
+        await until(lambda: hub.hub.copy.number)
+        hello = {"sharing": SHARING_VERSION, "role": "listener"}
+        await stock.connect(hub.url, auth=hello, transports=["websocket"])
+        await stock.emit("again", None)
+        await until(lambda: "model" in heard)
+        leader.publish(11)
+        await until(lambda: "change" in heard)
+        leader.relay.finish("completed")
+        await until(lambda: heard.get("end") == {"outcome": "completed"})
+        await stock.disconnect()
+    arrays = apply(file_arrays(heard["model"]["file"]), heard["change"])  # type: ignore[index]
+    assert digest(arrays) == digest(arrays_of(model_of(11).contents))
+    welcome = {"sharing": SHARING_VERSION, "session_id": "abc", "name": "a table", "rate_hz": 1000}
+    assert heard["welcome"] == {**welcome, "hubs": []}
+
+
+async def test_another_session_of_the_leader_is_followed(redis: RedisServer) -> None:
+    port = free_port()
+    async with AsyncExitStack() as stack:
+        async with shared(port=port) as leader:
+            for count in (10, 11, 12):
+                leader.publish(count)
+            hubs = [
+                await stack.enter_async_context(serving(leader.url, redis.url)) for _ in range(2)
+            ]
+            heard = [await stack.enter_async_context(listening(hub.url)) for hub in hubs]
+            await until(lambda: all(is_model_of(each, 12) for each in heard))
+            leader.relay.finish("completed")
+        async with shared(port=port) as again:
+            again.server._welcome["session_id"] = "def"
+            for count in (5, 6, 20):  # with the number that the earlier session ended by
+                again.relay.offer_model(
+                    *again.publisher.publish(model_of(count), other_about(count))
+                )
+            for each in heard:
+                await until(lambda each=each: each.client.replica.about == other_about(20))
+                assert each.client.session["session_id"] == "def"
+            again.relay.finish("completed")
+            ends = "the shared session has ended: completed"
+            await until(lambda: all(each.said.count(ends) == 2 for each in heard))
+
+
+async def test_hubs_go_on_alone_while_redis_is_lost_and_together_when_it_is_back(
+    redis: RedisServer,
+) -> None:
+    async with AsyncExitStack() as stack:
+        leader = await stack.enter_async_context(shared())
+        leader.publish(10)
+        hubs = [await stack.enter_async_context(serving(leader.url, redis.url)) for _ in range(2)]
+        heard = [await stack.enter_async_context(listening(hub.url)) for hub in hubs]
+        await until(lambda: all(is_model_of(each, 10) for each in heard))
+        redis.kill()
+        await until(lambda: all("Redis is lost" in "".join(hub.said) for hub in hubs))
+        leader.publish(11)
+        await until(lambda: all(is_model_of(each, 11) for each in heard))
+        assert all(hub.hub.feeding for hub in hubs)
+        redis.start()
+        await until(lambda: all("Redis is back" in hub.said for hub in hubs))
+        await until(lambda: [hub.hub.feeding for hub in hubs] == [True, False])
+        leader.publish(12)
+        await until(lambda: all(is_model_of(each, 12) for each in heard))
+
+
+async def test_a_change_that_redis_loses_is_noticed(
+    redis: RedisServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with AsyncExitStack() as stack:
+        leader = await stack.enter_async_context(shared())
+        leader.publish(10)
+        hubs = [await stack.enter_async_context(serving(leader.url, redis.url)) for _ in range(2)]
+        heard = await stack.enter_async_context(listening(hubs[1].url))
+        await until(lambda: is_model_of(heard, 10))
+        take = hubs[1].hub.copy.take
+        monkeypatch.setattr(hubs[1].hub.copy, "take", lambda *_: None)
+        leader.publish(11)  # and then nothing more: only the beats tell that it was there
+        await until(lambda: hubs[0].hub.copy.number == 2)
+        await asyncio.sleep(0.2)
+        monkeypatch.setattr(hubs[1].hub.copy, "take", take)
+        await until(lambda: is_model_of(heard, 11))
+
+
+async def test_without_redis_the_hub_says_how_to_start_it(redis: RedisServer) -> None:
+    redis.kill()
+    with pytest.raises(MmtError, match=r"no Redis server answers .*apt install redis-server"):
+        async with serving("http://127.0.0.1:9", redis.url):
+            pass
+
+
+async def test_a_leader_that_never_answers_ends_the_hub(alone: RedisServer) -> None:
+    async with serving("http://127.0.0.1:9", alone.url, listening={"patience_s": 0.5}) as hub:
+        await hub.ends_by("no leader answered")
+
+
+async def test_a_hub_that_is_refused_says_why(
+    alone: RedisServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MMT_SHARING_TOKEN", "0123456789abcdef0123")
+    async with shared() as leader:
+        monkeypatch.setenv("MMT_SHARING_TOKEN", "another0123456789abcd")
+        async with serving(leader.url, alone.url) as hub:
+            await hub.ends_by("give the listener the leader's token")
+
+
+async def test_listeners_of_a_hub_show_its_token_and_are_no_more_than_it_allows(
+    redis: RedisServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with shared() as leader:
+        monkeypatch.setenv("MMT_SHARING_TOKEN", "0123456789abcdef0123")
+        async with serving(leader.url, redis.url, sharing={"most": 1}) as hub:
+            async with listening(hub.url):
+                with pytest.raises(MmtError, match="1 are listening already"):
+                    async with listening(hub.url):
+                        pass
+            monkeypatch.setenv("MMT_SHARING_TOKEN", "")
+            with pytest.raises(MmtError, match="give the listener the leader's token"):
+                async with listening(hub.url):
+                    pass
+
+
+async def test_a_port_that_is_taken_is_named(redis: RedisServer) -> None:
+    async with shared() as leader:
+        with pytest.raises(MmtError, match=f"cannot listen on 127.0.0.1 port {leader.server.port}"):
+            async with serving(leader.url, redis.url, sharing={"port": leader.server.port}):
+                pass
+
+
+async def test_a_hub_is_open_to_others_only_where_it_says_so(redis: RedisServer) -> None:
+    with pytest.raises(InputError, match=r"lets everyone .* be a listener"):
+        async with serving("http://127.0.0.1:9", redis.url, sharing={"host": "0.0.0.0"}):
+            pass
+
+
+async def test_a_slow_listener_holds_up_nobody_and_gets_what_is_newest(alone: RedisServer) -> None:
+    async with shared() as leader, serving(leader.url, alone.url) as hub:
+        leader.publish(10)
+        await until(lambda: hub.hub.copy.number)
+        async with listening(hub.url) as slow, listening(hub.url) as quick:
+            await until(lambda: is_model_of(slow, 10) and is_model_of(quick, 10))
+            listeners = list(hub.hub.relay.listeners.values())
+            given = listeners[0].next
+            listeners[0].next = lambda: None  # type: ignore[method-assign] # it can take nothing
+            for count in (11, 12, 13):
+                leader.publish(count)
+                await until(lambda count=count: is_model_of(quick, count))
+            assert slow.models == [1]
+            listeners[0].next = given  # type: ignore[method-assign]
+            listeners[0].give()
+            await until(lambda: is_model_of(slow, 13))
+            assert slow.models == [1, 4]
+
+
+async def test_a_wrong_password_of_redis_is_called_so() -> None:
+    with redis_server("--requirepass", "right") as guarded:
+        address = guarded.url.removeprefix("redis://")
+        for url in (guarded.url, f"redis://:wr0ng@{address}", f"redis://ann:wr0ng@{address}"):
+            manager = HubManager(url, "group", pytest.fail)
+            with pytest.raises(MmtError, match="refuses the user or the password") as caught:
+                await manager.require()
+            assert "wr0ng" not in str(caught.value)
+            await manager.close()
+        manager = HubManager(f"redis://:right@{address}", "group", pytest.fail)
+        await manager.require()
+        await manager.close()

@@ -1,0 +1,256 @@
+"""A store of models: what is added comes back whole, and nothing else gets in."""
+
+import asyncio
+import hashlib
+import json
+import socket
+import threading
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from sharing_samples import model_of, shared
+
+from mmt.core.errors import InputError, MmtError
+from mmt.core.requests import PROXY
+from mmt.link.access import Access
+from mmt.texture.model.texture_model import TextureModel
+from mmt_share.store import store as store_module
+from mmt_share.store.client import RemoteStore
+from mmt_share.store.store import Entry, ModelStore
+
+TOKEN = "0123456789abcdef0123"
+
+
+def test_a_model_is_there_once_and_by_its_hash(tmp_path: Path) -> None:
+    store, data = ModelStore(tmp_path / "new" / "folder"), model_of(10).to_bytes()
+    assert store.entries() == []
+    entry = store.add(data, Entry("table", "ann", "CC0"))
+    assert entry.hash == hashlib.sha256(data).hexdigest()
+    assert (entry.samples, entry.order, entry.inputs) == (10, 6, "isotropic")
+    assert store.add(data, Entry("another name")) == entry
+    assert store.entries() == [entry]
+    path = store.path(entry.hash)
+    assert path is not None
+    assert path.read_bytes() == data
+
+
+def test_what_is_no_model_or_too_much_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = ModelStore(tmp_path)
+    for data in (b"", b"PK nonsense", bytes(1000)):
+        with pytest.raises(InputError):
+            store.add(data, Entry("x"))
+    with pytest.raises(InputError, match="bytes: "):
+        store.add(bytes(store_module.LARGEST_BYTES + 1), Entry("x"))
+    monkeypatch.setattr(store_module, "MOST_MODELS", 1)
+    store.add(model_of(10).to_bytes(), Entry("x"))
+    with pytest.raises(InputError, match="takes no more"):
+        store.add(model_of(11).to_bytes(), Entry("y"))
+
+
+def test_what_is_damaged_is_left_out(tmp_path: Path) -> None:
+    store = ModelStore(tmp_path)
+    entry = store.add(model_of(10).to_bytes(), Entry("table"))
+    for name, text in (("a", "{"), ("b", "[1]"), ("c", json.dumps({"unknown": 1}))):
+        (tmp_path / f"{name * 64}.json").write_text(text)
+    (tmp_path / f"{'d' * 64}.json").write_text(json.dumps({"name": "gone", "hash": "d" * 64}))
+    assert store.entries() == [entry]
+
+
+@pytest.mark.parametrize("digest", ["", "../../etc/passwd", "a" * 63, "A" * 64, "a" * 65])
+def test_only_hashes_name_files(tmp_path: Path, digest: str) -> None:
+    assert ModelStore(tmp_path).path(digest) is None
+
+
+@pytest.mark.parametrize("said", [{}, {"name": " "}, {"name": "x", "error_db": "much"}])
+def test_who_pushes_must_give_a_name(said: dict[str, Any]) -> None:
+    with pytest.raises(InputError):
+        Entry.said(said)
+    assert Entry.said({"name": "\x1b[31m" + 999 * "x"}).name.startswith("\N{REPLACEMENT CHARACTER}")
+
+
+async def test_a_model_goes_there_and_comes_back(tmp_path: Path) -> None:
+    async with shared(store=str(tmp_path / "store"), accept=True) as sharing:
+        remote = RemoteStore(sharing.url, Access())
+        model = model_of(12)
+        pushed = await asyncio.to_thread(
+            remote.push, model.to_bytes(), Entry("table", "ann", "CC0", "oak", error_db=0.5)
+        )
+        assert await asyncio.to_thread(remote.entries) == [pushed]
+        assert (pushed.who, pushed.licence, pushed.error_db) == ("ann", "CC0", 0.5)
+        assert await asyncio.to_thread(remote.find, pushed.hash[:8]) == pushed
+        target = tmp_path / "table.npz"
+        await asyncio.to_thread(remote.fetch, pushed.hash, target)
+        same = TextureModel.load(target)
+        np.testing.assert_array_equal(same.samples.lsf, model.samples.lsf)
+        with pytest.raises(InputError, match=r"no model called chair .* there are table"):
+            await asyncio.to_thread(remote.find, "chair")
+        with pytest.raises(MmtError, match="not a texture model"):
+            await asyncio.to_thread(remote.push, b"nonsense", Entry("x"))
+
+
+async def test_a_fetch_that_broke_off_goes_on(tmp_path: Path) -> None:
+    data = model_of(40).to_bytes()
+    async with shared(store=str(tmp_path / "store"), accept=True) as sharing:
+        remote = RemoteStore(sharing.url, Access())
+        entry = await asyncio.to_thread(remote.push, data, Entry("table"))
+        target = tmp_path / "table.npz"
+        part = tmp_path / "table.npz.part"
+        part.write_bytes(data[:1000])
+        await asyncio.to_thread(remote.fetch, entry.hash, target)
+        assert target.read_bytes() == data
+        assert not part.exists()
+        part.write_bytes(b"of another model" * 10)
+        with pytest.raises(MmtError, match="is not model"):
+            await asyncio.to_thread(remote.fetch, entry.hash, target)
+        assert not part.exists()
+        for begun in (b"", data + b"of a longer model"):
+            part.write_bytes(begun)
+            await asyncio.to_thread(remote.fetch, entry.hash, target)
+            assert target.read_bytes() == data
+
+
+class Server:
+    """An HTTP server that gives one answer to all requests, and notes what they show."""
+
+    def __init__(self, answer: bytes, endless: bytes = b"") -> None:
+        self.shown: list[bytes] = []
+        self._answer, self._endless = answer, endless
+        self._socket = socket.create_server(("127.0.0.1", 0))
+        self.url = f"http://127.0.0.1:{self._socket.getsockname()[1]}"
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def _serve(self) -> None:
+        with suppress(OSError):
+            while True:
+                connection, _ = self._socket.accept()
+                with connection, suppress(OSError):
+                    self.shown.append(connection.recv(65_536))
+                    connection.sendall(self._answer)
+                    while self._endless:
+                        connection.sendall(self._endless)
+
+    def __enter__(self) -> "Server":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._socket.close()
+
+
+@pytest.mark.parametrize("status", [301, 302, 303, 307, 308])
+def test_a_token_goes_to_nobody_but_whom_it_is_for(status: int, tmp_path: Path) -> None:
+    with Server(b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\n[]") as other:
+        there = f"HTTP/1.1 {status} Go\r\nLocation: {other.url}/models\r\n\r\n"
+        with Server(there.encode()) as server:
+            remote = RemoteStore(server.url, Access(TOKEN))
+            with pytest.raises(MmtError, match=f"go to {other.url}/models, which is not followed"):
+                remote.entries()
+            with pytest.raises(MmtError, match="which is not followed"):
+                remote.fetch("a" * 64, tmp_path / "oak.npz")
+            with pytest.raises(MmtError, match="which is not followed"):
+                remote.push(b"", Entry("oak"))
+            assert all(TOKEN.encode() in shown for shown in server.shown)
+        assert other.shown == []
+
+
+def test_a_proxy_of_the_environment_sees_no_token(monkeypatch: pytest.MonkeyPatch) -> None:
+    with (
+        Server(b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\n[]") as proxy,
+        Server(b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\n[]") as server,
+    ):
+        for name in ("http_proxy", "https_proxy", "all_proxy"):
+            monkeypatch.setenv(name, proxy.url)
+        assert RemoteStore(server.url, Access(TOKEN)).entries() == []
+        assert (len(server.shown), proxy.shown) == (1, [])
+        for told in (False, True):  # the proxy is asked for a tunnel, and sees no more than that
+            if told:
+                monkeypatch.setenv(PROXY, proxy.url)
+            with pytest.raises(MmtError, match="does not answer"):
+                RemoteStore("https://127.0.0.1:1", Access(TOKEN)).entries()
+            assert [b"CONNECT 127.0.0.1:1" in shown for shown in proxy.shown] == [True] * told
+        assert not any(TOKEN.encode() in shown for shown in proxy.shown)
+
+
+@pytest.mark.parametrize("head", [b"", b"Content-Length: 999999999999\r\n"])
+def test_an_endless_listing_or_model_is_not_read_to_its_end(head: bytes, tmp_path: Path) -> None:
+    with Server(b"HTTP/1.1 200 OK\r\n" + head + b"\r\n[", b" " * 65_536) as server:
+        remote = RemoteStore(server.url, Access())
+        with pytest.raises(MmtError, match="sends more than it should"):
+            remote.entries()
+        with pytest.raises(MmtError, match="sends more than it should"):
+            remote.fetch("a" * 64, tmp_path / "oak.npz")
+        assert (tmp_path / "oak.npz.part").stat().st_size <= store_module.LARGEST_BYTES
+
+
+def test_a_listing_of_too_many_models_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    listing = json.dumps([ENTRY] * (store_module.MOST_MODELS + 1)).encode()
+    monkeypatch.setattr(RemoteStore, "_request", lambda *_, **__: listing)
+    with pytest.raises(MmtError, match="has no store of models that this program reads"):
+        RemoteStore("http://127.0.0.1:1", Access()).entries()
+
+
+ENTRY = {"name": "oak", "hash": "a" * 64, "samples": 10}
+
+
+@pytest.mark.parametrize(
+    "listing",
+    [
+        b"{",
+        b"[" * 100_000,
+        b"7",
+        b"[7]",
+        *(
+            json.dumps([{**ENTRY, **change}]).encode()
+            for change in ({"hash": "../../oak"}, {"hash": ""}, {"name": []}, {"samples": "10"})
+        ),
+        json.dumps([{**ENTRY, "unknown": 1}]).encode(),
+    ],
+)
+def test_a_listing_that_makes_no_sense_is_refused(
+    monkeypatch: pytest.MonkeyPatch, listing: bytes
+) -> None:
+    monkeypatch.setattr(RemoteStore, "_request", lambda *_, **__: listing)
+    remote = RemoteStore("http://127.0.0.1:1", Access())
+    with pytest.raises(MmtError, match="has no store of models that this program reads"):
+        remote.entries()
+    with pytest.raises(MmtError, match="cannot be read"):
+        remote.push(b"", Entry("oak"))
+
+
+def test_what_is_listed_can_be_printed(monkeypatch: pytest.MonkeyPatch) -> None:
+    listing = json.dumps([{**ENTRY, "note": "\x1b[31m"}])
+    monkeypatch.setattr(RemoteStore, "_request", lambda *_, **__: listing.encode())
+    (entry,) = RemoteStore("http://127.0.0.1:1", Access()).entries()
+    assert entry == Entry("oak", note="\N{REPLACEMENT CHARACTER}[31m", hash="a" * 64, samples=10)
+
+
+async def test_without_leave_nothing_is_added_and_without_a_store_nothing_is_there(
+    tmp_path: Path,
+) -> None:
+    async with shared(store=str(tmp_path / "store")) as sharing:
+        remote = RemoteStore(sharing.url, Access())
+        with pytest.raises(MmtError, match="it takes no models"):
+            await asyncio.to_thread(remote.push, model_of(10).to_bytes(), Entry("x"))
+    async with shared() as sharing:
+        with pytest.raises(MmtError, match="Not Found"):
+            await asyncio.to_thread(RemoteStore(sharing.url, Access()).entries)
+        port = sharing.server.port
+    with pytest.raises(MmtError, match="does not answer"):
+        await asyncio.to_thread(RemoteStore(f"http://127.0.0.1:{port}", Access()).entries)
+
+
+async def test_the_store_asks_for_the_token(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MMT_SHARING_TOKEN", TOKEN)
+    async with shared(store=str(tmp_path / "store"), accept=True) as sharing:
+        for token in (None, "another0123456789abcd"):
+            with pytest.raises(MmtError, match="give the leader's token"):
+                await asyncio.to_thread(RemoteStore(sharing.url, Access(token)).entries)
+        trusted = RemoteStore(sharing.url, Access(TOKEN))
+        await asyncio.to_thread(trusted.push, model_of(10).to_bytes(), Entry("x"))
+        assert len(await asyncio.to_thread(trusted.entries)) == 1

@@ -1,0 +1,127 @@
+"""The two scenarios: orders, answers, rows."""
+
+import csv
+from pathlib import Path
+
+import pytest
+
+from mmt.core.errors import InputError, MmtError
+from mmt_share.player.results import COLUMNS, ResultsFile
+from mmt_share.player.study import Exploration, Matching, Study, orders
+
+NAMES = tuple("abcdefghi")
+
+
+class Clock:
+    def __init__(self) -> None:
+        self.now_s = 0.0
+
+    def __call__(self) -> float:
+        self.now_s += 1.5
+        return self.now_s
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def a(scenario: type[Study], path: Path, participant: str = "P1", seed: int = 1) -> Study:
+    return scenario(NAMES, participant, seed, ResultsFile(path).write, Clock())
+
+
+def test_orders_are_random_and_the_same_for_the_same_seed_and_participant() -> None:
+    first = orders(1, "P1", "matching", 9)
+    assert first == orders(1, "P1", "matching", 9)
+    others = [orders(1, "P2", "matching", 9), orders(2, "P1", "matching", 9)]
+    others.append(orders(1, "P1", "exploration", 9))
+    assert all(other != first for other in others)
+    assert all(sorted(order) == list(range(9)) for pair in (first, *others) for order in pair)
+
+
+def test_every_place_of_an_order_is_as_likely() -> None:
+    firsts = [orders(0, f"P{number}", "matching", 4)[0][0] for number in range(400)]
+    assert all(60 <= firsts.count(tile) <= 140 for tile in range(4))  # 100 +- 4.6 deviations
+
+
+def test_exploration_rates_one_pair_after_the_other(tmp_path: Path) -> None:
+    study = a(Exploration, tmp_path / "r.csv")
+    for trial, texture in enumerate(study.order):
+        assert study.state()["tile"] == texture
+        assert [study.texture(tile) for tile in range(9)].count(None) == 8
+        with pytest.raises(InputError, match="stroke"):
+            study.rate(3)
+        study.stroked(texture, 0.6)
+        study.stroked(texture, 0.6)
+        assert study.state()["rates"]
+        study.rate(trial % 7 + 1)
+    assert study.done
+    with pytest.raises(InputError, match="all pairs"):
+        study.rate(1)
+    written = [row for row in rows(tmp_path / "r.csv") if row["event"] == "rating"]
+    assert [int(row["trial"]) for row in written] == list(range(1, 10))
+    assert [row["sample"] for row in written] == [NAMES[texture] for texture in study.order]
+    assert [int(row["rating"]) for row in written] == [1, 2, 3, 4, 5, 6, 7, 1, 2]
+    assert {row["participant"] for row in written} == {"P1"}
+    assert all(float(row["stroked_s"]) == 1.2 for row in written)
+
+
+def test_matching_counts_the_matches_and_hides_until_then(tmp_path: Path) -> None:
+    study = a(Matching, tmp_path / "r.csv")
+    under = {tile: study.texture(tile) for tile in range(9)}
+    right = {texture: tile for tile, texture in under.items()}
+    assert sorted(right) == list(range(9))
+    assert study.hidden
+    assert study.state()["textures"] is None
+    for sample in range(9):
+        study.answer(sample, right[sample])
+    study.answer(0, right[1])  # takes it from 1
+    with pytest.raises(InputError, match="1 samples have no tile"):
+        study.finish()
+    with pytest.raises(InputError, match="match all"):
+        study.rate(4)
+    study.answer(1, right[0])
+    assert study.finish() == "7 of 9 match"
+    assert study.state()["textures"] == [under[tile] for tile in range(9)]
+    with pytest.raises(InputError, match="no match can be changed"):
+        study.answer(1, right[1])
+    study.rate(6)
+    assert study.done
+    written = rows(tmp_path / "r.csv")
+    events = ["begin", *["answer"] * 11, "finish", "rating"]
+    assert [row["event"] for row in written] == events
+    assert [row["correct"] for row in written[1:13]] == ["1"] * 9 + ["0", "0", "7"]
+    assert written[-1]["rating"] == "6"
+
+
+def test_a_scenario_that_is_left_says_so(tmp_path: Path) -> None:
+    study = a(Exploration, tmp_path / "r.csv")
+    study.leave()
+    assert [row["event"] for row in rows(tmp_path / "r.csv")] == ["begin", "leave"]
+
+
+def test_rows_are_added_to_what_there_is(tmp_path: Path) -> None:
+    path = tmp_path / "deep" / "r.csv"
+    a(Exploration, path, "P1")
+    a(Matching, path, 'P "2", x')
+    assert [row["participant"] for row in rows(path)] == ["P1", 'P "2", x']
+    assert path.read_text().count("time_utc") == 1
+    assert path.read_text().splitlines()[0] == ",".join(COLUMNS)
+
+
+def test_a_file_of_something_else_is_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "r.csv"
+    path.write_text("a,b\n1,2\n")
+    with pytest.raises(InputError, match="its columns are not those of results"):
+        ResultsFile(path)
+
+
+def test_an_answer_that_cannot_be_written_is_not_taken(tmp_path: Path) -> None:
+    path = tmp_path / "r.csv"
+    study = a(Exploration, path)
+    study.stroked(study.order[0], 2.0)
+    path.unlink()
+    path.mkdir()
+    with pytest.raises(MmtError, match="results"):
+        study.rate(5)
+    assert study.state()["trial"] == 1

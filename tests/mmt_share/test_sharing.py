@@ -1,0 +1,362 @@
+"""A shared model: what listeners get, when they are slow, late, strangers or many."""
+
+import asyncio
+import re
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import socketio
+from sharing_samples import LONGEST_S, about, listening, model_of, shared, until
+
+from mmt.core.errors import InputError, MmtError
+from mmt.link.protocol import encode_event
+from mmt.link.socket_client import SocketClient
+from mmt.texture.synthesis.synthesizer import Synthesizer
+from mmt_share import relay as relay_module
+from mmt_share.messages import SHARING_VERSION, STATE, Hello
+from mmt_share.publishing import ModelPublisher
+from mmt_share.relay import Listener, Relay
+
+TOKEN = "0123456789abcdef0123"
+
+
+def rendered(model: object) -> np.ndarray:
+    synthesizer = Synthesizer(seed=7)
+    synthesizer.model = model  # type: ignore[assignment]
+    return synthesizer.render(np.linspace(5.0, 250.0, 500), np.linspace(0.2, 2.8, 500))
+
+
+async def test_a_listener_renders_each_state_of_the_model_to_the_bit() -> None:
+    async with shared() as sharing, listening(sharing.url, name="ann") as heard:
+        for count in (10, 11, 14):
+            sharing.publish(count)
+            await until(lambda count=count: heard.client.replica.about == about(count))
+            same = rendered(heard.client.replica.build())
+            np.testing.assert_array_equal(same, rendered(model_of(count)))
+        assert heard.models == [1, 2, 3]
+        assert (heard.client.wholes, heard.client.changes) == (1, 2)
+        assert heard.client.session == {"session_id": "abc", "name": "a table"}
+    joined, left = sharing.said
+    assert joined == "listener ann joined, 1 listening"
+    assert re.fullmatch(r"listener ann left after \d+ s \(.+\), 0 listening", left)
+
+
+async def test_who_joins_late_gets_the_whole_and_then_what_changes() -> None:
+    async with shared() as sharing:
+        for count in (10, 11, 12):
+            sharing.publish(count)
+        async with listening(sharing.url) as heard:
+            await until(lambda: heard.models)
+            sharing.publish(13)
+            await until(lambda: len(heard.models) == 2)
+            assert heard.models == [3, 4]
+            assert (heard.client.wholes, heard.client.changes) == (1, 1)
+
+
+async def test_a_listener_that_lacks_a_change_asks_for_the_whole() -> None:
+    async with shared() as sharing, listening(sharing.url) as heard:
+        sharing.publish(10)
+        await until(lambda: heard.models == [1])
+        heard.client.replica.number = 7  # as if it had come from another state
+        sharing.publish(11)
+        await until(lambda: heard.models == [1, 2])
+        assert (heard.client.wholes, heard.client.rejected) == (2, 1)
+        np.testing.assert_array_equal(
+            rendered(heard.client.replica.build()), rendered(model_of(11))
+        )
+
+
+def no_model() -> None:
+    raise InputError("the arrays are no model")
+
+
+async def test_states_are_waited_for_and_the_newest_is_given(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    async with shared() as sharing, listening(sharing.url) as heard:
+        client = heard.client
+        sharing.publish(10, ready=False)
+        assert await client.next_state() == (about(10, ready=False), None)
+        waiting = asyncio.create_task(client.next_state())
+        await asyncio.sleep(0.05)
+        assert not waiting.done()  # one that was given is not given again
+        sharing.publish(11)
+        state = await waiting
+        assert state.about == about(11)
+        np.testing.assert_array_equal(rendered(state.model), rendered(model_of(11)))
+        for count in (12, 13):
+            sharing.publish(count)
+            await until(lambda count=count: client.replica.about == about(count))
+        assert (await client.next_state()).about == about(13)
+        monkeypatch.setattr(client.replica, "build", no_model)
+        sharing.publish(14)
+        waiting = asyncio.create_task(client.next_state())
+        await until(lambda: heard.said[-1].startswith("the shared model cannot be rendered"))
+        assert not waiting.done()
+        monkeypatch.undo()
+        sharing.publish(15)
+        assert (await waiting).about == about(15)
+
+
+async def test_states_of_the_hand_arrive() -> None:
+    async with shared() as sharing, listening(sharing.url) as heard:
+        for time_s in (0.5, 0.55):
+            sharing.offer_state(time_s)
+            await until(lambda time_s=time_s: time_s in heard.states)
+        sharing.relay.offer_state(encode_event(STATE, b"short"), 0.6, 0)
+        await until(lambda: heard.client.rejected == 1)
+
+
+async def test_the_end_is_told() -> None:
+    async with shared() as sharing, listening(sharing.url) as heard:
+        await until(lambda: heard.client.session)
+        sharing.relay.finish("completed")
+        await until(lambda: "the shared session has ended: completed" in heard.said)
+
+
+def test_a_slow_listener_gets_what_is_newest_and_nothing_waits_for_it() -> None:
+    relay, publisher = Relay(), ModelPublisher()
+    listener = Listener(relay)
+    messages = [publisher.publish(model_of(count), about(count)) for count in (10, 11, 12, 13)]
+    relay.offer_model(*messages[0])
+    assert listener.next() == messages[0].whole
+    assert listener.next() is None
+    relay.offer_model(*messages[1])
+    assert listener.next() == messages[1].change
+    for message in messages[2:]:  # two of them while it could take none
+        relay.offer_model(*message)
+    for number in range(50):
+        relay.offer_state(b"%d" % number, float(number), 0)
+    assert listener.next() == messages[3].whole
+    assert listener.next() == b"49"
+    assert listener.next() is None
+    figures = listener.figures(0)
+    assert (figures["wholes"], figures["changes"], figures["states"]) == (2, 1, 1)
+    assert figures["skipped"] == 1 + 49
+    assert figures["wholes_bytes"] == len(messages[0].whole) + len(messages[3].whole)
+    assert (figures["number"], figures["lag_ms"], figures["answered_s"]) == (None, None, None)
+    assert relay.sent == listener.sent
+
+
+async def test_a_listener_that_takes_nothing_is_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(relay_module, "STALLED_S", 0.05)
+    relay = Relay()
+    listener = Listener(relay)
+
+    async def stall(_: bytes) -> None:
+        await asyncio.sleep(60.0)
+
+    relay.offer_state(b"a state", 0.0, 0)
+    with pytest.raises(TimeoutError):
+        await listener.serve(stall)
+
+
+async def test_one_that_waits_gets_what_is_newest_by_then_and_the_others_all() -> None:
+    relay, gate = Relay(), asyncio.Event()
+    got: dict[str, list[bytes]] = {"slow": [], "quick": []}
+
+    async def slowly(message: bytes) -> None:
+        await gate.wait()
+        got["slow"].append(message)
+
+    async def quickly(message: bytes) -> None:
+        got["quick"].append(message)
+
+    serving = []
+    for name, send in (("slow", slowly), ("quick", quickly)):
+        relay.listeners[name] = Listener(relay)
+        serving.append(asyncio.create_task(relay.listeners[name].serve(send)))
+    await asyncio.sleep(0)
+    states = [b"%d" % number for number in range(5)]
+    for number, message in enumerate(states):
+        relay.offer_state(message, float(number), 0)
+        await until(lambda number=number: len(got["quick"]) == number + 1)
+    gate.set()
+    await until(lambda: len(got["slow"]) == 2)
+    relay.finish("completed")
+    await asyncio.gather(*serving)
+    assert got["quick"] == [*states, relay.end]
+    assert got["slow"] == [states[0], states[-1], relay.end]
+    assert relay.sent["skipped"] == 3
+
+
+async def test_a_listener_gets_as_many_states_as_it_wants(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = [100.0]
+    monkeypatch.setattr(relay_module, "time", SimpleNamespace(monotonic=lambda: now_s[0]))
+    relay = Relay()
+    got: dict[float | None, list[bytes]] = {None: [], 1.0: [], 5.0: []}
+    serving = []
+    for states_hz, taken in got.items():
+
+        async def take(message: bytes, taken: list[bytes] = taken) -> None:
+            taken.append(message)
+
+        listener = relay.listeners[str(states_hz)] = Listener(relay, states_hz)
+        serving.append(asyncio.create_task(listener.serve(take)))
+    await asyncio.sleep(0)
+    for number in range(8 + 200):
+        relay.offer_state(b"%d" % number, float(number), 0)
+        await until(lambda number=number: len(got[None]) == number + 1)
+        now_s[0] += 0.05
+    relay.offer_model(1, b"whole", None)
+    relay.finish("completed")
+    await asyncio.gather(*serving)
+    for states_hz, expected in ((1.0, 8 + 10), (5.0, 8 + 50)):
+        *states, whole, end = got[states_hz]
+        assert states[:8] == got[None][:8]
+        assert len(states) == pytest.approx(expected, abs=1)
+        assert (whole, end) == (b"whole", relay.end)
+    assert relay.sent["skipped"] == 0
+
+
+@pytest.mark.parametrize("states_hz", [0.0, -1.0, 1e9, float("nan"), "often", [1.0]])
+def test_a_rate_of_states_that_makes_no_sense_is_refused(states_hz: object) -> None:
+    auth = {"sharing": SHARING_VERSION, "role": "listener", "states_hz": states_hz}
+    with pytest.raises(InputError, match=r"states_hz must be absent, or a number from 0\.01"):
+        Hello.from_auth(auth)
+
+
+async def test_one_that_has_gone_is_served_no_more() -> None:
+    relay = Relay()
+    listener = relay.listeners["one"] = Listener(relay)
+
+    async def gone(_: bytes) -> None:
+        raise ConnectionResetError("it has gone")
+
+    serving = asyncio.create_task(listener.serve(gone))
+    await asyncio.sleep(0)
+    relay.offer_state(b"a state", 0.0, 0)
+    with pytest.raises(ConnectionResetError):
+        await serving
+    relay.offer_state(b"another", 1.0, 0)
+    await asyncio.sleep(0)
+    assert relay.sent["states"] == 1
+
+
+@pytest.mark.parametrize("given", [None, "", "another0123456789abcd"])
+async def test_without_the_token_nobody_listens(
+    monkeypatch: pytest.MonkeyPatch, given: str | None
+) -> None:
+    monkeypatch.setenv("MMT_SHARING_TOKEN", TOKEN)
+    async with shared() as sharing:
+        monkeypatch.setenv("MMT_SHARING_TOKEN", given or "")
+        with pytest.raises(MmtError, match="give the listener the leader's token"):
+            async with listening(sharing.url):
+                pass
+        monkeypatch.setenv("MMT_SHARING_TOKEN", TOKEN)
+        sharing.publish(10)
+        async with listening(sharing.url) as heard:
+            await until(lambda: heard.models)
+    assert len(sharing.said) == 2
+
+
+async def test_no_more_listen_than_the_scene_allows() -> None:
+    async with shared(most=1) as sharing, listening(sharing.url):
+        with pytest.raises(MmtError, match="1 are listening already: raise most"):
+            async with listening(sharing.url):
+                pass
+
+
+async def test_everyone_is_let_in_only_where_the_scene_says_so() -> None:
+    with pytest.raises(InputError, match=r"lets everyone .* be a listener: set a token"):
+        async with shared(host="0.0.0.0"):
+            pass
+
+
+async def test_many_join_at_once() -> None:
+    async with shared() as sharing:
+        sharing.publish(40)
+        clients = [listening(sharing.url) for _ in range(60)]
+        heard = await asyncio.gather(*(client.__aenter__() for client in clients))
+        try:
+            await until(lambda: all(each.models for each in heard))
+        finally:
+            await asyncio.gather(*(client.__aexit__(None, None, None) for client in clients))
+
+
+async def test_what_makes_no_sense_is_survived_and_too_much_of_it_ends_the_connection() -> None:
+    async with shared() as sharing, listening(sharing.url) as heard:
+        sharing.publish(10)
+        stranger = socketio.AsyncClient(serializer="msgpack", reconnection=False)
+        hello = {"sharing": SHARING_VERSION, "role": "listener", "name": "\x1b[31m" + 99 * "x"}
+        await stranger.connect(sharing.url, auth=hello, transports=["websocket"])
+        for event, argument in (("again", {"a": [1, b"x"]}), ("frames", b"abc"), ("", None)):
+            await stranger.emit(event, argument)
+        with suppress(socketio.exceptions.SocketIOError):
+            async with asyncio.timeout(LONGEST_S):
+                while stranger.connected:
+                    await stranger.emit("again", bytes(5000))
+                    await asyncio.sleep(0.001)
+        await stranger.disconnect()
+        sharing.publish(11)
+        await until(lambda: heard.models[-1:] == [2])
+        assert heard.client.rejected == 0
+    assert "\x1b" not in "".join(sharing.said)
+
+
+@pytest.mark.parametrize(
+    ("auth", "refusal"),
+    [
+        (None, "this port is for listeners"),
+        ({"role": "follower", "sharing": 1}, "this port is for listeners"),
+        ({"role": "operator", "sharing": 1}, "no control is given to this listener"),
+        ({"role": "listener", "sharing": 99}, "version 99 of sharing"),
+    ],
+)
+async def test_who_is_no_listener_is_refused(auth: dict[str, object] | None, refusal: str) -> None:
+    async with shared() as sharing:
+        stranger = socketio.AsyncClient(serializer="msgpack", reconnection=False)
+        said: list[str] = []
+        stranger.on("connect_error", lambda problem: said.append(problem["message"]))
+        with pytest.raises(socketio.exceptions.ConnectionError):
+            await stranger.connect(sharing.url, auth=auth, transports=["websocket"])
+        assert refusal in said[0]
+
+
+async def test_who_is_connected_stays_so_though_the_last_of_it_took_too_long(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    opened = SocketClient.open
+
+    async def late(self: SocketClient, *arguments: Any) -> str:
+        await opened(self, *arguments)
+        return "it took too long"
+
+    monkeypatch.setattr(SocketClient, "open", late)
+    async with shared() as sharing, listening(sharing.url) as heard:
+        sharing.publish(10)
+        await until(lambda: heard.models == [1])
+    assert [each["kind"] for each in sharing.details] == ["listener joined", "listener left"]
+
+
+async def test_nobody_there_is_said() -> None:
+    with pytest.raises(MmtError, match=r"no leader answered at http://127\.0\.0\.1:9"):
+        async with listening("http://127.0.0.1:9", patience_s=0.5):
+            pass
+
+
+@pytest.mark.parametrize(("store", "imported"), [(False, ""), (True, "numba scipy")])
+def test_only_a_store_needs_the_compiled_numerics(
+    tmp_path: Path, store: bool, imported: str
+) -> None:
+    program = (
+        "import sys\n"
+        "from mmt_share.process import Relay, Sharing, SharingServer\n"
+        f"table = Sharing(store={str(tmp_path) if store else None!r})\n"
+        "SharingServer(table, Relay(), {}, lambda text, count: None)\n"
+        "print(*sorted({'numba', 'scipy'} & set(sys.modules)))"
+    )
+    found = subprocess.run(
+        [sys.executable, "-c", program],
+        check=True,
+        capture_output=True,
+        text=True,
+        timeout=150,
+    )
+    assert found.stdout.strip() == imported

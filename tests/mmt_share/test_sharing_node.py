@@ -1,0 +1,59 @@
+"""A listener in another language: npm's stock socket.io-client under Node."""
+
+import asyncio
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from hub_samples import needs_redis, redis_server, serving
+from node_programs import NEEDS_NODE, run_node
+from sharing_samples import WELCOME, Shared, about, model_of, shared, until
+
+from mmt_share.relay import Listener, Relay
+
+PROGRAM = Path(__file__).with_name("stock_listener.cjs")
+
+WELCOMED = {"sharing": 1, **WELCOME}
+
+pytestmark = NEEDS_NODE
+
+
+def models_given(listener: Listener) -> int:
+    return listener.sent["wholes"] + listener.sent["changes"]
+
+
+async def heard_under_node(sharing: Shared, url: str, relay: Relay) -> dict[str, Any]:
+    """What a client hears at this address, where this relay's listeners are, of a growing model."""
+    running = asyncio.create_task(run_node(PROGRAM, url, 9))
+    await until(lambda: relay.listeners or running.done())
+    (listener,) = relay.listeners.values()
+    sharing.offer_state(1.5, force_n=0.75)
+    # the first change of an order brings all samples of the new one
+    models = [model_of(6, order=8), *(model_of(count) for count in (6, 8, 9))]
+    for number, model in enumerate(models, start=1):
+        sharing.offer(model, about(number))
+        await until(lambda number=number: models_given(listener) == number)
+    code, printed, complaints = await running
+    assert code == 0, complaints
+    heard: dict[str, Any] = json.loads(printed)
+    assert heard["numbers"] == [1, 2, 3, 4]
+    assert heard["file"] == "PK"
+    assert heard["state"] == {"time_s": 1.5, "force_n": 0.75, "contact": 1}
+    np.testing.assert_array_equal(heard["variances"], model_of(9).samples.variance)
+    return heard
+
+
+async def test_a_stock_client_under_node_follows_a_model_that_grows() -> None:
+    async with shared() as sharing:
+        heard = await heard_under_node(sharing, sharing.url, sharing.relay)
+    assert heard["welcome"] == WELCOMED
+
+
+@needs_redis
+async def test_a_stock_client_under_node_follows_it_at_a_hub() -> None:
+    with redis_server() as redis:
+        async with shared() as sharing, serving(sharing.url, redis.url) as hub:
+            await until(lambda: hub.hub.copy.session_id)
+            heard = await heard_under_node(sharing, hub.url, hub.hub.relay)
+    assert heard["welcome"] == {**WELCOMED, "hubs": []}

@@ -1,0 +1,183 @@
+"""One surface, several hands: leader, follower and listeners as processes."""
+
+import json
+import signal
+import socket
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from service_processes import Service, follower_of, scene
+
+from mmt_share.store.store import ModelStore
+
+SCENE = scene("demo")
+
+
+def share(directory: Path, duration_s: float, **variables: str) -> Service:
+    return Service(
+        *("leader", SCENE, "--share", "--json-lines", "--port", 0, "--duration", duration_s),
+        cwd=directory,
+        MMT_SHARING__PORT="0",
+        MMT_SHARING__STORE=str(directory / "store"),
+        **variables,
+    )
+
+
+def listen(directory: Path, url: str, *arguments: object, **variables: str) -> Service:
+    return Service("listener", url, "--json-lines", *arguments, cwd=directory, **variables)
+
+
+def nobody_listens(port: int) -> bool:
+    """Whether a port of this machine is free to be listened on."""
+    with socket.socket() as client:
+        return client.connect_ex(("127.0.0.1", port)) != 0
+
+
+def shared_at(leader: Service) -> str:
+    """Wait until listeners may connect, and return where."""
+    leader.wait_for(lambda: any(e.startswith("shared at ") for e in leader.events()))
+    (sentence,) = (e for e in leader.events() if e.startswith("shared at "))
+    return sentence.removeprefix("shared at ")
+
+
+def test_two_listeners_render_the_model_while_it_grows(tmp_path: Path) -> None:
+    # the sum of distances is met at the same time whatever the surface
+    with share(tmp_path, 60.0, MMT_TEXTURE__METHOD="published") as leader:
+        leader.port()
+        url = shared_at(leader)
+        with (
+            listen(tmp_path, url, "--name", "early") as early,
+            follower_of(leader, "demo", tmp_path) as follower,
+        ):
+            leader.wait_for(lambda: any("start criterion" in e for e in leader.events()))
+            with listen(tmp_path, url, "--name", "late") as late:
+                for listener in (early, late):
+                    listener.wait_for(
+                        lambda who=listener: any("rendering the shared" in e for e in who.events())
+                    )
+                leader.wait_for(lambda: any("stop criterion" in e for e in leader.events()))
+                leader.signal(signal.SIGINT)
+                assert (leader.end(), follower.end()) == (0, 0), leader.stderr
+                for listener in (early, late):
+                    listener.wait_for(lambda who=listener: "has ended" in " ".join(who.events()))
+                    listener.signal(signal.SIGINT)
+                    assert listener.end() == 0, listener.stderr
+                found = [listener.summary() for listener in (early, late)]
+    sharing = leader.summary()["sharing"]
+    for summary in found:
+        listening = summary["listening"]
+        assert listening["session_id"] == leader.summary()["session"]["id"]
+        assert listening["rejected"] == 0
+        assert listening["whole_models"] == 1
+        assert listening["number"] == sharing["models"]
+        assert summary["vibration"]["mode"] == "synthesized"
+    assert found[0]["listening"]["changes"] > 0
+    assert (sharing["joined"], sharing["most_listeners"]) == (2, 2)
+    heard = {each["name"]: each for each in sharing["listeners"]}
+    for name, summary in zip(("early", "late"), found, strict=True):
+        listening = summary["listening"]
+        assert (heard[name]["wholes"], heard[name]["changes"]) == (1, listening["changes"])
+        assert heard[name]["states"] == listening["states"] > 0
+        assert 0 < heard[name]["number"] <= sharing["models"]  # it is told once a second
+        assert heard[name]["why"]
+    assert 0.0 <= heard["early"]["lag_p50_ms"] <= heard["early"]["lag_p99_ms"]
+    for kind in ("wholes", "changes", "states", "skipped"):
+        assert sharing["sent"][kind] == sum(each[kind] for each in heard.values())
+    (entry,) = ModelStore(tmp_path / "store").entries()
+    assert (entry.name, entry.samples) == ("demo", leader.summary()["texture"]["samples"])
+    joined = [e for e in leader.events() if "joined" in e]
+    assert [e.partition(" joined")[0] for e in joined] == ["listener early", "listener late"]
+
+
+def test_a_leader_that_returns_is_followed(tmp_path: Path) -> None:
+    """Killed, so that it says no goodbye; its process for listeners goes with it."""
+    with share(tmp_path, 60.0) as leader:
+        leader.port()
+        url = shared_at(leader)
+        with listen(tmp_path, url) as listener:
+            listener.wait_for(lambda: "listening to demo" in listener.events())
+            leader.signal(signal.SIGKILL)
+            listener.wait_for(lambda: any("cut off" in e for e in listener.events()))
+            port = url.rpartition(":")[2]
+            listener.wait_for(lambda: nobody_listens(int(port)))  # it is closed after the lines
+            with Service(
+                *("leader", SCENE, "--share", "--json-lines", "--port", 0),
+                cwd=tmp_path,
+                MMT_SHARING__PORT=port,
+            ) as again:
+                again.port()
+                shared_at(again)
+                listener.wait_for(lambda: listener.events().count("listening to demo") == 2)
+                again.signal(signal.SIGINT)
+                again.end()
+            listener.signal(signal.SIGINT)
+            assert listener.end() == 0, listener.stderr
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A leader that shared until it was interrupted, and one that wanted its port meanwhile."""
+
+    url: str
+    ended_after_s: float
+    second: Service
+
+
+@pytest.fixture(scope="module")
+def pair(tmp_path_factory: pytest.TempPathFactory) -> Pair:
+    directory = tmp_path_factory.mktemp("pair")
+    with share(directory, 60.0) as leader:
+        leader.port()
+        url = shared_at(leader)
+        port = url.rpartition(":")[2]
+        with Service(
+            *("leader", SCENE, "--share", "--port", 0), cwd=directory, MMT_SHARING__PORT=port
+        ) as second:
+            second.end()
+        began_s = leader.signal(signal.SIGINT)
+        leader.end()
+        return Pair(url, time.monotonic() - began_s, second)
+
+
+def test_a_port_that_is_taken_ends_the_session_with_a_sentence(pair: Pair) -> None:
+    assert pair.second.process.returncode == 1
+    assert "the model cannot be shared: cannot listen on 127.0.0.1" in pair.second.stderr
+    assert "set host and port of [sharing]" in pair.second.stderr
+    assert "Traceback" not in pair.second.stderr
+
+
+@pytest.mark.parametrize(
+    ("url", "said"),
+    [
+        ("http://127.0.0.1:9", "no leader answered at http://127.0.0.1:9"),
+        ("nonsense", "leader's URL 'nonsense'"),
+    ],
+)
+def test_nobody_there_is_said_in_a_sentence(tmp_path: Path, url: str, said: str) -> None:
+    with listen(tmp_path, url, MMT_LISTENING__PATIENCE_S="0.5") as listener:
+        assert listener.end() in (1, 2)
+        assert said in listener.stderr
+        assert "Traceback" not in listener.stderr
+
+
+@pytest.mark.parametrize("options", [(), ("--json", "found.json")])
+def test_a_listener_whose_time_is_over_says_that_it_heard_nobody(
+    tmp_path: Path, options: tuple[str, ...]
+) -> None:
+    url = "http://127.0.0.1:9"
+    with Service("listener", url, "--duration", 0.2, *options, cwd=tmp_path) as listener:
+        assert listener.end() == 1
+        assert f"no leader was heard at {url}" in listener.stderr
+        assert "Traceback" not in listener.stderr
+    if options:
+        found = json.loads((tmp_path / "found.json").read_text())
+        assert found["outcome"] == f"failed: no leader was heard at {url}"
+        assert found["listening"]["session_id"] is None
+
+
+def test_the_process_for_listeners_ends_with_its_leader(tmp_path: Path, pair: Pair) -> None:
+    assert pair.ended_after_s < 10.0
+    with listen(tmp_path, pair.url, MMT_LISTENING__PATIENCE_S="0.5") as listener:
+        assert listener.end() == 1
