@@ -20,10 +20,10 @@ from mmt.devices.calibrations import save_calibration
 from mmt.evaluation.report_files import write_report_files
 from mmt.session import export_session
 from mmt.session.data import RecordedSession
-from mmt.web.player.results import COLUMNS, ResultsFile
 from mmt_bridges.haptics.ahap import write_ahap
 from mmt_bridges.haptics.effects import write_wav
 from mmt_bridges.haptics.hjif import write_hjif
+from mmt_share.player.results import COLUMNS, ResultsFile
 
 SESSION = RecordedSession(made_frames(0, 4000))
 VIBRATION = np.random.default_rng(1).standard_normal(40_000)

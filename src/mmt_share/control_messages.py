@@ -18,8 +18,7 @@ from mmt.core.printable import printable
 from mmt.link.access import Access
 from mmt.link.protocol import encode_event
 from mmt.scene.secured_table import SecuredTable
-
-CONTROL_VARIABLE: Final = "MMT_CONTROL_TOKEN"
+from mmt_share.tables import CONTROL_VARIABLE
 
 ASK: Final = "ask"
 """From an operator: may this hand have control? No argument."""

@@ -186,3 +186,9 @@ def encode_change(number: int, made_ns: int, about: About, change: dict[str, Any
     """Return the message that leads from a model's last number to this one."""
     head = {"number": number, "since": number - 1, "made_ns": made_ns}
     return encode_event(CHANGE, {**head, **about.as_dict(), **change})
+
+
+def shared_at(sentence: str) -> str | None:
+    """Return where a leader's event says that its model is shared, None for any other event."""
+    before, _, url = sentence.partition("shared at ")
+    return url if url and not before else None

@@ -1,11 +1,16 @@
-"""The tables of a model that is shared: of its leader, of listeners, and of the hubs between."""
+"""The tables and the parts of a model that is shared, of its leader and of its listeners."""
 
 from pathlib import Path
+from typing import ClassVar, Final, Literal
 
 from pydantic import Field
 
+from mmt.scene.added import AddedPart, Flag
 from mmt.scene.secured_table import SecuredTable, ServedTable
-from mmt.scene.table import PartTable, Table
+from mmt.scene.table import PartTable
+
+CONTROL_VARIABLE: Final = "MMT_CONTROL_TOKEN"
+_VISITORS: Final = "mmt_share.commands.visiting:visitors_page"
 
 
 class Sharing(ServedTable):
@@ -27,31 +32,70 @@ class Control(PartTable):
 class Operating(PartTable):
     """``[operating]``: this listener asks for control of the leader's robot."""
 
+    gives: ClassVar[tuple[Literal["model", "force"], ...]] = ("force",)
+
     token_file: Path | None = None
 
 
 class Listening(SecuredTable):
     """``[listening]``: render the model that another machine's leader shares."""
 
+    gives: ClassVar[tuple[Literal["model", "force"], ...]] = ("model",)
+
     url: str = "http://127.0.0.1:8766"
     name: str | None = Field(None, max_length=64)
     patience_s: float = Field(10.0, ge=0.5, le=3600)
 
 
-class Hub(Table):
-    """``[hub]``: hubs that share one leader's model find each other at a Redis server."""
-
-    redis: str = Field(
-        "redis://127.0.0.1:6379", pattern=r"^(rediss?|unix)://", max_length=1024, repr=False
-    )
-    group: str | None = Field(None, min_length=1, max_length=256)
-    address: str | None = Field(None, pattern=r"^https?://", max_length=256)
-    states_hz: float = Field(20.0, gt=0, le=20)
-
-
-class HubScene(Table):
-    """The tables of ``mmt hub``: its Redis server, its listeners, and the leader."""
-
-    hub: Hub = Hub()
-    sharing: Sharing = Sharing()
-    listening: Listening = Listening()
+SHARING: Final = AddedPart(
+    "mmt_share.parts.sharing:SharingPart",
+    before="control",
+    table=Sharing,
+    tasks=("sharing",),
+    rules="mmt_share.rules:sharing",
+    flags=(
+        Flag("--share", "Let others feel the surface: share the model.", ("sharing",)),
+        Flag(
+            "--page",
+            "Share the model, and serve a page for visitors.",
+            ("sharing",),
+            guest=_VISITORS,
+        ),
+        Flag(
+            "--share",
+            "Let others feel the surface: share the model.",
+            ("sharing",),
+            command="demo",
+            guest=_VISITORS,
+        ),
+    ),
+    foreign=("hub",),
+)
+CONTROL: Final = AddedPart(
+    "mmt_share.parts.control:ControlPart",
+    before="metrics",
+    table=Control,
+    rules="mmt_share.rules:control",
+    flags=(
+        Flag(
+            "--control",
+            "Share, and let a listener with the token for it have control.",
+            ("sharing", "control"),
+        ),
+    ),
+    secrets=(CONTROL_VARIABLE,),
+)
+LISTENING: Final = AddedPart(
+    "mmt_share.parts.listening:ListeningPart",
+    before="metrics",
+    table=Listening,
+    tasks=("listening",),
+    rules="mmt_share.rules:listening",
+)
+OPERATING: Final = AddedPart(
+    "mmt_share.parts.operating:OperatingPart",
+    before="playout",
+    table=Operating,
+    rules="mmt_share.rules:operating",
+    secrets=(CONTROL_VARIABLE,),
+)

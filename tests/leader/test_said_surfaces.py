@@ -16,7 +16,7 @@ from mmt.web.monitor.controls import Controls
 
 async def ordered(surface: Any, surfaces: Any) -> tuple[bool, str, list[int]]:
     said: list[int] = []
-    leader: Any = SimpleNamespace(surfaces=surfaces, say_surface=said.append)
+    leader: Any = SimpleNamespace(surfaces=surfaces, say_surface=said.append, orders={})
     order = json.dumps({"id": 1, "do": "surface", "surface": surface})
     _, answer = await Controls(leader).answer(order)
     message = unpack(answer)

@@ -28,6 +28,7 @@ from mmt_share.server import SharingServer
 from mmt_share.tables import Listening, Sharing
 
 LONGEST_S = 30.0
+LISTENS = "mmt_share.commands.listener"
 WELCOME = {"session_id": "abc", "name": "a table", "rate_hz": 1000}
 
 

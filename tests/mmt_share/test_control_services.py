@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from service_processes import Service, scene
+from sharing_samples import LISTENS
 from typer.testing import CliRunner
 
 from mmt.cli.main import app
@@ -57,7 +58,9 @@ def listen(directory: Path, leader: Service, name: str, *more: str, **variables:
     file.write_text(LISTENER, "utf-8")
     url = sentence.removeprefix("shared at ")
     return Service(
-        *("listener", url, file, "--name", name, "--json-lines", *more), cwd=directory, **variables
+        *(LISTENS, url, file, "--name", name, "--json-lines", *more),
+        cwd=directory,
+        **variables,
     )
 
 

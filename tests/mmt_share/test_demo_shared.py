@@ -81,8 +81,8 @@ async def test_a_page_that_cannot_be_served_says_why() -> None:
 STARTER = """
 import asyncio, sys
 from mmt_share.commands.visiting import VisitorsPage
-page = VisitorsPage()
-print(asyncio.run(page.open(sys.argv[1], code=False)), flush=True)
+page = VisitorsPage(code=False)
+print(asyncio.run(page.open(sys.argv[1])), flush=True)
 page.wait()
 """
 

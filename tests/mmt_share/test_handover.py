@@ -19,6 +19,7 @@ from mmt_share.parts.clutch import Clutch
 from mmt_share.parts.control import ControlPart
 from mmt_share.parts.handover import HandOver
 from mmt_share.parts.operator_motion import OperatorMotion
+from mmt_share.tables import Control
 
 HOLD, SILENCE = 5, 8
 LISTENERS = st.integers(1, 3)
@@ -258,7 +259,7 @@ class Robot:
         self.shared = SharedPart()
         hand = type("Hand", (), {"control": None})()
         self.session.remote = FollowerThere()  # type: ignore[assignment]
-        table = self.session.scene.control
+        table = self.session.scene.table(Control)
         assert table is not None
         self.part = ControlPart(self.session, table, hand, self.shared, None)  # type: ignore[arg-type]
         self.ns = 1_000_000_000
@@ -330,7 +331,7 @@ def test_the_robot_holds_follows_the_operator_holds_and_follows_the_leader(
         robot.step((0.1 * k, 0.0, 0.0), (100.0, 0.0, 0.0))
     held = robot.commands[-1]
     robot.part.receive({"control": "ask", "who": 7, "name": "ann"})
-    assert robot.part.state["asking"] == [[7, "ann"]]
+    assert robot.part.shown()["control"]["asking"] == [[7, "ann"]]
     robot.part.give(7)
     for _ in range(FADE_TICKS):
         robot.step((50.0, 5.0, 5.0), (100.0, 0.0, 0.0))
@@ -352,12 +353,12 @@ def test_the_robot_holds_follows_the_operator_holds_and_follows_the_leader(
     assert 23.0 < robot.commands[-1][1] <= 25.0
     for _ in range(201):
         robot.step((50.0, 5.0, 5.0))
-    assert robot.part.state["state"] == "returning"
+    assert robot.part.shown()["control"]["state"] == "returning"
     last = robot.commands[-1]
     for _ in range(FADE_TICKS + 1):
         robot.step((50.0, 5.0, 5.0))
     assert robot.commands[-1] == last  # the leader's hand rests, and so does the robot
-    assert robot.part.state["state"] == "own"
+    assert robot.part.shown()["control"]["state"] == "own"
     for k in range(3000):
         robot.step((50.0 + 0.05 * k, 5.0, 5.0), (50.0, 0.0, 0.0))
     assert robot.commands[-1] == pytest.approx((50.0 + 0.05 * 2999, 5.0, 5.0))
@@ -429,7 +430,7 @@ def test_control_is_not_given_where_there_is_no_robot(monkeypatch: pytest.Monkey
     with pytest.raises(InputError, match="no robot"):
         robot.part.give(1)
     robot.part.toggle()
-    assert robot.part.state["state"] == "own"
+    assert robot.part.shown()["control"]["state"] == "own"
 
 
 def test_without_its_own_token_control_cannot_be_had(monkeypatch: pytest.MonkeyPatch) -> None:

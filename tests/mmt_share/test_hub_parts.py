@@ -14,12 +14,13 @@ from sharing_samples import about, model_of
 from mmt.core.errors import InputError
 from mmt.core.printable import without_secrets
 from mmt.link.rate_limit import PeriodLimit
-from mmt.scene.files import load_hub_scene, load_scene
+from mmt.scene.files import load_scene
 from mmt_share.client import ListenerClient
 from mmt_share.hub.copy import HubCopy
 from mmt_share.hub.descriptors import make_room
 from mmt_share.hub.manager import HubManager
 from mmt_share.hub.peers import FIRST_S, LOST_S, Beat, Peers
+from mmt_share.hub.scene import load_hub_scene
 from mmt_share.messages import CHANGE, MODEL, WELCOME
 from mmt_share.publishing import ModelPublisher
 from mmt_share.relay import Listener, Relay

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from service_processes import Service, follower_of, scene
+from sharing_samples import LISTENS
 
 from mmt_share.store.store import ModelStore
 
@@ -26,7 +27,7 @@ def share(directory: Path, duration_s: float, **variables: str) -> Service:
 
 
 def listen(directory: Path, url: str, *arguments: object, **variables: str) -> Service:
-    return Service("listener", url, "--json-lines", *arguments, cwd=directory, **variables)
+    return Service(LISTENS, url, "--json-lines", *arguments, cwd=directory, **variables)
 
 
 def nobody_listens(port: int) -> bool:
@@ -167,7 +168,7 @@ def test_a_listener_whose_time_is_over_says_that_it_heard_nobody(
     tmp_path: Path, options: tuple[str, ...]
 ) -> None:
     url = "http://127.0.0.1:9"
-    with Service("listener", url, "--duration", 0.2, *options, cwd=tmp_path) as listener:
+    with Service(LISTENS, url, "--duration", 0.2, *options, cwd=tmp_path) as listener:
         assert listener.end() == 1
         assert f"no leader was heard at {url}" in listener.stderr
         assert "Traceback" not in listener.stderr

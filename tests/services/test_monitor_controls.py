@@ -72,7 +72,7 @@ async def test_what_cannot_be_done_is_said_in_words(tmp_path: Path, browser: Bro
         ({"do": "mode", "mode": "loud"}, "allowed are auto, streamed, synthesized"),
         ({"do": "mode", "mode": ["auto"]}, "allowed are auto, streamed, synthesized"),
         ({"do": "record", "on": 1}, "allowed are true and false"),
-        ({"do": "control", "decision": "give", "who": 1}, "this scene hands control to nobody"),
+        ({"do": "control", "decision": "give", "who": 1}, "allowed are mark, reset"),
         ({"do": "dance"}, "allowed are mark, reset"),
         ({"do": ["mark"]}, "allowed are mark, reset"),
         ({"do": "mark", "text": "x" * 201}, "200 characters"),

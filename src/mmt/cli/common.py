@@ -42,11 +42,6 @@ OPTIONS: Final = {
     "link.port": "--port",
     "rendering.model": "--model",
     "replay.speed": "--speed",
-    "listening.url": "URL",
-    "listening.name": "--name",
-    "hub.redis": "--redis",
-    "hub.address": "--address",
-    "sharing.port": "--port",
 }
 """The option, or argument, by which a command takes a key of a scene: what messages call it."""
 
@@ -67,12 +62,6 @@ output = Terminal(markup=False, emoji=False)
 messages = Terminal(stderr=True, markup=False, emoji=False)
 """For progress, notes and errors."""
 messages.soft_wrap = not messages.is_terminal  # a program reads whole lines
-
-
-def shared_at(sentence: str) -> str | None:
-    """Return where a leader's event says that its model is shared, None for any other event."""
-    before, _, url = sentence.partition("shared at ")
-    return url if url and not before else None
 
 
 def run_app(app: typer.Typer, program: str) -> None:

@@ -20,6 +20,7 @@ from mmt.cli.common import (
 )
 from mmt.cli.emulated_pair import coil_log, hand_log, pair_named, write_emulated
 from mmt.cli.ending import ending_lines
+from mmt.cli.guests import invite, with_flags
 from mmt.cli.scene_services import DemoRun, run_services
 from mmt.core.errors import InputError, MmtError
 from mmt.core.existing_files import free_path
@@ -28,14 +29,16 @@ from mmt.core.realtime import require_real_time
 from mmt.devices.drivers import load_device
 from mmt.follower.sources import build_source
 from mmt.scene import Scene
+from mmt.scene.added import Flag, added_flags, tables_of
 from mmt.scene.files import load_scene
 from mmt.testing.emulated.drivers import LabOptions
-from mmt_share.commands.visiting import visitors_page
 
 _DEMO = Path("demo")
 
 
+@with_flags("demo")
 def demo(
+    flags: list[Flag],
     scene_file: Annotated[
         Path, typer.Argument(metavar="SCENE", help="A TOML file, or an example's name.")
     ] = _DEMO,
@@ -47,9 +50,6 @@ def demo(
     json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
     monitor: Annotated[
         bool, typer.Option("--monitor", help="Serve a page that shows the run.")
-    ] = False,
-    share: Annotated[
-        bool, typer.Option("--share", help="Let others feel the surface: share the model.")
     ] = False,
     realtime: Annotated[
         bool, typer.Option("--realtime", help="Tick by real-time scheduling (Linux).")
@@ -72,9 +72,8 @@ def demo(
     wanted = output_directory / "session.mcap"
     recording = wanted if force else free_path(wanted)  # one that is there already stays
     overrides: dict[str, Any] = {"session.duration_s": duration}
-    scene = load_scene(
-        scene_file, overrides, replay=replay, monitor=monitor, share=share, options=OPTIONS
-    )
+    tables = [*(["monitor"] if monitor else []), *tables_of(flags)]
+    scene = load_scene(scene_file, overrides, replay=replay, tables=tables, options=OPTIONS)
     if scene.link is not None:
         scene = load_scene(
             scene_file,
@@ -82,8 +81,7 @@ def demo(
             replay=replay,
             record=recording,
             force=force,
-            monitor=monitor,
-            share=share,
+            tables=tables,
             options=OPTIONS,
         )
     if scene.numerics:
@@ -91,7 +89,8 @@ def demo(
     if scene.recording is not None:
         require("matplotlib")
     _check(scene, output_directory)
-    page = None if scene.sharing is None else visitors_page(scene.sharing)
+    having = [flag for flag in added_flags("demo") if {*flag.tables} <= {*scene.added}]
+    guests = invite(having, scene)
     try:
         run = asyncio.run(
             run_services(
@@ -100,18 +99,19 @@ def demo(
                 duration,
                 replay,
                 realtime=realtime,
-                visitors=page,
+                guests=guests,
                 follower_file=None if pair is None else pair.follower,
             )
         )
         _report(run, output_directory, recording, json_file, verbose=verbose)
-        if page is not None and page.address is not None and not run.interrupted:
-            with suppress(KeyboardInterrupt):
-                messages.print(f"until Ctrl-C it can be felt at {page.address}", highlight=False)
-                page.wait()
+        for guest in guests if not run.interrupted else ():
+            if guest.lasting is not None:
+                with suppress(KeyboardInterrupt):
+                    messages.print(f"until Ctrl-C {guest.lasting}", highlight=False)
+                    guest.wait()
     finally:
-        if page is not None:
-            page.close()
+        for guest in guests:
+            guest.close()
 
 
 def _report(

@@ -39,10 +39,10 @@ def _interrupted(error: BaseException | None) -> bool:
 
 
 def start(name: str) -> None:
-    """Load the command line ``mmt.cli.<name>`` and run it."""
+    """Load the command line ``mmt.cli.<name>``, or a module by its dotted name, and run it."""
     usual = signal.getsignal(signal.SIGINT)
     handle_end_signals(_leave)
-    module = importlib.import_module(f"mmt.cli.{name}")
+    module = importlib.import_module(name if "." in name else f"mmt.cli.{name}")
     handle_end_signals(signal.default_int_handler)
     signal.signal(signal.SIGINT, usual)  # ignored in the background of a shell without job control
     try:
@@ -69,11 +69,6 @@ def leader() -> None:
 def follower() -> None:
     """Run ``mmt-follower``."""
     start("follower")
-
-
-def listen() -> None:
-    """Run ``mmt-listen``."""
-    start("listener")
 
 
 if __name__ == "__main__":

@@ -4,12 +4,14 @@ import asyncio
 import signal
 import sys
 import time
+from collections.abc import Coroutine, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from mmt.cli.common import OPTIONS, Force, messages, run_app, shared_at, write_line
+from mmt.cli.common import OPTIONS, Force, messages, run_app, write_line
+from mmt.cli.guests import StayingGuest, invite, with_flags
 from mmt.cli.service import (
     JsonFile,
     JsonLines,
@@ -30,11 +32,11 @@ from mmt.core.queued_output import is_behind, queue_output
 from mmt.leader.parts import first_numerics_of, numerics_of
 from mmt.leader.summary import LeaderStatus
 from mmt.scene import Scene
+from mmt.scene.added import Flag, tables_of
 from mmt.scene.files import load_scene
 
 if TYPE_CHECKING:
     from mmt.leader.service import Leader
-    from mmt_share.commands.visiting import VisitorsPage
 
 _STARTED_S: Final = time.perf_counter()
 
@@ -42,8 +44,10 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
 @app.command()
+@with_flags("leader")
 def leader(
     scene_file: SceneFile,
+    flags: list[Flag],
     replay: Annotated[
         Path | None, typer.Option(help="The follower replays this session: leave the hand out.")
     ] = None,
@@ -63,18 +67,6 @@ def leader(
     monitor: Annotated[
         bool, typer.Option("--monitor", help="Serve a page that shows the run.")
     ] = False,
-    share: Annotated[
-        bool, typer.Option("--share", help="Let others feel the surface: share the model.")
-    ] = False,
-    control: Annotated[
-        bool,
-        typer.Option(
-            "--control", help="Share, and let a listener with the token for it have control."
-        ),
-    ] = False,
-    page: Annotated[
-        bool, typer.Option("--page", help="Share the model, and serve a page for visitors.")
-    ] = False,
     realtime: RealTime = False,
     force: Force = False,
     verbose: Verbose = False,
@@ -92,22 +84,16 @@ def leader(
         replay=replay,
         record=record,
         force=force,
-        monitor=monitor,
-        share=share or control or page,
-        control=control,
+        tables=[*(["monitor"] if monitor else []), *tables_of(flags)],
         options=OPTIONS,
     )
-    visitors: VisitorsPage | None = None
-    if page and scene.sharing is not None:
-        from mmt_share.commands.visiting import visitors_page
-
-        visitors = visitors_page(scene.sharing)
+    guests = invite(flags, scene, terminal=not json_lines)
     if report is not None and scene.recording is None:
         raise InputError("--report needs a recording: give --record FILE or add [recording]")
     if report is not None:
         require("matplotlib")
     options = ServiceOptions(json_file, json_lines, log, log_level, realtime, verbose)
-    LeaderRun(scene, options, report, visitors).run()
+    LeaderRun(scene, options, report, guests).run()
 
 
 class LeaderRun(ServiceRun["Leader"]):
@@ -121,8 +107,8 @@ class LeaderRun(ServiceRun["Leader"]):
         As given on the command line.
     report
         Directory for a report of the recording, None writes none.
-    visitors
-        Their page, opened as soon as the model is shared; None serves none.
+    guests
+        Are let in at the leader's events.
     """
 
     def __init__(
@@ -130,12 +116,12 @@ class LeaderRun(ServiceRun["Leader"]):
         scene: Scene,
         options: ServiceOptions,
         report: Path | None,
-        visitors: "VisitorsPage | None" = None,
+        guests: Sequence[StayingGuest] = (),
     ) -> None:
         super().__init__("leader", scene, options)
         self._report = report
-        self._visitors = visitors
-        self._opening: asyncio.Task[None] | None = None
+        self._guests = guests
+        self._entering: list[asyncio.Task[None]] = []
         self._compilation: Compilation | None = None
 
     def run(self) -> None:
@@ -150,8 +136,8 @@ class LeaderRun(ServiceRun["Leader"]):
         finally:
             if self._compilation is not None:
                 self._compilation.stop()
-            if self._visitors is not None:
-                self._visitors.close()
+            for guest in self._guests:
+                guest.close()
 
     def build(self, logs: Logs) -> "Leader":
         """Return the leader."""
@@ -167,14 +153,13 @@ class LeaderRun(ServiceRun["Leader"]):
         return service
 
     def on_start(self, service: "Leader") -> None:
-        """Begin a new model on SIGUSR1; on SIGUSR2 give control away or take it back."""
-        if not hasattr(signal, "SIGUSR1"):
-            return
-        loop = asyncio.get_running_loop()
-        loop.add_signal_handler(signal.SIGUSR1, service.reset_model)
-        control = service.parts.control or service.parts.operating
-        if control is not None:
-            loop.add_signal_handler(signal.SIGUSR2, control.toggle)
+        """Begin a new model on SIGUSR1, and do what parts do at other signals."""
+        loop, acts = asyncio.get_running_loop(), {"SIGUSR1": service.reset_model}
+        for signals in service.parts.verbs("signals"):
+            acts |= signals()
+        for name, act in acts.items():
+            if hasattr(signal, name):
+                loop.add_signal_handler(getattr(signal, name), act)
 
     def on_ready(self, service: "Leader") -> None:
         """Report the time since the start of the program, and the addresses."""
@@ -202,13 +187,14 @@ class LeaderRun(ServiceRun["Leader"]):
         """Report an event, in a terminal below the line of status."""
         below = messages.is_terminal and not self.options.json_lines
         super().on_event(f"\n{sentence}" if below else sentence)
-        url = shared_at(sentence)
-        if self._visitors is not None and url is not None:
-            loop = asyncio.get_running_loop()
-            self._opening = loop.create_task(self._let_in(self._visitors, url))
+        for guest in self._guests:
+            entering = guest.entering(sentence)
+            if entering is not None:
+                loop = asyncio.get_running_loop()
+                self._entering.append(loop.create_task(self._let_in(entering)))
 
-    async def _let_in(self, visitors: "VisitorsPage", url: str) -> None:
-        self.on_event(await visitors.open(url, code=not self.options.json_lines))
+    async def _let_in(self, entering: Coroutine[Any, Any, str]) -> None:
+        self.on_event(await entering)
 
     @property
     def report(self) -> Path | None:

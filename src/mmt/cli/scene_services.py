@@ -2,27 +2,22 @@
 
 import asyncio
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Coroutine, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
 from mmt.cli.child import Child
-from mmt.cli.common import messages, shared_at, stop_on_signals
+from mmt.cli.common import messages, stop_on_signals
+from mmt.cli.guests import Guest
 from mmt.core.queued_output import is_behind
 from mmt.scene import Scene
+from mmt.scene.added import added_flags
 
 _LAST_SECONDS: Final = 5.0
-
-
-class Visitors(Protocol):
-    """Whoever comes as soon as the leader shares its model."""
-
-    async def open(self, url: str) -> str:
-        """Let them in at this address; return a text for the terminal."""
 
 
 @dataclass
@@ -57,7 +52,7 @@ async def run_services(
     console: Console = messages,
     environment: Mapping[str, str] | None = None,
     realtime: bool = False,
-    visitors: Visitors | None = None,
+    guests: Sequence[Guest] = (),
     on_link: Callable[[str], None] = lambda _: None,
     follower_file: Path | None = None,
 ) -> DemoRun:
@@ -75,8 +70,8 @@ async def run_services(
         Environment of the processes; None for this process's own.
     realtime
         Whether they tick by real-time scheduling.
-    visitors
-        Let in as soon as the leader shares its model.
+    guests
+        Are let in at the leader's events.
     on_link
         Called with the URL of the leader's link when it listens.
     follower_file
@@ -90,7 +85,7 @@ async def run_services(
         console,
         environment,
         realtime=realtime,
-        visitors=visitors,
+        guests=guests,
         on_link=on_link,
         follower_file=follower_file,
     ).run()
@@ -107,14 +102,14 @@ class _Demo:
         environment: Mapping[str, str] | None,
         *,
         realtime: bool,
-        visitors: Visitors | None,
+        guests: Sequence[Guest],
         on_link: Callable[[str], None],
         follower_file: Path | None,
     ) -> None:
         self._scene = scene
-        self._visitors = visitors
+        self._guests = guests
         self._on_link = on_link
-        self._opening: asyncio.Task[None] | None = None
+        self._entering: list[asyncio.Task[None]] = []
         self._environment = environment
         self._run = DemoRun()
         self._arguments = [str(scene_file), "--json-lines"]
@@ -130,8 +125,9 @@ class _Demo:
             self._leader_arguments += ["--port", "0"]
         if scene.monitor is not None:
             self._leader_arguments += ["--monitor"]
-        if scene.sharing is not None:
-            self._leader_arguments += ["--share"]
+        for flag in added_flags("leader"):
+            if not flag.guest and {*flag.tables} <= {*scene.added}:
+                self._leader_arguments += [flag.name]
         if scene.recording is not None:
             self._leader_arguments += ["--record", str(scene.recording.file)]
             if scene.recording.existing == "replace":
@@ -154,12 +150,12 @@ class _Demo:
             with self._progress:
                 leader = await self._start("leader", self._leader_arguments)
                 await self._watch_leader(leader)
-                if self._opening is not None and not self._run.interrupted:
-                    # on a busy machine the visitors' page may be ready after a short session
-                    await asyncio.wait([self._opening], timeout=_LAST_SECONDS)
+                if self._entering and not self._run.interrupted:
+                    # on a busy machine they may be ready after a short session
+                    await asyncio.wait(self._entering, timeout=_LAST_SECONDS)
         finally:
-            if self._opening is not None:
-                self._opening.cancel()
+            for entering in self._entering:
+                entering.cancel()
             await asyncio.gather(*(child.kill() for child in self._children))
         return self._run
 
@@ -226,8 +222,8 @@ class _Demo:
         elif line["kind"] == "inventory":
             self._run.inventories[child.name] = {k: v for k, v in line.items() if k != "kind"}
 
-    async def _let_in(self, visitors: Visitors, url: str) -> None:
-        self._progress.console.print(await visitors.open(url), highlight=False, soft_wrap=True)
+    async def _let_in(self, entering: Coroutine[Any, Any, str]) -> None:
+        self._progress.console.print(await entering, highlight=False, soft_wrap=True)
 
     def _take_leader(self, line: dict[str, Any]) -> None:
         kind = line["kind"]
@@ -237,9 +233,10 @@ class _Demo:
                 self._progress.refresh()
         elif kind == "event":
             self._progress.console.print(f"leader: {line['event']}", highlight=False)
-            url = shared_at(line["event"])
-            if self._visitors is not None and url is not None:
-                self._opening = asyncio.create_task(self._let_in(self._visitors, url))
+            for guest in self._guests:
+                entering = guest.entering(line["event"])
+                if entering is not None:
+                    self._entering.append(asyncio.create_task(self._let_in(entering)))
         elif kind == "ready":
             ready = f"ready after {line['ready_s']} s"
             self._progress.update(self._bar, status=ready, refresh=True)

@@ -7,16 +7,13 @@ from mmt.leader.part import Part, Parts, Session
 if TYPE_CHECKING:
     from mmt.leader.modelling.pipeline import Modelling
     from mmt.leader.monitoring import MonitorPart
-    from mmt.leader.motion.feedback_part import ForceFeedbackPart
+    from mmt.leader.motion.feedback_part import ForceFeedbackPart, OtherForce
     from mmt.leader.motion.hand import HandPart
     from mmt.leader.output.model_output import ModelOutput, OtherGenerator
     from mmt.leader.output.stream import StreamedMotion, StreamedVibration
     from mmt.leader.output.synthesis import SynthesizingPart
     from mmt.leader.output.vibration import VibrationPart
     from mmt.leader.recording import RecordingPart
-    from mmt_share.parts.control import ControlPart
-    from mmt_share.parts.operating import OperatingPart
-    from mmt_share.parts.sharing import SharingPart
 
 
 class LeaderParts(Parts):
@@ -24,9 +21,10 @@ class LeaderParts(Parts):
 
     recording: "RecordingPart | None" = None
     hand: "HandPart | None" = None
-    operating: "OperatingPart | None" = None
     playout: "StreamedVibration | None" = None
     motion: "StreamedMotion | None" = None
+    other_force: "OtherForce | None" = None
+    """Is set by what another package adds."""
     force_feedback: "ForceFeedbackPart | None" = None
     modelling: "Modelling | None" = None
     synthesizing: "SynthesizingPart | None" = None
@@ -35,8 +33,6 @@ class LeaderParts(Parts):
     vibration: "VibrationPart | None" = None
     completing: "ModelOutput"
     """Every leader has it."""
-    sharing: "SharingPart | None" = None
-    control: "ControlPart | None" = None
     monitor: "MonitorPart | None" = None
 
 
@@ -54,16 +50,6 @@ def hand(session: Session, parts: LeaderParts) -> Part | None:
 
     parts.hand = HandPart.build(session)
     return parts.hand
-
-
-def operating(session: Session, parts: LeaderParts) -> Part | None:
-    """Make the part that moves another leader's robot."""
-    from mmt_share.parts.operating import OperatingPart
-
-    table = session.scene.operating
-    contact = None if parts.hand is None else parts.hand.contact
-    parts.operating = None if table is None else OperatingPart(session, table, contact)
-    return parts.operating
 
 
 def playout(session: Session, parts: LeaderParts) -> Part | None:
@@ -86,7 +72,7 @@ def force_feedback(session: Session, parts: LeaderParts) -> Part | None:
     """Make the display of force."""
     from mmt.leader.motion.feedback_part import ForceFeedbackPart
 
-    parts.force_feedback = ForceFeedbackPart.build(session, parts.hand, parts.operating)
+    parts.force_feedback = ForceFeedbackPart.build(session, parts.hand, parts.other_force)
     return parts.force_feedback
 
 
@@ -138,38 +124,6 @@ def completing(session: Session, parts: LeaderParts) -> Part:
     return parts.completing
 
 
-def listening(session: Session, parts: LeaderParts) -> Part | None:
-    """Make the part that renders another leader's model."""
-    from mmt_share.parts.listening import ListeningPart
-
-    table = session.scene.listening
-    if table is None:
-        return None
-    return ListeningPart(session, table, parts.completing, parts.operating)
-
-
-def sharing(session: Session, parts: LeaderParts) -> Part | None:
-    """Make the part that shares the model."""
-    from mmt_share.parts.sharing import SharingPart
-
-    table = session.scene.sharing
-    parts.sharing = None if table is None else SharingPart(session, table, parts.completing)
-    return parts.sharing
-
-
-def control(session: Session, parts: LeaderParts) -> Part | None:
-    """Make the part that hands over control."""
-    from mmt_share.parts.control import ControlPart
-
-    table, hand, sharing = session.scene.control, parts.hand, parts.sharing
-    if table is None or hand is None or sharing is None:
-        return None
-    displayed = parts.force_feedback
-    feedback = None if displayed is None else displayed.feedback
-    parts.control = ControlPart(session, table, hand, sharing, feedback)
-    return parts.control
-
-
 def metrics(session: Session, _: LeaderParts) -> Part:
     """Make the part that serves metrics."""
     from mmt.leader.metrics import MetricsPart
@@ -191,8 +145,6 @@ def monitor(session: Session, parts: LeaderParts) -> Part | None:
         modelling=parts.modelling,
         playout=parts.playout,
         vibration=parts.vibration,
-        sharing=parts.sharing,
-        control=parts.control,
     )
     parts.monitor = MonitorPart(session, view, table)
     return parts.monitor

@@ -1,6 +1,6 @@
 """The leader's metrics for Prometheus and its health, from what it counts anyway."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from mmt.core.extras import require
@@ -11,7 +11,6 @@ if TYPE_CHECKING:
 
     from mmt.leader.backfill import Backfill
     from mmt.link.http import Page
-    from mmt_share.parts.handover import State
 
 
 class MetricsPart(Part):
@@ -89,21 +88,3 @@ def _backfill(backfill: "Backfill") -> Iterator["Metric"]:
     yield counter("filled_frames", "Missing frames that were filled in.", frames["filled"])
     yield counter("unfilled_frames", "Missing frames that were given up.", frames["lost"])
     yield gauge("awaited_frames", "Missing frames that may still come.", frames["waiting"])
-
-
-def control_metrics(now: "State", figures: Mapping[str, Any]) -> Iterator["Metric"]:
-    """Yield whose hand moves the robot, and how often and for how long control was away."""
-    from mmt.core.exposition import counter, state
-
-    hand = {"own": "leader", "given": "listener"}.get(now, "none")
-    text = "Whose hand moves the robot; none while it holds."
-    yield state("operating_hand", text, "hand", hand, ("leader", "listener", "none"))
-    for name, text, key in (
-        ("hand_overs", "How often control was given to a listener.", "grants"),
-        ("control_refusals", "Requests for control that were refused.", "refusals"),
-        ("control_refused_messages", "Motion and requests that were left out.", "refused_messages"),
-        ("control_holds", "How often the robot has held between two hands.", "holds"),
-        ("control_held_seconds", "Time in which it held.", "held_s"),
-        ("control_given_seconds", "Time in which control was away, holds included.", "given_s"),
-    ):
-        yield counter(name, text, figures[key])

@@ -1,11 +1,10 @@
 """The part that shows the run to a browser, and what the page sees of the leader."""
 
-from collections.abc import Coroutine
+from collections.abc import Callable, Coroutine
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from mmt.core.arrays import FloatArray, RecordArray
-from mmt.core.errors import InputError
 from mmt.leader.part import Part, Session, Tick
 from mmt.scene import Monitor
 from mmt.web.monitor.running import LeaderMonitor
@@ -21,8 +20,6 @@ if TYPE_CHECKING:
     from mmt.link.server import LeaderServer
     from mmt.texture.model.texture_model import TextureModel
     from mmt.texture.online.work import ModelUpdate
-    from mmt_share.parts.control import ControlPart
-    from mmt_share.parts.sharing import SharingPart
 
 
 class SessionView:
@@ -32,7 +29,7 @@ class SessionView:
     ----------
     session
         Session of the run.
-    completing, recording, modelling, playout, vibration, sharing, control
+    completing, recording, modelling, playout, vibration
         What it shows, and what the page's controls act on.
     """
 
@@ -45,8 +42,6 @@ class SessionView:
         modelling: "Modelling | None",
         playout: "StreamedVibration | None",
         vibration: "VibrationPart | None",
-        sharing: "SharingPart | None",
-        control: "ControlPart | None",
     ) -> None:
         self._session = session
         self._log = session.log
@@ -54,7 +49,6 @@ class SessionView:
         self.session_id = session.log.session_id
         self._completing, self._recording, self._modelling = completing, recording, modelling
         self._playout, self._vibration = playout, vibration
-        self._sharing, self._control = sharing, control
 
     @property
     def time_s(self) -> float:
@@ -131,9 +125,17 @@ class SessionView:
         return None if found is None else (found.current, sorted(found.entries))
 
     @property
-    def listeners(self) -> dict[str, Any] | None:
-        """Figures of those who listen."""
-        return None if self._sharing is None else self._sharing.listeners.figures
+    def shown(self) -> dict[str, dict[str, Any]]:
+        """What other parts show, by kind of message."""
+        return {k: header for shown in self._verbs("shown") for k, header in shown().items()}
+
+    @property
+    def orders(self) -> dict[str, Callable[[dict[str, Any]], str]]:
+        """What other parts carry out, by name."""
+        return {k: order for orders in self._verbs("orders") for k, order in orders().items()}
+
+    def _verbs(self, verb: str) -> list[Callable[..., dict[str, Any]]]:
+        return self._session.parts.verbs(verb)
 
     @property
     def recording(self) -> Path | None:
@@ -162,29 +164,6 @@ class SessionView:
     def force(self, mode: Literal["streamed", "synthesized"] | None) -> None:
         """Hold on to one vibration, or let the criterion decide (None)."""
         self._completing.force(mode)
-
-    @property
-    def control(self) -> dict[str, Any] | None:
-        """Who moves the robot and who asks to."""
-        return None if self._control is None else self._control.state
-
-    def decide(self, order: Literal["give", "refuse", "take back"], who: int) -> None:
-        """Give control to who asks, refuse it, or take it back.
-
-        Raises
-        ------
-        InputError
-            Nobody can have it, or this one does not ask.
-        """
-        part = self._control
-        if part is None:
-            raise InputError("this scene gives nobody control: it has no [control]")
-        if order == "take back":
-            part.take_back()
-        elif order == "give":
-            part.give(who)
-        else:
-            part.refuse(who)
 
     async def start_recording(self, path: Path) -> None:
         """Record into a new file."""

@@ -7,7 +7,7 @@ service calls its verbs.
 
 from collections.abc import Callable, Coroutine, Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol, TypeVar
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.ending import Ending
@@ -150,6 +150,27 @@ class Part:
         """Return what is served beside the link."""
         return []
 
+    # --- what a person does
+
+    def signals(self) -> dict[str, Callable[[], None]]:
+        """Return what is called at signals, by their names, such as ``SIGUSR2``."""
+        return {}
+
+    def shown(self) -> dict[str, dict[str, Any]]:
+        """Return what the monitor's page shows of it: headers of messages, by their kinds."""
+        return {}
+
+    def orders(self) -> dict[str, Callable[[dict[str, Any]], str]]:
+        """Return the orders of the monitor's page that it carries out, by their names.
+
+        Each is called with an order, which is not trusted, and returns a sentence; an
+        `InputError` says what is wrong with it.
+        """
+        return {}
+
+
+AnyPart = TypeVar("AnyPart", bound=Part)
+
 
 class Parts:
     """The parts of a run, in the order in which their verbs are called."""
@@ -160,6 +181,10 @@ class Parts:
 
     def __iter__(self) -> Iterator[Part]:
         return iter(self._all)
+
+    def of(self, kind: type[AnyPart]) -> AnyPart | None:
+        """Return the part of this class, None if there is none."""
+        return next((part for part in self if isinstance(part, kind)), None)
 
     def add(self, part: Part) -> None:
         """Add a part behind the others."""

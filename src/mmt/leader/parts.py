@@ -7,7 +7,6 @@ one by an entry point (`mmt.scene.added`).
 
 from collections.abc import Callable, Collection
 from functools import partial
-from importlib import import_module
 from typing import Final, NamedTuple
 
 from mmt.core.kernel_cache import LONGEST_COMPILATION_S
@@ -15,7 +14,7 @@ from mmt.leader import building
 from mmt.leader.building import LeaderParts
 from mmt.leader.part import Part, Session
 from mmt.scene import Scene
-from mmt.scene.added import added_parts
+from mmt.scene.added import added_parts, imported
 
 
 class PartEntry(NamedTuple):
@@ -38,7 +37,6 @@ _OWN: Final[dict[str, PartEntry]] = {
         lambda scene: scene.recording is not None or scene.monitor is not None,
     ),
     "hand": PartEntry(building.hand, lambda scene: scene.commands),
-    "operating": PartEntry(building.operating, lambda scene: scene.operating is not None),
     "playout": PartEntry(
         building.playout,
         lambda scene: scene.streams,
@@ -64,13 +62,6 @@ _OWN: Final[dict[str, PartEntry]] = {
     ),
     "vibration": PartEntry(building.vibration, lambda scene: scene.actuator is not None),
     "completing": PartEntry(building.completing, lambda _: True),
-    "listening": PartEntry(
-        building.listening,
-        lambda scene: scene.listening is not None,
-        ("listening",),
-    ),
-    "sharing": PartEntry(building.sharing, lambda scene: scene.sharing is not None, ("sharing",)),
-    "control": PartEntry(building.control, lambda scene: scene.control is not None),
     "metrics": PartEntry(building.metrics, lambda scene: scene.metrics is not None),
     "monitor": PartEntry(building.monitor, lambda scene: scene.monitor is not None, ("monitor",)),
 }
@@ -79,20 +70,23 @@ _OWN: Final[dict[str, PartEntry]] = {
 
 def _with_added(own: dict[str, PartEntry]) -> dict[str, PartEntry]:
     """Return the parts with those that other packages add, each before the part that it names."""
-    parts = {}
-    for name, entry in own.items():
+    parts: dict[str, PartEntry] = {}
+
+    def place(name: str, entry: PartEntry) -> None:
         for added, part in added_parts().items():
             if part.before == name:
                 wanted = partial(_asks_for, key=part.key or added)
-                parts[added] = PartEntry(partial(_added, part.home), wanted)
+                place(added, PartEntry(partial(_added, part.home), wanted, part.tasks))
         parts[name] = entry
+
+    for name, entry in own.items():
+        place(name, entry)
     return parts
 
 
 def _added(home: str, session: Session, parts: LeaderParts) -> Part | None:
     """Make another package's part, by `build(session, parts)` of its class."""
-    module, _, kind = home.partition(":")
-    part: Part | None = getattr(import_module(module), kind).build(session, parts)
+    part: Part | None = imported(home).build(session, parts)
     return part
 
 
@@ -137,7 +131,7 @@ def first_numerics_of(scene: Scene) -> list[str] | None:
 def _takes_a_model(scene: Scene) -> bool:
     """Whether a model that was built elsewhere is rendered: saved or shared."""
     saved = scene.rendering is not None and scene.rendering.model is not None
-    return saved or scene.listening is not None
+    return saved or scene.is_given("model")
 
 
 def build_parts(session: Session, names: Collection[str] | None = None) -> LeaderParts:

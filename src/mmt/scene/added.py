@@ -5,9 +5,10 @@ that imports nothing of `mmt` but this one and `mmt.scene.table`, since a scene'
 from it. The part's name is that of its table, if it has one.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
-from typing import Literal, NamedTuple
+from importlib import import_module
+from typing import Any, Literal, NamedTuple
 
 from mmt.core.errors import InputError
 from mmt.core.plugins import is_own, load, offered
@@ -20,17 +21,46 @@ class PassingTable(PartTable):
     channels: Literal["all", "needed"] = "all"
 
 
+class Flag(NamedTuple):
+    """An option of a command, without a value, that gives a scene tables."""
+
+    name: str
+    """Such as ``--share``."""
+    help: str
+    tables: tuple[str, ...]
+    """Tables that the scene has then, empty if its file has none."""
+    command: Literal["leader", "demo"] = "leader"
+    guest: str = ""
+    """The module and the function that makes an `mmt.cli.guests.Guest` of the scene, "" for none.
+
+    The demo has it also without the option, in a scene that has the tables.
+    """
+
+
 class AddedPart(NamedTuple):
     """A part of the leader from another package."""
 
     home: str
     """The module and the class, which has `build(session, parts)`: the part, or None for none."""
     before: str
-    """The core's part before whose verbs this one's are called."""
+    """The part before whose verbs this one's are called."""
     table: type[PartTable] | None = None
     """The table that the part adds to a scene, or None if it adds none."""
     key: str = ""
     """Key of another table that asks for a part without one, such as ``rendering.generator``."""
+    tasks: tuple[str, ...] = ()
+    """Names of the tasks that it runs beside the ticks."""
+    rules: str = ""
+    """The module and the function that, given a scene with the table, returns what it may not be.
+
+    It returns `mmt.scene.scene.Rules`, and "" is for none.
+    """
+    flags: tuple[Flag, ...] = ()
+    """Options that it adds to commands."""
+    secrets: tuple[str, ...] = ()
+    """Environment variables with secrets that a scene with the table cannot run without."""
+    foreign: tuple[str, ...] = ()
+    """Tables of the package's other commands, whose variables a scene passes over."""
 
 
 @cache
@@ -58,6 +88,23 @@ def added_parts() -> Mapping[str, AddedPart]:
         else:
             _problems[name] = f"part {name!r}: {entry.value} is no AddedPart"
     return found
+
+
+def added_flags(command: str) -> list[Flag]:
+    """Return the options that added parts give a command."""
+    flags = (flag for part in added_parts().values() for flag in part.flags)
+    return [flag for flag in flags if flag.command == command]
+
+
+def tables_of(flags: Iterable[Flag]) -> list[str]:
+    """Return the names of the tables that a scene has by these options."""
+    return [name for flag in flags for name in flag.tables]
+
+
+def imported(home: str) -> Any:
+    """Return what a home, ``module:name``, holds."""
+    module, _, name = home.partition(":")
+    return getattr(import_module(module), name)
 
 
 @cache

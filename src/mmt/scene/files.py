@@ -2,32 +2,64 @@
 
 import os
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final, NamedTuple, Self, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from mmt.core.errors import InputError
 from mmt.scene import Scene
+from mmt.scene.added import added_parts
 from mmt.scene.problems import explain_problems
-from mmt_share.tables import HubScene
 
 AnyTable = TypeVar("AnyTable", bound=BaseModel)
 
 ENVIRONMENT_PREFIX = "MMT_"
 """``MMT_LINK__PORT=9000`` overrides ``port`` of ``[link]``."""
 
-_READ: Final = (
-    ("rendering", "model"),
-    ("replay", "file"),
-    *(
-        (table, key)
-        for table in ("link", "sharing", "listening", "control", "operating")
-        for key in ("token_file", "certificate", "key", "authority")
-    ),
-)
-"""Keys that name files which a scene reads."""
+_READ: Final = (("rendering", "model"), ("replay", "file"))
+_SECURING: Final = ("token_file", "certificate", "key", "authority")
+"""Keys that name files which a scene reads: of these tables, and of any table."""
+
+
+class Overrides(NamedTuple):
+    """What takes precedence over a file, by ``"table.key"``."""
+
+    values: dict[str, Any]
+    names: dict[str, str]
+    """What messages call each."""
+
+    @classmethod
+    def of(
+        cls,
+        flags: Mapping[str, Any],
+        options: Mapping[str, str] | None,
+        concerns: Callable[[str], bool],
+    ) -> Self:
+        """Return the environment's, and the flags over them.
+
+        Parameters
+        ----------
+        flags
+            Values by ``"table.key"``; a value of None changes nothing.
+        options
+            What messages call a flag, by ``"table.key"``, such as ``--port``.
+        concerns
+            Whether variables of this table are meant.
+        """
+        given = {key: value for key, value in flags.items() if value is not None}
+        variables = {
+            key: value
+            for key, value in environment_overrides(os.environ).items()
+            if concerns(key.partition(".")[0])
+        }
+        names = {
+            key: f"environment variable {ENVIRONMENT_PREFIX}{key.replace('.', '__').upper()}"
+            for key in variables
+        }
+        names |= {key: (options or {}).get(key, "overrides") for key in given}
+        return cls({**variables, **given}, names)
 
 
 def load_scene(
@@ -37,10 +69,7 @@ def load_scene(
     replay: str | Path | None = None,
     record: str | Path | None = None,
     force: bool = False,
-    monitor: bool = False,
-    share: bool = False,
-    control: bool = False,
-    operate: bool = False,
+    tables: Iterable[str] = (),
     options: Mapping[str, str] | None = None,
 ) -> Scene:
     """Read and validate a scene; the environment, then `overrides`, take precedence.
@@ -61,14 +90,8 @@ def load_scene(
         recorded, since its follower knows nothing of it. A file that exists is refused.
     force
         Whether a recording may replace a file that exists.
-    monitor
-        Whether the leader serves its monitor, also where the scene has none.
-    share
-        Whether the leader shares its model, also where the scene does not say so.
-    control
-        Whether control may be handed to a listener, also where the scene does not say so.
-    operate
-        Whether a listener asks for control, also where its scene does not say so.
+    tables
+        Names of tables that the scene has, empty if its file has none, such as ``monitor``.
     options
         What messages call an override, by ``"table.key"``, such as ``--port``.
 
@@ -79,66 +102,44 @@ def load_scene(
         the message names the key, the value and what is allowed.
     """
     path = find_scene(Path(path))
-    tables = _read_tables(path)
-    _change_parts(tables, replay, record)
-    flagged = {"monitor": monitor, "sharing": share, "control": control, "operating": operate}
-    for name, wanted in flagged.items():
-        if wanted:
-            tables.setdefault(name, {})
-    _look_beside(path, tables)
-    flags = {key: value for key, value in (overrides or {}).items() if value is not None}
-    variables = {
-        key: value
-        for key, value in environment_overrides(os.environ).items()
-        if not key.startswith("hub.")  # for a hub that is started from the same shell
-    }
-    merged = {**variables, **flags}
-    if force and ("recording" in tables or any(key.startswith("recording.") for key in merged)):
-        merged["recording.existing"] = "replace"
-    try:
-        return Scene.model_validate(_resolved(tables, merged))
-    except ValidationError as error:
-        origin = _origin(error, str(path), tables, _named(variables, flags, options))
-        raise InputError(f"{origin}: {explain_problems(error, Scene)}") from error
+    found = read_tables(path)
+    _change_parts(found, replay, record)
+    for name in tables:
+        found.setdefault(name, {})
+    look_beside(path, found)
+    foreign = {name for part in added_parts().values() for name in part.foreign}
+    given = Overrides.of(overrides or {}, options, lambda table: table not in foreign)
+    records = "recording" in found or any(key.startswith("recording.") for key in given.values)
+    if force and records:
+        given.values["recording.existing"] = "replace"
+    return validated(Scene, str(path), found, given)
 
 
-def load_hub_scene(
-    path: Path | None, overrides: Mapping[str, Any], options: Mapping[str, str] | None = None
-) -> HubScene:
-    """Read and validate the tables of a hub; the environment, then `overrides`, take precedence.
-
-    Parameters
-    ----------
-    path
-        A TOML file, None for the defaults.
-    overrides, options
-        See `load_scene`.
+def validated(
+    model: type[AnyTable], origin: str, tables: Mapping[str, Any], given: Overrides
+) -> AnyTable:
+    """Validate tables with what takes precedence; `origin` is what messages call the tables.
 
     Raises
     ------
     InputError
-        The file is missing or no TOML, or a key or a value is not allowed.
+        A key, a value or a combination is not allowed.
     """
-    tables: dict[str, Any] = {}
-    if path is not None:
-        tables = _read_tables(path)
-        _look_beside(path, tables)
-    own = tuple(f"{name}." for name in HubScene.model_fields)
-    flags = {key: value for key, value in overrides.items() if value is not None}
-    variables = {
-        key: value
-        for key, value in environment_overrides(os.environ).items()
-        if key.startswith(own)
-    }
     try:
-        return HubScene.model_validate(_resolved(tables, {**variables, **flags}))
+        return model.model_validate(_resolved(tables, given.values))
     except ValidationError as error:
-        origin = _origin(error, str(path or "mmt hub"), tables, _named(variables, flags, options))
-        raise InputError(f"{origin}: {explain_problems(error, HubScene)}") from error
+        where = _origin(error, origin, tables, given.names)
+        raise InputError(f"{where}: {explain_problems(error, model)}") from error
 
 
-def _read_tables(path: Path) -> dict[str, Any]:
-    """Return the tables of a TOML file, unchecked."""
+def read_tables(path: Path) -> dict[str, Any]:
+    """Return the tables of a TOML file, unchecked.
+
+    Raises
+    ------
+    InputError
+        It is missing or no TOML.
+    """
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -164,17 +165,6 @@ def _change_parts(
         table = tables.setdefault("recording", {"channels": "needed"})
         if isinstance(table, dict):
             table["file"], table["existing"] = str(record), "refuse"
-
-
-def _named(
-    variables: Iterable[str], flags: Iterable[str], options: Mapping[str, str] | None
-) -> dict[str, str]:
-    """Return what a message calls each override, by ``table.key``."""
-    names = {
-        key: f"environment variable {ENVIRONMENT_PREFIX}{key.replace('.', '__').upper()}"
-        for key in variables
-    }
-    return names | {key: (options or {}).get(key, "overrides") for key in flags}
 
 
 def _origin(
@@ -218,12 +208,13 @@ def find_scene(path: Path) -> Path:
     )
 
 
-def _look_beside(path: Path, tables: dict[str, Any]) -> None:
-    """Let files that a scene reads stand beside it."""
-    for name, key in _READ:
-        table = tables.get(name)
-        if isinstance(table, dict) and isinstance(table.get(key), str):
-            tables[name] = {**table, key: _beside(path, table[key])}
+def look_beside(path: Path, tables: dict[str, Any]) -> None:
+    """Let files that tables name, and a scene reads, stand beside it."""
+    for name, table in tables.items():
+        for key in table if isinstance(table, dict) else ():
+            read = (name, key) in _READ or key in _SECURING
+            if read and isinstance(table[key], str):
+                tables[name] = {**tables[name], key: _beside(path, table[key])}
 
 
 def _beside(path: Path, file: str) -> str:

@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING, Any, Final, Literal, Self, TypeVar, get_args
 from pydantic import Field, create_model, model_validator
 
 from mmt.core.frames import Channel, ordered_channels
-from mmt.scene.added import PassingTable, added_tables, problem_of
+from mmt.scene.added import (
+    PassingTable,
+    added_parts,
+    added_tables,
+    imported,
+    problem_of,
+)
 from mmt.scene.device_tables import Actuator, Devices, Handle
 from mmt.scene.feedback_table import ForceFeedback
 from mmt.scene.link_table import Link
@@ -21,7 +27,6 @@ from mmt.scene.rendering_tables import Playout, Rendering
 from mmt.scene.simulated_tables import Hand, Simulated
 from mmt.scene.table import Part, PartTable, Service, Table
 from mmt.scene.texture_table import Texture
-from mmt_share.tables import Control, Listening, Operating, Sharing
 
 _Added = TypeVar("_Added", bound=PartTable)
 
@@ -54,10 +59,6 @@ class SceneTables(Table):
     recording: Recording | None = None
     metrics: Metrics | None = None
     monitor: Monitor | None = None
-    sharing: Sharing | None = None
-    control: Control | None = None
-    listening: Listening | None = None
-    operating: Operating | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -83,6 +84,10 @@ class SceneTables(Table):
     def table(self, kind: type[_Added]) -> _Added | None:
         """Return the added table of this class, or None if the scene has none."""
         return next((table for table in self.added.values() if isinstance(table, kind)), None)
+
+    def is_given(self, what: Literal["model", "force"]) -> bool:
+        """Return whether it comes from another machine."""
+        return any(what in table.gives for table in self.added.values())
 
     @property
     def source(self) -> Literal["simulated", "replay", "devices"] | None:
@@ -238,9 +243,10 @@ def _impossible(scene: SceneTables) -> list[str]:
         *_source_rules(scene),
         *_interface_rules(scene),
         *_rendering_rules(scene),
-        *_sharing_rules(scene),
-        *_control_rules(scene),
     ]
+    for name in scene.added:
+        if home := added_parts()[name].rules:
+            rules += imported(home)(scene)
     return [problem for holds, problem in rules if holds]
 
 
@@ -251,7 +257,7 @@ def _source_rules(scene: SceneTables) -> Rules:
         *("network", "metrics", "monitor"),
         *passing,
         *("texture", "playout", "recording"),
-        *(("force_feedback",) if scene.operating is None else ()),
+        *(("force_feedback",) if not scene.is_given("force") else ()),
         *sources,
     )
     needs_link = [n for n in parts if getattr(scene, n) is not None]
@@ -312,7 +318,7 @@ def _rendering_rules(scene: SceneTables) -> Rules:
         return []
     return [
         (
-            rendering.model is None and scene.texture is None and scene.listening is None,
+            rendering.model is None and scene.texture is None and not scene.is_given("model"),
             "[rendering] needs a model: add [texture], or name a saved one with its key 'model'",
         ),
         (
@@ -335,54 +341,5 @@ def _rendering_rules(scene: SceneTables) -> Rules:
         (
             scene.link is None and not scene.commands,
             "[rendering] needs a hand's speed and force: add [hand], [handle] or [link]",
-        ),
-    ]
-
-
-def _sharing_rules(scene: SceneTables) -> Rules:
-    saved = scene.rendering is not None and scene.rendering.model is not None
-    return [
-        (
-            scene.sharing is not None and scene.texture is None and not saved,
-            "[sharing] has no model to share: add [texture], or [rendering] with a saved model",
-        ),
-        (
-            scene.listening is not None and scene.rendering is None,
-            "[listening] renders a shared model: add [rendering] and [actuator]",
-        ),
-        (
-            scene.listening is not None and (scene.link is not None or saved),
-            "[listening] takes its model from another leader: leave out [link], [texture] and "
-            "'model' of [rendering]",
-        ),
-        (
-            scene.listening is not None and not scene.commands,
-            "[listening] is felt by a hand: add [hand] or [handle]",
-        ),
-    ]
-
-
-def _control_rules(scene: SceneTables) -> Rules:
-    feedback = scene.force_feedback
-    return [
-        (
-            scene.control is not None
-            and (scene.sharing is None or scene.link is None or not scene.commands),
-            "[control] hands a robot from the leader's hand to a listener: add [sharing], [link], "
-            "and [hand] or [handle]",
-        ),
-        (
-            scene.control is not None and feedback is not None and feedback.method == "passive",
-            "[control] lets several hands move the robot, and the passive method accounts for the "
-            'energy of one: set method of [force_feedback] to "model" or "streamed"',
-        ),
-        (
-            scene.operating is not None and scene.listening is None,
-            "[operating] asks the leader that is listened to: add [listening]",
-        ),
-        (
-            scene.operating is not None and feedback is not None and feedback.method != "model",
-            "[operating] renders its force from the leader's model of the contact: set method of "
-            '[force_feedback] to "model", or leave [force_feedback] out',
         ),
     ]

@@ -27,3 +27,6 @@ class Part:
 
 class PartTable(Part, Table):
     """The table of a part."""
+
+    gives: ClassVar[tuple[Literal["model", "force"], ...]] = ()
+    """What the part brings from another machine, which needs no follower here then."""

@@ -12,6 +12,7 @@ listeners join and leave, vanish, stall, and send what makes no sense.
 
 import asyncio
 import os
+from collections.abc import Coroutine
 from statistics import median
 from typing import Annotated, Any, Final, Literal
 
@@ -32,6 +33,7 @@ from mmt_lab.sharing.lasting import (
     printed_by,
     start_listeners,
 )
+from mmt_share.messages import shared_at
 
 
 class _Crowd:
@@ -41,8 +43,12 @@ class _Crowd:
         self._arguments = (str(count), str(longest_s))
         self._process: asyncio.subprocess.Process | None = None
 
-    async def open(self, url: str) -> str:
-        """Start the process; return that it waits."""
+    def entering(self, sentence: str) -> Coroutine[Any, Any, str] | None:
+        """Return what starts the process when the model is shared; see `mmt.cli.guests.Guest`."""
+        url = shared_at(sentence)
+        return None if url is None else self._open(url)
+
+    async def _open(self, url: str) -> str:
         self._process = await start_listeners("mmt_lab.sharing.crowd", url, *self._arguments)
         return f"listeners who wait for the model: {self._arguments[0]}"
 
@@ -65,7 +71,9 @@ async def _session(duration_s: float, count: int) -> tuple[dict[str, Any], list[
     environment = {**os.environ, "MMT_SHARING__PORT": "0"}
     crowd = _Crowd(count, duration_s + LAST_S)
     try:
-        run = await run_demo_services(duration_s, environment=environment, visitors=crowd)
+        run = await run_demo_services(
+            duration_s, environment=environment, guests=[crowd], tables=["sharing"]
+        )
         return run.leader, await crowd.found()
     finally:
         await crowd.close()

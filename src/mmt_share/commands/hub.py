@@ -11,7 +11,6 @@ import typer
 
 from mmt.cli.common import (
     ALL_ADDRESSES,
-    OPTIONS,
     json_option,
     messages,
     output,
@@ -24,14 +23,20 @@ from mmt.cli.common import (
 from mmt.core.extras import require
 from mmt.core.logs import Logs
 from mmt.core.queued_output import queue_output
-from mmt.scene.files import load_hub_scene
 from mmt_share.commands.visiting import own_address
 from mmt_share.hub.descriptors import make_room
-from mmt_share.tables import HubScene, Sharing
+from mmt_share.hub.scene import HubScene, load_hub_scene
+from mmt_share.tables import Sharing
 
 if TYPE_CHECKING:
     from mmt_share.hub.service import Hub
 
+_OPTIONS: Final = {
+    "hub.redis": "--redis",
+    "hub.address": "--address",
+    "listening.url": "URL",
+    "sharing.port": "--port",
+}
 _SPACING_S: Final = 5.0
 """Time between two lines that say how many are listening."""
 
@@ -66,7 +71,7 @@ def hub(
         "hub.address": address,
         "sharing.port": port,
     }
-    scene = load_hub_scene(scene_file, overrides, OPTIONS)
+    scene = load_hub_scene(scene_file, overrides, _OPTIONS)
     queue_output()
     with Logs("hub", None, None):
         summary = asyncio.run(_run(scene, duration, json_lines=json_lines))

@@ -1,7 +1,7 @@
 """``mmt-listen``: another hand on the same surface."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 
@@ -19,6 +19,8 @@ from mmt.cli.service import (
 )
 from mmt.core.errors import InputError
 from mmt.scene.files import load_scene
+
+_OPTIONS: Final = {**OPTIONS, "listening.url": "URL", "listening.name": "--name"}
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -47,7 +49,9 @@ def listen(
 ) -> None:
     """Feel the surface that a leader shares: its model, rendered here from this hand's motion."""
     overrides = {"listening.url": url, "listening.name": name, "session.duration_s": duration}
-    scene = load_scene(scene_file, overrides, operate=control, options=OPTIONS)
+    scene = load_scene(
+        scene_file, overrides, tables=["operating"] if control else [], options=_OPTIONS
+    )
     if scene.link is not None:
         raise InputError("a listener has no follower: leave [link] out of the scene")
     from mmt.link.connection import check_url

@@ -12,14 +12,16 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Coroutine
 from contextlib import suppress
 from io import StringIO
-from typing import IO, Final
+from typing import IO, Any, Final
 
 from mmt.core.children import python_command
 from mmt.core.errors import InputError
 from mmt.link.access import Access
-from mmt_share.messages import TOKEN_VARIABLE
+from mmt.scene import Scene
+from mmt_share.messages import TOKEN_VARIABLE, shared_at
 from mmt_share.tables import Sharing
 
 _LONGEST_S: Final = 30.0
@@ -35,20 +37,32 @@ class VisitorsPage:
     ----------
     token
         What the leader asks of its listeners, None for nothing.
+    code
+        Whether a QR code is shown.
     """
 
-    def __init__(self, token: str | None = None) -> None:
-        self._token = token
+    def __init__(self, token: str | None = None, *, code: bool = True) -> None:
+        self._token, self._code = token, code
         self._process: subprocess.Popen[bytes] | None = None
         self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `close`
         self.address: str | None = None
         """Where visitors find it, None until it can be had."""
 
-    async def open(self, url: str, *, code: bool = True) -> str:
+    def entering(self, sentence: str) -> Coroutine[Any, Any, str] | None:
+        """Return what serves the page if an event says that the model is shared."""
+        url = shared_at(sentence)
+        return None if url is None else self.open(url)
+
+    @property
+    def lasting(self) -> str | None:
+        """That it can be felt, once there is the page."""
+        return None if self.address is None else f"it can be felt at {self.address}"
+
+    async def open(self, url: str) -> str:
         """Serve what is shared at a URL; return a text for the terminal as soon as it can be had.
 
-        The text is a sentence and, where ``code`` asks for it and `segno` is installed, a QR code;
-        or says that it failed.
+        The text is a sentence and, if it is wanted and `segno` is installed, a QR code; or says
+        that it failed.
         """
         port = _free_port()
         self._process = subprocess.Popen(  # noqa: S603 - our own program; returns at once
@@ -67,7 +81,7 @@ class VisitorsPage:
                 _, writer = await asyncio.open_connection("127.0.0.1", port)
                 writer.close()
                 self.address = f"http://{own_address()}:{port}/player/"
-                return f"feel it at {self.address}{qr_code(self.address) if code else ''}"
+                return f"feel it at {self.address}{qr_code(self.address) if self._code else ''}"
             await asyncio.sleep(_POLL_S)
         self._errors.seek(0)
         said = self._errors.read().decode(errors="replace").strip().rpartition("\n")[2]
@@ -96,8 +110,8 @@ class VisitorsPage:
             process.wait()
 
 
-def visitors_page(sharing: Sharing) -> VisitorsPage:
-    """Return the page of a scene's shared model.
+def visitors_page(scene: Scene, *, terminal: bool) -> VisitorsPage:
+    """Return the page of a scene's shared model, with a QR code for a terminal.
 
     Raises
     ------
@@ -105,12 +119,13 @@ def visitors_page(sharing: Sharing) -> VisitorsPage:
         The token cannot be read, or the model is shared by TLS, for which the page needs a
         certificate of its own.
     """
+    sharing = scene.table(Sharing) or Sharing()
     if sharing.certificate is not None:
         raise InputError(
             "a page for visitors needs a certificate that their browsers know: share without it, "
             "or leave the page out here and run mmt play --from URL --certificate FILE --key FILE"
         )
-    return VisitorsPage(Access.of(sharing, variable=TOKEN_VARIABLE).token)
+    return VisitorsPage(Access.of(sharing, variable=TOKEN_VARIABLE).token, code=terminal)
 
 
 def own_address() -> str:

@@ -14,10 +14,10 @@ from mmt_share.client import ListenerClient
 from mmt_share.hub.copy import HubCopy
 from mmt_share.hub.manager import HubManager
 from mmt_share.hub.peers import BEAT_S, Beat, Peers
+from mmt_share.hub.scene import HubScene
 from mmt_share.messages import AGAIN, MODEL, WELCOME
 from mmt_share.relay import Relay
 from mmt_share.server import SharingServer
-from mmt_share.tables import HubScene
 
 LOG: Final = logging.getLogger("mmt_share")
 

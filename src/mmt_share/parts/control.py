@@ -1,6 +1,7 @@
 """The part that hands control of the robot to a listener, and takes it back."""
 
 import time
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.arrays import difference, towards
@@ -17,18 +18,20 @@ from mmt_share.control_messages import (
     decode_motion,
 )
 from mmt_share.parts.clutch import Clutch
+from mmt_share.parts.control_orders import carry_out
 from mmt_share.parts.handover import Change, HandOver
 from mmt_share.parts.operator_motion import OperatorMotion
+from mmt_share.parts.sharing import SharingPart
 from mmt_share.tables import Control
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable
 
     from prometheus_client.core import Metric
 
+    from mmt.leader.building import LeaderParts
     from mmt.leader.motion.feedback import Feedback
     from mmt.leader.motion.hand import HandPart
-    from mmt_share.parts.sharing import SharingPart
 
 _CONTACT_TICKS: Final = 50
 _SENTENCES: Final = {
@@ -92,14 +95,32 @@ class ControlPart(Part):
         hand.control = self
         self._grants = self._messages = self._refused = self._given_ticks = self._held_ticks = 0
 
+    @classmethod
+    def build(cls, session: Session, parts: "LeaderParts") -> "ControlPart | None":
+        """Return the part, None where there is no hand."""
+        table, hand = session.scene.table(Control), parts.hand
+        sharing = parts.of(SharingPart)
+        if table is None or hand is None or sharing is None:
+            return None
+        displayed = parts.force_feedback
+        feedback = None if displayed is None else displayed.feedback
+        return cls(session, table, hand, sharing, feedback)
+
     # --- what a person decides
 
-    @property
-    def state(self) -> dict[str, Any]:
-        """Who moves the robot, and who asks to, for a page."""
+    def shown(self) -> dict[str, dict[str, Any]]:
+        """Return who moves the robot, and who asks to."""
         over = self._over
         asking = [[who, name] for who, name in over.asking.items()]
-        return {"state": over.state, "operator": over.name, "asking": asking}
+        return {"control": {"state": over.state, "operator": over.name, "asking": asking}}
+
+    def orders(self) -> "dict[str, Callable[[dict[str, Any]], str]]":
+        """Return the order that gives, refuses or takes back."""
+        return {"control": partial(carry_out, self)}
+
+    def signals(self) -> "dict[str, Callable[[], None]]":
+        """Return the one that gives or takes back."""
+        return {"SIGUSR2": self.toggle}
 
     def give(self, who: int) -> None:
         """Give control to a listener that asks for it.
@@ -277,7 +298,7 @@ class ControlPart(Part):
 
     def metrics(self) -> "Iterable[Metric]":
         """Return whose hand moves the robot, and how often that has changed."""
-        from mmt.leader.metrics import control_metrics
+        from mmt_share.parts.control_metrics import control_metrics
 
         return control_metrics(self._over.state, self._figures())
 

@@ -11,7 +11,7 @@ from mmt.leader.motion.feedback_model import ModelSettings
 from mmt.leader.motion.passivity_ports import PassivityPorts
 
 if TYPE_CHECKING:
-    from mmt_share.parts.operating import OperatingPart
+    from mmt_share.operator import OperatorClient
 
 _M: Final = 1e-3
 _SILENCE_TICKS: Final = 300
@@ -28,7 +28,7 @@ class SharedContactForce(StreamedForce):
     ----------
     interface, limit_n
         As `StreamedForce`; no more is shown than the leader shows to its own hand.
-    operating
+    client
         Has the contact while this hand has control.
     settings
         Of passivity and rendering.
@@ -37,13 +37,13 @@ class SharedContactForce(StreamedForce):
     def __init__(
         self,
         interface: ForceDisplay,
-        operating: "OperatingPart",
+        client: "OperatorClient",
         *,
         limit_n: float,
         settings: ModelSettings,
     ) -> None:
         super().__init__(interface, limit_n=limit_n, silence_ticks=_SILENCE_TICKS)
-        self._client = operating.client
+        self._client = client
         self._ports = PassivityPorts(settings.passivity, limit_n=limit_n)
         self._contact = LocalContact(settings.rendering)
         self._heard = 0

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any
 from mmt.core.errors import FAILED
 from mmt.leader.part import Part, Session
 from mmt_share.client import ListenerClient
+from mmt_share.parts.operating import OperatingPart
 from mmt_share.tables import Listening
 
 if TYPE_CHECKING:
+    from mmt.leader.building import LeaderParts
     from mmt.leader.output.model_output import ModelOutput
-    from mmt_share.parts.operating import OperatingPart
 
 
 class ListeningPart(Part):
@@ -50,6 +51,14 @@ class ListeningPart(Part):
         )
         self.first_s: float | None = None
         """Seconds from the start to the first model that was ready."""
+
+    @classmethod
+    def build(cls, session: Session, parts: "LeaderParts") -> "ListeningPart | None":
+        """Return the part."""
+        table = session.scene.table(Listening)
+        if table is None:
+            return None
+        return cls(session, table, parts.completing, parts.of(OperatingPart))
 
     def tasks(self) -> dict[str, Coroutine[Any, Any, None]]:
         """Return the task that listens."""

@@ -1,5 +1,6 @@
 """The part with which this hand moves the robot of the leader that it listens to."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from mmt.devices.protocols import Vector
@@ -10,6 +11,9 @@ from mmt_share.parts.clutch import Clutch
 from mmt_share.tables import Operating
 
 if TYPE_CHECKING:
+    from mmt.leader.building import LeaderParts
+    from mmt.leader.motion.feedback import Feedback, ForceDisplay
+    from mmt.leader.motion.feedback_model import ModelSettings
     from mmt.leader.motion.hand_contact import FollowerContact
 
 
@@ -40,6 +44,28 @@ class OperatingPart(Part):
         self._news: ControlNews | None = None
         self._clutch: Clutch | None = None
         self._grants = 0
+
+    @classmethod
+    def build(cls, session: Session, parts: "LeaderParts") -> "OperatingPart | None":
+        """Return the part; the force is of the contact that the leader has modelled."""
+        table = session.scene.table(Operating)
+        if table is None:
+            return None
+        part = cls(session, table, None if parts.hand is None else parts.hand.contact)
+        parts.other_force = part.display
+        return part
+
+    def display(
+        self, interface: "ForceDisplay", *, limit_n: float, settings: "ModelSettings"
+    ) -> "Feedback":
+        """Return what displays the force; see `mmt.leader.motion.feedback_part.OtherForce`."""
+        from mmt_share.parts.feedback_shared import SharedContactForce
+
+        return SharedContactForce(interface, self.client, limit_n=limit_n, settings=settings)
+
+    def signals(self) -> dict[str, Callable[[], None]]:
+        """Return the one that asks for control."""
+        return {"SIGUSR2": self.toggle}
 
     def toggle(self) -> None:
         """Ask for control, or give it back."""

@@ -19,11 +19,12 @@ from mmt_share.messages import STATE, STATE_DTYPE, About
 from mmt_share.parts.listeners import Listeners
 from mmt_share.publishing import ModelPublisher
 from mmt_share.store.store import Entry, ModelStore
-from mmt_share.tables import Sharing
+from mmt_share.tables import Control, Sharing
 
 if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
+    from mmt.leader.building import LeaderParts
     from mmt.leader.output.model_output import ModelOutput
     from mmt.texture.model.texture_model import TextureModel
 
@@ -63,6 +64,12 @@ class SharingPart(Part):
         """The port that listeners connect to, None before there is one."""
         self.on_control: Callable[[dict[str, Any]], None] = lambda _: None
         """Called with what operators send, where control may be handed over."""
+
+    @classmethod
+    def build(cls, session: Session, parts: "LeaderParts") -> "SharingPart | None":
+        """Return the part."""
+        table = session.scene.table(Sharing)
+        return None if table is None else cls(session, table, parts.completing)
 
     def tasks(self) -> dict[str, Coroutine[Any, Any, None]]:
         """Return the task that hands on what is new."""
@@ -116,6 +123,10 @@ class SharingPart(Part):
         """Return how many are listening."""
         return {"listeners": self.listeners.now}
 
+    def shown(self) -> dict[str, dict[str, Any]]:
+        """Return the figures of those who listen."""
+        return {"listeners": {"figures": self.listeners.figures}}
+
     def summary(self, duration_s: float) -> dict[str, Any]:
         """Return what was shared."""
         _ = duration_s
@@ -135,7 +146,7 @@ class SharingPart(Part):
         MmtError
             The process cannot listen, or has ended.
         """
-        table, control = self._table, self._session.scene.control
+        table, control = self._table, self._session.scene.table(Control)
         given = {
             "control": None if control is None else control.model_dump(mode="json"),
             "sharing": table.model_dump(mode="json"),

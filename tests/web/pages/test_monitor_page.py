@@ -30,6 +30,8 @@ from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.model.texture_model import TextureModel
 from mmt.web.page_server import monitor_files
 from mmt_share.control_messages import MOTION_DTYPE
+from mmt_share.parts.control import ControlPart
+from mmt_share.parts.sharing import SharingPart
 
 __all__ = ["browser"]
 pytestmark = MARKS
@@ -300,7 +302,7 @@ async def test_a_person_hands_control_over_and_takes_it_back(
     monkeypatch.setenv("MMT_CONTROL_TOKEN", TOKEN)
     tables = {"sharing": {"port": 0}, "control": {"silence_ms": 5000}}
     async with a_page(browser, TABLET) as (page, problems), Leading(more=tables) as leading:
-        control = leading.service.parts.control
+        control = leading.service.parts.of(ControlPart)
         await page.goto(leading.url)
         await shows(page, "#control-text", "The leader's hand moves the robot.")
         await api.expect(page.locator("#take-back")).to_be_disabled()
@@ -407,7 +409,7 @@ async def test_a_person_sees_who_listens(browser: Any) -> None:
     ready = asyncio.Event()
     running = asyncio.create_task(shared.run(ready.set))
     await ready.wait()
-    part = shared.parts.sharing
+    part = shared.parts.of(SharingPart)
     follower = Follower(scene(), f"http://127.0.0.1:{shared.port}")
     async with a_page(browser, DESKTOP, "light") as (page, problems):
         await page.goto(f"http://127.0.0.1:{shared.port}/monitor/")

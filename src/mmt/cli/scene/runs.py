@@ -15,8 +15,8 @@ from mmt.cli.scene.costs import SceneRun, ServiceRun
 from mmt.cli.scene_services import DemoRun, run_services
 from mmt.core.errors import MmtError
 from mmt.scene import Replay, Scene
+from mmt.scene.added import added_parts
 from mmt.scene.files import ENVIRONMENT_PREFIX
-from mmt_share.control_messages import CONTROL_VARIABLE
 
 _MARGIN_S = 2.0
 """A recording made for a replay is so much longer than the run."""
@@ -43,7 +43,9 @@ class SceneRunner:
             for name, value in os.environ.items()
             if not (name.startswith(ENVIRONMENT_PREFIX) and "__" in name)
         }
-        self._environment.setdefault(CONTROL_VARIABLE, secrets.token_hex(32))  # for nobody
+        for part in added_parts().values():
+            for name in part.secrets:
+                self._environment.setdefault(name, secrets.token_hex(32))  # for nobody
 
     def prepare(self, scene: Scene) -> Scene:
         """Return the scene as it is run: its duration, its recording, what it replays."""

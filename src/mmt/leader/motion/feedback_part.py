@@ -1,7 +1,7 @@
 """The part that displays the remote force; only the module of the scene's method is imported."""
 
 import math
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from mmt.core.arrays import RecordArray
 from mmt.leader.motion.feedback import Feedback, ForceDisplay, StreamedForce
@@ -15,7 +15,15 @@ if TYPE_CHECKING:
     from mmt.contact.passivity import PassivitySettings
     from mmt.leader.motion.feedback_model import ModelSettings
     from mmt.leader.motion.hand import HandPart
-    from mmt_share.parts.operating import OperatingPart
+
+
+class OtherForce(Protocol):
+    """Makes the display of a force that comes from elsewhere than the follower."""
+
+    def __call__(
+        self, interface: ForceDisplay, *, limit_n: float, settings: "ModelSettings"
+    ) -> Feedback:
+        """Return what displays it, at most so much."""
 
 
 class ForceFeedbackPart(Part):
@@ -39,7 +47,7 @@ class ForceFeedbackPart(Part):
 
     @classmethod
     def build(
-        cls, session: Session, hand: "HandPart | None", operating: "OperatingPart | None"
+        cls, session: Session, hand: "HandPart | None", other_force: OtherForce | None
     ) -> "ForceFeedbackPart | None":
         """Return the scene's method, None where there is no hand to display to."""
         table = session.scene.force_feedback
@@ -48,14 +56,11 @@ class ForceFeedbackPart(Part):
         normal = (session.scene.texture or Texture()).normal
         step_n = math.inf if table.slew_n_s == "off" else table.slew_n_s / session.rate_hz
         display = GuardedDisplay(hand.device, table.limit_n, step_n)
-        if operating is not None:
-            from mmt_share.parts.feedback_shared import SharedContactForce
-
+        if other_force is not None:
             passivity = _passivity(table, 1.0 / session.rate_hz)
             settings = _model_settings(table, passivity, normal)
-            limit_n = table.limit_n
-            shared = SharedContactForce(display, operating, limit_n=limit_n, settings=settings)
-            return cls(session, shared, display)
+            shown = other_force(display, limit_n=table.limit_n, settings=settings)
+            return cls(session, shown, display)
         contact = None if hand.contact is None else hand.contact.model
         feedback = build_feedback(
             table, display, rate_hz=session.rate_hz, normal=normal, contact=contact

@@ -55,7 +55,7 @@ class SynthesizingPart(Part):
             first.model = TextureModel.load(find_model(table.model))
             first.model.check_rate(session.rate_hz)
         several = scene.texture is not None and scene.texture.surfaces is not None
-        if not several and scene.listening is None:
+        if not several and not scene.is_given("model"):
             return cls(first)
         samples = round(table.crossfade_ms * session.rate_hz / 1000)
         crossfade = ModelCrossfade(first, made(scene.session.seed + 1), crossfade_samples=samples)

@@ -16,7 +16,6 @@ _FOLDER: Final = Path("mmt-monitor")
 """Where files go in a scene that names no recording."""
 
 MODES: Final = ("auto", "streamed", "synthesized")
-DECISIONS: Final = ("give", "refuse", "take back")
 
 
 class Controls:
@@ -39,7 +38,6 @@ class Controls:
             "mode": self._mode,
             "record": self._record,
             "save": self._save,
-            "control": self._control,
         }
 
     def state(self) -> dict[str, Any]:
@@ -55,7 +53,6 @@ class Controls:
             "forced": leader.forced or "auto",
             "surfaces": leader.surfaces,
             "network": leader.scene.network is not None,
-            "control": leader.control,
         }
 
     async def answer(self, text: str) -> tuple[str, bytes]:
@@ -65,10 +62,12 @@ class Controls:
         """
         number, good = 0, False
         try:
-            order = _parse(text)
-            number = order["id"]
+            others = self._leader.orders
+            order = _parse(text, [*self._orders, *others])
+            number, what = order["id"], order["do"]
             async with self._one:
-                sentence = await self._orders[order["do"]](order)
+                own = self._orders.get(what)
+                sentence = others[what](order) if own is None else await own(order)
             good = True
         except MmtError as error:
             sentence = str(error)
@@ -153,21 +152,6 @@ class Controls:
         self._leader.tell(f"model saved as {path}")
         return f"saved {len(model.points)} samples as {path}"
 
-    async def _control(self, order: dict[str, Any]) -> str:
-        if self._leader.control is None:
-            raise InputError("this scene hands control to nobody: it has no [control]")
-        decision, who = order.get("decision"), order.get("who", 0)
-        if decision not in DECISIONS:
-            raise InputError(f"decision is {decision!r}: allowed are {', '.join(DECISIONS)}")
-        if not isinstance(who, int):
-            raise InputError("who is the number of a listener that asks")
-        self._leader.decide(decision, who)
-        return {
-            "give": "control is given: the robot holds first",
-            "refuse": "control is refused",
-            "take back": "control is taken back: the robot holds first",
-        }[decision]
-
     # ---
 
     def _require_modelling(self) -> None:
@@ -186,7 +170,7 @@ class Controls:
         return path
 
 
-def _parse(text: str) -> dict[str, Any]:
+def _parse(text: str, known: list[str]) -> dict[str, Any]:
     try:
         order = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -196,7 +180,6 @@ def _parse(text: str) -> dict[str, Any]:
     number, what = order.get("id"), order.get("do")
     if not isinstance(number, int) or not 0 <= number < 2**31:
         raise InputError("id of an order is a number from 0")
-    known = ("mark", "reset", "freeze", "surface", "mode", "record", "save", "control")
     if what not in known:
         raise InputError(f"do is {what!r}: allowed are {', '.join(known)}")
     return order

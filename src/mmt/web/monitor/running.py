@@ -61,7 +61,7 @@ class LeaderMonitor:
         self._history: deque[tuple[float, float]] = deque(maxlen=_HISTORY)
         self._events: deque[tuple[float, str]] = deque(maxlen=_EVENTS)
         self._looks = 0
-        self._listeners: dict[str, Any] | None = None
+        self._shown: dict[str, dict[str, Any]] = {}
         self._controls = Controls(leader)
         self._controls_state: dict[str, Any] = {}
         self.viewers.publish("hello", states.hello(leader.scene, leader.session_id))
@@ -99,10 +99,10 @@ class LeaderMonitor:
         if state != self._controls_state:
             self._controls_state = state
             self.viewers.publish("controls", pack("controls", state, {}))
-        listeners = self._leader.listeners
-        if listeners is not self._listeners:
-            self._listeners = listeners
-            self.viewers.publish("listeners", pack("listeners", {"figures": listeners}, {}))
+        for kind, header in self._leader.shown.items():
+            if self._shown.get(kind) != header:
+                self._shown[kind] = header
+                self.viewers.publish(kind, pack(kind, header, {}))
         self.viewers.publish("live", self._live_message(), retain=False)
         # one of the two that take longest at a time, so that no look is long
         turn = self._looks % self._slow

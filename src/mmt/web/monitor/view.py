@@ -1,5 +1,6 @@
 """What the monitor sees of a running leader, and may ask of it."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
@@ -86,19 +87,16 @@ class LeaderView(Protocol):
         """
 
     @property
-    def listeners(self) -> dict[str, Any] | None:
-        """Figures of those who listen, a new object with each change; None without sharing."""
+    def shown(self) -> dict[str, dict[str, Any]]:
+        """What other parts show: headers of messages, by their kinds."""
+
+    @property
+    def orders(self) -> dict[str, Callable[[dict[str, Any]], str]]:
+        """Orders that other parts carry out, by their names; see `mmt.leader.part.Part.orders`."""
 
     @property
     def recording(self) -> Path | None:
         """The file that is recorded into, None where none is."""
-
-    @property
-    def control(self) -> dict[str, Any] | None:
-        """Who moves the robot (``state``, ``operator``) and who asks to (``asking``).
-
-        None where it cannot be handed over.
-        """
 
     # --- orders
 
@@ -116,15 +114,6 @@ class LeaderView(Protocol):
 
     def force(self, mode: Literal["streamed", "synthesized"] | None) -> None:
         """Hold on to one vibration, or let the criterion decide (None)."""
-
-    def decide(self, order: Literal["give", "refuse", "take back"], who: int) -> None:
-        """Give control to who asks, refuse it, or take it back (from whomever).
-
-        Raises
-        ------
-        InputError
-            It does not ask, or no robot is there.
-        """
 
     async def start_recording(self, path: Path) -> None:
         """Record into a new file."""

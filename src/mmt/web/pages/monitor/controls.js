@@ -60,8 +60,6 @@ export class Controls {
     $("network").disabled = !state.network;
     $("network").title = state.network ? "" : "the scene has no [network]";
     this.#showSurfaces();
-    $("control").hidden = !state.control;
-    if (state.control) this.#showControl(state.control);
     $("controls").hidden = false;
     if (first && state.network) this.#readNetwork();
   }
@@ -78,7 +76,8 @@ export class Controls {
   }
 
   /** Show who moves the robot, and each who asks to with what may be answered. */
-  #showControl({ state, operator, asking }) {
+  showControl({ state, operator, asking }) {
+    $("control").hidden = false;
     $("control-text").textContent = CONTROL[state](operator);
     $("take-back").disabled = operator === "";
     $("asking").replaceChildren(

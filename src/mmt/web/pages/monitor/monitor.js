@@ -78,6 +78,10 @@ const take = {
     controls.show(message);
   },
 
+  control(message) {
+    controls.showControl(message);
+  },
+
   answer(message) {
     controls.answered(message);
   },

@@ -1,0 +1,12 @@
+"""Start ``mmt-listen``; as light as `mmt.cli.entry`, and for the same reason."""
+
+from mmt.cli.entry import start
+
+
+def listen() -> None:
+    """Run ``mmt-listen``."""
+    start("mmt_share.commands.listener")
+
+
+if __name__ == "__main__":
+    listen()
