@@ -1,4 +1,4 @@
-"""The command lines: mmt, mmt-leader, mmt-follower, mmt-listen.
+"""The command lines: mmt, mmt-leader, mmt-follower.
 
 The matrices here are small: threads of the linear algebra library would cost more than they
 gain, and take a core from the other service. The setting counts only before NumPy is loaded.

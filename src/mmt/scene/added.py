@@ -1,8 +1,9 @@
 """Parts that other packages add to the leader, and the tables that they add to a scene.
 
 A package names each part as an entry point of the group ``mmt.parts``: an `AddedPart`, in a module
-that imports nothing of `mmt` but this one and `mmt.scene.table`, since a scene's tables are made
-from it. The part's name is that of its table, if it has one.
+that imports nothing of `mmt` but bases of tables (this one, `mmt.scene.table`,
+`mmt.scene.secured_table`), since a scene's tables are made from it. The part's name is that of its
+table, if it has one.
 """
 
 from collections.abc import Iterable, Mapping
