@@ -5,6 +5,8 @@ import shlex
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from functools import cache
+from importlib import import_module
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, cast, get_args
 
@@ -239,6 +241,14 @@ def test_there_is_a_row_for_every_example_scene() -> None:
     pairs = ("-leader", "-follower")  # one of two machines' scenes: `mmt demo` names both
     alone = {name for name in example_scenes() if not name.endswith(pairs)}
     assert {(name, name) for name in alone} == set(rows)
+
+
+WALKS = re.findall(r"`(mmt[\w.]+):([\w.]+)`", (DOCS / "architecture.md").read_text("utf-8"))
+
+
+@pytest.mark.parametrize(("module", "name"), WALKS, ids=":".join)
+def test_what_the_walks_name_is_there(module: str, name: str) -> None:
+    assert callable(attrgetter(name)(import_module(module)))
 
 
 # --- scene keys
