@@ -1,13 +1,18 @@
 """Columns of any name, unit and kind of file become the same frames."""
 
+import re
+
 import numpy as np
 import pytest
 import scipy.io
 
 from mmt.core.errors import InputError
-from mmt.session import import_session
+from mmt.session import import_session, read_session
 from mmt.session.importing.options import ImportOptions, assignments
 from mmt.session.importing.recording import import_recording
+from mmt.session.info import info
+from mmt.session.mcap_windows import open_windows
+from mmt.session.stream import open_recording
 
 TIME_S = np.arange(3000) / 1000
 POSITION_MM = np.column_stack([30 * np.sin(5 * TIME_S), 10 * TIME_S, 0 * TIME_S])
@@ -63,17 +68,6 @@ def test_a_german_measuring_program_is_understood(tmp_path):
         encoding="cp1252",
     )
     check(import_session(path).frames)
-
-
-def test_tabs_and_units_in_brackets_are_understood(tmp_path):
-    path = write_rows(
-        tmp_path / "a.tsv",
-        "time_s [ms]\tFx (mN)\tFy (mN)\tFz (mN)\n",
-        [1e3 * TIME_S, *(1e3 * FORCE_N).T],
-        delimiter="\t",
-    )
-    frames = import_session(path, columns={f"force_{axis}": f"F{axis}" for axis in "xyz"}).frames
-    np.testing.assert_allclose(frames["force_n"], FORCE_N, atol=1e-4)
 
 
 def test_a_table_without_header_and_without_times_has_numbers_for_names(tmp_path):
@@ -147,19 +141,6 @@ def test_a_matlab_file_of_version_7_3_is_read(tmp_path):
     with (tmp_path / "a.mat").open("r+b") as stream:
         stream.write(header)
     frames = import_session(tmp_path / "a.mat").frames
-    np.testing.assert_allclose(frames["force_n"], FORCE_N, atol=1e-6)
-
-
-def test_a_workbook_is_read(tmp_path):
-    openpyxl = pytest.importorskip("openpyxl")
-    book = openpyxl.Workbook()
-    book.active.append(["Run 7"])
-    book.active.append(["time_s", "Fx [mN]", "Fy [mN]", "Fz [mN]"])
-    for row in np.column_stack([TIME_S, 1e3 * FORCE_N]).tolist():
-        book.active.append(row)
-    book.save(tmp_path / "a.xlsx")
-    columns = {f"force_{axis}": f"F{axis}" for axis in "xyz"}
-    frames = import_session(tmp_path / "a.xlsx", columns=columns).frames
     np.testing.assert_allclose(frames["force_n"], FORCE_N, atol=1e-6)
 
 
@@ -298,6 +279,23 @@ def test_a_wrong_unit_or_axis_is_said_with_what_mends_it(tmp_path, arrays, reaso
     assert reason in found[0]
 
 
+@pytest.mark.parametrize(
+    ("channel", "values", "reason"),
+    [
+        ("position_mm", 0 * POSITION_MM + 3, "position: it never changes"),
+        ("force_n", 0 * FORCE_N + 3, "force: it never changes"),
+        ("acceleration_m_s2", np.clip(ACCELERATION_M_S2, -9, 10), r"z stands at 10 in \d+ rows"),
+        (
+            "acceleration_m_s2",
+            np.vstack([ACCELERATION_M_S2[:500]] + [ACCELERATION_M_S2[500:501]] * 2500),
+            "held one value for 2.5 s",
+        ),
+    ],
+)
+def test_a_dead_a_clipped_and_a_held_sensor_are_said(tmp_path, channel, values, reason):
+    assert any(re.search(reason, each) for each in warnings_of(tmp_path, **{channel: values}))
+
+
 def test_what_a_warning_proposes_mends_it(tmp_path):
     options = ImportOptions(columns={"force": "-force_n"}, units={"acceleration": "g"})
     arrays = {"force_n": -FORCE_N, "acceleration_m_s2": ACCELERATION_M_S2 / 9.80665}
@@ -319,7 +317,8 @@ def test_jitter_and_slow_sensors_are_said_with_figures(tmp_path):
     assert len(found) == 2
 
 
-def test_warnings_are_logged_for_those_who_call_it_from_python(tmp_path, caplog):
+@pytest.mark.parametrize("read", [import_session, read_session, open_recording, open_windows, info])
+def test_warnings_are_logged_at_every_door(tmp_path, caplog, read):
     np.savez(tmp_path / "a.npz", time_s=TIME_S, force_n=-FORCE_N)
-    import_session(tmp_path / "a.npz")
+    read(tmp_path / "a.npz")
     assert "--map force=-force_n" in caplog.text
