@@ -12,7 +12,7 @@ import numpy as np
 
 from mmt.core.errors import InputError, brief
 
-DAMAGE: Final = (
+_DAMAGE: Final = (
     *(ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile, zlib.error),
     *(SyntaxError, TokenError, OverflowError, RecursionError),  # in the header of an array
     MemoryError,  # a shape that is larger than the machine
@@ -51,7 +51,7 @@ def load_arrays(
             with loaded as archive:
                 names = [name for name in archive.files if wanted is None or wanted(name)]
                 return {name: archive[name] for name in names}, list(archive.files)
-    except DAMAGE as error:
+    except _DAMAGE as error:
         raise InputError(f"this is not a .npz archive of numbers: {brief(error)}") from error
 
 

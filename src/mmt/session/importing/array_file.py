@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from mmt.core.archives import DAMAGE, load_arrays
+from mmt.core.archives import load_arrays
 from mmt.core.arrays import FloatArray
-from mmt.core.errors import InputError, brief
+from mmt.core.errors import InputError
 from mmt.core.extras import require
-from mmt.session.importing.columns import Columns, parsed_events, parsed_scene
+from mmt.session.importing.columns import Columns, parsed_events, parsed_scene, reading
 from mmt.session.importing.options import ImportOptions
 
 _OF_THE_SESSION = ("scene_json", "annotations", "events_json")
@@ -27,12 +27,8 @@ def read_archive(path: Path, wanted: Callable[[str], bool], _options: ImportOpti
         scene or events are not JSON of such.
     """
     origin = f"import {path}"
-    try:
+    with reading(origin, "an .npz archive"):
         arrays, names = load_arrays(path, lambda name: name in _OF_THE_SESSION or wanted(name))
-    except OSError as error:
-        raise InputError(f"{origin}: {error.strerror or error}") from error
-    except InputError as error:
-        raise InputError(f"{origin}: {error}") from error
     scene, events = (
         str(arrays[name]) if name in arrays else None for name in ("scene_json", "events_json")
     )
@@ -55,12 +51,8 @@ def read_array(path: Path, wanted: Callable[[str], bool], _options: ImportOption
         The file is missing, or not an array of numbers.
     """
     origin = f"import {path}"
-    try:
+    with reading(origin, "a .npy array"):
         array = np.load(path, allow_pickle=False)
-    except OSError as error:
-        raise InputError(f"{origin}: {error.strerror or error}") from error
-    except DAMAGE as error:
-        raise InputError(f"{origin}: this is not a .npy array: {brief(error)}") from error
     if not isinstance(array, np.ndarray) or array.ndim > 2:
         raise InputError(f"{origin}: this is not an array of shape (n,) or (n, k)")
     if array.dtype.names:
@@ -86,14 +78,9 @@ def read_sound(path: Path, wanted: Callable[[str], bool], _options: ImportOption
     require("scipy")
     from scipy.io import wavfile
 
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks of other programs
-            rate_hz, samples = wavfile.read(path)
-    except OSError as error:
-        raise InputError(f"{origin}: {error.strerror or error}") from error
-    except Exception as error:  # damage reaches every part of the library
-        raise InputError(f"{origin}: this is not a .wav file: {brief(error)}") from error
+    with reading(origin, "a .wav file"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks of other programs
+        rate_hz, samples = wavfile.read(path)
     scaled = samples.astype(np.float64)
     if samples.dtype.kind in "iu":
         middle = 128.0 if samples.dtype == np.uint8 else 0.0

@@ -3,12 +3,13 @@
 import json
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Final
 
 from mmt.core.arrays import FloatArray, RecordArray
-from mmt.core.errors import InputError
+from mmt.core.errors import InputError, brief
 from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL
 from mmt.session.data import JsonObject, axis_columns
 from mmt.session.importing.options import ImportOptions
@@ -63,6 +64,36 @@ class Columns:
     """UTC of the earliest of `times` since 1970, None where the file has no dates."""
     episode: int | None = None
     """Number of the episode that was read, None if it is no data set with episodes."""
+
+
+@contextmanager
+def reading(
+    origin: str, kind: str, damage: tuple[type[Exception], ...] = (Exception,)
+) -> Iterator[None]:
+    """Explain what hinders reading a file: it is missing, or not of its kind.
+
+    Parameters
+    ----------
+    origin, kind
+        The file, and what it should be, for errors.
+    damage
+        What a reader raises of other files; of a foreign library anything.
+
+    Raises
+    ------
+    InputError
+        In place of `damage` and OSError.
+    """
+    try:
+        yield
+    except InputError as error:
+        said = str(error)
+        raise InputError(said if said.startswith(origin) else f"{origin}: {said}") from error
+    except damage as error:
+        reason = getattr(error, "strerror", None) if isinstance(error, OSError) else None
+        raise InputError(f"{origin}: {reason or f'this is not {kind}: {brief(error)}'}") from error
+    except OSError as error:
+        raise InputError(f"{origin}: {error.strerror or error}") from error
 
 
 def wanted_names(options: ImportOptions) -> Callable[[str], bool]:

@@ -8,9 +8,8 @@ import numpy as np
 
 from mmt.core.archives import check_growth
 from mmt.core.arrays import FloatArray
-from mmt.core.errors import InputError, brief
 from mmt.core.extras import require
-from mmt.session.importing.columns import Columns, distinct, parsed_events, parsed_scene
+from mmt.session.importing.columns import Columns, distinct, parsed_events, parsed_scene, reading
 from mmt.session.importing.options import ImportOptions
 
 _UNIT_ATTRIBUTES: Final = ("units", "unit", "Units", "Unit", "UNITS")
@@ -31,25 +30,18 @@ def read_hdf5(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
     require("h5py")
     import h5py
 
-    try:
-        with h5py.File(path, "r") as file:
-            sets = list(_data_sets(file))
-            names, notes = distinct([name for name, _, _ in sets])
-            values, units = {}, {}
-            for name, (_, item, field) in zip(names, sets, strict=True):
-                if wanted(name):
-                    check_growth(item.size * 8, path.stat().st_size)
-                    values[name] = _numbers(file, item[()] if field is None else item[field])
-                    units[name] = _unit(item)
-            texts = {
-                name: file[name][()] for name in ("scene", "events", "annotations") if name in file
-            }
-    except InputError as error:
-        raise InputError(f"{origin}: {error}") from error
-    except FileNotFoundError as error:
-        raise InputError(f"{origin}: No such file or directory") from error
-    except Exception as error:  # damage reaches every part of the library
-        raise InputError(f"{origin}: this is not an HDF5 file: {brief(error)}") from error
+    with reading(origin, "an HDF5 file"), h5py.File(path, "r") as file:
+        sets = list(_data_sets(file))
+        names, notes = distinct([name for name, _, _ in sets])
+        values, units = {}, {}
+        for name, (_, item, field) in zip(names, sets, strict=True):
+            if wanted(name):
+                check_growth(item.size * 8, path.stat().st_size)
+                values[name] = _numbers(file, item[()] if field is None else item[field])
+                units[name] = _unit(item)
+        texts = {
+            name: file[name][()] for name in ("scene", "events", "annotations") if name in file
+        }
     return Columns(
         origin=origin,
         values=values,

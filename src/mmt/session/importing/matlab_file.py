@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.core.errors import InputError, brief
 from mmt.core.extras import require
-from mmt.session.importing.columns import Columns
+from mmt.session.importing.columns import Columns, reading
 from mmt.session.importing.hdf5_file import read_hdf5
 from mmt.session.importing.options import ImportOptions
 
@@ -35,15 +34,12 @@ def read_matlab(path: Path, wanted: Callable[[str], bool], options: ImportOption
     require("scipy")
     from scipy.io import loadmat
 
-    try:
-        content = loadmat(path, squeeze_me=True, struct_as_record=True, appendmat=False)
-    except NotImplementedError:  # version 7.3 is HDF5, with the axes turned
-        read = read_hdf5(path, wanted, options)
-        return replace(read, values={n: _upright(v.T) for n, v in read.values.items()})
-    except OSError as error:
-        raise InputError(f"{origin}: {error.strerror or error}") from error
-    except Exception as error:  # damage reaches every part of the library
-        raise InputError(f"{origin}: this is not a MATLAB file: {brief(error)}") from error
+    with reading(origin, "a MATLAB file"):
+        try:
+            content = loadmat(path, squeeze_me=True, struct_as_record=True, appendmat=False)
+        except NotImplementedError:  # version 7.3 is HDF5, with the axes turned
+            read = read_hdf5(path, wanted, options)
+            return replace(read, values={n: _upright(v.T) for n, v in read.values.items()})
     variables = {
         name: values
         for variable, content in content.items()

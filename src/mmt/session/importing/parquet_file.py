@@ -8,11 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from mmt.core.arrays import RecordArray
-from mmt.core.errors import InputError, brief
+from mmt.core.errors import InputError
 from mmt.core.extras import require
 from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, frame_dtype
 from mmt.session.data import axis_columns
-from mmt.session.importing.columns import Columns, parsed_events, parsed_scene
+from mmt.session.importing.columns import Columns, parsed_events, parsed_scene, reading
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.units import DATE
 
@@ -95,12 +95,8 @@ def _read(read: Callable[[Any], Any], origin: str) -> Any:
     import pyarrow
     import pyarrow.parquet
 
-    try:
+    with reading(origin, "a Parquet file", (OSError, pyarrow.ArrowException)):
         return read(pyarrow.parquet)
-    except FileNotFoundError as error:
-        raise InputError(f"{origin}: No such file or directory") from error
-    except (OSError, pyarrow.ArrowException) as error:
-        raise InputError(f"{origin}: this is not a Parquet file: {brief(error)}") from error
 
 
 def _numbers(column: Any, name: str, origin: str) -> npt.NDArray[Any]:

@@ -5,9 +5,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from mmt.core.errors import InputError, brief
+from mmt.core.errors import InputError
 from mmt.core.extras import require
-from mmt.session.importing.columns import Columns
+from mmt.session.importing.columns import Columns, reading
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.table import read_table
 
@@ -24,7 +24,7 @@ def read_spreadsheet(path: Path, wanted: Callable[[str], bool], options: ImportO
     require("openpyxl")
     import openpyxl
 
-    try:
+    with reading(origin, "an .xlsx workbook with a table"):
         book: Any = openpyxl.load_workbook(path, read_only=True, data_only=True)
         try:
             sheet = _sheet(book, options.sheet, origin)
@@ -36,14 +36,6 @@ def read_spreadsheet(path: Path, wanted: Callable[[str], bool], options: ImportO
         others = ", ".join(name for name in book.sheetnames if name != sheet.title)
         note = f"this is the sheet {sheet.title}; --sheet takes another: {others}"
         return replace(columns, notes=(note, *columns.notes))
-    except OSError as error:
-        raise InputError(f"{origin}: {error.strerror or error}") from error
-    except InputError:
-        raise
-    except Exception as error:  # damage reaches every part of the library
-        raise InputError(
-            f"{origin}: this is not an .xlsx workbook with a table: {brief(error)}"
-        ) from error
 
 
 def _sheet(book: Any, name: str | None, origin: str) -> Any:

@@ -8,8 +8,8 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, Final, TextIO
 
-from mmt.core.errors import InputError, brief
-from mmt.session.importing.columns import Columns
+from mmt.core.errors import InputError
+from mmt.session.importing.columns import Columns, reading
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.table import read_table, weigh_numbers
 
@@ -35,7 +35,8 @@ def read_text(path: Path, wanted: Callable[[str], bool], options: ImportOptions)
         The file is missing, no text, or see `read_table`.
     """
     origin = f"import {path}"
-    try:
+    damage = (UnicodeDecodeError, csv.Error, EOFError, zlib.error, gzip.BadGzipFile)
+    with reading(origin, "text in columns", damage):
         encoding = _encoding(path)
         with _opened(path, encoding) as stream:
             lines = list(islice(stream, (options.header or 0) + _LOOKED_AT))
@@ -44,10 +45,6 @@ def read_text(path: Path, wanted: Callable[[str], bool], options: ImportOptions)
         delimiter = options.delimiter or _delimiter(lines[-_LOOKED_AT:], options)
         with _opened(path, encoding) as stream:
             return read_table(origin, _rows(stream, delimiter), wanted, options)
-    except (UnicodeDecodeError, csv.Error, EOFError, zlib.error, gzip.BadGzipFile) as error:
-        raise InputError(f"{origin}: this is not text in columns: {brief(error)}") from error
-    except OSError as error:
-        raise InputError(f"{origin}: {error.strerror or error}") from error
 
 
 def _opened(path: Path, encoding: str) -> TextIO:
