@@ -27,7 +27,7 @@ _LINE_WINDOWS = 512
 _FITTED_SHARE = 0.9
 """Share of the rows that must follow a clock; the others lie on lines of its period."""
 _OWN_RHYTHM = 0.15
-"""Periods that intervals may lie off whole periods where the stamps have a rhythm of their own."""
+"""Periods by which intervals may lie off whole ones where stamps have a rhythm of their own."""
 _IN_BATCHES = 0.25
 """Mean intervals below which most are where rows arrive in batches."""
 _BATCH_SPREAD = 0.25
@@ -131,8 +131,8 @@ def _explains(off_s: FloatArray, intervals_s: FloatArray, own_s: float) -> bool:
         return bool(np.median(np.abs(off_s)) <= 2.0 * own_s)
     gaps = np.flatnonzero(intervals_s > 0.5 * np.mean(intervals_s))
     begin_s = off_s[gaps + 1]
-    spread_s = np.median(np.abs(begin_s - np.median(begin_s)))
-    return bool(spread_s <= _BATCH_SPREAD * np.median(intervals_s[gaps]))
+    off_s = np.abs(begin_s - np.median(begin_s))
+    return bool(np.median(off_s) <= _BATCH_SPREAD * np.median(intervals_s[gaps]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,18 +4,16 @@ import re
 from array import array
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from datetime import UTC, date, datetime, time, timedelta
 from itertools import chain, islice, zip_longest
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
 
 from mmt.core.errors import InputError
+from mmt.session.importing.cells import MISSING, Cell, Numbers, seconds_of, text_of
 from mmt.session.importing.columns import Columns, distinct
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.units import DATE, is_unit
-
-Cell: TypeAlias = str | float | date | time | timedelta | None
 
 _LOOKED_AT = 200
 """Rows by which it is told whether another is the first of the numbers."""
@@ -24,10 +22,6 @@ _FEWEST_NAMES = 3
 """Whole numbers in the first row, from 0 or 1 on, that are names."""
 _UNIT = re.compile(r"^(.*?)\s*[\[(]\s*([^\])]*?[^\s\d\])][^\])]*?)\s*[\])]$")
 """A name with a unit in brackets behind it; a number there is an index, and part of the name."""
-_MISSING: Final = frozenset(
-    ("", "na", "n/a", "#n/a", "#na", "#nv", "nan", "null", "none", "nil", "-", "--", "---", "?")
-) | {"#div/0!", "#value!", "#ref!", "#num!", "#name?", "#null!"}
-_DATES: Final = ("%d.%m.%Y %H:%M:%S.%f", "%d.%m.%Y %H:%M:%S", "%M:%S.%f")
 
 
 def read_table(
@@ -57,11 +51,11 @@ def read_table(
     bare, bracketed = zip(*map(_name_and_unit, header), strict=True)
     names, doubled = distinct(bare)
     units = {name: unit for name, unit in zip(names, bracketed, strict=True) if unit}
-    for name, unit in zip(names, map(_text, units_row), strict=False):
-        if unit.lower() not in _MISSING:
+    for name, unit in zip(names, map(text_of, units_row), strict=False):
+        if unit.lower() not in MISSING:
             units[name] = unit.strip("[]() ")
     places = {name: place for place, name in enumerate(names) if wanted(name)}
-    number = _Numbers(options)
+    number = Numbers(options)
     columns, lines, said = _read_rows(origin, chain(start[first:], rest), first + 1, places, number)
     if number.commas and any(map(number.has_point, chain(*start[first:]))):
         raise InputError(
@@ -84,7 +78,7 @@ def _read_rows(
     rows: Iterable[Sequence[Cell]],
     begin: int,
     places: Mapping[str, int],
-    number: "_Numbers",
+    number: Numbers,
 ) -> tuple[dict[str, "array[float]"], "array[int]", list[str]]:
     """Return the numbers by column, the line of each row, and what was left out."""
     columns = {name: array("d") for name in places}
@@ -101,8 +95,8 @@ def _read_rows(
                 (n, c) for n, c in zip(places, cells, strict=True) if not number.takes(c)
             )
             raise InputError(
-                f"{origin}: {name} is {_text(cell)[:_SHOWN_CHARACTERS]!r} in line {line}, it must "
-                "be a number, or a date as 2026-01-31 10:30:00.5; --missing says what is no value"
+                f"{origin}: {name} is {text_of(cell)[:_SHOWN_CHARACTERS]!r} in line {line}, it "
+                "must be a number, or a date as 2026-01-31 10:30:00.5; --missing says what is none"
             ) from error
         if not row:
             continue
@@ -130,7 +124,7 @@ def _split(
     rest = iter(rows)
     start = list(islice(rest, (options.header or 0) + _LOOKED_AT))
     place = options.header or 0
-    number = _Numbers(options)
+    number = Numbers(options)
     while place < len(start):
         if _is_data(start[place : place + _LOOKED_AT], number):
             return start, rest, place
@@ -161,9 +155,9 @@ def _header(
         over = above[-2] if len(above) > 1 else ()  # has the names of what is blank below it
         wide = max(width, len(above[-1]))
         pairs = zip_longest(above[-1], over[:wide], range(1, wide + 1))
-        names = [_text(name) or _text(group) or str(place) for name, group, place in pairs]
+        names = [text_of(name) or text_of(group) or str(place) for name, group, place in pairs]
         return names, units, first, []
-    texts = list(map(_text, rows[first]))
+    texts = list(map(text_of, rows[first]))
     counted = [[str(start + place) for place in range(width)] for start in (0, 1)]
     if width >= _FEWEST_NAMES and texts in counted and len(rows) > first + 1:
         note = f"line {first + 1}, {texts[0]} to {texts[-1]}, was taken for the columns' names"
@@ -171,7 +165,7 @@ def _header(
     return counted[1], (), first, []
 
 
-def _is_data(rows: Sequence[Sequence[Cell]], number: "_Numbers") -> bool:
+def _is_data(rows: Sequence[Sequence[Cell]], number: Numbers) -> bool:
     """Whether the first of these rows is one of numbers, as most that follow it are."""
 
     def places(row: Sequence[Cell]) -> set[int]:
@@ -185,123 +179,25 @@ def _is_data(rows: Sequence[Sequence[Cell]], number: "_Numbers") -> bool:
         return False
     counts = Counter(place for row in rows for place in places(row))
     mostly = {place for place, count in counts.items() if 2 * count > len(rows)}
-    filled = {place for place in mostly if place < len(rows[0]) and _text(rows[0][place])}
+    filled = {place for place in mostly if place < len(rows[0]) and text_of(rows[0][place])}
     return 2 * len(filled) >= len(mostly) and 2 * len(places(rows[0]) & filled) > len(filled)
 
 
 def _is_units(row: Sequence[Cell]) -> bool:
     """Whether most filled cells are units; a dash stands for none."""
-    texts = [_text(cell).strip("[]() ") for cell in row if _text(cell)]
+    texts = [text_of(cell).strip("[]() ") for cell in row if text_of(cell)]
     return 2 * sum(text in ("-", "") or is_unit(text) for text in texts) > len(texts)
 
 
 def _is_date(row: Sequence[Cell], place: int) -> bool:
-    return place < len(row) and _seconds(row[place]) is not None
-
-
-def weigh_numbers(rows: Iterable[Sequence[Cell]], options: ImportOptions) -> int:
-    """Return how many more cells are numbers than are not, in the rows with numbers."""
-    number, weight = _Numbers(options), 0
-    for row in rows:
-        filled = [cell for cell in row if _text(cell)]
-        numbers = sum(map(number.reads, filled))
-        weight += 2 * numbers - len(filled) if numbers else 0
-    return weight
-
-
-class _Numbers:
-    """What a cell holds: a number, or None of one without; ValueError of a text."""
-
-    def __init__(self, options: ImportOptions) -> None:
-        self.commas = ""
-        """A number whose comma was taken for the decimal sign, "" if there was none."""
-        self._missing = _MISSING | {text.strip().lower() for text in options.missing}
-        self._thousands = {".": ",", ",": "."}.get(options.decimal or "")
-        self._plain = not (options.missing or options.decimal)
-
-    def __call__(self, cell: Cell) -> float | None:
-        if self._plain and type(cell) is str:
-            try:
-                return float(cell)
-            except ValueError:
-                pass
-        text = _text(cell)
-        if text.lower() in self._missing:
-            return None
-        seconds = _seconds(cell)
-        if seconds is not None:
-            return seconds
-        if self._thousands:
-            return float(text.replace(self._thousands, "").replace(",", "."))
-        if "," not in text or "." in text:
-            return float(text)
-        value = float(text.replace(",", ".", 1))
-        self.commas = self.commas or text
-        return value
-
-    def reads(self, cell: Cell) -> bool:
-        """Whether a cell holds a number."""
-        return self.takes(cell) and _text(cell).lower() not in self._missing
-
-    def takes(self, cell: Cell) -> bool:
-        """Whether a cell holds a number or none."""
-        try:
-            self(cell)
-        except ValueError:
-            return False
-        return True
-
-    def has_point(self, cell: Cell) -> bool:
-        """Whether a cell holds a number with a decimal point."""
-        return (
-            isinstance(cell, str)
-            and "." in cell
-            and self._plain
-            and self.reads(cell)
-            and _seconds(cell) is None
-        )
-
-
-def _seconds(cell: Cell) -> float | None:
-    """Return the seconds of a date since 1970, of a time of day since midnight, None of others."""
-    if isinstance(cell, str):
-        cell = _moment(cell.strip().replace(",", "."))
-    if isinstance(cell, timedelta):
-        return cell.total_seconds()
-    if isinstance(cell, time):
-        return timedelta(
-            hours=cell.hour, minutes=cell.minute, seconds=cell.second, microseconds=cell.microsecond
-        ).total_seconds()
-    if isinstance(cell, datetime):
-        return (cell if cell.tzinfo else cell.replace(tzinfo=UTC)).timestamp()
-    return None
-
-
-def _moment(text: str) -> datetime | time | None:
-    if ":" not in text:
-        return None
-    for read in (datetime.fromisoformat, time.fromisoformat):
-        try:
-            return read(text)
-        except ValueError:
-            continue
-    for form in _DATES:
-        try:
-            return datetime.strptime(text, form).replace(tzinfo=UTC)
-        except ValueError:
-            continue
-    return None
+    return place < len(row) and seconds_of(row[place]) is not None
 
 
 def _name_and_unit(cell: Cell) -> tuple[str, str]:
-    text = _text(cell)
+    text = text_of(cell)
     found = _UNIT.match(text)
     return (found.group(1), found.group(2)) if found and found.group(1) else (text, "")
 
 
 def _filled(row: Sequence[Cell]) -> int:
-    return sum(bool(_text(cell)) for cell in row)
-
-
-def _text(cell: Cell) -> str:
-    return "" if cell is None else str(cell).strip()
+    return sum(bool(text_of(cell)) for cell in row)

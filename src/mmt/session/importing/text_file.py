@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any, Final, TextIO
 
 from mmt.core.errors import InputError
+from mmt.session.importing.cells import weigh_numbers
 from mmt.session.importing.columns import Columns, reading
 from mmt.session.importing.options import ImportOptions
-from mmt.session.importing.table import read_table, weigh_numbers
+from mmt.session.importing.table import read_table
 
 _LOOKED_AT = 300
 _SIGNS: Final = ";\t, "

@@ -1,0 +1,114 @@
+"""Cells of tables: numbers, dates and times of day, and words for no value."""
+
+from collections.abc import Iterable, Sequence
+from datetime import UTC, date, datetime, time, timedelta
+from typing import Final, TypeAlias
+
+from mmt.session.importing.options import ImportOptions
+
+Cell: TypeAlias = str | float | date | time | timedelta | None
+
+MISSING: Final = frozenset(
+    ("", "na", "n/a", "#n/a", "#na", "#nv", "nan", "null", "none", "nil", "-", "--", "---", "?")
+) | {"#div/0!", "#value!", "#ref!", "#num!", "#name?", "#null!"}
+_DATES: Final = ("%d.%m.%Y %H:%M:%S.%f", "%d.%m.%Y %H:%M:%S", "%M:%S.%f")
+
+
+def text_of(cell: Cell) -> str:
+    """Return what stands in a cell, without blanks around it."""
+    return "" if cell is None else str(cell).strip()
+
+
+def weigh_numbers(rows: Iterable[Sequence[Cell]], options: ImportOptions) -> int:
+    """Return how many more cells are numbers than are not, in the rows with numbers."""
+    number, weight = Numbers(options), 0
+    for row in rows:
+        filled = [cell for cell in row if text_of(cell)]
+        numbers = sum(map(number.reads, filled))
+        weight += 2 * numbers - len(filled) if numbers else 0
+    return weight
+
+
+class Numbers:
+    """What a cell holds: a number, or None of one without; ValueError of a text."""
+
+    def __init__(self, options: ImportOptions) -> None:
+        self.commas = ""
+        """A number whose comma was taken for the decimal sign, "" if there was none."""
+        self._missing = MISSING | {text.strip().lower() for text in options.missing}
+        self._thousands = {".": ",", ",": "."}.get(options.decimal or "")
+        self._plain = not (options.missing or options.decimal)
+
+    def __call__(self, cell: Cell) -> float | None:
+        """Return the number of a cell."""
+        if self._plain and type(cell) is str:
+            try:
+                return float(cell)
+            except ValueError:
+                pass
+        text = text_of(cell)
+        if text.lower() in self._missing:
+            return None
+        seconds = seconds_of(cell)
+        if seconds is not None:
+            return seconds
+        if self._thousands:
+            return float(text.replace(self._thousands, "").replace(",", "."))
+        if "," not in text or "." in text:
+            return float(text)
+        value = float(text.replace(",", ".", 1))
+        self.commas = self.commas or text
+        return value
+
+    def reads(self, cell: Cell) -> bool:
+        """Whether a cell holds a number."""
+        return self.takes(cell) and text_of(cell).lower() not in self._missing
+
+    def takes(self, cell: Cell) -> bool:
+        """Whether a cell holds a number or none."""
+        try:
+            self(cell)
+        except ValueError:
+            return False
+        return True
+
+    def has_point(self, cell: Cell) -> bool:
+        """Whether a cell holds a number with a decimal point."""
+        return (
+            isinstance(cell, str)
+            and "." in cell
+            and self._plain
+            and self.reads(cell)
+            and seconds_of(cell) is None
+        )
+
+
+def seconds_of(cell: Cell) -> float | None:
+    """Return the seconds of a date since 1970, of a time of day since midnight, None of others."""
+    if isinstance(cell, str):
+        cell = _moment(cell.strip().replace(",", "."))
+    if isinstance(cell, timedelta):
+        return cell.total_seconds()
+    if isinstance(cell, time):
+        return timedelta(
+            hours=cell.hour, minutes=cell.minute, seconds=cell.second, microseconds=cell.microsecond
+        ).total_seconds()
+    if isinstance(cell, datetime):
+        return (cell if cell.tzinfo else cell.replace(tzinfo=UTC)).timestamp()
+    return None
+
+
+def _moment(text: str) -> datetime | time | None:
+    if ":" not in text:
+        return None
+    for read in (datetime.fromisoformat, time.fromisoformat):
+        try:
+            return read(text)
+        except ValueError:
+            continue
+    for form in _DATES:
+        try:
+            return datetime.strptime(text, form).replace(tzinfo=UTC)
+        except ValueError:
+            continue
+    return None
