@@ -1,9 +1,8 @@
 """Put the rows of a periodic source at regular times where only their stamps jitter.
 
 A recording program stamps a row when it gets it: late by the transport, by the scheduler, or in
-batches. The rows themselves were sampled by a clock. A motion that is read along jittered stamps
-is torn: 0.6 ms at 500 Hz make a hand of 200 mm/s jump by 0.1 mm from row to row, and its speed is
-lost. Offline only; cost is linear in the number of rows.
+batches. A motion that is read along such stamps is torn: 0.6 ms at 500 Hz make a hand of 200 mm/s
+jump by 0.1 mm from row to row. Offline only; cost is linear in the number of rows.
 """
 
 from dataclasses import dataclass
@@ -48,8 +47,7 @@ class Stamps:
     period_s: float
     """Mean of the source's period, or of the intervals where it has none."""
     jitter_s: float
-    """Root mean square of what the stamps lie off regular times; of what the intervals lie off
-    whole periods, or their mean, where the source has no clock."""
+    """Root mean square of what stamps lie off a clock; intervals off whole periods, without one."""
     largest_s: float
     """The largest of these."""
     missing_rows: int
@@ -104,8 +102,8 @@ def assess_stamps(
 
 def _as_they_are(stamps_s: FloatArray) -> tuple[Stamps, float]:
     """Return the stamps, and what their intervals lie off whole periods of their own."""
-    intervals_s = np.diff(stamps_s)
-    period_s = float(np.median(intervals_s)) or float(np.mean(intervals_s))
+    intervals_s: FloatArray = np.diff(stamps_s)
+    period_s = float(np.median(intervals_s) or np.mean(intervals_s))
     steps = _whole_periods(intervals_s)
     own_s = np.abs(intervals_s - steps * period_s)
     in_step = bool(np.mean(own_s) < _OWN_RHYTHM * period_s)
@@ -130,9 +128,8 @@ def _explains(off_s: FloatArray, intervals_s: FloatArray, own_s: float) -> bool:
     if np.median(intervals_s) >= _IN_BATCHES * np.mean(intervals_s):
         return bool(np.median(np.abs(off_s)) <= 2.0 * own_s)
     gaps = np.flatnonzero(intervals_s > 0.5 * np.mean(intervals_s))
-    begin_s = off_s[gaps + 1]
-    off_s = np.abs(begin_s - np.median(begin_s))
-    return bool(np.median(off_s) <= _BATCH_SPREAD * np.median(intervals_s[gaps]))
+    spread_s = np.median(np.abs(off_s[gaps + 1] - np.median(off_s[gaps + 1])))
+    return bool(spread_s <= _BATCH_SPREAD * np.median(intervals_s[gaps]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,16 +185,16 @@ def _joined(lines: list[_Line]) -> _Line:
 
 
 def _short_line(stamps_s: FloatArray, period_s: float) -> _Line:
-    numbers = np.arange(len(stamps_s))
-    return _Line(numbers, period_s, period_s * numbers + np.median(stamps_s - period_s * numbers))
+    regular_s = period_s * np.arange(len(stamps_s))
+    return _Line(np.arange(len(stamps_s)), period_s, regular_s + np.median(stamps_s - regular_s))
 
 
 def _fit_stretch(stamps_s: FloatArray, window: int) -> _Line | None:
     """Fit a line to rows of which none, or some, are missing, whichever leaves least; or None."""
     best: tuple[float, _Line] | None = None
     in_steps = np.cumsum([0, *_whole_periods(np.diff(stamps_s))])
+    block = min(_BLOCK_WINDOWS * window, len(stamps_s) // 4)
     for numbers in (np.arange(len(stamps_s)), _with_missing(stamps_s, window), in_steps):
-        block = min(_BLOCK_WINDOWS * window, len(stamps_s) // 4)
         period_s, time_s = _through(stamps_s, numbers, block)
         off_s = stamps_s - time_s
         drift_s = np.quantile(np.abs(_block_medians(off_s, block)), 0.9)
@@ -250,8 +247,7 @@ def _largest_nearby(places: IntArray, sizes: FloatArray, window: int) -> IntArra
     chosen: list[int] = []
     for place in places.tolist():
         if chosen and place - chosen[-1] < window:
-            if sizes[place] > sizes[chosen[-1]]:
-                chosen[-1] = place
+            chosen[-1] = max(chosen[-1], place, key=sizes.__getitem__)
         else:
             chosen.append(place)
     return np.array(chosen, dtype=np.int64)
@@ -270,10 +266,7 @@ def _slope(stamps_s: FloatArray, numbers: IntArray, lag: int) -> float:
 
 
 def _through(stamps_s: FloatArray, numbers: IntArray, rows: int) -> tuple[float, FloatArray]:
-    """Return slope and times of the line through the medians of blocks of `rows` rows.
-
-    Late stamps, even many in a block, do not tilt it.
-    """
+    """Return slope and times of the line through medians of `rows` rows; late ones do not count."""
     first_s = (stamps_s[-1] - stamps_s[0]) / (numbers[-1] - numbers[0])
     off_s = _block_medians(stamps_s - first_s * numbers, rows)
     centres = np.mean(numbers[: len(off_s) * rows].reshape(-1, rows), axis=1)
@@ -285,8 +278,7 @@ def _through(stamps_s: FloatArray, numbers: IntArray, rows: int) -> tuple[float,
 def _block_medians(values: FloatArray, block: int) -> FloatArray:
     block = min(block, len(values))
     rows = len(values) // block * block
-    medians: FloatArray = np.median(values[:rows].reshape(-1, block), axis=1)
-    return medians
+    return np.asarray(np.median(values[:rows].reshape(-1, block), axis=1))
 
 
 def _error_share(regular_s: FloatArray, stamps_s: FloatArray, rows: FloatArray) -> float:
