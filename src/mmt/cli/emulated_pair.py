@@ -67,7 +67,7 @@ def write_emulated(pair: Pair, directory: Path) -> Pair:
     """
     written = []
     for file in pair:
-        tables = _emulated(load_scene(file), directory)
+        tables = _emulated(load_scene(file), directory.resolve())
         target = directory / file.name
         try:
             directory.mkdir(parents=True, exist_ok=True)
