@@ -62,7 +62,7 @@ async def test_a_handle_whose_service_fails_is_lost_and_comes_back(tmp_path: Pat
         await together.until(lambda: not handle.lost)
         service.stall()
         await together.until(lambda: handle.losses == 2)
-        assert any("has not answered" in sentence for sentence in together.leader.faults())
+        assert any("has not answered" in sentence for sentence in together.leader.health.faults())
         service.stall(silent=False)
         await together.until(lambda: not handle.lost)
         together.leader.stop()

@@ -71,7 +71,7 @@ async def test_a_handle_is_lost_and_comes_back_elsewhere(
     await together.until(lambda: handle.lost)
     held, since = sent[-1][1], len(sent)
     assert any(sentence.startswith("the handle (OpenHapticsHandle) is lost")
-               for sentence in together.leader.faults())  # fmt: skip
+               for sentence in together.leader.health.faults())  # fmt: skip
     await together.until(lambda: len(sent) > since + 100)
     assert {position for _, position in sent[since:]} == {held}
     await together.until(lambda: emulated.look().motor_n == (0.0, 0.0, 0.0))

@@ -163,6 +163,11 @@ class Ticker:
         return self._periods
 
     @property
+    def lateness(self) -> tuple[int, int]:
+        """How many ticks there were so far, and how many of them were over 1 ms late."""
+        return self._ticks, self._late
+
+    @property
     def statistics(self) -> TickStatistics:
         """What was measured so far; a few hundred microseconds to compute."""
         measured = self._measures and self._ticks > 0

@@ -14,6 +14,7 @@ from mmt.core.extras import require
 from mmt.core.logs import told
 from mmt.core.process import ProcessCost, ProcessMeter, prefer_even_ticks
 from mmt.core.ticking import Ticker
+from mmt.core.verdict import has_failed
 from mmt.devices.protocols import DeviceBackedSource
 from mmt.follower.guarded_source import GuardedSource
 from mmt.follower.sources import build_source
@@ -29,9 +30,6 @@ if TYPE_CHECKING:
     from mmt.link.http import Listener
 
 LOG: Final = logging.getLogger("mmt.follower")
-
-_FAILURES: Final = (FAILED, f"leader {FAILED}", "leader lost")
-"""Beginnings of outcomes with which a run has failed."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +53,7 @@ class FollowerSummary:
     @property
     def problem(self) -> str | None:
         """Why the run failed, None where it ended as it should."""
-        return self.outcome if self.outcome.startswith(_FAILURES) else None
+        return self.outcome if has_failed(self.outcome) else None
 
     def as_dict(self) -> dict[str, Any]:
         """Return the summary for a program."""

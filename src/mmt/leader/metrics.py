@@ -68,18 +68,6 @@ class MetricsPart(Part):
             yield from _backfill(remote.backfill)
 
 
-def health(session: Session, status: Any, faults: list[str]) -> dict[str, Any]:
-    """Return phase, session and faults; a fault is a sentence."""
-    return {
-        "phase": status.phase,
-        "connected": session.remote is not None and session.remote.connected,
-        "session": session.log.session_id,
-        "time_s": round(status.time_s, 3),
-        "mode": status.mode,
-        "faults": faults,
-    }
-
-
 def _backfill(backfill: "Backfill") -> Iterator["Metric"]:
     from mmt.core.exposition import counter, gauge
 

@@ -14,6 +14,7 @@ from mmt.core.ending import Ending
 from mmt.core.errors import MmtError
 from mmt.core.kernel_cache import Compilation
 from mmt.core.ticking import Ticker
+from mmt.core.verdict import Facts, Verdict, verdict
 from mmt.devices.protocols import InterfaceState, Vector
 from mmt.leader.run_log import Journal, RunLog
 from mmt.scene import Scene
@@ -263,6 +264,14 @@ class Remote(Protocol):
         """Whether a frame has come."""
 
     @property
+    def awaited(self) -> str:
+        """What the session waits for, "" while frames come."""
+
+    @property
+    def faults(self) -> list[str]:
+        """What is not as it should be, a sentence each."""
+
+    @property
     def time_s(self) -> float:
         """Session time of its newest frame."""
 
@@ -324,3 +333,5 @@ class Session:
         """The follower, None where the scene has no link."""
         self.ticker: Ticker | None = None
         """Calls the tick; None before there is one, and in simulated time."""
+        self.verdict: Callable[[], Verdict] = lambda: verdict(Facts())
+        """Gives the verdict on the run as it is now."""

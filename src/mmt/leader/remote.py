@@ -1,5 +1,6 @@
 """The follower as the leader knows it: its frames go to the parts, its loss is waited out."""
 
+import time
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, Final
 
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
     from mmt.link.server import LeaderServer
 
 _NOTE_PERIOD_NS: Final = 10_000_000_000
+_SILENT_NS: Final = 500_000_000
+"""Time without a frame from which on it is a fault."""
 
 
 class RemoteFollower:
@@ -95,7 +98,22 @@ class RemoteFollower:
     @property
     def faults(self) -> list[str]:
         """What is not as it should be, a sentence each."""
+        if self._ending.awaits_peer:
+            return ["follower lost"]
+        if self.connected and self.has_begun:
+            silent_ns = time.monotonic_ns() - self._numbering.arrival_ns
+            if silent_ns > _SILENT_NS:
+                return [f"no frame for {silent_ns / 1e9:.1f} s"]
         return [] if self._rate.fault is None else [self._rate.fault]
+
+    @property
+    def awaited(self) -> str:
+        """What the session waits for, "" while frames come."""
+        if self._ending.awaits_peer and self._scene.link is not None:
+            return f"follower lost: waiting {self._scene.link.patience_s:g} s for its return"
+        if not self.connected:
+            return "waiting for the follower"
+        return "" if self.has_begun else "waiting for the first frame"
 
     @property
     def time_s(self) -> float:

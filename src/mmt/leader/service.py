@@ -12,6 +12,7 @@ from mmt.core.errors import MmtError
 from mmt.core.kernel_cache import Compilation
 from mmt.core.process import prefer_even_ticks
 from mmt.core.ticking import Ticker
+from mmt.leader.health import RunHealth
 from mmt.leader.part import Session, Tick
 from mmt.leader.parts import build_parts
 from mmt.leader.remote import RemoteFollower
@@ -74,6 +75,8 @@ class Leader:
             self.session.remote = self._remote = RemoteFollower(
                 self.session, self._told_more(), self.parts.modelling
             )
+        self.health = RunHealth(self.session, self.parts.completing, self.parts.vibration)
+        self.session.verdict = self.health.verdict
         self.ticker = self.session.ticker = Ticker(self.session.period_ns, self._tick)
         self._now = Tick()
         self._steps: list[Callable[[Tick], None]] = []
@@ -150,17 +153,6 @@ class Leader:
         """End the session; `run` returns with the summary."""
         self.ending.stop(outcome)
 
-    def faults(self) -> list[str]:
-        """Return what is not as it should be, a sentence each."""
-        found = []
-        if self.ending.reached:
-            found.append(f"the session has ended: {self.ending.outcome}")
-        if self.ending.awaits_peer:
-            found.append("the follower was lost")
-        elif self.remote is not None:
-            found += self.remote.faults
-        return found + [fault for faults in self.parts.verbs("faults") for fault in faults()]
-
     def reset_model(self) -> None:
         """Forget the model and return to streamed vibration, for a new surface."""
         self.parts.completing.reset(self.time_s)
@@ -186,6 +178,7 @@ class Leader:
         }
         for part in self.parts:
             figures |= part.status()
+        figures["verdict"] = self.health.verdict().as_dict()
         more = {name: figures.pop(name) for name in figures.keys() - _STATUS_FIELDS}
         return LeaderStatus(**figures, more=more)
 
@@ -202,10 +195,9 @@ class Leader:
         prefer_even_ticks()
 
     def _pages(self) -> list[Any]:
-        from mmt.leader.metrics import health
         from mmt.link.http import health_page
 
-        served = [health_page(lambda: health(self.session, self.status(), self.faults()))]
+        served = [health_page(lambda: self.health.as_dict(self.status()))]
         return served + [page for pages in self.parts.verbs("pages") for page in pages()]
 
     def _start_tasks(self, tasks: list[asyncio.Task[None]]) -> None:
@@ -263,6 +255,7 @@ class Leader:
         looks = self.parts.verbs("look")
         while True:
             await asyncio.sleep(_STATUS_PERIOD_S)
+            self.health.look()
             status = self.status()
             self._on_status(status)
             if LOG.isEnabledFor(logging.DEBUG):

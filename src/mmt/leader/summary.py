@@ -1,13 +1,11 @@
 """What the leader says of itself: a status several times a second, a summary at the end."""
 
 from dataclasses import asdict, dataclass, field, fields
-from typing import Any, Final
+from typing import Any
 
-from mmt.core.errors import FAILED
 from mmt.core.ticking import TickStatistics
+from mmt.core.verdict import has_failed
 from mmt.leader.part import Session
-
-_UNWANTED: Final = (FAILED, f"follower {FAILED}", "follower lost")
 
 
 @dataclass(frozen=True)
@@ -27,6 +25,8 @@ class LeaderStatus:
     late_ticks: int
     tick_p99_ms: float | None
     playout_delay_ms: float | None
+    verdict: dict[str, Any] = field(default_factory=dict)
+    """See `mmt.core.verdict`."""
     more: dict[str, Any] = field(default_factory=dict)
     """Figures of other parts."""
 
@@ -63,7 +63,7 @@ class LeaderSummary:
     @property
     def problem(self) -> str | None:
         """Why the run ended other than as it should, None where it did not."""
-        if self.outcome.startswith(_UNWANTED):
+        if has_failed(self.outcome):
             return self.outcome
         error = self.recording.get("error")
         return f"recording {self.recording['file']}: {error}" if error else None

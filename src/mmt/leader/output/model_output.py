@@ -64,6 +64,7 @@ class ModelOutput(Part):
         self._event = session.journal.event
         self._since_s = 0.0
         self._said = SignalFaults()
+        self._new_faults = SignalFaults()  # of the newest update
         self._rendered: int | None = None  # the surface whose model is rendered
         self._recorded: dict[int, TextureModel] = {}  # by surface, into:
         self._recorder: McapRecorder | None = None
@@ -98,6 +99,14 @@ class ModelOutput(Part):
         """Tell what the actuator makes of a saved model."""
         self._tell_of_skin(self.rendered)
 
+    def faults(self) -> list[str]:
+        """Return what of the newest signals was no measurement; frames that lack are the link's."""
+        modelling = self._modelling
+        if modelling is None or modelling.finished or modelling.frozen:
+            return []
+        found = self._new_faults.sentence()
+        return [found] if found else []
+
     def close(self) -> None:
         """Record the last models, and save that of each surface beside the recording."""
         self.record_last()
@@ -112,6 +121,7 @@ class ModelOutput(Part):
         """
         log = self._log
         update = replace(update, time_s=self._since_s + update.time_s)
+        self._new_faults = update.faults.since(log.update.faults if log.update else SignalFaults())
         log.update = update
         log.update_seconds.append(seconds)
         if update.faults.worth_saying(self._said):
@@ -210,7 +220,7 @@ class ModelOutput(Part):
             self._generating.reset()
         self._log.surfaces = None
         self._recorded.clear()
-        self._since_s, self._said = time_s, SignalFaults()
+        self._since_s, self._said, self._new_faults = time_s, SignalFaults(), SignalFaults()
         self._log.update = self._log.start_s = self._log.stop_s = None
         self.takes_over = False
         self.forced = None

@@ -40,6 +40,12 @@ class SignalFaults:
             parts.append(f"{_seconds(self.bridged_s)} of this filled in")
         return "; ".join(parts)
 
+    def since(self, before: "SignalFaults") -> "SignalFaults":
+        """Return what of the acceleration was no measurement since then, and still is not."""
+        causes = (*_ACCELEROMETER, "not_finite_s")
+        seconds = {name: max(0.0, getattr(self, name) - getattr(before, name)) for name in causes}
+        return SignalFaults(**seconds, throughout=self.throughout)
+
     def worth_saying(self, said: "SignalFaults") -> bool:
         """Return whether a cause has at least doubled since these were said.
 

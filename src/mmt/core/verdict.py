@@ -1,0 +1,171 @@
+"""Verdict on a run: is it working, and is it good? One function, of four facts.
+
+What happens now, how ready the model is, how large its error is beside what is just noticeable,
+and what is not as it should be. Terminal, pages and reports show what it returns, as it is.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+from mmt.core.errors import FAILED
+
+State = Literal["waiting", "well", "degraded", "failed"]
+"""Grey, green, amber and red wherever a verdict is shown."""
+
+_FAILURES: Final = (
+    FAILED,
+    f"follower {FAILED}",
+    f"leader {FAILED}",
+    "follower lost",
+    "leader lost",
+)
+"""Beginnings of outcomes with which a run has failed."""
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What is known of a run, at a moment or at its end."""
+
+    time_s: float | None = None
+    """Session time (s)."""
+    mode: str | None = None
+    """Vibration that is played: "streamed", "fading", "synthesized" or "silent"; None for none."""
+    start_s: float | None = None
+    """Session time since which the vibration is the model's (s); None before."""
+    forced: bool = False
+    """Whether a person holds on to this vibration."""
+    stop_s: float | None = None
+    """Session time at which the model was complete (s); None before."""
+    waits: str = ""
+    """What is waited for while nothing can happen, as a sentence; "" for nothing."""
+    outcome: str | None = None
+    """How the run has ended, as in its summary; None while it runs."""
+    models: bool = False
+    """Whether a model is built."""
+    readiness: float | None = None
+    """Share of the strokes that should feel right, 0 to 1; None if it is not known."""
+    takes_over_at: float | None = None
+    """Readiness from which on the vibration is the model's; None if it never is."""
+    completion: str = ""
+    """What another criterion says of the model, in words; for a model without a readiness."""
+    error_db: float | None = None
+    """Error of the level (dB); None if it was not measured."""
+    jnd_db: float | None = None
+    """Just noticeable difference of the level (dB)."""
+    faults: Sequence[str] = ()
+    """What is not as it should be with link, ticks, devices and signals, a sentence each."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a person is told of a run: its state and a few words for each fact, "" for none."""
+
+    state: State
+    time: str
+    now: str
+    readiness: str
+    error: str
+    noticeable: str
+    """How the error compares with what is just noticeable."""
+    faults: tuple[str, ...]
+    """What is not as it should be, a sentence each."""
+
+    @property
+    def health(self) -> str:
+        """The faults in one line, "all well" for none."""
+        return "; ".join(self.faults) or "all well"
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """What a line of text says, in its order: time, now, error, readiness."""
+        error = self.error and f"error {self.error}"
+        return tuple(filter(None, (self.time, self.now, error, self.readiness)))
+
+    @property
+    def sentence(self) -> str:
+        """What happens, and what is not well with it: for a title and for visitors."""
+        return "; ".join([self.now, *(each for each in self.faults if each not in self.now)])
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the verdict for a page or a program."""
+        return {
+            "state": self.state,
+            "time": self.time,
+            "now": self.now,
+            "readiness": self.readiness,
+            "error": self.error,
+            "noticeable": self.noticeable,
+            "health": self.health,
+            "sentence": self.sentence,
+        }
+
+
+def verdict(facts: Facts) -> Verdict:
+    """Return the verdict on a run."""
+    return Verdict(
+        state=_state(facts),
+        time="" if facts.time_s is None else f"{facts.time_s:.1f} s",
+        now=_now(facts),
+        readiness=_readiness(facts),
+        error="" if facts.error_db is None else f"{facts.error_db:.1f} dB",
+        noticeable=_noticeable(facts),
+        faults=tuple(_faults(facts)),
+    )
+
+
+def has_failed(outcome: str | None) -> bool:
+    """Return whether a run that has ended with this outcome has failed."""
+    return outcome is not None and outcome.startswith(_FAILURES)
+
+
+def _state(facts: Facts) -> State:
+    if has_failed(facts.outcome):
+        return "failed"
+    if _faults(facts):
+        return "degraded"
+    return "waiting" if facts.waits and facts.outcome is None else "well"
+
+
+def _faults(facts: Facts) -> list[str]:
+    found = list(facts.faults)
+    if facts.outcome is not None and has_failed(facts.outcome):
+        return [facts.outcome, *(fault for fault in found if fault != facts.outcome)]
+    if facts.outcome is not None and facts.models and facts.start_s is None:
+        found.append("the model was never ready")
+    return found
+
+
+def _now(facts: Facts) -> str:
+    if facts.outcome is None and facts.waits:
+        return facts.waits
+    if facts.start_s is not None and facts.mode in ("synthesized", None):
+        complete = "" if facts.stop_s is None else f", complete at {facts.stop_s:.1f} s"
+        source = "model ready" if facts.mode is None else "from the model"
+        held = ", held by hand" * facts.forced
+        return f"{source} since {facts.start_s:.1f} s{complete}{held}"
+    words = {
+        "synthesized": "from a saved model",
+        "fading": "from the stream to the model",
+        "streamed": "streamed",
+        "silent": "no vibration",
+    }
+    if facts.mode is not None:
+        return words.get(facts.mode, facts.mode) + ", held by hand" * facts.forced
+    return facts.outcome or "running"
+
+
+def _readiness(facts: Facts) -> str:
+    if facts.readiness is None:
+        return facts.completion
+    text = f"{100.0 * facts.readiness:.0f} % should feel right"
+    if facts.takes_over_at is None or facts.start_s is not None or facts.outcome is not None:
+        return text
+    return f"{text}, the model takes over at {100.0 * facts.takes_over_at:.0f} %"
+
+
+def _noticeable(facts: Facts) -> str:
+    if facts.error_db is None or facts.jnd_db is None:
+        return ""
+    relation = "less" if facts.error_db < facts.jnd_db else "more"
+    return f"{relation} than the {facts.jnd_db:.1f} dB that are just noticeable"
