@@ -53,7 +53,7 @@ def test_a_verdict_says_why_it_is_not_well_and_only_then(known: Facts) -> None:
     assert found.now
     assert (found.state in ("degraded", "failed")) == bool(found.faults)
     assert (found.state == "failed") == has_failed(known.outcome)
-    assert (found.health == "all well") == (found.state in ("well", "waiting"))
+    assert (found.health == "all well") == (found.state in ("running", "waiting"))
     for fault in [*known.faults, *([known.outcome] if has_failed(known.outcome) else [])]:
         assert fault is not None
         assert fault in found.health
@@ -65,14 +65,14 @@ def test_a_verdict_says_why_it_is_not_well_and_only_then(known: Facts) -> None:
 
 @given(facts)
 def test_a_fault_makes_no_run_better(known: Facts) -> None:
-    order = ["well", "waiting", "degraded", "failed"]
+    order = ["running", "waiting", "degraded", "failed"]
     worse = verdict(replace(known, faults=[*known.faults, "another fault"]))
     assert order.index(worse.state) >= order.index(verdict(known).state)
 
 
 def test_a_good_run_is_told_in_four_words() -> None:
     found = verdict(READY)
-    assert found.state == "well"
+    assert found.state == "running"
     assert found.parts == (
         "18.0 s",
         "from the model since 3.0 s, complete at 11.0 s",
@@ -84,7 +84,7 @@ def test_a_good_run_is_told_in_four_words() -> None:
 
 @pytest.mark.parametrize("outcome", ENDED)
 def test_a_run_that_ended_as_it_should_is_well(outcome: str) -> None:
-    assert verdict(replace(READY, outcome=outcome)).state == "well"
+    assert verdict(replace(READY, outcome=outcome)).state == "running"
 
 
 def test_a_model_that_never_took_over_is_told() -> None:

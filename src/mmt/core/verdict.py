@@ -10,7 +10,7 @@ from typing import Any, Final, Literal
 
 from mmt.core.errors import FAILED
 
-State = Literal["waiting", "well", "degraded", "failed"]
+State = Literal["waiting", "running", "degraded", "failed"]
 """Grey, green, amber and red wherever a verdict is shown."""
 
 _FAILURES: Final = (
@@ -84,7 +84,7 @@ class Verdict:
 
     @property
     def sentence(self) -> str:
-        """What happens, and what is not well with it: for a title and for visitors."""
+        """What happens, and what is not as it should be: for a title and for visitors."""
         return "; ".join([self.now, *(each for each in self.faults if each not in self.now)])
 
     def as_dict(self) -> dict[str, Any]:
@@ -124,7 +124,7 @@ def _state(facts: Facts) -> State:
         return "failed"
     if _faults(facts):
         return "degraded"
-    return "waiting" if facts.waits and facts.outcome is None else "well"
+    return "waiting" if facts.waits and facts.outcome is None else "running"
 
 
 def _faults(facts: Facts) -> list[str]:
