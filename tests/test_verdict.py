@@ -60,7 +60,7 @@ def test_a_verdict_says_why_it_is_not_well_and_only_then(known: Facts) -> None:
         assert fault in found.sentence
     if known.outcome is not None:
         assert found.state != "waiting"
-        assert "takes over" not in found.readiness
+        assert "needed" not in found.readiness
 
 
 @given(facts)

@@ -19,7 +19,7 @@ from mmt.cli.common import (
     write_json,
 )
 from mmt.cli.emulated_pair import coil_log, hand_log, pair_named, write_emulated
-from mmt.cli.ending import ending_lines
+from mmt.cli.ending import print_ending
 from mmt.cli.guests import invite, with_flags
 from mmt.cli.scene_services import DemoRun, run_services
 from mmt.core.errors import InputError, MmtError
@@ -101,6 +101,7 @@ def demo(
                 realtime=realtime,
                 guests=guests,
                 follower_file=None if pair is None else pair.follower,
+                verbose=verbose,
             )
         )
         _report(run, output_directory, recording, json_file, verbose=verbose)
@@ -146,8 +147,7 @@ def _report(
             )
     report = directory / "report.html" if "evaluation" in content else None
     if run.leader or run.follower:
-        for line in ending_lines(run.tables(), content.get("evaluation"), report):
-            output.print(line, highlight=False, soft_wrap=True)
+        print_ending("mmt demo", run.tables(), content.get("evaluation"), report)
     with noting(problems):
         write_json(json_file, content)
     raise_problems([*problems, *map(MmtError, run.errors)])

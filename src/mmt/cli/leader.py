@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from mmt.cli.common import OPTIONS, Force, messages, run_app, write_line
+from mmt.cli.common import OPTIONS, Force, run_app, write_line
 from mmt.cli.guests import StayingGuest, invite, with_flags
 from mmt.cli.service import (
     JsonFile,
@@ -169,24 +169,20 @@ class LeaderRun(ServiceRun["Leader"]):
             return
         link = self.scene.link
         where = f"{link.host}:{service.port}" if link is not None else "no link"
-        messages.print(f"ready after {ready_s} s: {where}", highlight=False)
+        self.line.say(f"ready after {ready_s} s: {where}")
         if self.scene.monitor is not None and link is not None:
-            messages.print(f"monitor:  {link.url(service.port)}/monitor/", highlight=False)
+            self.line.say(f"monitor:  {link.url(service.port)}/monitor/")
 
     def on_status(self, status: LeaderStatus) -> None:
         """Report progress: a JSON line, or a line of the terminal that is written over."""
-        if is_behind(sys.stdout if self.options.json_lines else sys.stderr):
-            return
-        if self.options.json_lines:
+        if not self.options.json_lines:
+            self.line.show(status.verdict)
+        elif not is_behind(sys.stdout):
             write_line("status", **status.as_dict())
-        elif messages.is_terminal:
-            line = _status_line(status)
-            messages.print(line, end="\r", highlight=False, no_wrap=True, overflow="ellipsis")
 
     def on_event(self, sentence: str) -> None:
-        """Report an event, in a terminal below the line of status."""
-        below = messages.is_terminal and not self.options.json_lines
-        super().on_event(f"\n{sentence}" if below else sentence)
+        """Report an event."""
+        super().on_event(sentence)
         for guest in self._guests:
             entering = guest.entering(sentence)
             if entering is not None:
@@ -210,14 +206,6 @@ class LeaderRun(ServiceRun["Leader"]):
         options, file = self.options, Path(summary["recording"]["file"])
         tables = options.verbose and not options.json_lines
         return report_recording(self._report, file, {"leader": summary}, tables=tables)
-
-
-def _status_line(status: LeaderStatus) -> str:
-    late = f"{status.tick_p99_ms:.2f}" if status.tick_p99_ms is not None else "-"
-    return (
-        f"{status.time_s:6.1f} s  {status.mode:11s}  samples {status.samples:4d}  "
-        f"{status.completion or 'no model yet'}  lost {status.frames_lost}  tick p99 {late} ms"
-    )
 
 
 def run() -> None:

@@ -1,19 +1,17 @@
 """A scene's services as two processes on loopback, until both have ended."""
 
 import asyncio
-import sys
 from collections.abc import Callable, Coroutine, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn
 
 from mmt.cli.child import Child
 from mmt.cli.common import messages, stop_on_signals
 from mmt.cli.guests import Guest
-from mmt.core.queued_output import is_behind
+from mmt.cli.status_line import StatusLine
 from mmt.scene import Scene
 from mmt.scene.added import added_flags
 
@@ -55,6 +53,7 @@ async def run_services(
     guests: Sequence[Guest] = (),
     on_link: Callable[[str], None] = lambda _: None,
     follower_file: Path | None = None,
+    verbose: bool = False,
 ) -> DemoRun:
     """Run the services of a scene as processes until both have ended.
 
@@ -76,6 +75,8 @@ async def run_services(
         Called with the URL of the leader's link when it listens.
     follower_file
         The follower's own scene, if it is not the leader's.
+    verbose
+        Whether to print every event of both services.
     """
     return await _Demo(
         scene_file,
@@ -88,6 +89,7 @@ async def run_services(
         guests=guests,
         on_link=on_link,
         follower_file=follower_file,
+        verbose=verbose,
     ).run()
 
 
@@ -105,6 +107,7 @@ class _Demo:
         guests: Sequence[Guest],
         on_link: Callable[[str], None],
         follower_file: Path | None,
+        verbose: bool,
     ) -> None:
         self._scene = scene
         self._guests = guests
@@ -133,27 +136,21 @@ class _Demo:
             if scene.recording.existing == "replace":
                 self._leader_arguments += ["--force"]
         self._children: list[Child] = []
-        self._progress = Progress(
-            TextColumn("{task.fields[status]}"),
-            BarColumn(bar_width=None),
-            console=console,
-            expand=True,
-            auto_refresh=False,
-        )
-        self._bar = self._progress.add_task(
-            "leader", total=scene.session.duration_s, status="starting"
-        )
+        self._line = StatusLine(console)
+        self._verbose = verbose
+        self._begun = False
 
     async def run(self) -> DemoRun:
         stop_on_signals(self._interrupt)
         try:
-            with self._progress:
-                leader = await self._start("leader", self._leader_arguments)
-                await self._watch_leader(leader)
-                if self._entering and not self._run.interrupted:
-                    # on a busy machine they may be ready after a short session
-                    await asyncio.wait(self._entering, timeout=_LAST_SECONDS)
+            self._line.show({}, "starting")
+            leader = await self._start("leader", self._leader_arguments)
+            await self._watch_leader(leader)
+            if self._entering and not self._run.interrupted:
+                # on a busy machine they may be ready after a short session
+                await asyncio.wait(self._entering, timeout=_LAST_SECONDS)
         finally:
+            self._line.clear()
             for entering in self._entering:
                 entering.cancel()
             await asyncio.gather(*(child.kill() for child in self._children))
@@ -165,7 +162,7 @@ class _Demo:
             "mmt.cli.child",
             [name, *arguments],
             self._environment,
-            lambda sentence: self._progress.console.print(f"{name}: {sentence}", highlight=False),
+            lambda sentence: self._line.say(f"{name}: {sentence}"),
         )
         self._children.append(child)
         if self._run.interrupted:
@@ -186,7 +183,7 @@ class _Demo:
                 url = self._scene.link.url(line["port"])
                 self._on_link(url)
                 if self._scene.monitor is not None:
-                    self._progress.console.print(f"monitor: {url}/monitor/", highlight=False)
+                    self._line.say(f"monitor: {url}/monitor/")
                 follower = await self._start(
                     "follower", [str(self._follower_file), *self._arguments[1:], "--leader", url]
                 )
@@ -202,8 +199,8 @@ class _Demo:
     async def _watch_follower(self, follower: Child, leader: Child) -> None:
         async for line in follower.lines():
             self._take(follower, line)
-            if line["kind"] == "event":
-                self._progress.console.print(f"follower: {line['event']}", highlight=False)
+            if line["kind"] == "event" and self._verbose:
+                self._line.say(f"follower: {line['event']}")
             elif line["kind"] == "summary":
                 self._run.follower = {key: v for key, v in line.items() if key != "kind"}
         if await self._note_end(follower) != 0:
@@ -223,34 +220,20 @@ class _Demo:
             self._run.inventories[child.name] = {k: v for k, v in line.items() if k != "kind"}
 
     async def _let_in(self, entering: Coroutine[Any, Any, str]) -> None:
-        self._progress.console.print(await entering, highlight=False, soft_wrap=True)
+        self._line.say(await entering)
 
     def _take_leader(self, line: dict[str, Any]) -> None:
         kind = line["kind"]
         if kind == "status":
-            self._progress.update(self._bar, completed=line["time_s"], status=status_text(line))
-            if not is_behind(sys.stderr):
-                self._progress.refresh()
+            self._line.show(line["verdict"])
         elif kind == "event":
-            self._progress.console.print(f"leader: {line['event']}", highlight=False)
+            if self._verbose or not self._begun:  # such as that something is compiled
+                self._line.say(f"leader: {line['event']}")
             for guest in self._guests:
                 entering = guest.entering(line["event"])
                 if entering is not None:
                     self._entering.append(asyncio.create_task(self._let_in(entering)))
         elif kind == "ready":
-            ready = f"ready after {line['ready_s']} s"
-            self._progress.update(self._bar, status=ready, refresh=True)
+            self._begun = True
         elif kind == "summary":
             self._run.leader = {key: value for key, value in line.items() if key != "kind"}
-            self._progress.update(self._bar, completed=self._run.leader["session"]["duration_s"])
-
-
-def status_text(status: dict[str, Any]) -> str:
-    """Return the live line: mode, samples, completion, frames lost, tick jitter."""
-    late = status["tick_p99_ms"]
-    return (
-        f"{status['time_s']:5.1f} s {status['mode']:<11}  samples {status['samples']:2d}  "
-        f"{status['completion'] or 'no model yet'}  "
-        f"lost {status['frames_lost']}  "
-        f"tick p99 {'-' if late is None else format(late, '.2f')} ms"
-    )

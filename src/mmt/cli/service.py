@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,7 +26,8 @@ from mmt.cli.common import (
     write_json,
     write_line,
 )
-from mmt.cli.ending import ending_lines
+from mmt.cli.ending import print_ending
+from mmt.cli.status_line import StatusLine
 from mmt.core.errors import MmtError
 from mmt.core.extras import requiring
 from mmt.core.logs import Logs, details
@@ -112,6 +114,7 @@ class ServiceRun(ABC, Generic[AnyService]):
         self.name = name
         self.scene = scene
         self.options = options
+        self.line = StatusLine(messages)
         self.problems: list[Exception] = []
         """What went wrong beside the service itself; told when the rest is done."""
 
@@ -131,7 +134,7 @@ class ServiceRun(ABC, Generic[AnyService]):
         if self.options.json_lines:
             write_line("event", event=sentence)
         else:
-            messages.print(sentence, highlight=False)
+            self.line.say(sentence)
 
     @property
     def report(self) -> Path | None:
@@ -157,7 +160,7 @@ class ServiceRun(ABC, Generic[AnyService]):
         require_one_output(options.json_file, json_lines=options.json_lines)
         if options.realtime:
             require_real_time()
-        if not options.json_lines:
+        if options.verbose and not options.json_lines:
             print_parts(self.scene, self.name)
         with Logs(self.name, options.log, options.log_level) as logs, requiring():
             logger.info("started", extra=details(version=__version__, scene=self.scene.dump()))
@@ -173,6 +176,7 @@ class ServiceRun(ABC, Generic[AnyService]):
 
     def _end(self, content: dict[str, Any]) -> None:
         """Report a summary in every way that is wanted; what fails does not hold up the rest."""
+        self.line.clear()
         options, evaluation, report = self.options, dict[str, Any](), None
         if options.json_lines:
             write_line("summary", **content)
@@ -184,8 +188,9 @@ class ServiceRun(ABC, Generic[AnyService]):
             evaluation = self.evaluate(content)
             report = self.report
         if not options.json_lines:
-            for line in ending_lines({self.name: content}, evaluation, report):
-                output.print(line, highlight=False, soft_wrap=True)
+            called = Path(sys.argv[0]).stem
+            program = called if called.startswith("mmt-") else f"mmt-{self.name}"
+            print_ending(program, {self.name: content}, evaluation, report)
 
     async def _run(self, logs: Logs) -> Summary:
         service = self.build(logs)

@@ -22,6 +22,16 @@ _FAILURES: Final = (
 )
 """Beginnings of outcomes with which a run has failed."""
 
+_PLAYED: Final = {
+    "synthesized": "from a saved model",
+    "fading": "between the stream and the model",
+    "streamed": "streamed",
+    "silent": "no vibration",
+}
+
+_AT_ITS_END: Final = ("completed", "source ended")
+"""Outcomes of a run that nobody and nothing has ended before its time."""
+
 
 @dataclass(frozen=True)
 class Facts:
@@ -97,6 +107,7 @@ class Verdict:
             "error": self.error,
             "noticeable": self.noticeable,
             "health": self.health,
+            "faults": list(self.faults),
             "sentence": self.sentence,
         }
 
@@ -137,22 +148,28 @@ def _faults(facts: Facts) -> list[str]:
 
 
 def _now(facts: Facts) -> str:
-    if facts.outcome is None and facts.waits:
-        return facts.waits
+    outcome = facts.outcome
+    if outcome is None:
+        return facts.waits or _played(facts) or "running"
+    if has_failed(outcome):
+        return outcome
+    played = _played(facts)
+    if not played or outcome in _AT_ITS_END:
+        return played or outcome
+    return f"{played}; {outcome}"
+
+
+def _played(facts: Facts) -> str:
+    """Return what drives the vibration, "" if nothing does and there is no model."""
     if facts.start_s is not None and facts.mode in ("synthesized", None):
-        complete = "" if facts.stop_s is None else f", complete at {facts.stop_s:.1f} s"
         source = "model ready" if facts.mode is None else "from the model"
-        held = ", held by hand" * facts.forced
-        return f"{source} since {facts.start_s:.1f} s{complete}{held}"
-    words = {
-        "synthesized": "from a saved model",
-        "fading": "from the stream to the model",
-        "streamed": "streamed",
-        "silent": "no vibration",
-    }
-    if facts.mode is not None:
-        return words.get(facts.mode, facts.mode) + ", held by hand" * facts.forced
-    return facts.outcome or "running"
+        complete = "" if facts.stop_s is None else f", complete at {facts.stop_s:.1f} s"
+        text = f"{source} since {facts.start_s:.1f} s{complete}"
+    elif facts.mode is None:
+        return ""
+    else:
+        text = _PLAYED.get(facts.mode, facts.mode)
+    return text + ", held by hand" * facts.forced
 
 
 def _readiness(facts: Facts) -> str:
@@ -161,7 +178,7 @@ def _readiness(facts: Facts) -> str:
     text = f"{100.0 * facts.readiness:.0f} % should feel right"
     if facts.takes_over_at is None or facts.start_s is not None or facts.outcome is not None:
         return text
-    return f"{text}, the model takes over at {100.0 * facts.takes_over_at:.0f} %"
+    return f"{text}, {100.0 * facts.takes_over_at:.0f} % needed"
 
 
 def _noticeable(facts: Facts) -> str:

@@ -38,7 +38,10 @@ class RunHealth:
         self._ticks: deque[tuple[int, int]] = deque(maxlen=_LOOKS)
 
     def look(self) -> None:
-        """Note how many ticks were late; call it five times a second."""
+        """Note how many ticks were late, from the first frame on; call it five times a second."""
+        remote = self._session.remote
+        if remote is not None and not remote.has_begun:
+            return
         if self._session.ticker is not None:
             self._ticks.append(self._session.ticker.lateness)
 

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from mmt.core.arrays import FloatArray, RecordArray
+from mmt.core.verdict import Verdict
 from mmt.leader.part import Part, Session, Tick
 from mmt.scene import Monitor
 from mmt.web.monitor.running import LeaderMonitor
@@ -61,10 +62,9 @@ class SessionView:
         return self._session.ending.outcome
 
     @property
-    def connected(self) -> bool:
-        """Whether a follower is connected, or none is needed."""
-        remote = self._session.remote
-        return remote is None or remote.connected
+    def verdict(self) -> Verdict:
+        """The verdict on the run as it is now."""
+        return self._session.verdict()
 
     @property
     def server(self) -> "LeaderServer | None":

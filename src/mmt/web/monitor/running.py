@@ -118,7 +118,9 @@ class LeaderMonitor:
         """Look no more; let the viewers have the last state and how the session has ended."""
         outcome = self._leader.outcome if outcome is None else outcome
         if not self.viewers.ended:
-            self.viewers.publish("end", pack("end", {"outcome": outcome}, {}))
+            verdict = self._leader.verdict.as_dict()
+            end = pack("end", {"outcome": outcome, "verdict": verdict}, {})
+            self.viewers.publish("end", end)
         self.tap.watched = False
         self.viewers.close()
 
@@ -128,7 +130,7 @@ class LeaderMonitor:
             {
                 "time_s": round(leader.time_s, 3),
                 "mode": leader.mode or "silent",
-                "why": states.explain(leader),
+                "verdict": leader.verdict.as_dict(),
                 "viewers": len(self.viewers),
                 **states.surfaces(leader),
             }

@@ -44,44 +44,12 @@ def hello_header(scene: Scene, session_id: str) -> dict[str, Any]:
     }
 
 
-def explain(leader: LeaderView) -> str:
-    """Say why the actuator plays what it plays, and what will change it."""
-    mode, forced = leader.mode, leader.forced
-    if not leader.connected:
-        return "no follower is connected"
-    if mode is None:
-        return "this scene has no actuator"
-    if mode == "fading" or forced is not None:
-        return "crossfade" if mode == "fading" else f"held to {forced} by hand"
-    if mode != "synthesized":
-        return _why_not_synthesized(leader)
-    return _why_synthesized(leader)
-
-
-def _why_synthesized(leader: LeaderView) -> str:
-    start_s, _ = leader.criteria_s
-    if start_s is not None:
-        return f"rendered from the model: start criterion met at {start_s:.1f} s"
-    return "rendered from a saved model"
-
-
 def surfaces(leader: LeaderView) -> dict[str, dict[str, int]]:
     """Return which surface the tool is on and how many are known; nothing with one alone."""
     if leader.surfaces is None:
         return {}
     now, known = leader.surfaces
     return {"surfaces": {"now": now, "known": len(known)}}
-
-
-def _why_not_synthesized(leader: LeaderView) -> str:
-    update, texture = leader.update, leader.scene.texture
-    if not leader.renders or texture is None:
-        return "this scene renders from no model"
-    if update is None:
-        return "no model yet"
-    scale = update.progress.scale
-    start = f"{100.0 * scale.start:.0f} %" if scale.rises else f"{scale.start:g}"
-    return f"the model is not complete enough: {update.progress}, it takes over at {start}"
 
 
 def completion_header(

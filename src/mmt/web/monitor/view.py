@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
+from mmt.core.verdict import Verdict
 from mmt.scene import Scene
 
 if TYPE_CHECKING:
@@ -36,8 +37,8 @@ class LeaderView(Protocol):
         """How the session has ended, or will if nothing happens."""
 
     @property
-    def connected(self) -> bool:
-        """Whether a follower is connected, or none is needed."""
+    def verdict(self) -> Verdict:
+        """The verdict on the run as it is now."""
 
     @property
     def server(self) -> "LeaderServer | None":

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any, Final, Self
 
 from mmt.core.errors import InputError
+from mmt.core.verdict import Facts, Verdict, verdict
 from mmt.scene import Scene, Texture
 from mmt.scene.recorded import scene_of_recording
 from mmt.session.mcap_windows import open_windows
@@ -139,7 +140,7 @@ class ViewedRecording:
             "completion": _completion(state),
             "surfaces": _surfaces(state),
             "rebuilt": self._rebuilding is None or at_s <= self._rebuilding.reached_s,
-            "mode": _mode(window, at_s) if source == "recorded" else None,
+            "verdict": _verdict(at_s, _mode(window, at_s), state).as_dict(),
             "source": source,
             "link": self._link.at(at_s, window.arrivals) if self._link.exists else None,
         }
@@ -199,6 +200,27 @@ def _completion(state: ModelState | None) -> dict[str, Any] | None:
         return None
     said = states.completion_header(state.progress, state.start_s, state.stop_s, state.faults)
     return {**said, "advice": None}  # nobody strokes in the past
+
+
+def _verdict(at_s: float, mode: str | None, state: ModelState | None) -> Verdict:
+    """Return the verdict on the moment; what was played is None where it was not recorded."""
+    if state is None:
+        return verdict(Facts(time_s=at_s, mode=mode))
+    progress = state.progress
+    rises = progress.scale.rises
+    return verdict(
+        Facts(
+            time_s=at_s,
+            mode=mode,
+            start_s=state.start_s,
+            stop_s=state.stop_s,
+            models=True,
+            readiness=progress.value if rises else None,
+            takes_over_at=progress.scale.start if rises else None,
+            completion="" if rises else str(progress),
+            faults=[f"not measured: {state.faults}"] if state.faults else [],
+        )
+    )
 
 
 def _surfaces(state: ModelState | None) -> dict[str, int] | None:

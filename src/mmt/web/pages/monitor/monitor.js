@@ -24,7 +24,7 @@ const take = {
     rings.modelled.add(message.arrays.played.map(() => modelled), message.played_count);
     const { point } = message;
     panels.trail.add(point && { speed: point[0], force: point[1], velocity: message.velocity_mm_s });
-    panels.mode(message.mode, message.why, `${message.time_s.toFixed(1)} s`);
+    panels.verdict(message.verdict);
     panels.surface(message.surfaces);
     panels.remember(message);
     panels.dirty = true;
@@ -86,14 +86,16 @@ const take = {
     controls.answered(message);
   },
 
-  end(message) {
-    text("why", `the session is over: ${message.outcome}`);
+  end({ outcome, verdict }) {
+    const over = verdict.state === "failed" ? verdict.now : `${verdict.now}; over: ${outcome}`;
+    panels.verdict({ ...verdict, now: over });
   },
 };
 
 function showState(state, sentence) {
   text("connection", sentence);
   $("connection").dataset.state = state;
+  $("connection").hidden = state === "live"; // then the verdict says how the run is
   document.body.classList.toggle("lost", state !== "live");
   $("token-form").hidden = state !== "refused";
 }

@@ -62,7 +62,6 @@ export class Panels {
   begin(hello) {
     this.hello = hello;
     text("session", hello.session);
-    document.title = `mmt monitor: ${hello.session}`;
     const limits = {
       speed: hello.maximum_speed_mm_s, force: hello.maximum_force_n,
       ...hello.criterion,
@@ -106,11 +105,15 @@ export class Panels {
     this.dirty = true;
   }
 
-  mode(mode, why, time) {
-    text("mode", mode);
-    $("mode").dataset.mode = mode;
-    text("why", why);
+  /** Show the verdict on the run as it is served, in the header and in the page's title. */
+  verdict({ state, now, readiness, error, noticeable, faults, sentence, time }, note = "") {
+    $("verdict").dataset.state = state;
+    text("now", now);
+    const unsaid = faults.filter((fault) => !now.includes(fault));
+    text("why", [...unsaid, error && `error ${error}, ${noticeable}`, readiness, note].filter(Boolean).join("; "));
     text("time", time);
+    const title = `${sentence} – ${this.hello.session}`;
+    if (document.title !== title) document.title = title;
   }
 
   /** Say which of several surfaces the tool is on; nothing where they are not told apart. */

@@ -14,7 +14,7 @@ const RETRY_MS = 1000;
 const NO_MODEL = { samples: 0, order: null, cells: null, arrays: {} };
 const SOURCES = {
   recorded: "as recorded",
-  rendered: "the leader's output was not recorded: rendered from the model of this moment",
+  rendered: "the leader's output was not recorded: this is rendered from the model of this moment",
 };
 
 const $ = (id) => document.getElementById(id);
@@ -125,7 +125,7 @@ function show(moment) {
     const [x, y, force] = arrays.trail.subarray(i, i + 3);
     panels.trail.add(Number.isNaN(x) ? null : { speed: Math.hypot(x, y), force, velocity: [x, y] });
   }
-  panels.mode(moment.mode ?? "–", SOURCES[moment.source] ?? "nothing was played", `${moment.time_s.toFixed(2)} s`);
+  panels.verdict(moment.verdict, SOURCES[moment.source] ?? "nothing was played");
   panels.surface(moment.surfaces);
   panels.completion(moment.completion);
   for (const plot of line.plots) plot.mark(moment.time_s);
