@@ -16,7 +16,6 @@ from monitor_messages import unpack
 from mmt.devices.protocols import InterfaceState
 from mmt.scene import Texture
 from mmt.scene.files import scene_from_tables
-from mmt.texture.completion.criterion import Progress
 from mmt.texture.completion.distance import CompletionMonitor, cell_distances, distance_sum
 from mmt.texture.interpolation.vertices import RIM
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
@@ -26,7 +25,6 @@ from mmt.web.binary_messages import pack
 from mmt.web.monitor.live import MOST_SAMPLES, LiveMessages
 from mmt.web.monitor.states import (
     completion_header,
-    explain,
     hello,
     model_message,
     surfaces,
@@ -145,38 +143,6 @@ def test_automatic_thresholds_are_told_as_numbers() -> None:
     scale = message["criterion"]
     assert (scale["start"], scale["stop"]) == pytest.approx((7.5, 4.243), abs=1e-3)
     assert (scale["title"], scale["rises"]) == ("completion sum", False)
-    scale = scene.texture.settings(1000.0).scale
-    update = SimpleNamespace(progress=Progress(scale, 9.25, ()))
-    leader = SimpleNamespace(
-        connected=True,
-        scene=scene,
-        update=update,
-        forced=None,
-        mode="streamed",
-        renders=True,
-    )
-    why = explain(leader)  # type: ignore[arg-type]  # the part of a leader that it reads
-    assert why.endswith("completion sum 9.25, it takes over at 7.5")
-
-
-@pytest.mark.parametrize(
-    ("start_s", "words"),
-    [
-        (4.0, "rendered from the model: start criterion met at 4.0 s"),
-        (None, "rendered from a saved model"),
-    ],
-)
-def test_what_is_rendered_is_called_what_it_is(start_s: float | None, words: str) -> None:
-    leader = SimpleNamespace(
-        connected=True,
-        scene=SCENE,
-        update=None,
-        criteria_s=(start_s, None),
-        forced=None,
-        mode="synthesized",
-        renders=True,
-    )
-    assert explain(leader) == words  # type: ignore[arg-type]  # the part of a leader it reads
 
 
 def test_a_criterion_says_its_value_its_cells_and_where_a_stroke_is_wanted() -> None:

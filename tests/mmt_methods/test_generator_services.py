@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from service_runs import Together, small_scene
 
-from mmt.cli.ending import unusual
 from mmt.core.errors import InputError
+from mmt.evaluation.run_verdict import unusual
 from mmt.leader.part import Part, Session
 from mmt.leader.parts import PARTS, build_parts
 from mmt.leader.service import Leader

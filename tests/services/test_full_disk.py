@@ -161,7 +161,7 @@ def test_progress_that_cannot_be_written_ends_no_session(tmp_path: Path) -> None
     ) as leader:
         assert leader.end() == 1
     assert json.loads((tmp_path / "leader.json").read_text())["outcome"] == "completed"
-    assert "outcome:   completed" in leader.stdout
+    assert leader.stdout.startswith("mmt-leader  1.0 s")
 
 
 def test_a_report_that_fails_leaves_the_closing_lines_and_the_json(tmp_path: Path) -> None:
@@ -172,5 +172,5 @@ def test_a_report_that_fails_leaves_the_closing_lines_and_the_json(tmp_path: Pat
     with Service("main", "demo", scene("stream-only"), *arguments, cwd=tmp_path) as demo:
         assert demo.end() == 2
     assert "error: report demo: File exists" in demo.stderr
-    assert demo.stdout.startswith("outcome:   completed")
+    assert demo.stdout.startswith("mmt demo  1.0 s")
     assert json.loads((tmp_path / "all.json").read_text())["leader"]["outcome"] == "completed"

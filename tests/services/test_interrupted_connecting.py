@@ -137,7 +137,7 @@ def test_the_second_signal_ends_at_once_what_does_not_let_go(
 
 
 def test_a_demo_that_is_interrupted_again_leaves_nothing(tmp_path: Path) -> None:
-    with Service("main", "demo", scene("stream-only"), cwd=tmp_path) as demo:
+    with Service("main", "demo", scene("stream-only"), "--verbose", cwd=tmp_path) as demo:
         demo.wait_for(lambda: "leader: follower connected" in demo.stderr)
         services = psutil.Process(demo.process.pid).children()
         for each in services:

@@ -29,13 +29,14 @@ async def test_a_run_is_shown_while_it_lasts(tmp_path: Path, browser: Browser) -
     hello = await until(socket, "hello")
     assert hello["id"] == together.leader.log.session_id
     waiting = await until(socket, "live")
-    assert (waiting["mode"], waiting["why"]) == ("streamed", "no follower is connected")
+    assert waiting["mode"] == "streamed"
+    assert waiting["verdict"]["now"] == "waiting for the follower"
     follower = together.follower(MadeSource([made_frames(k, 1) for k in range(20_000)]))
     following = asyncio.create_task(follower.run())
     await together.until(lambda: together.leader.time_s > 0.2)
     while (live := await until(socket, "live"))["measured_count"] < 100:
         assert live["viewers"] == 1
-    assert live["why"] == "this scene renders from no model"
+    assert live["verdict"]["now"] == "streamed"
     assert live["played_count"] > 0
     assert 0 < live["time_s"] <= together.leader.time_s
     link = await until(socket, "link")

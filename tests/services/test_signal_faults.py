@@ -5,7 +5,7 @@ from pathlib import Path
 
 from monitor_browser import monitored, open_browser, until
 
-from mmt.cli.ending import ending_lines
+from mmt.evaluation.run_verdict import run_verdict
 from mmt.scene import Scene
 from mmt.session import write_session
 from mmt.testing.simulation.offline import simulate_session
@@ -41,5 +41,5 @@ async def test_a_dead_accelerometer_starts_no_model_and_is_named(tmp_path: Path)
     assert faults["text"].startswith(THROUGHOUT)
     assert faults["constant_s"] > 0.5
     assert summary.texture["start_s"] is None
-    lines = ending_lines({"leader": summary.as_dict()})
-    assert f"unusual:   leader: not measured: {faults['text']}" in lines
+    found = run_verdict({"leader": summary.as_dict()})
+    assert f"leader: not measured: {faults['text']}" in found.faults

@@ -145,7 +145,7 @@ async def test_a_person_sees_the_model_grow(
         await page.goto(leading.url)
         await shows(page, "#connection", "live")
         await shows(page, "#session", "shown")
-        await shows(page, "#why", "no follower is connected")
+        await shows(page, "#now", "waiting for the follower")
         await shows(page, "#plane-text", "No model yet")
         await leading.model(6.0)
         await shows(page, "#plane-text", "samples, order")

@@ -112,7 +112,7 @@ async def test_a_person_goes_through_a_recording(
         await page.keyboard.press("End")
         await shows(page, "#plane-text", "samples, order")
         await shows(page, "#completion-text", "start met at")
-        await shows(page, "#mode", "synthesized")
+        await shows(page, "#now", "from the model")
         await shows(page, "#surface", "surface 1 (1 known)")
         await shows(page, "#link-figures", "12")
         await shows(page, "#link-figures", "2.000 ± 0.050 ms")
@@ -129,7 +129,7 @@ async def test_a_person_goes_through_a_recording(
         await shows(page, "#plane-text", "No model yet")
         await page.keyboard.press("ArrowRight")
         await shows(page, "#time", "1.00 s")
-        await shows(page, "#mode", "streamed")
+        await shows(page, "#now", "streamed")
         await shows(page, "#connection", "recorded")
         await shows(page, "#h-plane", "at this moment")
         assert "gains most" not in await page.locator("main").inner_text()
@@ -198,7 +198,7 @@ async def test_a_recording_is_played(browser: Any, recorded: Path) -> None:
         await page.select_option("#speed", "50")
         await page.click("#play")
         await shows(page, "#play", "Play")  # it stops at the end by itself
-        await shows(page, "#mode", "synthesized")
+        await shows(page, "#now", "from the model")
         length = await page.evaluate("document.querySelector('#slider').max")
         assert float(length) == pytest.approx(SECONDS, abs=0.1)
         await shows(page, "#time", f"{float(length):.2f} s")
@@ -257,7 +257,7 @@ async def test_without_recorded_output_the_model_of_the_moment_is_rendered(
         assert switch is not None
         assert float(await at(page)) == pytest.approx(float(switch[1]), abs=0.06)
         await page.keyboard.press("End")
-        await shows(page, "#why", "rendered from the model of this moment")
+        await shows(page, "#why", "this is rendered from the model of this moment")
         await api.expect(page.locator("#link-panel")).to_be_hidden()
         assert problems == []
 

@@ -1,0 +1,164 @@
+"""The verdict on a run that has ended, from what its services say of themselves."""
+
+import copy
+from typing import Any
+
+import pytest
+
+from mmt.core.verdict import has_failed
+from mmt.evaluation.run_verdict import run_verdict, unusual
+from mmt.texture.signals.faults import SignalFaults
+
+LEADER: dict[str, Any] = {
+    "outcome": "completed",
+    "session": {"name": "demo", "id": "68f96b578b83", "duration_s": 18.003},
+    "link": {"frames": 18003, "dropped": 0, "lost": 0, "rejected": {}, "clock": {"jumps": 0}},
+    "texture": {
+        "samples": 19,
+        "start_s": 4.0,
+        "stop_s": 9.0,
+        "completion": {"criterion": "uncertainty", "value": 0.96},
+        "dropped_frames": 0,
+        "tasks": {"fitting": {"items": 9, "drops": 0}},
+    },
+    "vibration": {
+        "mode": "synthesized",
+        "actuator": {"samples": 18005, "clipped": 0},
+        "playout": {"resyncs": 0},
+    },
+    "ticks": {"ticks": 19306, "missed": 12, "late_share_1ms": 0.003},
+    "recording": {"file": "mmt-demo/session.mcap", "frames": 18003, "dropped": 0, "error": None},
+}
+FOLLOWER: dict[str, Any] = {
+    "outcome": "leader stopped (completed)",
+    "link": {"frames": 18003, "dropped": 0, "lost": 0},
+    "ticks": {"ticks": 18003, "late_share_1ms": 0.002},
+    "commands": {"silences": 0, "halts": 0, "slowed_ticks": 81},
+    "backfill": {"kept": 10000, "asked": 0, "sent": 0, "gone": 0},
+    "devices": {},
+}
+EVALUATION: dict[str, Any] = {
+    "session": "demo",
+    "surface": "plastic",
+    "basis": "truth",
+    "basis_reason": "the known texture plastic",
+    "start_s": 4.0,
+    "stop_s": 9.0,
+    "method": "field",
+    "at_stop": {
+        "completion": 0.97,
+        "power_error_db": 0.483312,
+        "within_jnd": 0.979167,
+        "plane_within_jnd": 0.9,
+    },
+    "at_end": {
+        "completion": 0.98,
+        "power_error_db": 0.4,
+        "within_jnd": 1.0,
+        "plane_within_jnd": 1.0,
+    },
+}
+
+
+def leader(**changes: Any) -> dict[str, Any]:
+    """Return a leader's summary, with these keys (``table__key``) changed."""
+    summary = copy.deepcopy(LEADER)
+    for name, value in changes.items():
+        *tables, key = name.split("__")
+        table = summary
+        for each in tables:
+            table = table.setdefault(each, {})
+        table[key] = value
+    return summary
+
+
+def test_a_good_run_is_told_with_its_error_and_its_readiness() -> None:
+    found = run_verdict({"leader": LEADER, "follower": FOLLOWER}, EVALUATION)
+    assert found.state == "running"
+    assert found.parts == (
+        "18.0 s",
+        "from the model since 4.0 s, complete at 9.0 s",
+        "error 0.5 dB",
+        "96 % should feel right",
+    )
+
+
+def test_a_session_that_was_evaluated_alone_is_told_likewise() -> None:
+    found = run_verdict({}, EVALUATION)
+    assert (found.state, found.now) == ("running", "model ready since 4.0 s, complete at 9.0 s")
+    assert (found.error, found.readiness) == ("0.5 dB", "97 % should feel right")
+    published = {**EVALUATION, "method": "published", "at_stop": None}
+    assert run_verdict({}, published).readiness == "completion sum 1.0"
+
+
+def test_of_several_surfaces_the_medians_are_told() -> None:
+    errors = [0.4, 0.9, 3.0]
+    sessions = [
+        {**EVALUATION, "at_stop": {**EVALUATION["at_stop"], "power_error_db": error}}
+        for error in errors
+    ]
+    assert run_verdict({"leader": LEADER}, {"sessions": sessions}).error == "0.9 dB"
+
+
+def test_a_follower_alone_says_how_it_ended() -> None:
+    found = run_verdict({"follower": FOLLOWER})
+    assert (found.state, found.parts) == ("running", ("leader stopped (completed)",))
+
+
+@pytest.mark.parametrize("outcome", ["follower lost", "failed: no device", "stopped", "completed"])
+def test_only_a_failure_fails(outcome: str) -> None:
+    found = run_verdict({"leader": leader(outcome=outcome)})
+    assert (found.state == "failed") == has_failed(outcome)
+    assert outcome == "completed" or outcome in found.sentence
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "sentence"),
+    [
+        ("link__lost", 3, "3 frames or commands lost on the way"),
+        ("link__rejected", {"stale": 2}, "2 messages rejected (stale)"),
+        ("link__clock__jumps", 1, "1 jump of the other side's clock"),
+        ("texture__tasks__fitting__drops", 4, "4 items dropped before fitting: it was too slow"),
+        ("vibration__actuator__clipped", 9, "9 samples clipped at the actuator's limit"),
+        ("ticks__late_share_1ms", 0.073, "7 % of the ticks over 1 ms late"),
+        ("recording__dropped", 5, "5 frames not recorded: the disk was too slow"),
+        (
+            "recording",
+            {"file": "a.mcap", "frames": 9, "dropped": 5, "error": "disk full"},
+            "the recording failed: disk full; 5 frames are not in it",
+        ),
+        (
+            "texture__faults",
+            SignalFaults(constant_s=18.0, throughout=True).as_dict(),
+            "not measured: the accelerometer gave one value throughout",
+        ),
+        ("handle__losses", 1, "1 loss of the handle"),
+        ("handle__faults", {"stale commands": 2}, "2 faults of the handle (stale commands)"),
+    ],
+)
+def test_what_is_unusual_is_named(key: str, value: Any, sentence: str) -> None:
+    assert unusual("leader", LEADER) == []
+    assert unusual("leader", leader(**{key: value})) == [f"leader: {sentence}"]
+    found = run_verdict({"leader": leader(**{key: value})})
+    assert f"leader: {sentence}" in found.faults
+    assert found.state == ("failed" if key == "recording" else "degraded")
+
+
+@pytest.mark.parametrize("texture", [None, {}, {"faults": None}])
+def test_a_leader_without_a_model_has_no_faults_of_its_signals(texture: Any) -> None:
+    assert unusual("leader", {**LEADER, "texture": texture}) == []
+    found = {"faults": SignalFaults().as_dict()}
+    assert unusual("leader", {**LEADER, "texture": found}) == []
+
+
+def test_a_followers_devices_are_named_one_by_one() -> None:
+    lost = {**FOLLOWER, "devices": {"robot": {"class": "Arm", "losses": 2}}}
+    assert unusual("follower", lost) == ["follower: 2 losses of the robot"]
+
+
+@pytest.mark.parametrize("lost", [0, 3])
+def test_only_frames_that_were_never_filled_in_are_a_fault(lost: int) -> None:
+    gaps = {"missing": 12, "filled": 12 - lost, "lost": lost, "waiting": 0, "unwanted": 0}
+    summary = {**LEADER, "link": {**LEADER["link"], "lost": 12}, "backfill": gaps}
+    faults = ("leader: 3 frames missing and never filled in",) if lost else ()
+    assert run_verdict({"leader": summary}).faults == faults
