@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from mmt.cli.plain_help import made_plain
 from mmt.core.end_signals import on_end_signal
 from mmt.core.errors import InputError, MmtError
 from mmt.core.existing_files import write_file
@@ -76,7 +77,7 @@ def run_app(app: typer.Typer, program: str) -> None:
     """
     try:
         with requiring():
-            app(prog_name=program)
+            made_plain(typer.main.get_command(app))(prog_name=program)
     except MmtError as error:
         print_error(str(error))
         sys.exit(error.exit_code)

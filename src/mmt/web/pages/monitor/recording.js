@@ -125,7 +125,7 @@ function show(moment) {
     const [x, y, force] = arrays.trail.subarray(i, i + 3);
     panels.trail.add(Number.isNaN(x) ? null : { speed: Math.hypot(x, y), force, velocity: [x, y] });
   }
-  panels.verdict(moment.verdict, SOURCES[moment.source] ?? "nothing was played");
+  panels.verdict({ ...moment.verdict, time: `${moment.time_s.toFixed(2)} s` }, SOURCES[moment.source] ?? "nothing was played");
   panels.surface(moment.surfaces);
   panels.completion(moment.completion);
   for (const plot of line.plots) plot.mark(moment.time_s);

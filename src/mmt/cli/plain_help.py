@@ -1,0 +1,66 @@
+"""Help in a person's words: a switch is a switch, an argument is called by its name."""
+
+from itertools import pairwise
+from typing import Any, Final
+
+from mmt.core.errors import InputError
+
+_WORDS: Final = {
+    "bool": "",
+    "int": "NUMBER",
+    "int range": "NUMBER",
+    "float": "NUMBER",
+    "float range": "NUMBER",
+    "str": "TEXT",
+    "path": "PATH",
+}
+"""What an option takes, by the type that typer would name."""
+
+_VALUES: Final = {"true", "false", "yes", "no", "on", "off"}
+
+
+def made_plain(command: Any) -> Any:
+    """Return a command of typer whose help, and whose answer to ``--switch true``, are plain."""
+    params, parse = command.get_params, command.parse_args
+
+    def plain_params(context: Any) -> list[Any]:
+        return [_made_plain(param) for param in params(context)]
+
+    def explaining_parse(context: Any, arguments: list[str]) -> Any:
+        switches = {name for param in params(context) if _is_switch(param) for name in param.opts}
+        for name, value in pairwise(arguments):
+            if name == "--":
+                break
+            if name in switches and value.lower() in _VALUES:
+                raise InputError(f"{name} is a switch: give it without {value}, or leave it out")
+        return parse(context, arguments)
+
+    command.get_params, command.parse_args = plain_params, explaining_parse
+    for each in getattr(command, "commands", {}).values():
+        made_plain(each)
+    return command
+
+
+def _is_switch(param: Any) -> bool:
+    return bool(getattr(param, "is_flag", False))
+
+
+def _made_plain(param: Any) -> Any:
+    if param.param_type_name == "argument":
+        name = (param.metavar or param.name.upper()).strip("[].")
+        many = "..." * (param.nargs != 1)
+        used = f"{name}{many}" if param.required else f"[{name}{many}]"
+        param.metavar = f"{name}{many}"
+        param.get_usage_pieces = lambda _: [used]
+        param.display_type_rich = lambda ctx: ""  # noqa: ARG005 - called by this name
+    elif _is_switch(param):
+        param.metavar = ""
+    elif param.metavar is None and hasattr(param, "display_type_rich"):
+        shown = type(param).display_type_rich
+
+        def words(ctx: Any) -> str:
+            text = (shown(param, ctx) or "").strip("<>")
+            return _WORDS.get(text, text)
+
+        param.display_type_rich = words
+    return param
