@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+import typer
 from plugin_samples import install_package
 from typer.testing import CliRunner
 
@@ -57,6 +58,8 @@ def test_every_command_of_mmt_has_a_help() -> None:
     for name in offered(commands.GROUP):
         first = output_of(*name.split("."), "--help")
         assert "Usage: " in first
+        for typers_own in ("<bool>", "<path>", "<float>", "[[", "...]...", "{"):
+            assert typers_own not in first, name
 
 
 def test_a_command_that_cannot_be_imported_says_so_and_leaves_the_others(package: None) -> None:
@@ -66,3 +69,11 @@ def test_a_command_that_cannot_be_imported_says_so_and_leaves_the_others(package
     result = CliRunner().invoke(main.app, ["broken"])
     assert isinstance(result.exception, InputError)
     assert "command broken: added_commands:absent cannot be imported" in str(result.exception)
+
+
+@pytest.mark.parametrize("value", ["true", "no", "Off"])
+def test_a_switch_that_is_given_a_value_is_explained(value: str) -> None:
+    command = typer.main.get_command(main.app)
+    arguments = ["demo", "--monitor", value]
+    with pytest.raises(InputError, match=f"--monitor is a switch: give it without {value}"):
+        command(arguments, standalone_mode=False)

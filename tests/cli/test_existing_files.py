@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from mmt.cli.common import run_app
 from mmt.cli.main import app
-from mmt.core.existing_files import free_path
+from mmt.core.existing_files import free_folder, free_path
 from mmt.session import read_session, write_session
 
 KEPT = b"a recording of an hour"
@@ -83,6 +83,16 @@ def test_a_free_path_is_the_name_itself_or_the_least_number(tmp_path):
     assert free_path(wanted) == tmp_path / "session-2.mcap"
     (tmp_path / "session-2.mcap").touch()
     assert free_path(wanted) == tmp_path / "session-4.mcap"
+
+
+@pytest.mark.parametrize("name", ["report.html", "session.mcap"])
+def test_a_free_folder_holds_no_report_and_no_recording(tmp_path, name):
+    wanted = tmp_path / "run"
+    assert free_folder(wanted) == wanted
+    wanted.mkdir()
+    assert free_folder(wanted) == wanted
+    (wanted / name).touch()
+    assert free_folder(wanted) == tmp_path / "run-2"
 
 
 @pytest.mark.parametrize("command", [("calibrate", "adxl335-serial"), ("equalise",)])

@@ -255,7 +255,7 @@ def test_the_demo_leaves_a_recording_and_a_report(demo: tuple[Path, Service]) ->
     assert content["leader"]["outcome"] == "completed"
     assert content["follower"]["link"]["frames"] == len(recording.frames)
     assert content["evaluation"]
-    assert "mmt-demo/session.mcap, mmt-demo/report.html" in service.stdout
+    assert "mmt session view mmt-demo/session.mcap" in service.stdout
     assert "drift ppm" not in service.stdout
 
 
@@ -267,8 +267,8 @@ def test_a_second_demo_keeps_the_recording_of_the_first(
     before = kept.read_bytes()
     with Service("main", "demo", scene("stream-only"), "--duration", 1, cwd=tmp_path) as second:
         assert second.end() == 0, second.stderr
-    assert "mmt-demo/session-2.mcap" in second.stdout
-    assert read_session(tmp_path / "mmt-demo" / "session-2.mcap").complete
+    assert "mmt-demo-2/session.mcap" in second.stdout
+    assert read_session(tmp_path / "mmt-demo-2" / "session.mcap").complete
     assert kept.read_bytes() == before
     with Service(
         *("leader", scene("stream-only"), "--port", 0, "--record", kept), cwd=tmp_path

@@ -18,7 +18,7 @@ from rich.text import Text
 from mmt.cli.plain_help import made_plain
 from mmt.core.end_signals import on_end_signal
 from mmt.core.errors import InputError, MmtError
-from mmt.core.existing_files import write_file
+from mmt.core.existing_files import free_folder, write_file
 from mmt.core.extras import requiring
 from mmt.core.inventory import Inventory
 from mmt.core.labels import label
@@ -149,6 +149,15 @@ def json_option(help_text: str) -> Any:
     return typer.Option(
         "--json", callback=taken, help=f"{help_text} A file, or - for standard output."
     )
+
+
+def report_option(help_text: str = "Write a report there.") -> Any:
+    """Return the option ``--report``: a folder, numbered if it holds a report already."""
+
+    def taken(folder: Path | None) -> Path | None:
+        return None if folder is None else free_folder(folder)
+
+    return typer.Option("--report", metavar="FOLDER", callback=taken, help=help_text)
 
 
 def write_json(path: Path | None, content: object) -> None:

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from mmt.cli.commands import GROUP as COMMANDS
 from mmt.cli.common import (
     OPTIONS,
     Force,
@@ -19,12 +20,13 @@ from mmt.cli.common import (
     write_json,
 )
 from mmt.cli.emulated_pair import coil_log, hand_log, pair_named, write_emulated
-from mmt.cli.ending import print_ending
+from mmt.cli.ending import print_ending, typed
 from mmt.cli.guests import invite, with_flags
 from mmt.cli.scene_services import DemoRun, run_services
 from mmt.core.errors import InputError, MmtError
-from mmt.core.existing_files import free_path
+from mmt.core.existing_files import free_folder
 from mmt.core.extras import require
+from mmt.core.plugins import offered
 from mmt.core.realtime import require_real_time
 from mmt.devices.drivers import load_device
 from mmt.follower.sources import build_source
@@ -65,12 +67,13 @@ def demo(
     """
     if realtime:
         require_real_time()
+    if not force:  # what is there already stays
+        output_directory = free_folder(output_directory)
     pair = pair_named(scene_file)
     if pair is not None:
         pair = write_emulated(pair, output_directory)
         scene_file = pair.leader
-    wanted = output_directory / "session.mcap"
-    recording = wanted if force else free_path(wanted)  # one that is there already stays
+    recording = output_directory / "session.mcap"
     overrides: dict[str, Any] = {"session.duration_s": duration}
     tables = [*(["monitor"] if monitor else []), *tables_of(flags)]
     scene = load_scene(scene_file, overrides, replay=replay, tables=tables, options=OPTIONS)
@@ -104,7 +107,7 @@ def demo(
                 verbose=verbose,
             )
         )
-        _report(run, output_directory, recording, json_file, verbose=verbose)
+        _report(run, output_directory, recording, json_file, verbose=verbose, play=monitor)
         for guest in guests if not run.interrupted else ():
             if guest.lasting is not None:
                 with suppress(KeyboardInterrupt):
@@ -122,8 +125,9 @@ def _report(
     json_file: Path | None,
     *,
     verbose: bool,
+    play: bool,
 ) -> None:
-    """Print the summaries, and report the recording.
+    """Print the summaries, and report the recording; offer to play its model if that is wanted.
 
     Raises
     ------
@@ -138,16 +142,20 @@ def _report(
         for name, table in content.items():
             output.print(summary_table(name, table))
     problems: list[Exception] = []
+    model: Path | None = None
     if run.leader.get("recording"):
-        from mmt.cli.reporting import report_recording
+        from mmt.cli.reporting import MODEL_NAME, report_recording
 
         with noting(problems, "the report"):
             content["evaluation"] = report_recording(
                 directory, recording, run.tables(), tables=verbose
             )
+            model = directory / MODEL_NAME if (directory / MODEL_NAME).exists() else None
     report = directory / "report.html" if "evaluation" in content else None
     if run.leader or run.follower:
         print_ending("mmt demo", run.tables(), content.get("evaluation"), report)
+    if play and model is not None and "play" in offered(COMMANDS):
+        output.print(f"stroke it yourself:  {typed('mmt', 'play', model)}", highlight=False)
     with noting(problems):
         write_json(json_file, content)
     raise_problems([*problems, *map(MmtError, run.errors)])

@@ -7,7 +7,7 @@ import typer
 from rich.progress import track
 
 from mmt.cli.commands import command_group
-from mmt.cli.common import json_option, messages, output, write_json
+from mmt.cli.common import json_option, messages, output, report_option, write_json
 from mmt.core.extras import require
 from mmt.core.kernel_cache import compile_kernels
 from mmt.core.process import release_compiler
@@ -32,7 +32,7 @@ def evaluate(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Chooses the segments that are held out.")] = 0,
     json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
-    report: Annotated[Path | None, typer.Option(help="Write a report there.")] = None,
+    report: Annotated[Path | None, report_option()] = None,
 ) -> None:
     """Evaluate recorded sessions: distance and fit against session time."""
     if report is not None:
@@ -92,7 +92,7 @@ def compare(
     left: Annotated[Path, typer.Argument(metavar="A", help="A report's folder.")],
     right: Annotated[Path, typer.Argument(metavar="B", help="Another's, of the same kind.")],
     report: Annotated[
-        Path | None, typer.Option(help="Write both, with their figures, to this folder.")
+        Path | None, report_option("Write both, with their figures, to this folder.")
     ] = None,
     json_file: Annotated[Path | None, json_option("Write the differences.")] = None,
 ) -> None:

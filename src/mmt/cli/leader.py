@@ -25,6 +25,7 @@ from mmt.cli.service import (
     Version,
 )
 from mmt.core.errors import InputError
+from mmt.core.existing_files import free_folder
 from mmt.core.extras import require
 from mmt.core.kernel_cache import Compilation, compile_kernels
 from mmt.core.logs import Logs
@@ -92,6 +93,7 @@ def leader(
         raise InputError("--report needs a recording: give --record FILE or add [recording]")
     if report is not None:
         require("matplotlib")
+        report = report if force else free_folder(report)
     options = ServiceOptions(json_file, json_lines, log, log_level, realtime, verbose)
     LeaderRun(scene, options, report, guests).run()
 

@@ -21,6 +21,8 @@ _VALUES: Final = {"true", "false", "yes", "no", "on", "off"}
 
 def made_plain(command: Any) -> Any:
     """Return a command of typer whose help, and whose answer to ``--switch true``, are plain."""
+    if "get_params" in vars(command):
+        return command  # it is already
     params, parse = command.get_params, command.parse_args
 
     def plain_params(context: Any) -> list[Any]:

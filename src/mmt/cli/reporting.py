@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from mmt.cli.common import output
 from mmt.evaluation.document import Block
@@ -18,11 +18,14 @@ from mmt.session.mcap_reader import scanned_session
 from mmt.session.mcap_scan import scan_mcap
 from mmt.session.stream import Recording
 
+MODEL_NAME: Final = "model.npz"
+"""The newest model of a run, beside its report."""
+
 
 def report_recording(
     directory: Path, recording: Path, run: Mapping[str, Any], *, tables: bool
 ) -> dict[str, Any]:
-    """Write the report of a run into a directory; return the evaluation's figures.
+    """Write the report of a run into a directory, and its last model; return the figures.
 
     Where the scene had no model, or nothing was recorded, the report is of the run alone. A
     recording that was cut off is read as far as it goes. With `tables` the figures are printed as
@@ -49,6 +52,8 @@ def report_recording(
         run=dict(run),
         more=more,
     )
+    if session.models:
+        (directory / MODEL_NAME).write_bytes(session.models[-1][1])
     if len(evaluations) > 1:
         return evaluations_as_dict(evaluations)
     return evaluations[0].as_dict() if evaluations else {}

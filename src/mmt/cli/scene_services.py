@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from rich.console import Console
 
+from mmt.cli.browser import open_page
 from mmt.cli.child import Child
 from mmt.cli.common import messages, stop_on_signals
 from mmt.cli.guests import Guest
@@ -16,6 +17,8 @@ from mmt.scene import Scene
 from mmt.scene.added import added_flags
 
 _LAST_SECONDS: Final = 5.0
+_LONGEST_OPENING_S: Final = 20.0
+"""Time that a browser is given to open the monitor before the session begins without it."""
 
 
 @dataclass
@@ -139,6 +142,7 @@ class _Demo:
         self._line = StatusLine(console)
         self._verbose = verbose
         self._begun = False
+        self._page_until_s = 0.0
 
     async def run(self) -> DemoRun:
         stop_on_signals(self._interrupt)
@@ -176,6 +180,7 @@ class _Demo:
 
     async def _watch_leader(self, leader: Child) -> None:
         follower: Child | None = None
+        url = ""
         async for line in leader.lines():
             self._take(leader, line)
             self._take_leader(line)
@@ -184,6 +189,9 @@ class _Demo:
                 self._on_link(url)
                 if self._scene.monitor is not None:
                     self._line.say(f"monitor: {url}/monitor/")
+                    if open_page(f"{url}/monitor/"):
+                        self._page_until_s = leader.age_s + _LONGEST_OPENING_S
+            if url and follower is None and not self._awaits_page(leader, line):
                 follower = await self._start(
                     "follower", [str(self._follower_file), *self._arguments[1:], "--leader", url]
                 )
@@ -195,6 +203,10 @@ class _Demo:
             await asyncio.wait([following], timeout=_LAST_SECONDS)
             await follower.kill()
             await following
+
+    def _awaits_page(self, leader: Child, line: Mapping[str, Any]) -> bool:
+        """Return whether the browser is still opening the page, which is to see the beginning."""
+        return leader.age_s < self._page_until_s and not line.get("viewers")
 
     async def _watch_follower(self, follower: Child, leader: Child) -> None:
         async for line in follower.lines():

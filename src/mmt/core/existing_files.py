@@ -37,6 +37,15 @@ def free_path(path: Path) -> Path:
     return next(each for each in numbered(path) if not each.exists())
 
 
+def free_folder(folder: Path) -> Path:
+    """Return a folder, or the first of ``NAME-2``, ``NAME-3``, ... without recording or report."""
+    return next(
+        each
+        for each in numbered(folder)
+        if not any((each / name).exists() for name in ("session.mcap", "report.html"))
+    )
+
+
 def numbered(path: Path) -> Iterator[Path]:
     """Give `path`, then the same with a number from 2 behind its stem, without end."""
     yield path

@@ -1,7 +1,7 @@
 """The leader's metrics for Prometheus and its health, from what it counts anyway."""
 
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from mmt.core.extras import require
 from mmt.leader.part import Part, Session

@@ -219,6 +219,10 @@ class MonitorPart(Part):
         """Keep the state of the hand that moves the robot for the page."""
         self._tap.state = tick.moving
 
+    def status(self) -> dict[str, Any]:
+        """Return how many look on."""
+        return {"viewers": len(self.monitor.viewers)}
+
     def on_event(self, event: dict[str, Any], sentence: str | None) -> None:
         """Show what a person is told."""
         if sentence is not None:

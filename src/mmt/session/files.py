@@ -40,7 +40,15 @@ def read_session(path: str | Path) -> RecordedSession:
     if read is not None:
         session: RecordedSession = read(path)
         return session
-    return import_session(path)
+    try:
+        return import_session(path)
+    except InputError as error:
+        clauses = str(error).split("; ")
+        said = [clause for clause in clauses if "--" not in clause]  # options of the import alone
+        if len(said) == len(clauses):
+            raise
+        first = f"{path}: it cannot be read as it stands, import it first: mmt session import"
+        raise InputError("; ".join([first, *said])) from error
 
 
 def import_session(

@@ -10,7 +10,7 @@ import typer
 from rich.table import Table
 from typer.core import TyperGroup
 
-from mmt.cli.common import json_option, messages, output, print_error, write_json
+from mmt.cli.common import json_option, messages, output, print_error, report_option, write_json
 from mmt.core.errors import InputError
 from mmt_lab.harness.experiment import Experiment, listed, load
 from mmt_lab.harness.findings import Findings
@@ -18,7 +18,7 @@ from mmt_lab.harness.findings import Findings
 JsonFile = Annotated[Path | None, json_option("Write the figures.")]
 """Where the figures are written."""
 
-ReportFolder = Annotated[Path | None, typer.Option("--report", help="Write a report there.")]
+ReportFolder = Annotated[Path | None, report_option()]
 """The folder of the report."""
 
 
