@@ -17,7 +17,7 @@ from mmt.scene import Scene
 from mmt.scene.added import added_flags
 
 _LAST_SECONDS: Final = 5.0
-_LONGEST_OPENING_S: Final = 20.0
+_LONGEST_OPENING_S: Final = 10.0
 """Time that a browser is given to open the monitor before the session begins without it."""
 
 

@@ -48,6 +48,7 @@ class Controls:
             "recording": recording.name if recording is not None else None,
             "records": bool(leader.scene.channels()),
             "models": leader.frozen is not None,
+            "saves": leader.model is not None,
             "frozen": bool(leader.frozen),
             "renders": leader.renders,
             "forced": leader.forced or "auto",

@@ -3,9 +3,8 @@
 import { isTaken } from "./help.js";
 
 const ANSWER_MS = 15000;
-const NETWORKS = ["none", "lan", "wifi", "wan", "bad", "outage"];
 const FOCUSED = { m: "mark", v: "force" };
-const PRESSED = { r: "record", s: "save", f: "freeze" };
+const PRESSED = { s: "save" }; // what undoes, ends or forgets something has no key
 const CONTROL = {
   own: () => "The leader's hand moves the robot.",
   giving: (operator) => `The robot holds for ${operator}.`,
@@ -50,11 +49,14 @@ export class Controls {
   show(state) {
     const first = this.state.network === undefined;
     this.state = state;
-    press("record", state.recording !== null, state.recording === null ? "Record" : "Stop recording");
-    press("freeze", state.frozen, state.frozen ? "Let the model grow" : "Freeze model");
+    label("record", state.recording === null ? "Record" : "Stop recording"); // quietly: it ends something
+    label("freeze", state.frozen ? "Let the model grow" : "Freeze model");
+    $("freeze").setAttribute("aria-pressed", String(state.frozen));
     $("record").disabled = !state.records;
-    $("freeze").disabled = $("reset").disabled = !state.models;
-    $("save").disabled = !state.models && !state.renders;
+    $("freeze").disabled = !state.models;
+    $("reset").disabled = !state.models || !state.saves;
+    for (const each of [...$("mark-form").elements, $("surface-said")]) each.disabled = false;
+    $("save").disabled = !state.saves;
     $("force").disabled = !state.renders;
     $("force").value = state.forced;
     $("network").disabled = !state.network;
@@ -62,6 +64,11 @@ export class Controls {
     this.#showSurfaces();
     $("controls").hidden = false;
     if (first && state.network) this.#readNetwork();
+  }
+
+  /** Turn everything off: nobody would carry it out. */
+  turnOff() {
+    for (const each of $("controls").querySelectorAll("button, input, select")) each.disabled = true;
   }
 
   /** Show the surface that the tool is taken to be on, and those that a person may name. */
@@ -158,24 +165,13 @@ export class Controls {
     const { key } = event;
     if (key in FOCUSED) $(FOCUSED[key]).focus();
     else if (key in PRESSED) $(PRESSED[key]).click();
-    else if (NETWORKS[key] !== undefined) this.#chooseNetwork(NETWORKS[key]);
     else return;
     event.preventDefault();
   }
-
-  #chooseNetwork(profile) {
-    if ($("network").disabled) {
-      say("this scene emulates no network: it has no [network]", false);
-      return;
-    }
-    $("network").value = profile;
-    this.#changeNetwork(profile);
-  }
 }
 
-function press(id, pressed, label) {
-  $(id).setAttribute("aria-pressed", String(pressed));
-  if ($(id).firstChild.data !== label) $(id).firstChild.data = label;
+function label(id, words) {
+  if ($(id).firstChild.data !== words) $(id).firstChild.data = words;
 }
 
 function say(sentence, good) {

@@ -9,6 +9,7 @@ import { drawBars } from "./plots.js";
 
 const $ = (id) => document.getElementById(id);
 const panels = new Panels();
+let controls = null;
 
 const take = {
   hello(message) {
@@ -97,6 +98,7 @@ function showState(state, sentence) {
   $("connection").dataset.state = state;
   $("connection").hidden = state === "live"; // then the verdict says how the run is
   document.body.classList.toggle("lost", state !== "live");
+  if (state !== "live") controls?.turnOff();
   $("token-form").hidden = state !== "refused";
 }
 
@@ -105,7 +107,7 @@ const link = new Link((message) => take[message.kind]?.(message), showState, (gi
   $("token").focus();
 });
 
-const controls = new Controls(link);
+controls = new Controls(link);
 offerHelp("live");
 
 $("token-form").addEventListener("submit", (event) => {
