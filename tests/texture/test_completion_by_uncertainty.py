@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mmt.core.arrays import FloatArray
+from mmt.texture.completion.criterion import Progress
 from mmt.texture.completion.distance import CompletionMonitor, cells_of
 from mmt.texture.completion.uncertainty import (
     PRIOR_S,
@@ -292,3 +293,17 @@ def test_the_published_sum_is_what_runs_where_it_is_asked_for():
     assert not monitor.progress.scale.rises
     monitor.update(strokes(30, 2, largest=0.3), 1.0)
     assert monitor.progress.advice == pytest.approx((250.0, 2.5))  # the farthest cell's centre
+
+
+@pytest.mark.parametrize(
+    ("value", "cells", "words"),
+    [(0.5, 0.5, "differ from"), (0.5, 0.8, "where less is known"), (0.79, 0.5, ""), (0.9, 0.8, "")],
+)
+def test_a_fall_of_the_expected_share_has_a_reason(value: float, cells: float, words: str) -> None:
+    scale = ModellingSettings().scale
+    before = Progress(scale, 0.8, (0.8,) * 9)
+    why = Progress(scale, value, (cells,) * 9).why_less_than(before)
+    assert words in why
+    assert bool(words) == bool(why)
+    published = ModellingSettings(method="published").scale
+    assert Progress(published, 3.0, ()).why_less_than(Progress(published, 9.0, ())) == ""

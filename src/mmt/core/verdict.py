@@ -57,6 +57,8 @@ class Facts:
     """Share of the strokes that should feel right, 0 to 1; None if it is not known."""
     takes_over_at: float | None = None
     """Readiness from which on the vibration is the model's; None if it never is."""
+    fell: str = ""
+    """Why the readiness has just fallen; "" if it has not."""
     completion: str = ""
     """What another criterion says of the model, in words; for a model without a readiness."""
     error_db: float | None = None
@@ -176,9 +178,11 @@ def _readiness(facts: Facts) -> str:
     if facts.readiness is None:
         return facts.completion
     text = f"{100.0 * facts.readiness:.0f} % should feel right"
-    if facts.takes_over_at is None or facts.start_s is not None or facts.outcome is not None:
+    if facts.outcome is not None:
         return text
-    return f"{text}, {100.0 * facts.takes_over_at:.0f} % needed"
+    if facts.takes_over_at is not None and facts.start_s is None:
+        text += f", {100.0 * facts.takes_over_at:.0f} % needed"
+    return f"{text}, less than before: {facts.fell}" if facts.fell else text
 
 
 def _noticeable(facts: Facts) -> str:

@@ -65,6 +65,8 @@ class ModelOutput(Part):
         self._since_s = 0.0
         self._said = SignalFaults()
         self._new_faults = SignalFaults()  # of the newest update
+        self.fell = ""
+        """Why the newest update expects less to be right than the one before, "" if it does not."""
         self._rendered: int | None = None  # the surface whose model is rendered
         self._recorded: dict[int, TextureModel] = {}  # by surface, into:
         self._recorder: McapRecorder | None = None
@@ -121,7 +123,9 @@ class ModelOutput(Part):
         """
         log = self._log
         update = replace(update, time_s=self._since_s + update.time_s)
-        self._new_faults = update.faults.since(log.update.faults if log.update else SignalFaults())
+        before = log.update
+        self._new_faults = update.faults.since(before.faults if before else SignalFaults())
+        self._say_fall(update, before)
         log.update = update
         log.update_seconds.append(seconds)
         if update.faults.worth_saying(self._said):
@@ -143,6 +147,13 @@ class ModelOutput(Part):
         if update.stopped and log.stop_s is None:
             log.stop_s = update.time_s
             self._criterion_met("stop", update)
+
+    def _say_fall(self, update: "ModelUpdate", before: "ModelUpdate | None") -> None:
+        """Say why less is expected to be right than before, on the same surface."""
+        same = before is not None and before.surface == update.surface
+        self.fell = update.progress.why_less_than(before.progress) if before and same else ""
+        if self.fell:
+            self._event(f"the expected share has fallen: {self.fell}")
 
     def _criterion_met(self, which: str, update: "ModelUpdate") -> None:
         details = {"distance": update.distance, **update.progress.as_dict()}
@@ -223,7 +234,7 @@ class ModelOutput(Part):
         self._since_s, self._said, self._new_faults = time_s, SignalFaults(), SignalFaults()
         self._log.update = self._log.start_s = self._log.stop_s = None
         self.takes_over = False
-        self.forced = None
+        self.forced, self.fell = None, ""
         self._choose()
         self._event("model reset")
 

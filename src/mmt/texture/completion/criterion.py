@@ -9,9 +9,12 @@ whose level is expected to be right (`mmt.texture.completion.uncertainty`). Each
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S, CriterionScale
+
+_SAID_FALL: Final = 0.03
+"""Fall of the expected share from one update to the next that is worth a reason."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,18 @@ class Progress:
         if self.advice is None or self.value >= self.scale.stop:
             return share
         return f"{share}: {_strokes(self.advice)}"
+
+    def why_less_than(self, before: "Progress") -> str:
+        """Return why an expected share is less than it was, "" if it is not by `_SAID_FALL`.
+
+        It is a mean over strokes, weighted by where the hand strokes: either the cells have become
+        less sure, or the weights have moved to those that are.
+        """
+        if not self.scale.rises or before.value - self.value < _SAID_FALL:
+            return ""
+        if sum(before.cells) - sum(self.cells) > _SAID_FALL * len(self.cells):
+            return "the newest strokes differ from what the model expected"
+        return "the hand now strokes where less is known"
 
     def as_dict(self) -> dict[str, Any]:
         """Return the name of the criterion and its value, for JSON."""
