@@ -105,6 +105,7 @@ class Generator:
         self.state[PAST:] = self._random.standard_normal(LARGEST_ORDER)
         self._noise = self._random.standard_normal(_NOISE_BLOCK)
         self._used = 0
+        self._begun = False
 
     def set_rate(self, rate_hz: float) -> None:
         """Set the sampling rate of the samples that follow."""
@@ -134,7 +135,10 @@ class Generator:
         self.state[_AMPLITUDE] = 0.0
 
     def excitation(self, count: int, given: FloatArray | None) -> FloatArray:
-        """Return samples of variance one (count,): the next of its own, or those that are given."""
+        """Return samples of variance one (count,): the next of its own, or those that are given.
+
+        Where those that are given are the first ones, the filter's memory starts at zero.
+        """
         if given is None:
             return self.draw(count)
         samples = np.ascontiguousarray(real_numbers("excitation", given))
@@ -143,10 +147,14 @@ class Generator:
                 f"excitation has shape {samples.shape}: ({count},) finite samples of variance one, "
                 "one for each of the inputs, are needed"
             )
+        if not self._begun:
+            self._begun = True
+            self.state[PAST:] = 0.0
         return samples
 
     def draw(self, count: int) -> FloatArray:
         """Return the next `count` numbers of one endless sequence, whatever the block sizes."""
+        self._begun = True
         left = len(self._noise) - self._used
         if count > left:
             more = self._random.standard_normal(max(_NOISE_BLOCK, count - left))

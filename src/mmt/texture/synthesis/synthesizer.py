@@ -105,7 +105,8 @@ class Synthesizer:
             the space are limited to its end; a negative speed or force, and NaN, count as zero.
         excitation
             White samples of variance one, (n,), in place of the synthesizer's own, which then do
-            not go on: two renderers of one model, with the same, can be compared sample by sample.
+            not go on. Before any others the filter starts at rest: two renderers of one model,
+            with the same excitation, give the same samples whatever their seeds.
 
         Raises
         ------
