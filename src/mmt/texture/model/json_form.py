@@ -1,4 +1,4 @@
-"""A model as JSON, for renderers in other languages; the form is in ``docs/reference/model-json.md``.
+"""A model as JSON, for other renderers; the form is in ``docs/reference/model-json.md``.
 
 It holds what rendering takes, computed: vertices and their simplices, or the network of paper B,
 and the table of the level. A renderer needs no fitting, no triangulation and no solver.

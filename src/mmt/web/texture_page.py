@@ -1,0 +1,64 @@
+"""The texture page as one file: models, module, styles; it opens from disk, without a network.
+
+Its Content-Security-Policy allows the page's own script and style alone, by their hashes, and the
+renderer's module out of the page itself; nothing is fetched from anywhere.
+"""
+
+import base64
+import hashlib
+import html
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from mmt.core.errors import InputError
+
+_FOLDER: Final = Path(__file__).parent / "pages" / "texture"
+
+MODULE: Final = _FOLDER / "mmt-texture.js"
+"""The renderer."""
+
+MOST_BYTES: Final = 500_000
+"""Largest page: what a mail or a paper's supplement takes."""
+
+
+def texture_page(models: Sequence[str]) -> bytes:
+    """Return a page that plays models, given in their JSON form (`mmt.texture.model.json_form`).
+
+    Raises
+    ------
+    InputError
+        There is no model, or the page would be larger than 500 kB.
+    """
+    if not models:
+        raise InputError("no model was given: a page plays one at least")
+    parts = {
+        "style": (_FOLDER / "texture.css").read_text(),
+        "module": MODULE.read_text(),
+        "script": (_FOLDER / "texture.js").read_text(),
+        "models": "\n".join(_inert(form) for form in models),
+    }
+    hashes = {name: _hash(parts[name]) for name in ("style", "script")}
+    page = re.sub(
+        r"\{\{(\w+)\.?(hash)?\}\}",
+        lambda found: (hashes if found[2] else parts)[found[1]],
+        (_FOLDER / "texture.html").read_text(),
+    ).encode()
+    if len(page) > MOST_BYTES:
+        raise InputError(
+            f"the page would have {len(page) / 1e3:.0f} kB with {len(models)} models, allowed are "
+            f"{MOST_BYTES / 1e3:.0f}: write fewer into one page"
+        )
+    return page
+
+
+def _inert(form: str) -> str:
+    """Return a script element that holds a model and cannot be left."""
+    text = form.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
+    return f'<script type="application/json" class="model">{text}</script>'
+
+
+def _hash(text: str) -> str:
+    digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+    return html.escape(f"'sha256-{digest}'", quote=False)
