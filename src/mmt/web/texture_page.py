@@ -13,8 +13,11 @@ from pathlib import Path
 from typing import Final
 
 from mmt.core.errors import InputError
+from mmt.core.palette import style_sheet
 
-_FOLDER: Final = Path(__file__).parent / "pages" / "texture"
+_PAGES: Final = Path(__file__).parent / "pages"
+_FOLDER: Final = _PAGES / "texture"
+_BASE: Final = _PAGES / "shared" / "base.css"
 
 MODULE: Final = _FOLDER / "mmt-texture.js"
 """The renderer."""
@@ -34,7 +37,9 @@ def texture_page(models: Sequence[str]) -> bytes:
     if not models:
         raise InputError("no model was given: a page plays one at least")
     parts = {
-        "style": (_FOLDER / "texture.css").read_text(),
+        "style": "\n".join(
+            [style_sheet(), _BASE.read_text(), (_FOLDER / "texture.css").read_text()]
+        ),
         "module": MODULE.read_text(),
         "script": (_FOLDER / "texture.js").read_text(),
         "models": "\n".join(_inert(form) for form in models),

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 _LONGEST_S = 3600.0
 _VIBRATION = {".wav": 44_100, ".hjif": 8_000, ".ahap": 44_100}
 """Files of vibration, and their samples a second by default."""
+_OF_PAGES = (".html", ".json")
 _OF_XML = ("material", "friction")
 _OF_A_STEADY_MOTION = ("speed", "heading", "normal_force", "seconds")
 _OF_VIBRATION = ("motion", *_OF_A_STEADY_MOTION, "rate", "full_scale", "seed")
@@ -53,13 +54,15 @@ def import_model(
 
 def export_model(
     context: typer.Context,
-    source: Annotated[
-        Path, typer.Argument(metavar="MODEL", help="A .npz file, or a shipped model.")
+    sources: Annotated[
+        list[Path],
+        typer.Argument(metavar="MODEL...", help="A .npz file, or a shipped model; .html: several."),
     ],
     target: Annotated[
         Path,
         typer.Argument(
-            metavar="OUT", help="A .xml file (HaTT), or its vibration: .wav, .hjif or .ahap."
+            metavar="OUT",
+            help="A page (.html), .json or .xml (HaTT), or its vibration: .wav, .hjif or .ahap.",
         ),
     ],
     material: Annotated[
@@ -99,7 +102,7 @@ def export_model(
     seed: Annotated[int, typer.Option(min=0, help="Vibration: its seed.")] = 0,
     force: Force = False,
 ) -> None:
-    """Write a model for the Penn toolkit (.xml), or its vibration (.wav, .hjif, .ahap)."""
+    """Write a playable page (.html), .json, for the Penn toolkit (.xml), or .wav, .hjif, .ahap."""
     from mmt.models import find_model
     from mmt.texture.model.texture_model import TextureModel
 
@@ -108,19 +111,26 @@ def export_model(
     for path in (target, sound):
         if path is not None:
             require_absent(path, force=force)
-    if suffix not in {".xml", *_VIBRATION}:
+    if suffix not in {*_OF_PAGES, ".xml", *_VIBRATION}:
         raise InputError(
-            f"{target}: the name must end in .xml, .wav, .hjif or .ahap, which says what is written"
+            f"{target}: the name must end in .html, .json, .xml, .wav, .hjif or .ahap, which says "
+            "what is written"
         )
+    if len(sources) > 1 and suffix != ".html":
+        raise InputError(f"{target} takes one model, not {len(sources)}; a page (.html) several")
     if with_sound and sound is None:
         raise InputError(f"{target}: --with-sound is for .ahap")
-    if suffix == ".xml":
+    if suffix in {*_OF_PAGES, ".xml"}:
         _refuse(context, _OF_VIBRATION, f"is for vibration ({', '.join(_VIBRATION)}), not {target}")
-    else:
+    if suffix != ".xml":
         _refuse(context, _OF_XML, f"is for .xml, not {target}")
     if motion is not None:
         _refuse(context, _OF_A_STEADY_MOTION, "does not go with --motion, which says it already")
-    model = TextureModel.load(find_model(source))
+    models = [TextureModel.load(find_model(source)) for source in sources]
+    if suffix in _OF_PAGES:
+        _write_page(models, [source.stem for source in sources], target)
+        return
+    source, model = sources[0], models[0]
     if suffix == ".xml":
         _write_xml(model, target, material if material is not None else source.stem, friction)
         return
@@ -172,6 +182,21 @@ def _write_vibration(
     )
     if sound is not None:
         _write_vibration(sound, samples, rate_hz, full_scale_m_s2, name, None)
+
+
+def _write_page(models: "list[TextureModel]", names: list[str], target: Path) -> None:
+    from mmt.texture.model.json_form import model_json
+    from mmt.web.texture_page import texture_page
+
+    forms = [model_json(model, name) for model, name in zip(models, names, strict=True)]
+    page = target.suffix.lower() == ".html"
+    content = texture_page(forms) if page else forms[0].encode()
+    write_file(target, content)
+    messages.print(
+        f"{'page' if page else 'model'}: {target}, {len(content) / 1e3:.0f} kB"
+        + ("; open it in any browser" if page else ""),
+        highlight=False,
+    )
 
 
 def _write_xml(model: "TextureModel", target: Path, material: str, friction: float | None) -> None:

@@ -52,7 +52,7 @@ def decoded(text: str) -> FloatArray:
 
 
 def strokes(made: TextureModel, count: int, seed: int) -> list[FloatArray]:
-    """Return strokes to and fro whose speed, heading and force vary, and rests; the model's inputs."""
+    """Return inputs of strokes to and fro that vary in speed, heading and force, with rests."""
     random = np.random.default_rng(seed)
     time_s = np.arange(count) / made.rate_hz
     size = 200.0 * np.abs(np.sin(0.4 * time_s)) * (np.sin(0.11 * time_s) > -0.9)

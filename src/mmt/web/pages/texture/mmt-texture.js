@@ -926,7 +926,7 @@ export class TextureNode {
 
   async #make() {
     try {
-      await this.context.audioWorklet.addModule(import.meta.url); // this very module, also out of a Blob
+      await this.context.audioWorklet.addModule(import.meta.url); // this very module
       const node = new AudioWorkletNode(this.context, PROCESSOR, { numberOfInputs: 0, outputChannelCount: [1] });
       node.port.onmessage = ({ data }) => this.onReport(data);
       this.send = (message) => node.port.postMessage(message);

@@ -1,0 +1,359 @@
+// The page of one file: strokes its textures; all that it needs is in the page itself.
+
+const source = document.getElementById("module").textContent;
+const { FULL_SCALE_M_S2, MOST_BYTES, ModelError, PointerMotion, RateConverter, TextureNode, filterAt, parseModel, render } =
+  await import(`data:text/javascript;base64,${btoa(source)}`); // from disk, Chromium takes no Blob for a worklet
+
+const BAR_MM = 50;
+const MAP = 36; // cells along each edge
+const DECIBELS = 40;
+const SHOW_EVERY_MS = 100;
+const STARTS_WITHIN_MS = 3000;
+const NO_PRESSURE = [0, 0.5, 1]; // what devices report that do not measure it
+const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+
+const $ = (id) => document.getElementById(id);
+const text = (id, value) => { const node = $(id); if (node.textContent !== value) node.textContent = value; };
+const number = (id) => Number($(id).value);
+const colour = (name) => getComputedStyle(document.body).getPropertyValue(`--${name}`).trim();
+
+const models = [];
+let model = null;
+let texture = null; // the source in the audio graph
+let context, gain, analyser, starting;
+let mmPerPx = 25.4 / 96;
+let pressing = false; // a pen has told its pressure
+let pointerId = null;
+let sent = 0;
+let rms = 0;
+let shownAt = 0;
+const pointer = new PointerMotion();
+const keys = new Set();
+const hand = { vx: 0, vy: 0, force: 0 };
+const delivered = new Map(); // when a hand's report was delivered, by its number
+const delays = [];
+
+function say(state, sentence) {
+  text("state", sentence);
+  $("state").dataset.state = state;
+}
+
+function problem(sentence) {
+  text("problem", sentence);
+  $("problem").hidden = sentence === "";
+}
+
+// ---- Models
+
+/** Add a model of its JSON form; a sentence says why it is refused. */
+function add(form) {
+  try {
+    models.push(parseModel(form));
+  } catch (error) {
+    if (!(error instanceof ModelError)) throw error;
+    problem(error.message);
+    return;
+  }
+  const at = models.length - 1, button = document.createElement("button");
+  button.textContent = models[at].name;
+  button.setAttribute("role", "radio");
+  button.onclick = () => choose(at);
+  $("choice").append(button);
+  $("choice").hidden = models.length < 2;
+}
+
+function choose(at) {
+  model = models[at];
+  [...$("choice").children].forEach((button, index) => button.setAttribute("aria-checked", String(index === at)));
+  text("name", model.name);
+  document.title = `${model.name} · mmt texture`;
+  texture?.setModel(model);
+  requestAnimationFrame(draw);
+}
+
+async function open(file) {
+  problem("");
+  if (file.size > MOST_BYTES) {
+    problem(`${file.name} has ${(file.size / 1e6).toFixed(1)} MB: a model has ${MOST_BYTES / 1e6} at most.`);
+    return;
+  }
+  const before = models.length;
+  add(await file.text());
+  if (models.length > before) choose(before);
+}
+
+// ---- Sound
+
+/** Begin, at a person's first touch; say so where there is no sound. */
+function start() {
+  starting ??= begin().catch((error) => {
+    starting = undefined;
+    say("degraded", "no sound");
+    problem(`No sound: ${error.message}. Connect headphones or an actuator, then touch again.`);
+  });
+  return starting;
+}
+
+async function begin() {
+  problem("");
+  say("waiting", "starting the sound");
+  context ??= new AudioContext({ latencyHint: 0 });
+  let late;
+  const tooLong = new Promise((_, reject) => { late = setTimeout(() => reject(new Error("the browser finds no sound device")), STARTS_WITHIN_MS); });
+  try {
+    await Promise.race([context.resume(), tooLong]);
+  } finally {
+    clearTimeout(late);
+  }
+  const node = await new TextureNode(context, report).ready;
+  gain = new GainNode(context, { gain: number("volume") / 100 });
+  analyser = new AnalyserNode(context, { fftSize: 4096 });
+  node.connect(gain).connect(context.destination);
+  node.connect(analyser);
+  node.setModel(model);
+  texture = node;
+  say("running", "plays here, without a network");
+  send();
+}
+
+function report(played) {
+  rms = played.rms;
+  const at = delivered.get(played.number);
+  if (at !== undefined) {
+    delays.push(performance.now() - at);
+    if (delays.length > 200) delays.shift();
+  }
+  for (const old of delivered.keys()) if (old <= played.number) delivered.delete(old);
+  const now = performance.now();
+  if (now - shownAt > SHOW_EVERY_MS) {
+    shownAt = now;
+    requestAnimationFrame(draw);
+  }
+}
+
+const middle = (values) => [...values].sort((a, b) => a - b)[values.length >> 1];
+
+/** What passes between the hand and the sound, in ms. */
+function figures() {
+  if (texture === null) return null;
+  const conversion = 1e3 * new RateConverter(model.rateHz, context.sampleRate).delayS;
+  const output = 1e3 * ((context.baseLatency || 0) + (context.outputLatency || 0));
+  return { delays: [...delays], conversion, output, by: texture.by, rate: context.sampleRate };
+}
+
+// ---- The hand
+
+/** Tell the renderer what the hand does now. */
+function send() {
+  const moved = keys.size > 0 ? byKeys() : { vx: pointer.vx, vy: pointer.vy, force: pointer.force, touches: pointer.touches, holdMs: pointer.holdMs };
+  Object.assign(hand, moved);
+  $("surface").classList.toggle("touched", moved.touches);
+  if (texture === null) return;
+  delivered.set(++sent, performance.now());
+  texture.setMotion(moved.vx, moved.vy, moved.force, { touches: moved.touches, holdMs: moved.holdMs, number: sent });
+}
+
+function byKeys() {
+  const way = [0, 0];
+  for (const key of keys) ARROWS[key].forEach((part, axis) => { way[axis] += part; });
+  const speed = number("speed") / (Math.hypot(...way) || 1);
+  return { vx: way[0] * speed, vy: way[1] * speed, force: number("force"), touches: true, holdMs: Infinity };
+}
+
+function lift() {
+  pointerId = null;
+  keys.clear();
+  pointer.lift();
+  send();
+}
+
+/** Add a pointer's reports; a pen's pressure is a share of the force that is set. */
+function follow(event) {
+  const each = event.getCoalescedEvents?.() ?? [];
+  for (const one of each.length ? each : [event]) {
+    if (one.pointerType !== "mouse" && one.pressure > 0 && !NO_PRESSURE.includes(one.pressure)) pressing = true;
+    const share = pressing && one.pointerType !== "mouse" ? one.pressure : 1;
+    pointer.add(one.timeStamp, one.clientX * mmPerPx, -one.clientY * mmPerPx, number("force") * share);
+  }
+  const box = $("surface").getBoundingClientRect();
+  $("surface").lastElementChild.style.transform = `translate(${event.clientX - box.left}px, ${event.clientY - box.top}px)`;
+  send();
+}
+
+$("surface").addEventListener("pointerdown", (event) => {
+  if (pointerId !== null || event.button !== 0) return;
+  lift();
+  pointerId = event.pointerId;
+  $("surface").setPointerCapture(pointerId);
+  start();
+  follow(event);
+});
+$("surface").addEventListener("pointermove", (event) => { if (event.pointerId === pointerId) follow(event); });
+for (const name of ["pointerup", "pointercancel", "lostpointercapture"]) {
+  $("surface").addEventListener(name, (event) => { if (event.pointerId === pointerId) lift(); });
+}
+$("surface").addEventListener("contextmenu", (event) => event.preventDefault());
+$("surface").addEventListener("keydown", (event) => {
+  if (!(event.key in ARROWS) || pointerId !== null) return;
+  event.preventDefault();
+  if (keys.has(event.key)) return;
+  keys.add(event.key);
+  start();
+  send();
+});
+addEventListener("keyup", (event) => {
+  if (!keys.delete(event.key)) return;
+  keys.size > 0 ? send() : lift();
+});
+addEventListener("blur", lift);
+document.addEventListener("visibilitychange", () => {
+  if (document.hidden) lift();
+  document.hidden ? context?.suspend() : context?.resume();
+});
+
+// ---- Pictures
+
+/** Return a canvas' pen and size, cleared. */
+function canvas(id) {
+  const node = $(id), pen = node.getContext("2d");
+  pen.clearRect(0, 0, node.width, node.height);
+  pen.lineWidth = 3;
+  return [pen, node.width, node.height];
+}
+
+const now = () => {
+  if (model.dimensions === 3) return [hand.vx, hand.vy, hand.force];
+  return [Math.hypot(hand.vx, hand.vy), hand.force];
+};
+let map = { key: "" };
+
+/** Levels over speed and force, or over the velocity at the present force; kept until another force. */
+function levels() {
+  const force = Math.max(0.1, Math.round(10 * (hand.force || number("force"))) / 10);
+  const key = `${models.indexOf(model)} ${model.dimensions === 3 ? force : ""}`;
+  if (map.key === key) return map;
+  const cells = [];
+  for (let row = 0; row < MAP; row++) {
+    for (let column = 0; column < MAP; column++) {
+      const x = (column + 0.5) / MAP, y = (row + 0.5) / MAP;
+      const at = model.dimensions === 3
+        ? [(2 * x - 1) * model.maximumSpeed, (2 * y - 1) * model.maximumSpeed, force]
+        : [x * model.maximumSpeed, y * model.maximumForce];
+      const beyond = model.dimensions === 3 && Math.hypot(at[0], at[1]) > model.maximumSpeed;
+      cells.push(beyond ? null : filterAt(model, ...at).rms);
+    }
+  }
+  map = { key, cells, most: Math.max(...cells), force };
+  return map;
+}
+
+function drawPlane() {
+  const [pen, width, height] = canvas("plane");
+  const { cells, most, force } = levels();
+  pen.fillStyle = colour("ready");
+  cells.forEach((level, cell) => {
+    if (level === null || !(level > 0)) return;
+    pen.globalAlpha = Math.max(0, 1 + (20 * Math.log10(level / most)) / DECIBELS);
+    pen.fillRect(((cell % MAP) * width) / MAP, height - ((Math.floor(cell / MAP) + 1) * height) / MAP, width / MAP + 0.5, height / MAP + 0.5);
+  });
+  pen.globalAlpha = 1;
+  const directed = model.dimensions === 3;
+  const place = (x, y) => (directed ? [((x + 1) * width) / 2, ((1 - y) * height) / 2] : [x * width, (1 - y) * height]);
+  pen.fillStyle = colour("measured");
+  for (let row = 0; row < model.samples; row++) {
+    const [x, y] = place(model.rows[row * model.width], model.rows[row * model.width + 1]);
+    pen.fillRect(x - 1.5, y - 1.5, 3, 3);
+  }
+  const [x, y] = now();
+  const [left, top] = place(Math.min(x / model.maximumSpeed, 1), Math.min(y / (directed ? model.maximumSpeed : model.maximumForce), 1));
+  pen.fillStyle = colour("synthesized");
+  pen.beginPath();
+  pen.arc(left, top, 9, 0, 7);
+  pen.fill();
+  const axes = directed ? `velocity x and y to ±${model.maximumSpeed} mm/s, at ${force.toFixed(1)} N` : `speed to ${model.maximumSpeed} mm/s, force to ${model.maximumForce} N`;
+  text("plane-title", `Level over ${axes}: ${DECIBELS} dB to ${most.toPrecision(2)} m/s²; dots are samples`);
+}
+
+function curve(pen, values, width, height, name) {
+  pen.strokeStyle = colour(name);
+  pen.beginPath();
+  values.forEach((value, i) => pen.lineTo((i * width) / (values.length - 1), height * (1 - value)));
+  pen.stroke();
+}
+
+function drawSpectrum() {
+  const [pen, width, height] = canvas("spectrum");
+  const touched = Math.hypot(hand.vx, hand.vy) > 0 && hand.force > 0;
+  const at = touched ? now() : model.dimensions === 3 ? [100, 0, 1] : [100, 1];
+  const { rms: level, density } = filterAt(model, ...at);
+  const values = Array.from({ length: 200 }, (_, i) => 10 * Math.log10(density((i * model.rateHz) / 400) + 1e-12));
+  const top = 10 * Math.ceil(Math.max(...values) / 10);
+  curve(pen, values.map((value) => Math.max(0, 1 + (value - top) / 60)), width, height, "synthesized");
+  const where = touched ? "at the hand" : "at 100 mm/s and 1 N";
+  text("spectrum-title", `Spectrum ${where}: 0 to ${model.rateHz / 2} Hz, ${top - 60} to ${top} dB re 1 (m/s²)²/Hz; level ${level.toFixed(2)} m/s²`);
+}
+
+function drawPlayed() {
+  const [pen, width, height] = canvas("played");
+  const samples = new Float32Array(4096);
+  analyser?.getFloatTimeDomainData(samples);
+  const most = samples.reduce((largest, value) => Math.max(largest, Math.abs(value)), 1e-3);
+  const shown = Array.from({ length: 512 }, (_, i) => 0.5 + (0.48 * samples[8 * i]) / most);
+  curve(pen, shown, width, height, "synthesized");
+  const seconds = analyser ? `${((1e3 * 4096) / context.sampleRate).toFixed(0)} ms, ` : "";
+  const moved = hand.vx || hand.vy ? `${Math.hypot(hand.vx, hand.vy).toFixed(0)} mm/s, ${hand.force.toFixed(2)} N` : "at rest";
+  text("played-title", `Played: ${seconds}level ${rms.toFixed(2)} m/s², ±${(most * FULL_SCALE_M_S2).toFixed(1)} m/s²; hand ${moved}`);
+}
+
+function draw() {
+  if (model === null) return;
+  drawPlane();
+  drawSpectrum();
+  drawPlayed();
+  for (const id of ["plane", "spectrum", "played"]) $(id).setAttribute("aria-label", $(`${id}-title`).textContent);
+  const shown = figures();
+  if (shown === null || !delays.length) return;
+  const block = shown.by === "script" ? " (no worklet here: open by https or from disk)" : "";
+  const total = middle(delays) + shown.conversion + shown.output;
+  text("latency", `hand to sound ${total.toFixed(0)} ms: page ${middle(delays).toFixed(1)}, conversion ${shown.conversion.toFixed(1)}, device ${shown.output.toFixed(1)}${block}`);
+}
+
+// ---- Settings
+
+function settings() {
+  const volume = number("volume") / 100;
+  gain?.gain.setTargetAtTime(volume, context.currentTime, 0.01);
+  text("volume-text", `${$("volume").value} %`);
+  text("force-text", `${number("force").toFixed(1)} N`);
+  text("speed-text", `${$("speed").value} mm/s`);
+  text("force-name", pressing ? "Force at full pressure" : "Force");
+  const full = volume > 0 ? `an amplitude of 1 is ${(FULL_SCALE_M_S2 / volume).toFixed(0)} m/s²` : "nothing is played";
+  text("scale-text", `At this volume ${full} at the sound output, at full volume ${FULL_SCALE_M_S2} m/s²; what is above is cut off. Hear it, or drive a voice coil by the headphone jack.`);
+  if (keys.size > 0) send();
+}
+for (const id of ["volume", "force", "speed"]) $(id).addEventListener("input", settings);
+function setScale(px) {
+  mmPerPx = BAR_MM / px;
+  $("scale-bar").style.width = `${px}px`;
+}
+$("scale").value = BAR_MM / mmPerPx;
+setScale(BAR_MM / mmPerPx);
+$("scale").addEventListener("input", () => setScale(number("scale")));
+$("open").addEventListener("change", () => { if ($("open").files.length) open($("open").files[0]); });
+
+for (const node of document.querySelectorAll("script.model")) add(node.textContent);
+settings();
+if (models.length) choose(0);
+else if ($("problem").hidden) problem("This page holds no model: open one below.");
+
+window.mmtTexture = {
+  /** Vibration (m/s2) of the chosen model: speed and force or velocity x, y and force, and an excitation. */
+  render: (...given) => render(model, ...given),
+  choose(name) {
+    const at = models.findIndex((each) => each.name === name);
+    if (at < 0) throw new ModelError(`There is no model ${name} here: there are ${this.names().join(", ")}.`);
+    choose(at);
+  },
+  names: () => models.map((each) => each.name),
+  figures,
+};

@@ -1,0 +1,164 @@
+"""The page of one file in a real browser, opened from disk without a network."""
+
+import asyncio
+import json
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from library_samples import directed, model, stiff
+from page_browser import DESKTOP, LONGEST_MS, MARKS, a_page, api, browser, fits, inked, shows
+
+from mmt.core.errors import InputError
+from mmt.texture.model.json_form import model_json
+from mmt.texture.model.texture_model import TextureModel, load_model
+from mmt.texture.synthesis.synthesizer import Synthesizer
+from mmt.web.texture_page import MODULE, MOST_BYTES, texture_page
+
+__all__ = ["browser"]
+pytestmark = MARKS
+
+PHONE = (390, 844)
+RENDER = "([inputs, excitation]) => [...window.mmtTexture.render(...inputs, excitation)]"
+PLAYED = "document.querySelector('#played-title').textContent"
+PLAYED = "document.querySelector('#played-title').textContent"
+LEVEL = f"Number.parseFloat(/level ([\\d.]+)/.exec({PLAYED})?.[1] ?? '0')"
+
+
+@asynccontextmanager
+async def a_file(
+    browser: Any, folder: Path, models: dict[str, TextureModel], *how: Any, **more: Any
+) -> AsyncIterator[tuple[Any, list[str]]]:
+    """The page of models, from disk, and what it complains of or requests."""
+    path = folder / "page.html"
+    path.write_bytes(texture_page([model_json(made, name) for name, made in models.items()]))
+    async with a_page(browser, *how, **more) as (page, problems):
+        page.on("console", lambda said: said.type == "error" and problems.append(said.text))
+        page.on("request", lambda sent: sent.url[:4] == "http" and problems.append(sent.url))
+        await page.goto(path.as_uri())
+        await until(page, "window.mmtTexture !== undefined")
+        yield page, problems
+
+
+async def until(page: Any, condition: str) -> None:
+    """Wait for a condition; the page's own policy forbids the browser's way to wait."""
+    async with asyncio.timeout(LONGEST_MS / 1000):
+        while not await page.evaluate(condition):
+            await asyncio.sleep(0.05)
+
+
+async def stroke(page: Any) -> None:
+    box = await page.locator("#surface").bounding_box()
+    x, y = box["x"] + 40, box["y"] + box["height"] / 2
+    await page.mouse.move(x, y)
+    await page.mouse.down()
+    for step in range(200):
+        await page.mouse.move(x + 8 * (step % 30), y)
+        if await page.evaluate(LEVEL) > 0.05:
+            return
+        await page.wait_for_timeout(16)
+
+
+@pytest.mark.parametrize("name", ["oak", "felt"])
+async def test_the_page_gives_the_samples_that_python_gives(browser, tmp_path, name) -> None:
+    made, count = load_model(name), 3000
+    time_s = np.arange(count) / 1000.0
+    inputs = [200.0 * np.sin(5.0 * time_s), 120.0 * np.cos(3.0 * time_s), 1.0 + np.sin(time_s)]
+    if not made.space.directed:
+        inputs = [np.hypot(*inputs[:2]), inputs[2]]
+    white = np.random.default_rng(1).standard_normal(count)
+    expected = Synthesizer(made, seed=4).render(*inputs, excitation=white)
+    async with a_file(browser, tmp_path, {name: made}) as (page, problems):
+        given = [[values.tolist() for values in inputs], white.tolist()]
+        samples = np.array(await page.evaluate(RENDER, given))
+        assert np.abs(samples - expected).max() < 1e-9 * expected.std()
+        assert problems == []
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("size", [DESKTOP, PHONE])
+async def test_a_stroke_is_heard_shown_and_ends(browser, tmp_path, size, scheme) -> None:
+    models = {"one": model(), "two": directed()}
+    async with a_file(browser, tmp_path, models, size, scheme) as (page, problems):
+        await fits(page, scheme)
+        for name in models:
+            await page.click(f"#choice button:text-is('{name}')")
+            await stroke(page)
+            assert await page.evaluate(LEVEL) > 0.05
+            await shows(page, "#state", "plays here, without a network")
+            for picture in ("#plane", "#spectrum", "#played"):
+                assert await inked(page, picture) > 500
+                assert await page.get_attribute(picture, "aria-label")
+            await page.mouse.up()
+            await until(page, f"{LEVEL} === 0")
+        figures = await page.evaluate("window.mmtTexture.figures()")
+        assert figures["by"] == "worklet"
+        assert 7.0 < figures["conversion"] < 9.0
+        await shows(page, "#scale-text", "an amplitude of 1 is 150 m/s²")
+        assert problems == []
+
+
+async def test_keys_stroke_it(browser, tmp_path) -> None:
+    async with a_file(browser, tmp_path, {"one": model()}) as (page, problems):
+        await page.focus("#surface")
+        await page.keyboard.down("ArrowRight")
+        await until(page, f"{LEVEL} > 0.05")
+        await page.keyboard.up("ArrowRight")
+        await until(page, f"{LEVEL} === 0")
+        assert problems == []
+
+
+async def test_without_a_worklet_the_same_module_plays(browser, tmp_path) -> None:
+    async with a_file(browser, tmp_path, {"one": model()}) as (page, problems):
+        await page.evaluate("delete BaseAudioContext.prototype.audioWorklet")
+        await stroke(page)
+        assert await page.evaluate(LEVEL) > 0.05
+        assert (await page.evaluate("window.mmtTexture.figures()"))["by"] == "script"
+        assert problems == []
+
+
+async def test_what_is_no_model_is_refused_in_the_page(browser, tmp_path) -> None:
+    bad, good = tmp_path / "bad.json", tmp_path / "good.json"
+    form = json.loads(model_json(model(), "made"))
+    bad.write_text(json.dumps({**form, "order": 10_000}))
+    good.write_text(json.dumps({**form, "name": "</script><img src=x onerror=alert(1)>"}))
+    large = tmp_path / "large.json"
+    large.write_bytes(b" " * 10**7)
+    async with a_file(browser, tmp_path, {"one": model()}) as (page, problems):
+        await page.set_input_files("#open", bad)
+        await shows(page, "#problem", "its order must be 1 to 64")
+        await page.set_input_files("#open", large)
+        await shows(page, "#problem", "large.json has 10.0 MB")
+        await page.set_input_files("#open", good)
+        await shows(page, "#name", "<img src=x")
+        await api.expect(page.locator("#problem")).to_be_hidden()
+        assert problems == []
+
+
+async def test_nothing_from_outside_and_no_other_script_runs(browser, tmp_path) -> None:
+    name = "</script><script>window.evil = 1</script>"
+    async with a_file(browser, tmp_path, {name: stiff(1)}) as (page, problems):
+        await shows(page, "#name", name)
+        refused = await page.evaluate(
+            """async () => {
+                const script = document.createElement("script");
+                script.textContent = "window.evil = 2";
+                document.body.append(script);
+                try { await fetch("http://127.0.0.1:9/"); } catch { return window.evil; }
+            }"""
+        )
+        assert refused is None
+        assert any("Content Security Policy" in each for each in problems)
+
+
+async def test_a_page_is_small_or_refused() -> None:
+    forms = [model_json(load_model(name), name) for name in ("oak", "felt")]
+    assert len(texture_page(forms)) < MOST_BYTES
+    assert MODULE.stat().st_size <= 80_000
+    with pytest.raises(InputError, match="write fewer into one page"):
+        texture_page(forms * 4)
+    with pytest.raises(InputError, match="no model was given"):
+        texture_page([])
