@@ -26,6 +26,8 @@ from mmt.web.texture_page import MODULE
 PROGRAM = Path(__file__).with_name("texture_program.mjs")
 NODE = shutil.which("node")
 RATES_HZ = (44_100, 48_000, 96_000)
+CONVERTED = 4000
+"""Samples that are converted to these."""
 pytestmark = pytest.mark.skipif(NODE is None, reason="Node is not installed")
 
 
@@ -82,6 +84,7 @@ def error(
             "excitation": coded(excitation),
             "renewal": renewal,
             "rates": RATES_HZ,
+            "converted": CONVERTED,
             "changes": changes,
         }
     )
@@ -90,7 +93,9 @@ def error(
     if answer["called"] is not None:
         pairs.append((answer["called"], expected))
     for rate_hz, converted in zip(RATES_HZ, answer["converted"], strict=True):
-        pairs.append((converted, RateConverter(models[0].rate_hz, rate_hz).convert(expected)))
+        pairs.append(
+            (converted, RateConverter(models[0].rate_hz, rate_hz).convert(expected[:CONVERTED]))
+        )
     rms = float(np.sqrt(np.mean(expected**2)))
     worst = max(float(np.abs(decoded(text) - samples).max()) for text, samples in pairs)
     return worst / rms if rms > 0.0 else worst
@@ -129,7 +134,7 @@ def random_models(draw: st.DrawFn) -> TextureModel:
     )
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(made=random_models(), renewal=st.sampled_from([1, 3, 20]), seed=st.integers(0, 99))
 def test_random_models_give_the_same_samples(made, renewal, seed) -> None:
     inputs = strokes(made, 4000, seed)
@@ -144,7 +149,7 @@ def test_poles_at_the_unit_circle_and_models_that_grow_give_the_same_samples(met
     growing = [model(seed=seed, order=order) for seed, order in enumerate((8, 12, 5))]
     white = np.random.default_rng(3).standard_normal(6000)
     assert error(growing, strokes(growing[0], 6000, 4), white, 1) < 1e-9
-    poles = stiff(5, method)
+    poles = stiff(5, method, scale=1e-12)
     assert error([poles], strokes(poles, 6000, 4), white, 1) < 1e-6
 
 
@@ -164,6 +169,7 @@ def corners(values: list[list[int]]) -> dict[str, Any]:
     return {"type": "uint16", "shape": [len(values), 3], "data": data}
 
 
+MOST_CHARACTERS = 4_000_000
 HUGE = {"type": "float64", "shape": [2**31, 2**31], "data": ""}
 HOSTILE = {
     "no JSON": ("{", "not JSON"),
@@ -172,7 +178,7 @@ HOSTILE = {
     "a version to come": (changed(version=2), "version is 2, this page reads 1"),
     "an order of ten thousand": (changed(order=10_000), "order must be 1 to 64"),
     "a rate of nothing": (changed(rate_hz=0), "rate_hz must be"),
-    "100 MB": (" " * 10**8, "characters, allowed are"),
+    "too much of it": (" " * (MOST_CHARACTERS + 1), "characters, allowed are"),
     "a huge shape": (changed(rows=HUGE), "the shape of rows is wrong"),
     "no rows": (changed(rows=None), "it lacks rows"),
     "a level of 1e308": (rows_with(1e308, 2), "a level is not within"),

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from aiohttp import web
+from aiohttp.test_utils import TestServer
 from library_samples import directed, model, stiff
 from page_browser import DESKTOP, LONGEST_MS, MARKS, a_page, api, browser, fits, inked, shows
 
@@ -16,6 +18,7 @@ from mmt.core.errors import InputError
 from mmt.texture.model.json_form import model_json
 from mmt.texture.model.texture_model import TextureModel, load_model
 from mmt.texture.synthesis.synthesizer import Synthesizer
+from mmt.web.page_server import PageFile, add_page
 from mmt.web.texture_page import MODULE, MOST_BYTES, texture_page
 
 __all__ = ["browser"]
@@ -152,6 +155,39 @@ async def test_nothing_from_outside_and_no_other_script_runs(browser, tmp_path) 
         )
         assert refused is None
         assert any("Content Security Policy" in each for each in problems)
+
+
+async def test_the_element_plays_in_anothers_page(browser) -> None:
+    page_text = """<!doctype html><script type="module" src="mmt-texture.js"></script>
+        <mmt-texture src="a.json"></mmt-texture><mmt-texture src="bad.json"></mmt-texture>"""
+    texts = {
+        "index.html": ("text/html", page_text),
+        "mmt-texture.js": ("text/javascript", MODULE.read_text()),
+        "a.json": ("application/json", model_json(model(), "a")),
+        "bad.json": ("application/json", '{"format": "mmt-texture", "version": 7}'),
+    }
+    application = web.Application()
+    files = {name: PageFile(text.encode(), kind) for name, (kind, text) in texts.items()}
+    add_page(application, "/page", files)
+    async with TestServer(application) as server, a_page(browser) as (page, problems):
+        await page.goto(str(server.make_url("/page/")))
+        bad = page.locator("mmt-texture").nth(1)
+        await api.expect(bad).to_contain_text("its version is 7, this page reads 1")
+        box = await page.locator("mmt-texture").nth(0).bounding_box()
+        await page.mouse.move(box["x"] + 9, box["y"] + 9)
+        await page.mouse.down()
+        first = "document.querySelector('mmt-texture')"
+        await until(page, f"{first}.texture !== undefined")
+        await page.evaluate(f"void ({first}.texture.onReport = (r) => {{ window.rms = r.rms; }})")
+        for step in range(400):
+            await page.mouse.move(box["x"] + 9 + 8 * (step % 30), box["y"] + 9)
+            if await page.evaluate("window.rms > 0.05"):
+                break
+        assert await page.evaluate("window.rms > 0.05")
+        assert await page.evaluate(f"{first}.texture.by") == "worklet"
+        await page.mouse.up()
+        await until(page, "window.rms === 0")
+        assert problems == []
 
 
 async def test_a_page_is_small_or_refused() -> None:

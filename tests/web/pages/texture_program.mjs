@@ -8,7 +8,7 @@ const { parseModel, render, Synthesizer, RateConverter, ModelError } = await imp
 
 const floats = (text) => new Float64Array(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer);
 const coded = (samples) => Buffer.from(samples.buffer, samples.byteOffset, samples.byteLength).toString("base64");
-const { forms, inputs, excitation, renewal, rates, changes } = JSON.parse(readFileSync(0, "utf8"));
+const { forms, inputs, excitation, renewal, rates, converted: first, changes } = JSON.parse(readFileSync(0, "utf8"));
 
 try {
   const models = forms.map(parseModel);
@@ -20,7 +20,7 @@ try {
     return synthesizer.render(motion.map(part), part(white));
   });
   const samples = Float64Array.from(parts.flatMap((part) => [...part]));
-  const converted = rates.map((rate) => coded(new RateConverter(models[0].rateHz, rate).convert(samples)));
+  const converted = rates.map((rate) => coded(new RateConverter(models[0].rateHz, rate).convert(samples.subarray(0, first))));
   const called = renewal === 1 && models.length === 1 ? coded(render(models[0], ...motion, white)) : null;
   console.log(JSON.stringify({ samples: coded(samples), converted, called }));
 } catch (error) {

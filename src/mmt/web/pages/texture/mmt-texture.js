@@ -882,10 +882,11 @@ export class LiveRenderer {
     return synthesizer.live(vx, vy, hand.force, touches);
   }
 
-  /** Return what was played since the last report, null where it is too soon for one. */
+  /** Return what was played since the last report: at once where the hand has moved, else null until it is time. */
   report() {
-    if (this.counted < REPORT_S * this.outputHz) return null;
+    if (this.number === this.reported && this.counted < REPORT_S * this.outputHz) return null;
     const report = { rms: Math.sqrt(this.square / this.counted), number: this.number };
+    this.reported = this.number;
     this.forget();
     return report;
   }
@@ -918,7 +919,7 @@ const SCRIPT_FRAMES = 256;
 
 /** A source in an audio graph: wait for `ready`, then connect it to anything. */
 export class TextureNode {
-  /** `onReport({ rms, number })`: some 30 times a second, what was played (m/s2) and the newest hand's number. */
+  /** `onReport({ rms, number })`: what was played (m/s2), and the number of the newest `setMotion` in it. */
   constructor(context, onReport = () => {}) {
     Object.assign(this, { context, onReport });
     this.ready = this.#make();
@@ -950,7 +951,7 @@ export class TextureNode {
     this.send({ model });
   }
 
-  /** The hand's velocity (mm/s) and force (N), held for `holdMs` until the next; `touches` false lifts it. */
+  /** Set the hand's velocity (mm/s) and force (N), held for `holdMs` until the next; `touches` false lifts it. */
   setMotion(vx, vy, force, { touches = true, holdMs = Infinity, number = 0 } = {}) {
     this.send({ hand: { vx, vy, force, touches, holdMs, number } });
   }
@@ -962,6 +963,62 @@ export class TextureNode {
   disconnect() {
     this.node.disconnect();
   }
+}
+
+// ---- <mmt-texture src="oak.json" volume="0.2" force="1">: a surface to stroke, in anyone's page
+
+if (globalThis.customElements !== undefined && customElements.get("mmt-texture") === undefined) {
+  customElements.define("mmt-texture", class extends HTMLElement {
+    #motion = new PointerMotion();
+
+    connectedCallback() {
+      if (this.loading !== undefined) return;
+      Object.assign(this.style, { display: "grid", placeItems: "center", minHeight: this.style.minHeight || "12rem", touchAction: "none", userSelect: "none" });
+      this.tabIndex = 0;
+      this.textContent = "touch to feel";
+      for (const name of ["pointerdown", "pointermove", "pointerup", "pointercancel"]) this.addEventListener(name, this);
+      this.loading = this.#load().catch((error) => { this.textContent = error.message; });
+    }
+
+    async #load() {
+      const answer = await fetch(this.getAttribute("src"));
+      if (!answer.ok) throw new ModelError(`The model ${this.getAttribute("src")} is not there: ${answer.status}.`);
+      const length = Number(answer.headers.get("content-length"));
+      refuse(length > MOST_BYTES, `it has ${length} bytes, allowed are ${MOST_BYTES}`);
+      this.model = parseModel(await answer.text());
+    }
+
+    async #start() {
+      await this.loading;
+      if (this.model === undefined) return;
+      const context = new AudioContext({ latencyHint: 0 });
+      this.texture = await new TextureNode(context).ready;
+      this.texture.setModel(this.model);
+      this.texture.connect(new GainNode(context, { gain: this.#number("volume", 0.2, 1) })).connect(context.destination);
+    }
+
+    #number(name, otherwise, most) {
+      const value = Number.parseFloat(this.getAttribute(name) ?? otherwise);
+      return Math.min(Math.max(Number.isFinite(value) ? value : otherwise, 0), most);
+    }
+
+    handleEvent(event) {
+      if (event.type === "pointerdown") {
+        this.setPointerCapture(event.pointerId);
+        this.#motion.lift();
+        this.starting ??= this.#start();
+      }
+      const motion = this.#motion, mm = 25.4 / 96;
+      if (event.type === "pointerup" || event.type === "pointercancel") motion.lift();
+      else if (event.type === "pointerdown" || motion.touches) motion.add(event.timeStamp, event.clientX * mm, -event.clientY * mm, this.#number("force", 1, 100));
+      this.texture?.setMotion(motion.vx, motion.vy, motion.force, motion);
+    }
+
+    disconnectedCallback() {
+      this.texture?.context.close();
+      this.texture = this.starting = this.loading = undefined;
+    }
+  });
 }
 
 /** Return vibration (m/s2) from the start, as mmt.Synthesizer(model).render does.
