@@ -17,7 +17,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any, Final
 
-from image_files import write_png
+from image_files import write_screen
 from PIL import Image
 from playwright.async_api import async_playwright
 
@@ -96,7 +96,7 @@ async def picture_monitor(browser: Any, folder: Path) -> None:
             for scheme in range(len(SCHEMES))
             for state in order
         ]
-        write_png(name, sheet(shots, scale, columns))
+        write_screen(name, sheet(shots, scale, columns))
 
 
 def sheet(shots: list[bytes], scale: float, columns: int) -> bytes:
@@ -186,7 +186,7 @@ async def picture_player(browser: Any, url: str) -> None:
 
 async def take(name: str, page: Any) -> None:
     """Write what is on the screen."""
-    write_png(name, await page.screenshot())
+    write_screen(name, await page.screenshot())
 
 
 async def a_page(browser: Any, url: str, size: dict[str, int], scheme: str) -> Any:

