@@ -14,11 +14,12 @@ def at_a_glance(evaluations: Sequence[Evaluation], run: Mapping[str, Any]) -> li
     """Return what a report begins with; of several sessions the medians."""
     services = {name: run[name] for name in ("leader", "follower") if name in run}
     found = run_verdict(services, evaluations_as_dict(evaluations) if evaluations else None)
+    first, *others = found.faults or ("all well",)
     tiles = [
         Tile("vibration", found.now),
         Tile("readiness", found.readiness),
         Tile("error of the level", found.error, found.noticeable),
-        Tile("health", found.health, state="" if found.state == "running" else found.state),
+        Tile("health", first, "; ".join(others), "" if found.state == "running" else found.state),
     ]
     blocks: list[Block] = [Tiles([tile for tile in tiles if tile.value])]
     return [*blocks, Paragraph(_sentence(evaluations))] if evaluations else blocks
@@ -35,7 +36,11 @@ def _sentence(evaluations: Sequence[Evaluation]) -> str:
         f"{share(right)} of {'the strokes that were made' if is_known else 'their strokes'}"
     )
     plane = _middle(each.final.plane_within_jnd for each in evaluations)
-    return f"{sentence}." if plane is None else f"{sentence} and {share(plane)} of all."
+    return (
+        f"{sentence}."
+        if plane is None
+        else f"{sentence}, and on {share(plane)} of the whole plane."
+    )
 
 
 def _middle(values: Iterable[float | None]) -> float | None:
