@@ -231,6 +231,13 @@ def test_options_that_mean_nothing_are_refused(given, reason):
         ImportOptions(**given)
 
 
+@pytest.mark.parametrize("given", [{"sheet": "a"}, {"separator": ","}, {"offsets": {"b": "1"}}])
+def test_options_of_other_kinds_of_files_are_refused(tmp_path, given):
+    np.savez(tmp_path / "a.npz", time_s=TIME_S, force_n=FORCE_N)
+    with pytest.raises(InputError, match=r"--\w+ is for .*leave it out"):
+        import_session(tmp_path / "a.npz", **given)
+
+
 def test_a_column_that_is_not_there_is_named_with_those_that_are(tmp_path):
     np.savez(tmp_path / "a.npz", time_s=TIME_S, F=FORCE_N)
     with pytest.raises(InputError, match="force is mapped to G, which is not there; the columns"):

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -20,6 +21,14 @@ from mmt.session.importing.samples import Samples
 from mmt.session.importing.several import joined, options_of_each
 from mmt.session.importing.stamps import Stamps
 
+_TEXTS: Final = (".csv", ".txt", ".tsv", ".dat", ".gz")
+_BOOKS: Final = (".xlsx",)
+_KINDS_OF_OPTIONS: Final = {
+    **dict.fromkeys(("separator", "decimal"), _TEXTS),
+    **dict.fromkeys(("header", "missing"), _TEXTS + _BOOKS),
+    "sheet": _BOOKS,
+}
+
 
 def import_recording(
     paths: str | Path | Sequence[str | Path], options: ImportOptions | None = None
@@ -33,6 +42,11 @@ def import_recording(
     """
     files = [Path(p) for p in ([paths] if isinstance(paths, str | Path) else paths)]
     options = options or ImportOptions()
+    for name, known in _KINDS_OF_OPTIONS.items():
+        if getattr(options, name) and not any(file.suffix.lower() in known for file in files):
+            raise InputError(f"--{name} is for {', '.join(known)}: leave it out")
+    if options.offsets and len(files) == 1:
+        raise InputError("--offset is for several files of one recording: leave it out")
     each = options_of_each(options, files) if len(files) > 1 else [options]
     read = [read_columns(f, wanted_names(o), o) for f, o in zip(files, each, strict=True)]
     columns = read[0]
