@@ -37,6 +37,16 @@ def test_a_model_goes_out_as_xml_and_comes_back(tmp_path: Path) -> None:
     np.testing.assert_allclose(after.at(*at)[1], before.at(*at)[1], rtol=1e-9)
 
 
+def test_models_go_out_as_a_page_and_one_as_json(tmp_path: Path) -> None:
+    page, alone = tmp_path / "two.html", tmp_path / "plastic.json"
+    assert run("export", MODEL, "felt", page).exit_code == 0
+    assert run("export", MODEL, alone).exit_code == 0
+    form = alone.read_text()
+    assert json.loads(form)["name"] == "plastic"
+    assert form in page.read_text()
+    assert isinstance(run("export", "oak", page).exception, InputError)
+
+
 def test_a_steady_stroke_becomes_sound(tmp_path: Path) -> None:
     path = tmp_path / "stroke.wav"
     arguments = ("--speed", 150, "--seconds", 2, "--rate", 8000, "--full-scale", 20)
@@ -88,7 +98,7 @@ def test_a_stroke_becomes_a_pattern_with_its_sound(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("export", MODEL, "out.mp3"), "must end in .xml, .wav, .hjif or .ahap"),
+        (("export", MODEL, "out.mp3"), "must end in .html, .json, .xml, .wav, .hjif or .ahap"),
         (("export", MODEL, "out.wav", "--full-scale", "-1"), "full scale"),
         (("export", "none.npz", "out.wav"), "No such file"),
         (("export", MODEL, "out.hjif", "--rate", "44100"), "can have 1000, 2000"),
@@ -103,6 +113,8 @@ def test_a_stroke_becomes_a_pattern_with_its_sound(tmp_path: Path) -> None:
         (("export", MODEL, "/proc/none/out.ahap"), "cannot write /proc/none/out.ahap"),
         (("import", MODEL, "out.npz"), "no XML"),
         (("import", MODEL, "out.xml"), "must end in .npz"),
+        (("export", MODEL, MODEL, "out.wav"), "takes one model, not 2; a page (.html) several"),
+        (("export", MODEL, "out.html", "--seed", "1"), "--seed is for vibration"),
         (("export", MODEL, "/proc/none/out.wav"), "cannot write /proc/none/out.wav"),
     ],
 )

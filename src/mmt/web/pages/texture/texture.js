@@ -6,7 +6,7 @@ const { FULL_SCALE_M_S2, MOST_BYTES, ModelError, PointerMotion, RateConverter, T
 
 const BAR_MM = 50;
 const MAP = 36; // cells along each edge
-const DECIBELS = 40;
+const DECIBELS = 30;
 const SHOW_EVERY_MS = 100;
 const STARTS_WITHIN_MS = 3000;
 const NO_PRESSURE = [0, 0.5, 1]; // what devices report that do not measure it
