@@ -33,6 +33,8 @@ class Stamps(StrEnum):
     AUTO = "auto"
     REGULAR = "regular"
     KEPT = "kept"
+    HEADER = "header"
+    RECEIPT = "receipt"
 
 
 Columns = Annotated[
@@ -67,7 +69,8 @@ StampsChoice = Annotated[
     Stamps,
     typer.Option(
         help="Rows at the stamps as they are (kept), at the times of the clock behind them "
-        "(regular), or whichever fits the motion better (auto)."
+        "(regular), or whichever fits the motion better (auto). Of messages: by the clock of their "
+        "header, or of their receipt."
     ),
 ]
 Episode = Annotated[

@@ -6,7 +6,7 @@ read as far as it goes: `scan_mcap` says what is wrong.
 
 import os
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
@@ -104,6 +104,41 @@ def scan_mcap(path: Path) -> Scan:
         raise InputError(f"session {path}: {error.strerror or error}") from error
 
 
+def iterate_mcap(
+    path: Path, problems: list[str]
+) -> Iterator[tuple[Schema | None, Channel, Message]]:
+    """Yield what is readable of the messages of an MCAP file, in the order of the file.
+
+    What is wrong with the file is added to the problems at its end.
+
+    Raises
+    ------
+    InputError
+        The file is missing, empty, not an MCAP file, or much larger than it says.
+    """
+    try:
+        with path.open("rb") as stream:
+            check_start(path, stream)
+            with open_records(stream) as records:
+                scan = Scan(path)
+                for opcode, content, _ in records:
+                    _add_content(scan, opcode, content)
+                    yield from _taken(scan)
+                problems += records.problems
+    except OSError as error:
+        raise InputError(f"session {path}: {error.strerror or error}") from error
+    if scan.damaged or scan.damaged_records:
+        problems.append(f"{scan.damaged} damaged chunks, {scan.damaged_records} other records")
+
+
+def _taken(scan: Scan) -> Iterator[tuple[Schema | None, Channel, Message]]:
+    for message in scan.messages:
+        channel = scan.channels.get(message.channel_id)
+        if channel is not None:
+            yield scan.schemas.get(channel.schema_id), channel, message
+    scan.messages.clear()
+
+
 def check_start(path: Path, stream: BinaryIO) -> None:
     """Refuse what is no MCAP file: one begins or ends with its magic bytes.
 
@@ -127,15 +162,7 @@ def _scan(scan: Scan, records: Records) -> Scan:
     for opcode, content, _ in records:
         attachments += opcode == Opcode.ATTACHMENT
         metadata += opcode == Opcode.METADATA
-        try:
-            if opcode == Opcode.CHUNK:
-                _scan_chunk(scan, Chunk.read(ReadDataStream(BytesIO(content))))
-            elif opcode == Opcode.ATTACHMENT and not intact(content):
-                scan.damaged_records += 1
-            elif opcode in _READERS:
-                _add_record(scan, _READERS[opcode](content))
-        except DAMAGE:
-            scan.damaged_records += 1
+        _add_content(scan, opcode, content)
     problems: list[str] = []
     count = records.statistics
     if count is not None:
@@ -150,6 +177,18 @@ def _scan(scan: Scan, records: Records) -> Scan:
         problems.append(f"{scan.damaged_records} other damaged records")
     scan.problem = ", ".join([*problems, *records.problems])
     return scan
+
+
+def _add_content(scan: Scan, opcode: int, content: bytes) -> None:
+    try:
+        if opcode == Opcode.CHUNK:
+            _scan_chunk(scan, Chunk.read(ReadDataStream(BytesIO(content))))
+        elif opcode == Opcode.ATTACHMENT and not intact(content):
+            scan.damaged_records += 1
+        elif opcode in _READERS:
+            _add_record(scan, _READERS[opcode](content))
+    except DAMAGE:
+        scan.damaged_records += 1
 
 
 def _scan_chunk(scan: Scan, chunk: Chunk) -> None:

@@ -1,10 +1,10 @@
-"""ROS 2 bags (folders, ``.db3``, ``.mcap``) and ROS 1 bags: fields as ``topic.field``.
+"""ROS bags (folders, ``.db3``, ``.mcap``, ``.bag``) and MCAP files: fields as ``topic.field``.
 
 What `mmt_bridges.ros.export_bag` has written has the names of an exported session as well.
 """
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -17,10 +17,12 @@ from mmt.core.frames import FIELD_OF_CHANNEL
 from mmt.session.data import JsonObject
 from mmt.session.importing.columns import Columns
 from mmt.session.importing.options import ImportOptions
+from mmt_bridges.ros.bag_files import decoded_messages
+from mmt_bridges.ros.clocks import Stamped, choose_clock
 from mmt_bridges.ros.messages import CHANNEL_TOPICS, EVENTS, SCENE, SEQUENCE
 
-_UNITS: Final = {"position": "m", "translation": "m", "point": "m"}
-"""The last part of a name whose values ROS gives in metres (REP 103); else it uses SI."""
+_METRES: Final = {"position", "translation", "point"}
+"""The last part of a name whose vectors ROS gives in metres (REP 103); else it uses SI."""
 
 _STANDARD_NAMES: Final = {
     f"{SEQUENCE.name}.{SEQUENCE.field}": "sequence",
@@ -31,16 +33,23 @@ _STANDARD_NAMES: Final = {
 }
 """The fields that mmt has written, and what they are called in an exported session."""
 
+_NUMBER: Final = (bool, int, float, np.number, np.bool_)
 _EARLIEST_DATE_NS: Final = 946_684_800_000_000_000
 """The year 2000: earlier stamps are those of a simulation, which begins at zero."""
+_LONGEST_LIST: Final = 256
+_MOST_SOURCES: Final = 16
+"""Of one topic, by which numbers columns are looked for."""
 
 
-def read_bag(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> Columns:
-    """Read the wanted fields of a bag's messages, each with the times of its topic.
+def read_bag(path: Path, wanted: Callable[[str], bool], options: ImportOptions) -> Columns:
+    """Read the wanted fields of the messages, each with the times of its topic.
 
-    Fields with x, y and z, such as ``/sensor.wrench.force``, are arrays (n, 3); numbers are
-    (n,). Times are those of the messages' headers, or of their receipt where these are zero.
-    A bag of mmt has its scene and events, and its fields under their standard names too.
+    Fields with x, y and z, such as ``/sensor.wrench.force``, are arrays (n, 3), lists of k numbers
+    are (n, k) and numbers (n,); what a message names, as the joints of a ``JointState``, is
+    ``/joint_states.position.JOINT``. If a topic has several publishers, or messages of several
+    frames of reference, each is a source of its own, ``/imu@FRAME``. Times are those of one clock,
+    see `mmt_bridges.ros.clocks.choose_clock`. A bag of mmt has its scene and events, and its fields
+    under their standard names too.
 
     Raises
     ------
@@ -49,51 +58,129 @@ def read_bag(path: Path, wanted: Callable[[str], bool], _options: ImportOptions)
     """
     origin = f"import {path}"
     require("rosbags")
-    from rosbags.highlevel import AnyReader
-    from rosbags.typesys import Stores, get_typestore
-
     if not path.exists():
         raise InputError(f"{origin}: No such file or directory")
-    store = get_typestore(Stores.LATEST)
+    notes: list[str] = []
+    gathered = _Gathered(wanted)
     try:
-        with AnyReader([path], default_typestore=store) as reader:
-            return _read(origin, reader, wanted)
+        for decoded in decoded_messages(path, notes):
+            gathered.add(decoded)
     except Exception as error:  # damage reaches every part of the library
         said = f"this is not a ROS bag that can be read: {brief(error)}"
-        if path.suffix.lower() == ".mcap":
-            said += "; a session of mmt is one as it is, without import"
         raise InputError(f"{origin}: {said}") from error
+    if not gathered.names and notes:
+        raise InputError(f"{origin}: this is not a ROS bag that can be read: {notes[0]}")
+    return gathered.columns(origin, options, notes)
 
 
-def _read(origin: str, reader: Any, wanted: Callable[[str], bool]) -> Columns:
-    values: dict[str, list[Any]] = {}
-    stamps: dict[str, list[int]] = {}
-    names: set[str] = set()
-    units: dict[str, str] = {}
-    texts: dict[str, list[JsonObject]] = {SCENE.name: [], EVENTS.name: []}
-    for connection, received_ns, data in reader.messages():
-        message = reader.deserialize(data, connection.msgtype)
-        if connection.topic in texts and connection.msgtype == EVENTS.kind:
-            texts[connection.topic].append(_json_object(message.data))
-        stamp_ns = _stamp_ns(message) or received_ns
-        for field, value in _numbers(connection.topic, message):
-            for name in filter(None, (field, _STANDARD_NAMES.get(field))):
-                names.add(name)
-                if wanted(name):
-                    values.setdefault(name, []).append(value)
-                    stamps.setdefault(name, []).append(stamp_ns)
-                    units[name] = _UNITS.get(field.rsplit(".")[-1], "")
-    origin_ns = min((column[0] for column in stamps.values()), default=0)
-    return Columns(
-        origin=origin,
-        values={name: np.array(column, dtype=np.float64) for name, column in values.items()},
-        names=sorted(names),
-        units={name: unit for name, unit in units.items() if unit},
-        times={name: (np.array(column) - origin_ns) / 1e9 for name, column in stamps.items()},
-        scene=next(iter(texts[SCENE.name]), None),
-        events=texts[EVENTS.name],
-        began_utc_ns=origin_ns if origin_ns >= _EARLIEST_DATE_NS else None,
-    )
+class _Source(Stamped):
+    """The messages of one publisher in one frame of reference."""
+
+    def __init__(self, topic: str, frame: str) -> None:
+        super().__init__(topic)
+        self.frame = frame
+        self.values: dict[str, list[Any]] = {}
+        self.rows: dict[str, list[int]] = {}
+        self.names: set[str] = set()
+        self.in_metres: set[str] = set()
+        self.keeps: dict[str, bool] = {}
+
+
+class _Gathered:
+    """What was read of the messages, by source."""
+
+    def __init__(self, wanted: Callable[[str], bool]) -> None:
+        self._wanted = wanted
+        self._sources: dict[tuple[str, object, str], _Source] = {}
+        self._texts: dict[str, list[JsonObject]] = {SCENE.name: [], EVENTS.name: []}
+
+    @property
+    def names(self) -> bool:
+        """Whether there is anything."""
+        return any(source.names for source in self._sources.values())
+
+    def add(self, decoded: Any) -> None:
+        """Take a message."""
+        topic, message = decoded.topic, decoded.message
+        if topic in self._texts and decoded.kind == EVENTS.kind:
+            self._texts[topic].append(_json_object(message.data))
+        members = _members(message)
+        header = _members(members.get("header"))
+        frame = str(header.get("frame_id", members.get("frame_id", "")) or "")
+        key = (topic, decoded.source, frame)
+        source = self._sources.setdefault(key, _Source(topic, frame))
+        row = source.stamp(decoded.received_ns, _stamp_ns(header) or _stamp_ns(members))
+        for field, value in _numbers("", message):
+            source.names.add(field)
+            if decoded.in_si_units and type(value) is tuple and field.split(".")[-1] in _METRES:
+                source.in_metres.add(field)
+            if self._keeps(source, field):
+                source.values.setdefault(field, []).append(value)
+                source.rows.setdefault(field, []).append(row)
+
+    def _keeps(self, source: _Source, field: str) -> bool:
+        """Whether a field is wanted by one of the names that its source may come to have."""
+        if field not in source.keeps:
+            labels = ("", f"@{source.frame}", *(f"@{n}" for n in range(1, _MOST_SOURCES)))
+            names = [f"{source.topic}{label}{field}" for label in labels]
+            names += filter(None, [_STANDARD_NAMES.get(source.topic + field)])
+            source.keeps[field] = any(map(self._wanted, names))
+        return source.keeps[field]
+
+    def columns(self, origin: str, options: ImportOptions, notes: list[str]) -> Columns:
+        """Return the columns, with their times by one clock."""
+        labels = _labels(list(self._sources.values()))
+        notes += _of_several(labels)
+        used = [source for source in self._sources.values() if source.values]
+        receipt, said = choose_clock(used, options.stamps, origin)
+        origin_ns = min((source.first_ns(receipt=receipt) for source in used), default=0)
+        values, times, units, names = {}, {}, {}, set()
+        for source in self._sources.values():
+            label = labels[source]
+            time_s = (source.times_ns(receipt=receipt) - origin_ns) / 1e9
+            for field in source.names:
+                standard = _STANDARD_NAMES.get(label + field)
+                for name in filter(None, (f"{label}{field}", standard)):
+                    names.add(name)
+                    column = source.values.get(field)
+                    if column is None or not self._wanted(name):
+                        continue
+                    if len({np.shape(value) for value in column}) > 1:
+                        notes.append(f"{name} has lists of several lengths and was left out")
+                        break
+                    values[name] = np.array(column, dtype=np.float64)
+                    times[name] = time_s[source.rows[field]]
+                    units |= {name: "m"} if field in source.in_metres else {}
+        return Columns(
+            origin=origin,
+            values=values,
+            names=sorted(names),
+            units=units,
+            times=times,
+            scene=next(iter(self._texts[SCENE.name]), None),
+            events=self._texts[EVENTS.name],
+            notes=[*notes, *said],
+            began_utc_ns=origin_ns if origin_ns >= _EARLIEST_DATE_NS else None,
+        )
+
+
+def _labels(sources: list[_Source]) -> dict[_Source, str]:
+    """Return what each source is called: its topic, with its frame or number if there are more."""
+    labels = {}
+    for source in sources:
+        same = [each for each in sources if each.topic == source.topic]
+        frames = [each.frame for each in same]
+        apart = len(set(frames)) == len(same) and "" not in frames
+        label = source.frame if apart else str(same.index(source) + 1)
+        labels[source] = source.topic if len(same) == 1 else f"{source.topic}@{label}"
+    return labels
+
+
+def _of_several(labels: Mapping[_Source, str]) -> Iterator[str]:
+    for topic in dict.fromkeys(source.topic for source in labels):
+        same = [label for source, label in labels.items() if source.topic == topic]
+        if len(same) > 1:
+            yield f"{topic} has {len(same)} sources, none was taken for another: {', '.join(same)}"
 
 
 def _json_object(text: str) -> JsonObject:
@@ -104,18 +191,56 @@ def _json_object(text: str) -> JsonObject:
     return value
 
 
-def _stamp_ns(message: Any) -> int:
-    stamp = getattr(getattr(message, "header", None), "stamp", None)
-    return 0 if stamp is None else int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+def _members(message: Any) -> Mapping[str, Any]:
+    """Return the members of a message by name, none of what is no message."""
+    if isinstance(message, dict):
+        return message
+    if not is_dataclass(message):
+        return {}
+    return {
+        field.name: getattr(message, field.name)
+        for field in fields(message)
+        if not field.name.startswith("_")
+    }
+
+
+def _stamp_ns(members: Mapping[str, Any]) -> int:
+    """Return the stamp of a header, or of a message that has it itself; 0 if there is none."""
+    stamp = _members(members.get("stamp", members.get("timestamp")))
+    seconds = stamp.get("sec", stamp.get("seconds"))
+    if seconds is None:
+        return 0
+    parts = (stamp.get(name) for name in ("nanosec", "nsec", "nanos"))
+    return int(seconds) * 1_000_000_000 + int(next((p for p in parts if p is not None), 0))
 
 
 def _numbers(name: str, message: Any) -> Iterator[tuple[str, Any]]:
-    """Yield each number and each vector of a message with its dotted name."""
-    if all(hasattr(message, axis) for axis in "xyz") and not hasattr(message, "w"):
-        yield name, (message.x, message.y, message.z)
-    elif is_dataclass(message):
-        for field in fields(message):
-            if field.name != "header" and not field.name.startswith("_"):
-                yield from _numbers(f"{name}.{field.name}", getattr(message, field.name))
-    elif isinstance(message, int | float):
-        yield name, message
+    """Yield each number, list of numbers and vector of a message with its dotted name."""
+    members = _members(message)
+    if members:
+        if set("xyz") <= members.keys() and "w" not in members:
+            vector = tuple(members[axis] for axis in "xyz")
+            if all(isinstance(each, _NUMBER) for each in vector):
+                yield name, vector
+                return
+        labels = members.get("name")
+        named = isinstance(labels, list) and all(isinstance(label, str) for label in labels)
+        for each, value in members.items():
+            if each in {"header", "stamp", "timestamp"}:
+                continue
+            yield from _numbers(f"{name}.{each}", value)
+            if named and labels and np.ndim(value) == 1 and len(value) == len(labels):
+                for label, one in zip(labels, value, strict=True):
+                    yield from _numbers(f"{name}.{each}.{label}", one)
+    elif isinstance(message, _NUMBER):
+        yield name, float(message)
+    elif isinstance(message, np.ndarray | list) and 0 < len(message) <= _LONGEST_LIST:
+        yield from _of_list(name, message)
+
+
+def _of_list(name: str, values: Any) -> Iterator[tuple[str, Any]]:
+    if all(isinstance(each, _NUMBER) for each in values):
+        yield name, np.asarray(values, dtype=np.float64)
+    elif all(map(_members, values)):
+        for place, each in enumerate(values):
+            yield from _numbers(f"{name}.{place}", each)

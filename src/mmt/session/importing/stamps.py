@@ -12,7 +12,8 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
 
-StampChoice = Literal["auto", "regular", "kept"]
+StampChoice = Literal["auto", "regular", "kept", "header", "receipt"]
+"""How the times of rows are found; the last two are clocks of messages, else they are "auto"."""
 
 _FEWEST_ROWS = 16
 _WINDOW_ROWS: Final = 16
@@ -78,6 +79,8 @@ def assess_stamps(
     choice
         "regular" for regular times wherever the source is periodic, "kept" for the stamps.
     """
+    if choice in ("header", "receipt"):
+        choice = "auto"
     kept, own_s = _as_they_are(stamps_s)
     line = _fit(stamps_s) if len(stamps_s) >= _FEWEST_ROWS else None
     if line is None:

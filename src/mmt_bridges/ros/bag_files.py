@@ -1,0 +1,170 @@
+"""The messages of recordings: ROS bags, and MCAP files with CDR, JSON or Protobuf.
+
+Each topic is decoded by the definition that the file has of it; what cannot be decoded costs its
+own topic. MCAP files are read as far as they go, with their index or without.
+"""
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from mmt.core.errors import InputError, brief
+from mmt.session.mcap_scan import iterate_mcap
+from mmt.session.mcap_writer import FRAMES_TOPIC
+
+_LARGE_BYTES: Final = 1 << 16
+"""Of pictures and point clouds the first message alone is decoded, for the names."""
+
+Decode = Callable[[bytes], Any]
+
+
+class Decoded(NamedTuple):
+    """A message: numbers, texts, lists, and what has members (`dict` or dataclass)."""
+
+    topic: str
+    source: object
+    """Who published it, as far as the file tells publishers apart."""
+    kind: str
+    """Name of its type."""
+    in_si_units: bool
+    """Whether the type is one of those whose positions are in metres."""
+    received_ns: int
+    message: Any
+
+
+class _Raw(NamedTuple):
+    topic: str
+    source: object
+    kind: str
+    encoding: str
+    definition: str | bytes
+    received_ns: int
+    data: bytes
+
+
+def decoded_messages(path: Path, notes: list[str]) -> Iterator[Decoded]:
+    """Yield the messages of a bag or an MCAP file; what is left out is added to the notes."""
+    decoders: dict[tuple[object, str], Decode | None] = {}
+    lost: dict[str, list[Any]] = {}
+    for raw in _raw_messages(path, notes):
+        key = raw.source, raw.topic
+        known = key in decoders
+        if known and (decoders[key] is None or len(raw.data) > _LARGE_BYTES):
+            if decoders[key] is None:
+                lost[raw.topic][0] += 1
+            continue
+        try:
+            if not known:
+                decoders[key] = None
+                decoders[key] = _decoder(raw)
+            decode = decoders[key]
+            message = decode(raw.data) if decode is not None else None
+        except Exception as error:  # noqa: BLE001 - damage reaches every part of the libraries
+            why = f"type {raw.kind or 'unknown'}, {raw.encoding}: {brief(error)}"
+            lost.setdefault(raw.topic, [0, why])[0] += 1
+            continue
+        si = raw.encoding in {"cdr", "ros1"} or raw.kind.startswith("foxglove.")
+        yield Decoded(raw.topic, raw.source, raw.kind, si, raw.received_ns, message)
+    notes += [
+        f"{count} messages of {topic} cannot be read and were left out ({why})"
+        for topic, (count, why) in lost.items()
+    ]
+
+
+def _raw_messages(path: Path, notes: list[str]) -> Iterator[_Raw]:
+    inside = sorted(path.glob("[!.]*")) if path.is_dir() else [path]
+    stored = [file for file in inside if file.suffix.lower() == ".mcap"]
+    described = any(file.name == "metadata.yaml" for file in inside)
+    others = [file for file in inside if file.suffix.lower() in {".db3", ".bag", ".zstd"}]
+    if path.is_dir() and not stored and not others:
+        raise InputError("there is no .mcap or .db3 file in this folder")
+    if stored and not others:
+        for file in stored:
+            yield from _of_mcap(file, notes)
+        return
+    if path.is_dir() and not described:
+        notes.append("the folder has no metadata.yaml: its files were read one after the other")
+    for each in [path] if described or path.is_file() else others:
+        yield from _of_bag(each)
+
+
+def _of_mcap(path: Path, notes: list[str]) -> Iterator[_Raw]:
+    problems: list[str] = []
+    for schema, channel, message in iterate_mcap(path, problems):
+        if channel.topic == FRAMES_TOPIC and schema is not None and "mmt" in schema.name:
+            raise InputError("a session of mmt is one as it is, without import")
+        definition = schema.data if schema is not None else b""
+        kind = schema.name if schema is not None else ""
+        yield _Raw(
+            *(channel.topic, (path.name, channel.id), kind, channel.message_encoding),
+            *(definition, message.log_time, message.data),
+        )
+    if problems:
+        notes.append(f"{path.name}: {', '.join(problems)}; what is whole was read")
+
+
+def _of_bag(path: Path) -> Iterator[_Raw]:
+    from rosbags import rosbag1, rosbag2
+
+    of_ros1 = path.suffix.lower() == ".bag"
+    with (rosbag1.Reader if of_ros1 else rosbag2.Reader)(path) as reader:
+        for connection, received_ns, data in reader.messages():
+            yield _Raw(
+                *(connection.topic, connection.id, connection.msgtype),
+                "ros1" if of_ros1 else "cdr",
+                connection.msgdef.data,
+                *(received_ns, bytes(data)),
+            )
+
+
+def _decoder(raw: _Raw) -> Decode:
+    """Return what decodes a topic's messages, by the definition in the file."""
+    if raw.encoding == "json":
+        return json.loads
+    if raw.encoding == "protobuf":
+        return _protobuf(raw.kind, raw.definition)
+    if raw.encoding not in {"cdr", "ros1"}:
+        raise InputError("messages of this encoding are not known")
+    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
+    definition = raw.definition.decode() if isinstance(raw.definition, bytes) else raw.definition
+    kind = raw.kind
+    if not definition.strip():
+        store = get_typestore(Stores.LATEST)
+        if kind not in store.types:
+            raise InputError("the file does not define it, and it is no standard one")
+    else:
+        store = get_typestore(Stores.EMPTY)
+        parts = definition.split(f"{'=' * 80}\nIDL: ")[1:]
+        for part in parts:
+            store.register(get_types_from_idl(part.partition("\n")[2]))
+        if not parts:
+            store.register(get_types_from_msg(definition, kind))
+    if raw.encoding == "ros1":
+        return lambda data: store.deserialize_ros1(data, kind)
+    return lambda data: store.deserialize_cdr(data, kind)
+
+
+def _protobuf(kind: str, definition: str | bytes) -> Decode:
+    from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+
+    files = descriptor_pb2.FileDescriptorSet()
+    files.ParseFromString(definition if isinstance(definition, bytes) else b"")
+    pool = descriptor_pool.DescriptorPool()
+    for file in files.file:
+        pool.Add(file)
+    made = message_factory.GetMessageClass(pool.FindMessageTypeByName(kind))
+    return lambda data: _plain(made.FromString(data))
+
+
+def _plain(message: Any) -> Any:
+    """Return a Protobuf message as dictionaries and lists."""
+    if not hasattr(message, "DESCRIPTOR"):
+        return message
+    plain = {}
+    for field in message.DESCRIPTOR.fields:
+        value = getattr(message, field.name)
+        repeated = hasattr(value, "append") or hasattr(value, "add")
+        plain[field.name] = [_plain(each) for each in value] if repeated else _plain(value)
+    return plain

@@ -1,0 +1,104 @@
+"""The clock of a recording's messages: that of their headers, or that of their receipt.
+
+Times of several topics can be compared only if all are of one clock. A header's stamp is nearer
+to the measurement; but drivers leave it zero, take the time since the machine was started, or
+that of another machine, and some messages have no header.
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import IntArray
+from mmt.core.errors import InputError
+from mmt.session.importing.stamps import StampChoice
+
+_ONE_CLOCK_NS: Final = 1_000_000_000
+"""Headers of two topics that are behind receipt by times that differ more have two clocks."""
+_JUMP_NS: Final = 60_000_000_000
+"""A step of the header against receipt, from message to message, beyond which clocks mix."""
+
+
+class Stamped:
+    """The stamps of a source's messages, in the order of their receipt.
+
+    Attributes
+    ----------
+    topic
+        What messages call it.
+    """
+
+    def __init__(self, topic: str) -> None:
+        self.topic = topic
+        self._received_ns: list[int] = []
+        self._header_ns: list[int] = []
+
+    def stamp(self, received_ns: int, header_ns: int) -> int:
+        """Add a message, with 0 for a header that says nothing; return its row."""
+        self._received_ns.append(received_ns)
+        self._header_ns.append(header_ns)
+        return len(self._received_ns) - 1
+
+    def times_ns(self, *, receipt: bool) -> IntArray:
+        """Return the times (n,) by one of the clocks."""
+        return np.array(self._received_ns if receipt else self._header_ns, dtype=np.int64)
+
+    def first_ns(self, *, receipt: bool) -> int:
+        """Return the first of them."""
+        return (self._received_ns if receipt else self._header_ns)[0]
+
+    def behind_ns(self) -> IntArray:
+        """Return by how much the headers (n,) are behind receipt."""
+        return self.times_ns(receipt=True) - self.times_ns(receipt=False)
+
+    def has_two(self) -> bool:
+        """Return whether a header says another time than that of receipt."""
+        return bool(np.any((self.times_ns(receipt=False) != 0) & (self.behind_ns() != 0)))
+
+    def problem(self) -> str:
+        """Return why the headers cannot be the clock, empty if they can."""
+        missing = sum(stamp == 0 for stamp in self._header_ns)
+        if missing == len(self._header_ns):
+            return f"{self.topic} has no stamps in its headers"
+        if missing:
+            return f"{missing} messages of {self.topic} have no stamp in their headers"
+        if len(self._header_ns) > 1 and np.abs(np.diff(self.behind_ns())).max() > _JUMP_NS:
+            return f"the headers of {self.topic} are of several clocks"
+        return ""
+
+
+def choose_clock(
+    sources: Sequence[Stamped], choice: StampChoice, origin: str
+) -> tuple[bool, list[str]]:
+    """Return whether the times are those of receipt, and a sentence that names the clock.
+
+    That of the headers is taken if every source has it and all agree; a person may choose either.
+
+    Raises
+    ------
+    InputError
+        The headers were chosen, and cannot be a clock.
+    """
+    problems = [problem for source in sources if (problem := source.problem())]
+    stamped = [source for source in sources if not source.problem()]
+    behind = {source: float(np.median(source.behind_ns())) for source in stamped}
+    if not problems and behind:
+        spread = max(float(np.ptp(source.behind_ns())) for source in stamped)
+        first, last = min(behind, key=behind.__getitem__), max(behind, key=behind.__getitem__)
+        if behind[last] - behind[first] > max(_ONE_CLOCK_NS, spread):
+            problems.append(f"the headers of {first.topic} and {last.topic} are of two clocks")
+    if choice == "header" and problems:
+        raise InputError(
+            f"{origin}: --stamps header: {problems[0]}; --stamps receipt takes the times of receipt"
+        )
+    receipt = choice == "receipt" or bool(problems)
+    if choice in {"header", "receipt"} or not any(source.has_two() for source in sources):
+        return receipt, []  # a person's choice, or there is no other clock
+    if receipt:
+        return receipt, [f"times are those of receipt: {problems[0]}"]
+    typical_ms = float(np.median(list(behind.values()))) / 1e6
+    return receipt, [
+        f"times are those of the headers; receipt was {typical_ms:.3g} ms later in the middle "
+        "(--stamps receipt takes that)"
+    ]

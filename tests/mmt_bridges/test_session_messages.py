@@ -1,0 +1,169 @@
+"""Messages of other programs in MCAP files: any encoding, several publishers, clocks, damage."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.writer import Writer
+
+from mmt.core.errors import InputError
+from mmt.session import import_session
+from mmt.session.importing.options import ImportOptions
+from mmt.session.importing.recording import import_recording, read_columns
+
+pytest.importorskip("rosbags", reason="needs the extra 'import'")
+
+BEGAN_NS = 1_765_000_000_000_000_000
+ROWS = 60
+STEP_NS = 2_000_000
+
+
+def write(path, channels):
+    """Write channels (topic, schema, schema's encoding, encoding, messages) of one rate."""
+    with path.open("wb") as stream:
+        writer = Writer(stream, chunk_size=4096)
+        writer.start()
+        numbers = []
+        for topic, (kind, encoding, data), message_encoding, _ in channels:
+            schema = writer.register_schema(kind, encoding, data)
+            numbers.append(writer.register_channel(topic, message_encoding, schema))
+        for row in range(ROWS):
+            for number, (*_, messages) in zip(numbers, channels, strict=True):
+                at_ns = BEGAN_NS + row * STEP_NS
+                writer.add_message(number, at_ns, messages[row], at_ns)
+        writer.finish()
+
+
+def wrench(forces, stamps_ns, frames):
+    return [
+        json.dumps(
+            {
+                "header": {"stamp": {"sec": ns // 10**9, "nanosec": ns % 10**9}, "frame_id": frame},
+                "wrench": {"force": dict(zip("xyz", force, strict=True))},
+                "raw": [*force, 7.0],
+            }
+        ).encode()
+        for force, ns, frame in zip(forces, stamps_ns, frames, strict=True)
+    ]
+
+
+JSON = ("demo/Wrench", "jsonschema", b"{}")
+FORCES = np.random.default_rng(3).normal(size=(ROWS, 3))
+
+
+def column(path, name, choice="auto"):
+    return read_columns(path, lambda each: each == name, ImportOptions(stamps=choice))
+
+
+@settings(max_examples=10, deadline=None)
+@given(data=st.data())
+def test_sources_keep_their_values_and_have_one_clock(tmp_path_factory, data):
+    """Publishers by channel and frames within one, with headers of any clock."""
+    path = tmp_path_factory.mktemp("bag") / "a.mcap"
+    clocks = st.sampled_from(["utc", "uptime", "none", "some"])
+    count = data.draw(st.integers(1, 3), "channels")
+    frames = data.draw(st.lists(st.sampled_from(["", "left", "right"]), min_size=1, max_size=2))
+    chosen = [data.draw(clocks) for _ in range(count)]
+    received = BEGAN_NS + STEP_NS * np.arange(ROWS)
+    channels, expected = [], {}
+    for place, clock in enumerate(chosen):
+        stamps = {
+            "utc": received - 300_000,
+            "uptime": received - BEGAN_NS + 5_000_000_000,
+            "none": np.zeros(ROWS, dtype=int),
+            "some": np.where(np.arange(ROWS) % 4, received - 300_000, 0),
+        }[clock].tolist()
+        values = FORCES + place
+        of_rows = [frames[row % len(frames)] for row in range(ROWS)]
+        channels.append(("/ft", JSON, "json", wrench(values, stamps, of_rows)))
+        for frame in dict.fromkeys(frames):
+            rows = [row for row in range(ROWS) if of_rows[row] == frame]
+            expected[place, frame] = (values[rows], np.array(stamps)[rows], received[rows])
+    write(path, channels)
+    names = {name for name in read_columns(path, lambda _: False).names if ".wrench.force" in name}
+    assert len(names) == len(expected)
+    alike = set(chosen) in ({"utc"}, {"uptime"})
+    read = read_columns(path, lambda _: True)
+    left = list(expected.values())
+    for name in names:
+        values = read.values[name]
+        (of,) = [each for each in left if np.array_equal(each[0], values)]
+        times_ns = of[1] if alike else of[2]
+        first = min(each[1 if alike else 2][0] for each in left)
+        np.testing.assert_allclose(read.times[name], (times_ns - first) / 1e9, atol=1e-9)
+        np.testing.assert_array_equal(read.values[name.replace("wrench.force", "raw")][:, 3], 7.0)
+    told = any("times are those of" in note for note in read.notes)
+    assert told == (set(chosen) != {"none"})
+    if not alike:
+        with pytest.raises(InputError, match="--stamps header: "):
+            column(path, min(names), "header")
+    if len(names) > 1:
+        with pytest.raises(InputError, match="which is not there"):
+            import_session(path, columns={"force": "/ft"})
+
+
+def test_protobuf_joints_and_what_cannot_be_decoded(tmp_path):
+    from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+    from rosbags.typesys import Stores, get_typestore
+
+    file = descriptor_pb2.FileDescriptorProto(name="a.proto", package="demo", syntax="proto3")
+    made = file.message_type.add(name="Force")
+    for number, name in enumerate("xyz", start=1):
+        made.field.add(name=name, number=number, type=1, label=1)
+    pool = descriptor_pool.DescriptorPool()
+    pool.Add(file)
+    kind = message_factory.GetMessageClass(pool.FindMessageTypeByName("demo.Force"))
+    store = get_typestore(Stores.LATEST)
+    joints = store.types["sensor_msgs/msg/JointState"]
+    stamp = store.types["builtin_interfaces/msg/Time"](0, 0)
+    header = store.types["std_msgs/msg/Header"](stamp, "")
+    states = [
+        store.serialize_cdr(
+            joints(header, ["a", "b"], np.array([row, 2.0 * row]), np.array([]), np.array([])),
+            "sensor_msgs/msg/JointState",
+        )
+        for row in range(ROWS)
+    ]
+    definition = descriptor_pb2.FileDescriptorSet(file=[file]).SerializeToString()
+    messages = [kind(**dict(zip("xyz", f, strict=True))).SerializeToString() for f in FORCES]
+    path = tmp_path / "a.mcap"
+    broken = ("vendor_msgs/msg/Arm", "ros2msg", b"")
+    write(
+        path,
+        [
+            ("/force", ("demo.Force", "protobuf", definition), "protobuf", messages),
+            ("/joints", ("sensor_msgs/msg/JointState", "ros2msg", b""), "cdr", states),
+            ("/arm", broken, "cdr", [b"\0\1\0\0" + bytes(40)] * ROWS),
+            ("/text", JSON, "json", [b"{"] * ROWS),
+        ],
+    )
+    whole = read_columns(path, lambda _: True)
+    np.testing.assert_array_equal(whole.values["/joints.position.b"], 2.0 * np.arange(ROWS))
+    assert whole.values["/joints.position"].shape == (ROWS, 2)
+    lost = [note for note in whole.notes if "cannot be read and were left out" in note]
+    assert len(lost) == 2
+    for cut in (None, 0.6):
+        if cut is not None:
+            path.write_bytes(path.read_bytes()[: int(cut * path.stat().st_size)])
+        session, report = import_recording(path, ImportOptions({"force": "/force"}))
+        count = len(session.frames)
+        np.testing.assert_allclose(
+            session.frames["force_n"][::2], FORCES[: (count + 1) // 2], rtol=1e-6
+        )
+        assert count > ROWS / 2
+        told = [said for said in report.warnings if "what is whole was read" in said]
+        assert len(told) == (cut is not None)
+
+
+def test_a_folder_without_description_is_read_file_by_file(tmp_path: Path) -> None:
+    received = (BEGAN_NS + STEP_NS * np.arange(ROWS)).tolist()
+    write(tmp_path / "b.mcap", [("/ft", JSON, "json", wrench(FORCES, received, [""] * ROWS))])
+    (tmp_path / "._b.mcap").write_bytes(b"Mac OS X")
+    frames = import_session(tmp_path, columns={"force": "/ft"}).frames
+    np.testing.assert_allclose(frames["force_n"][::2], FORCES, rtol=1e-6)
+    (tmp_path / "b.mcap").unlink()
+    with pytest.raises(InputError, match=r"no \.mcap or \.db3 file in this folder"):
+        import_session(tmp_path)
