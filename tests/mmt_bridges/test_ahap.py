@@ -13,21 +13,29 @@ from mmt_bridges.haptics.ahap import moments, write_ahap
 
 
 def read(path: Path) -> tuple[list[dict[str, Any]], dict[str, FloatArray]]:
-    """Return the events, and each curve as points of (time, value)."""
+    """Return the events, and by parameter all points of (time, value), as a player takes them.
+
+    A player keeps sixteen points of a curve; one that ends where the next begins leaves no gap.
+    """
     document = json.loads(path.read_text())
     assert document.keys() == {"Version", "Pattern"}
-    events, curves = [], {}
+    events: list[dict[str, Any]] = []
+    curves: dict[str, FloatArray] = {}
     for entry in document["Pattern"]:
         if "Event" in entry:
             events.append(entry["Event"])
         else:
             curve = entry["ParameterCurve"]
-            curves[curve["ParameterID"]] = np.array(
-                [
-                    (curve["Time"] + point["Time"], point["ParameterValue"])
-                    for point in curve["ParameterCurveControlPoints"]
-                ]
-            )
+            points = curve["ParameterCurveControlPoints"]
+            assert 2 <= len(points) <= 16
+            assert points[0]["Time"] == 0.0
+            taken = np.array([(curve["Time"] + p["Time"], p["ParameterValue"]) for p in points])
+            before = curves.get(curve["ParameterID"])
+            if before is not None:
+                np.testing.assert_allclose(taken[0], before[-1], atol=1e-9)
+                taken = np.concatenate([before, taken[1:]])
+            assert np.all(np.diff(taken[:, 0]) > 0)
+            curves[curve["ParameterID"]] = taken
     return events, curves
 
 
@@ -57,6 +65,16 @@ def test_silence_and_pauses_are_still(tmp_path: Path) -> None:
     write_ahap(tmp_path / "x.ahap", np.zeros(1000), 1000)
     _, curves = read(tmp_path / "x.ahap")
     assert all(not curve[:, 1].any() for curve in curves.values())
+
+
+@pytest.mark.parametrize("count", [1, 2, 290, 300, 310, 320, 5000])
+def test_the_curves_together_are_the_moments(count: int, tmp_path: Path) -> None:
+    samples = np.random.default_rng(count).standard_normal(count)
+    write_ahap(tmp_path / "x.ahap", samples, 1000, 10.0)
+    _, curves = read(tmp_path / "x.ahap")
+    times_s, amplitude, _ = moments(samples, 1000)
+    np.testing.assert_allclose(curves["HapticIntensityControl"][:, 0], times_s, atol=2e-6)
+    np.testing.assert_allclose(curves["HapticIntensityControl"][:, 1], amplitude / 10, atol=1e-5)
 
 
 def test_long_vibration_is_events_of_half_a_minute(tmp_path: Path) -> None:

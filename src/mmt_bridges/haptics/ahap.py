@@ -6,6 +6,7 @@ A sound file can be named beside them, which is heard and not felt.
 """
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,6 +19,8 @@ from mmt_bridges.haptics.effects import EffectFile, checked_full_scale
 
 _STEP_S: Final = 0.02
 _LONGEST_EVENT_S: Final = 30.0  # of a continuous event, says Apple
+_MOST_POINTS: Final = 16
+"""Of one curve: players leave out those behind the sixteenth."""
 
 _DULLEST_HZ: Final = 65.0
 """Apple gives no frequencies for sharpness; 0 and 1 are taken for those of the encoder of MPEG's
@@ -63,8 +66,8 @@ def write_ahap(
     sharpness = (frequency_hz - _DULLEST_HZ) / (_SHARPEST_HZ - _DULLEST_HZ)
     pattern = [
         *_events(seconds),
-        _curve("HapticIntensityControl", times_s, amplitude / full_scale),
-        _curve("HapticSharpnessControl", times_s, sharpness),
+        *_curves("HapticIntensityControl", times_s, amplitude / full_scale),
+        *_curves("HapticSharpnessControl", times_s, sharpness),
     ]
     if sound is not None:
         event = _event("AudioCustom", 0.0, AudioVolume=1.0)
@@ -111,20 +114,32 @@ def _event(kind: str, time_s: float, **parameters: float) -> dict[str, Any]:
     return {"Time": time_s, "EventType": kind, "EventParameters": listed}
 
 
-def _curve(parameter: str, times_s: FloatArray, values: FloatArray) -> dict[str, Any]:
-    """Return a curve through the values, each within 0 and 1.
+def _curves(parameter: str, times_s: FloatArray, values: FloatArray) -> list[dict[str, Any]]:
+    """Return curves through the values, each within 0 and 1; one begins where another ends.
 
     A curve of intensity multiplies the event's, which is 1; one of sharpness is added to the
     event's, which is 0.
     """
+    clipped = np.clip(values, 0.0, 1.0).tolist()
     points = [
-        {"Time": round(time_s, 6), "ParameterValue": round(value, 5)}
-        for time_s, value in zip(times_s.tolist(), np.clip(values, 0.0, 1.0).tolist(), strict=True)
+        (round(time_s, 6), round(value, 5))
+        for time_s, value in zip(times_s.tolist(), clipped, strict=True)
+    ]
+    return [
+        _curve(parameter, points[first : first + _MOST_POINTS])
+        for first in range(0, len(points) - 1, _MOST_POINTS - 1)
+    ]
+
+
+def _curve(parameter: str, points: Sequence[tuple[float, float]]) -> dict[str, Any]:
+    begin_s = points[0][0]
+    listed = [
+        {"Time": round(time_s - begin_s, 6), "ParameterValue": value} for time_s, value in points
     ]
     return {
         "ParameterCurve": {
             "ParameterID": parameter,
-            "Time": 0.0,
-            "ParameterCurveControlPoints": points,
+            "Time": begin_s,
+            "ParameterCurveControlPoints": listed,
         }
     }
