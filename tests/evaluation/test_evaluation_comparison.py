@@ -102,12 +102,18 @@ def test_headlines_say_which_is_better_and_settings_stand_apart(tmp_path: Path) 
 
     found = compare_reports(one("a", None, 0.9, 8), one("b", 3.0, 0.8, 16))
     assert [headline.row for headline in found.headlines] == [
+        (
+            "verdict",
+            "completed; the model was never ready",
+            "model ready since 3.0 s",
+            "",
+        ),
         ("from the model since (s)", "never", "3.0", "better"),
         ("within JND, strokes made", "90 %", "80 %", "worse"),
         ("ticks over 1 ms late", "1 %", "1 %", "equal"),
     ]
     first, settings = found.answers
-    assert len(first.rows) == 3
+    assert len(first.rows) == 4
     assert settings.rows == [("session / settings", "order", "8", "16")]
     assert "settings" not in " ".join(found.sections)
     page = write_comparison(found, tmp_path / "both").read_text()

@@ -74,7 +74,7 @@ async def test_health_follows_the_session(tmp_path: Path, http: aiohttp.ClientSe
     assert (status, table["phase"], table["connected"]) == (200, "streaming", True)
     assert table["time_s"] > 0
     await follower.client.disconnect()
-    await together.until(together.leader.faults)
+    await together.until(together.leader.health.faults)
     status, table = await health_of(http, port)
     assert (status, table["ok"], table["faults"]) == (503, False, ["the follower was lost"])
     follower.stop()

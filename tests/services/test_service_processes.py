@@ -207,7 +207,7 @@ def test_verbose_shows_every_counter(tmp_path: Path) -> None:
         assert leader.end() == 0, leader.stderr
     assert "late share 1ms" in leader.stdout
     assert "mmt-leader  0.3 s" in leader.stdout
-    assert "runs:     rendering, actuator" in leader.stderr
+    assert "runs:     hand, rendering, actuator" in leader.stderr
     assert "left out: link, network" in leader.stderr
 
 

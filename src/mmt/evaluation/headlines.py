@@ -7,6 +7,7 @@ from statistics import median
 from typing import Any, Final
 
 from mmt.evaluation.document import Table
+from mmt.evaluation.run_verdict import run_verdict
 from mmt.evaluation.texts import number, seconds, share
 
 _SESSION: Final = (
@@ -44,7 +45,7 @@ class Headline:
 
 
 def headlines(left: Mapping[str, Any], right: Mapping[str, Any]) -> list[Headline]:
-    """Return the figures that one of two summaries has; medians of several sessions."""
+    """Return the verdicts, then figures that one of two summaries has; medians of sessions."""
     found = []
     for title, key, better, text in _SESSION:
         values = [_of_sessions(data, key) for data in (left, right)]
@@ -52,7 +53,9 @@ def headlines(left: Mapping[str, Any], right: Mapping[str, Any]) -> list[Headlin
     for title, part, key, text in _RUN:
         leaders = [data.get("run", {}).get("leader", {}) for data in (left, right)]
         found.append((title, [each.get(part, {}).get(key) for each in leaders], True, text))
-    return [
+    told = [_verdict(data) for data in (left, right)]
+    verdicts = [Headline("verdict", told[0], told[1], "")] if all(told) else []
+    return verdicts + [
         Headline(title, text(values[0]), text(values[1]), _said(values, text, less_is_better))
         for title, values, less_is_better, text in found
         if any(value is not None for value in values)
@@ -62,6 +65,15 @@ def headlines(left: Mapping[str, Any], right: Mapping[str, Any]) -> list[Headlin
 def headline_table(found: Sequence[Headline]) -> Table:
     """Return the figures as a table."""
     return Table(("figure", "A", "B", "B is"), [each.row for each in found])
+
+
+def _verdict(data: Mapping[str, Any]) -> str:
+    """Return the verdict on what a report is of; "" for a report of measurements."""
+    run = data.get("run", {})
+    services = {name: run[name] for name in ("leader", "follower") if name in run}
+    sessions = data.get("sessions")
+    found = run_verdict(services, {"sessions": sessions} if sessions else None)
+    return found.sentence if sessions or "outcome" in services.get("leader", {}) else ""
 
 
 def _of_sessions(data: Mapping[str, Any], key: str) -> float | None:

@@ -68,10 +68,10 @@ def run_verdict(
     main = leader or summaries.get("follower", {})
     evaluation = evaluation or {}
     sessions = evaluation.get("sessions") or ([evaluation] if evaluation else [])
-    scores = [each.get("at_stop") or each["at_end"] for each in sessions]
+    scores = [each.get("at_stop") or each.get("at_end") or {} for each in sessions]
     texture = leader.get("texture") or {}
     timed = texture or {
-        key: _middle(each[key] for each in sessions) for key in ("start_s", "stop_s")
+        key: _middle(each.get(key) for each in sessions) for key in ("start_s", "stop_s")
     }
     readiness, completion = _completion(texture, sessions)
     faults = [sentence for name, table in summaries.items() for sentence in unusual(name, table)]
@@ -84,13 +84,13 @@ def run_verdict(
         Facts(
             time_s=main.get("session", {}).get("duration_s"),
             mode=leader.get("vibration", {}).get("mode"),
-            start_s=timed["start_s"],
-            stop_s=timed["stop_s"],
+            start_s=timed.get("start_s"),
+            stop_s=timed.get("stop_s"),
             outcome=outcome,
             models=bool(texture or sessions),
             readiness=readiness,
             completion=completion,
-            error_db=_middle(score["power_error_db"] for score in scores),
+            error_db=_middle(score.get("power_error_db") for score in scores),
             jnd_db=JND_DB,
             faults=faults,
         )
@@ -155,10 +155,12 @@ def _completion(
 ) -> tuple[float | None, str]:
     """Return the readiness, or what another criterion says."""
     if progress := texture.get("completion"):
-        known = [(progress["criterion"], progress["value"])]
+        known = [(progress.get("criterion"), progress.get("value"))]
     else:
-        finals = [(each, each.get("at_stop") or each["at_end"]) for each in sessions]
-        known = [(_criterion(each["method"]), score["completion"]) for each, score in finals]
+        finals = [(each, each.get("at_stop") or each.get("at_end") or {}) for each in sessions]
+        known = [
+            (_criterion(each.get("method", "")), score.get("completion")) for each, score in finals
+        ]
     values = [value for name, value in known if name == "uncertainty" and value is not None]
     if values:
         return median(values), ""

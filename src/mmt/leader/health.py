@@ -54,11 +54,9 @@ class RunHealth:
         return (late - late_before) / max(1, last - first)
 
     def faults(self) -> list[str]:
-        """Return what is not as it should be, a sentence each."""
+        """Return what is not as it should be, a sentence each; not how late the ticks are."""
         session = self._session
         found = [] if session.remote is None else session.remote.faults
-        if self.late_share > LATE_SHARE:
-            found = [*found, f"{100.0 * self.late_share:.0f} % of the ticks late"]
         return found + [fault for faults in session.parts.verbs("faults") for fault in faults()]
 
     def verdict(self) -> Verdict:
@@ -67,6 +65,9 @@ class RunHealth:
         progress = None if log.update is None else log.update.progress
         rises = progress is not None and progress.scale.rises
         ended = session.ending.reached
+        faults = [] if ended else self.faults()
+        if self.late_share > LATE_SHARE and not ended:
+            faults = [*faults, f"{100.0 * self.late_share:.0f} % of the ticks late"]
         return verdict(
             Facts(
                 time_s=session.time_s(),
@@ -81,7 +82,7 @@ class RunHealth:
                 takes_over_at=progress.scale.start if progress and completing.renders else None,
                 fell=completing.fell,
                 completion="" if progress is None or rises else str(progress),
-                faults=[] if ended else self.faults(),
+                faults=faults,
             )
         )
 
