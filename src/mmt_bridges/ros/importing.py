@@ -134,7 +134,8 @@ class _Gathered:
         used = [source for source in self._sources.values() if source.values]
         receipt, said = choose_clock(used, options.stamps, origin)
         origin_ns = min((source.first_ns(receipt=receipt) for source in used), default=0)
-        values, times, units, names = {}, {}, {}, set()
+        values, times, names = {}, {}, set()
+        units: dict[str, str] = {}
         for source in self._sources.values():
             label = labels[source]
             time_s = (source.times_ns(receipt=receipt) - origin_ns) / 1e9
