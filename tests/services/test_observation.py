@@ -76,7 +76,7 @@ async def test_health_follows_the_session(tmp_path: Path, http: aiohttp.ClientSe
     await follower.client.disconnect()
     await together.until(together.leader.health.faults)
     status, table = await health_of(http, port)
-    assert (status, table["ok"], table["faults"]) == (503, False, ["the follower was lost"])
+    assert (status, table["ok"], table["faults"]) == (503, False, ["follower lost"])
     follower.stop()
     await following
     together.leader.stop()
