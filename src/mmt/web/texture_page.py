@@ -1,7 +1,7 @@
 """The texture page as one file: models, module, styles; it opens from disk, without a network.
 
-Its Content-Security-Policy allows the page's own script and style alone, by their hashes, and the
-renderer's module out of the page itself; nothing is fetched from anywhere.
+Its Content-Security-Policy allows the page's own script and style alone, by their hashes, and
+modules that this script makes of the page's text (``data:``); nothing is fetched from anywhere.
 """
 
 import base64

@@ -17,9 +17,9 @@ from mmt.texture.model.texture_model import TextureModel
 
 FORMAT: Final = "mmt-texture"
 VERSION: Final = 1
-MOST_ROWS: Final = 20_000
+MOST_ROWS: Final = 5_000
 """Most vertices, or samples of a network."""
-MOST_SIMPLICES: Final = 40_000
+MOST_SIMPLICES: Final = 10_000
 _LONGEST_NAME: Final = 200
 
 

@@ -14,8 +14,8 @@ export const FULL_SCALE_M_S2 = 30; // what an amplitude of 1 in the audio graph 
 export const MOST_BYTES = 4_000_000; // of a model's JSON
 
 const MOST_ORDER = 64;
-const MOST_ROWS = 20_000;
-const MOST_SIMPLICES = 40_000;
+const MOST_ROWS = 5_000; // a filter is renewed within its millisecond
+const MOST_SIMPLICES = 10_000;
 const MOST_LEVEL = 1e12; // (m/s2)^2
 const LARGEST_AMPLITUDE = 1e150;
 const LARGEST_REFLECTION = 1 - 2 ** -53;
