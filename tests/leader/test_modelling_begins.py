@@ -54,6 +54,7 @@ async def first_start() -> AsyncIterator[FirstStart]:
 
 @asynccontextmanager
 async def running(modelling: Modelling) -> AsyncIterator[None]:
+    modelling.connect()
     tasks = [asyncio.create_task(run) for run in modelling.tasks().values()]
     try:
         yield

@@ -3,7 +3,6 @@
 import asyncio
 import threading
 from collections.abc import AsyncIterator, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from dataclasses import replace
 from typing import Any
@@ -11,8 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 from frame_samples import made_frames
+from modelling_beside import InThread
 
 from mmt.core.arrays import RecordArray
+from mmt.leader.modelling import pipeline
 from mmt.leader.modelling.pipeline import Modelling
 from mmt.leader.modelling.stage import Activity, Item, ItemQueue, StageTask
 from mmt.scene.files import scene_from_tables
@@ -28,7 +29,7 @@ from mmt.texture.surfaces.factory import ModellerFactory
 class SlowModeller:
     """Notes what it is given; waits for leave to end an update."""
 
-    in_step = False
+    kept = None
 
     def __init__(self) -> None:
         self.updates: list[RecordArray] = []
@@ -37,10 +38,9 @@ class SlowModeller:
         self.leave.set()
         self.stops = False
 
-    def segment(self, frames: RecordArray) -> Iterator[Work | None]:
+    def segment(self, frames: RecordArray) -> Iterator[Work]:
         self.updates.append(frames)
         self.started.set()
-        yield None
         assert self.leave.wait(10)
         me: Any = self
         yield Work(me, float(frames["sequence"][-1]), [], [], [], 0.0)
@@ -71,6 +71,7 @@ class Modelled:
     def __init__(self, period_s: float, monkeypatch: pytest.MonkeyPatch) -> None:
         self._modellers: list[SlowModeller] = []
         monkeypatch.setattr(factory, "OnlineModeller", self._make)
+        monkeypatch.setattr(pipeline, "ModellingProcess", InThread)
         self.updates: list[ModelUpdate] = []
         self.seconds: list[float] = []
         self.task = Modelling(ModellingSettings(), period_s, self._note)
@@ -96,6 +97,7 @@ class Modelled:
 
 @asynccontextmanager
 async def running(task: Modelling) -> AsyncIterator[None]:
+    await asyncio.to_thread(task.connect)
     tasks = [asyncio.create_task(run, name=name) for name, run in task.tasks().items()]
     try:
         yield
@@ -194,13 +196,14 @@ async def test_modelling_pauses_when_it_is_complete_until_it_is_reset(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     async with modelled(monkeypatch) as made:
-        made.modeller.stops = True
+        first = made.modeller
+        first.stops = True
         made.task.on_frames(made_frames(0, 100))
         await made.settle(1)
         assert made.task.finished
         made.task.on_frames(made_frames(100, 100))
         await asyncio.sleep(0.02)
-        assert len(made.modeller.updates) == 1
+        assert len(first.updates) == 1
         made.task.reset()
         made.task.on_frames(made_frames(200, 100))
         await made.settle(2)
@@ -266,20 +269,6 @@ async def test_what_is_complete_at_the_end_is_still_modelled(
         made.task.on_frames(made_frames(350, 100))
         await made.task.finish(0.05)
         assert len(made.updates) == 3
-
-
-async def test_an_update_that_fails_comes_out_of_the_task(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    made = Modelled(0.1, monkeypatch)
-    monkeypatch.setattr(made.modeller, "fit", lambda work: 1 / 0)
-    made.task.on_frames(made_frames(0, 100))
-    segmenting = asyncio.create_task(made.task.segmenting.run())
-    with pytest.raises(ZeroDivisionError):
-        await asyncio.wait_for(made.task.fitting.run(), 10)
-    segmenting.cancel()
-    await asyncio.gather(segmenting, return_exceptions=True)
-    made.task.close()
 
 
 async def test_a_frozen_model_takes_no_frames_until_it_may_grow(
@@ -357,66 +346,69 @@ def both_surfaces(first: RecordArray, second: RecordArray) -> RecordArray:
     return np.concatenate([first, second])
 
 
-class Noted:
-    """A modeller of which only the works are looked at."""
+class Works:
+    """Works by number, which are joined as the process joins them."""
 
+    def __init__(self) -> None:
+        self.each: list[Work] = []
+        self.absorbed = 0
 
-def work(number: int, removed: list[SampleRange] | None = None) -> Work:
-    noted: Any = Noted()
-    made = Work(noted, float(number), [], [], removed or [], 0.0)
-    segment: Any = type("S", (), {"span": SampleRange(number, number + 1)})()
-    made.added = [segment]
-    return made
+    def item(self, removed: list[SampleRange] | None = None, seconds: float = 0.0) -> Item:
+        number, noted = len(self.each), object()
+        made = Work(noted, float(number), [], [], removed or [], 0.0)  # type: ignore[arg-type]
+        segment: Any = type("S", (), {"span": SampleRange(number, number + 1)})()
+        made.added = [segment]
+        self.each.append(made)
+        return Item(number, seconds)
 
+    def absorb(self, later: Item, earlier: Item, segments: bool) -> None:
+        self.each[later.number].absorb(self.each[earlier.number], segments=segments)
+        self.absorbed += 1
 
-def starts(made: Work) -> list[int]:
-    return [segment.span.start for segment in made.added]
+    def starts(self, item: Item) -> list[int]:
+        return [segment.span.start for segment in self.each[item.number].added]
 
 
 def test_a_full_queue_drops_the_oldest_segments_but_still_removes_what_they_removed() -> None:
-    absorbed: list[int] = []
-    queue = ItemQueue(2, True, lambda: absorbed.append(1))
-    dropped = [queue.put(Item(work(k, [(k - 10, k - 9)]))) for k in range(4)]
+    works = Works()
+    queue = ItemQueue(2, True, works.absorb)
+    dropped = [queue.put(works.item([SampleRange(k - 10, k - 9)])) for k in range(4)]
     assert dropped == [0, 0, 1, 1]
-    assert len(absorbed) == 2
-    first = queue.items[0].work
-    assert starts(first) == [2]
-    assert first.removed == [(-10, -9), (-9, -8), (-8, -7)]
+    assert works.absorbed == 2
+    first = queue.items[0]
+    assert works.starts(first) == [2]
+    assert works.each[first.number].removed == [(-10, -9), (-9, -8), (-8, -7)]
 
 
 def test_a_task_that_cannot_keep_up_takes_all_as_one_update() -> None:
-    queue = ItemQueue(4, True, lambda: None)
+    works = Works()
+    queue = ItemQueue(4, True, works.absorb)
     for k in range(4):
-        queue.put(Item(work(k, [(k - 1, k)] if k == 3 else []), 0.25))
+        queue.put(works.item([SampleRange(k - 1, k)] if k == 3 else [], 0.25))
     item = queue.get()
     assert item is not None
-    assert starts(item.work) == [0, 1, 3]  # segment 2 no longer holds
+    assert works.starts(item) == [0, 1, 3]  # segment 2 no longer holds
     assert item.seconds == 1.0
     assert queue.get() is None
 
 
-class Idle(StageTask):
-    """A stage that does nothing."""
+class Idle:
+    """A process that does nothing."""
 
-    def work_on(self, work: Work) -> None:
-        _ = work
+    async def call(self, *_: object) -> None:
+        return
 
 
 async def test_a_task_counts_what_it_drops_and_how_long_its_queue_was() -> None:
-    done: list[float] = []
-    with ThreadPoolExecutor(1) as worker:
-        task = Idle(
-            worker,
-            ItemQueue(3, True, lambda: None),
-            Activity(),
-            lambda item: done.append(item.work.time_s),
-        )
-        for k in range(5):
-            task.put(Item(work(k)))
-        assert (task.figures.drops, task.figures.queue_most) == (2, 3)
-        run = asyncio.create_task(task.run())
-        while not done:
-            await asyncio.sleep(0.001)
-        run.cancel()
-        await asyncio.gather(run, return_exceptions=True)
-    assert task.figures.as_dict()["queue"] == 0
+    done: list[int] = []
+    idle: Any = Idle()
+    queue = ItemQueue(3, True, lambda *_: None)
+    task = StageTask(idle, queue, Activity(), lambda item: done.append(item.number))
+    task.stage = "fit"
+    for k in range(5):
+        task.put(Item(k))
+    assert (task.figures.drops, task.figures.queue_most) == (2, 3)
+    run = asyncio.create_task(task.run())
+    while not done:
+        await asyncio.sleep(0.001)
+    run.cancel()

@@ -212,7 +212,7 @@ MOTION = np.full((3, 10), [[80.0], [0.0], [1.0]])
 def strokes() -> list[Work]:
     """What the updates of two seconds on felt have got."""
     frames, _ = simulate_session(Scene(), "felt", 2.0, 4)
-    return [work for work in OnlineModeller().segment(frames) if work is not None]
+    return list(OnlineModeller().segment(frames))
 
 
 def part_with(directory: Path, generator: str, events: Part | None = None) -> GeneratingPart:
@@ -228,7 +228,7 @@ def part_with(directory: Path, generator: str, events: Part | None = None) -> Ge
 
 def feed(part: GeneratingPart, work: list[Work]) -> None:
     for each in work:
-        part._session.parts.modelling.on_work(each)
+        part._session.parts.modelling._on_samples(each.samples)
 
 
 def end(part: GeneratingPart) -> None:

@@ -8,12 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 from frame_samples import made_frames
+from modelling_beside import InThread
 from service_runs import MadeSource, Together, run_session, small_scene
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL
 from mmt.devices.protocols import InterfaceState, Vector
+from mmt.leader.modelling import pipeline
 from mmt.leader.motion.feedback import StreamedForce
 from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.protocol import FollowerHello
@@ -49,11 +51,12 @@ async def test_bad_frames_are_counted_and_the_model_never_sees_them(
     seen: list[RecordArray] = []
     segment = OnlineModeller.segment
 
-    def watched(self: OnlineModeller, frames: RecordArray) -> Iterator[Work | None]:
+    def watched(self: OnlineModeller, frames: RecordArray) -> Iterator[Work]:
         seen.append(frames)
         return segment(self, frames)
 
     monkeypatch.setattr(OnlineModeller, "segment", watched)
+    monkeypatch.setattr(pipeline, "ModellingProcess", InThread)
     scene = small_scene(tmp_path, texture={"update_period_s": 0.1}, rendering={})
     leader, follower = await run_session(scene, MadeSource(bad_blocks()))
     assert (leader.outcome, leader.problem) == ("source ended", None)

@@ -175,12 +175,22 @@ class ProcessCost:
     core_share: float
     memory_mb: float
 
+    def as_dict(self) -> dict[str, float]:
+        """Return it for a program, rounded."""
+        return {"core_share": round(self.core_share, 3), "memory_mb": round(self.memory_mb, 1)}
+
 
 class ProcessMeter:
-    """Measure this process from now on."""
+    """Measure a process from now on.
 
-    def __init__(self) -> None:
-        self._process = psutil.Process()
+    Parameters
+    ----------
+    number
+        Of the process; None for this one.
+    """
+
+    def __init__(self, number: int | None = None) -> None:
+        self._process = psutil.Process(number)
         self._wall_s = time.perf_counter()
         self._busy_s = self._busy()
 

@@ -1,24 +1,15 @@
 """Build generators online: gather what is observed, and ask the builder at each update."""
 
 from collections.abc import Iterable
-from typing import NamedTuple
 
 from mmt.core.arrays import RecordArray
 from mmt.texture.online.modeller import OnlineModeller
+from mmt.texture.online.work import NewSamples
 from mmt.texture.segmentation.segments import SampleRange, Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt_methods.generators.guarded import GuardedGenerator, raised
 from mmt_methods.generators.protocol import Builder, Observed
-
-
-class NewSamples(NamedTuple):
-    """What a generator learns from in one update of our model: that part of its `Work`."""
-
-    time_s: float
-    observed: list[AlignedBlock]
-    added: list[Segment]
-    removed: list[SampleRange]
 
 
 class GeneratorModeller:
@@ -78,12 +69,7 @@ class GeneratorModeller:
             The builder has raised, or what it returned is no generator.
         """
         self._modeller = self._modeller or OnlineModeller(self._settings)
-        works = self._modeller.segment(frames)
-        return self.add(
-            NewSamples(work.time_s, work.observed, work.added, work.removed)
-            for work in works
-            if work is not None
-        )
+        return self.add(work.samples for work in self._modeller.segment(frames))
 
     def add(self, news: Iterable[NewSamples]) -> GuardedGenerator | None:
         """Return the new generator, as `update`, where frames are segmented elsewhere."""

@@ -20,7 +20,6 @@ import psutil
 from mmt.core.children import import_path, python_command
 from mmt.core.errors import InputError, MmtError
 from mmt.leader.part import Part, Session
-from mmt_methods.generators.building import NewSamples
 from mmt_methods.generators.process import FIT, RENDER, RESET
 from mmt_methods.generators.registry import origin
 from mmt_methods.generators.vibration import GeneratedVibration
@@ -31,7 +30,7 @@ if TYPE_CHECKING:
     from mmt.leader.building import LeaderParts
     from mmt.leader.modelling.pipeline import Modelling
     from mmt.leader.output.model_crossfade import Renderer
-    from mmt.texture.online.work import Work
+    from mmt.texture.online.work import NewSamples
 
 _LONGEST_START_S: Final = 120.0
 LONGEST_UPDATE_S: Final = 60.0
@@ -84,7 +83,7 @@ class GeneratingPart(Part):
         self._ended = False
         self._ready: tuple[float, float] | None = None  # when, and the processor time until then
         self._cost: dict[str, float] = {}
-        modelling.on_work = self._feed
+        modelling.hand_on(self._feed)
 
     @classmethod
     def build(cls, session: Session, parts: "LeaderParts") -> "GeneratingPart | None":
@@ -230,13 +229,13 @@ class GeneratingPart(Part):
         if said != "ready":
             raise InputError(said if said.startswith("generator ") else f"{self.name}: {said}")
 
-    def _feed(self, work: "Work") -> None:
+    def _feed(self, samples: "NewSamples") -> None:
         """Hand on the samples of an update of our model."""
         if self.vibration.fault is None:
             if self._waiting == 0:
                 self._since_s = time.monotonic()
             self._waiting += 1
-            self._send(NewSamples(work.time_s, work.observed, work.added, work.removed))
+            self._send(samples)
 
     def _send(self, item: object) -> None:
         """Send in a thread: the event loop never waits for the process."""

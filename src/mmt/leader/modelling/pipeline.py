@@ -1,30 +1,31 @@
 """The modelling beside the rendering: four tasks joined by bounded queues.
 
 Frames go to `segmenting`, segments to `fitting`, fits to `synthesizing` and models to
-`completing`, which says what each update has come to. Each task hands its numerics to one worker
-thread, step by step: mostly compiled code that releases the interpreter lock. Short calls that
-release it often still delay some ticks of 1 kHz. The model is the same to the bit as that of an
-offline pass over the same frames.
+`completing`, which says what each update has come to. Each task has its numerics done by one
+process (`mmt.leader.modelling.process`), which shares no interpreter lock with the ticks. The model
+is the same to the bit as that of an offline pass over the same frames. A process that ends leaves
+the stream and the model that there is as they are.
 """
 
 import asyncio
 import statistics
 from collections.abc import Callable, Coroutine, Iterable
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.arrays import RecordArray
-from mmt.core.errors import InputError
+from mmt.core.errors import InputError, MmtError
 from mmt.core.kernel_cache import LONGEST_COMPILATION_S, Compilation
 from mmt.leader.modelling.completing import CompletingTask
 from mmt.leader.modelling.fitting import FittingTask
+from mmt.leader.modelling.process import ModellingProcess
 from mmt.leader.modelling.segmenting import LONGEST_QUEUE_S, SegmentingTask
 from mmt.leader.modelling.stage import Activity, Figures, InFlight, Item, ItemQueue
+from mmt.leader.modelling.stages import Judged, Models, received
 from mmt.leader.modelling.synthesizing import SynthesizingTask
 from mmt.leader.part import Part, Session, Tick
-from mmt.texture.online.modeller import OnlineModeller
-from mmt.texture.online.work import ModelUpdate, Work
+from mmt.texture.online.surface_changes import SaidSurface
+from mmt.texture.online.work import ModelUpdate, NewSamples
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.surfaces.factory import ModellerFactory
 
@@ -67,20 +68,21 @@ class Modelling(Part):
         self._last_ns = 0
         self._factory = ModellerFactory(settings, period_s)
         self._on_update = on_update
-        self.on_work: Callable[[Work], None] = lambda _: None  # called with all that is judged
-        self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="modelling")
-        self._compilation, self._compiled = compilation, None
+        self._on_samples: Callable[[NewSamples], None] = lambda _: None
+        self._process = ModellingProcess(settings, period_s, compilation)
+        self._compilation = compilation
         if compilation is not None:
-            self._compiled = self._worker.submit(compilation.finish)
             keep_frames += round(LONGEST_COMPILATION_S * settings.rate_hz)
         self._activity = Activity()
         self._behind_segmenting = InFlight()
         frames = self._factory.frames_at_once
         capacity = max(2, round(LONGEST_QUEUE_S * settings.rate_hz / frames))
         self._make_tasks(settings.rate_hz, keep_frames, capacity)
-        self._modeller = self._factory.make()
+        self._models: Models = {}
+        self._several = settings.surfaces is not None
         self._newest_sample = -1
-        self.segmenting.start_model(self._modeller)
+        self.fault: str | None = None
+        """Why it has ended before the session; None where it has not."""
         self.finished = False
         self.frozen = False
         """Whether frames are not modelled for now, because a person wants it."""
@@ -104,22 +106,38 @@ class Modelling(Part):
         if scene.texture.surfaces is not None and scene.replay is not None:
             from mmt.leader.surface_log import replayed_words
 
-            made._modeller = made._factory.make(replayed_words(scene.replay))
-            made.segmenting.start_model(made._modeller)
+            made._process.tell("begin", replayed_words(scene.replay))
         return made
 
+    def hand_on(self, on_samples: Callable[[NewSamples], None]) -> None:
+        """Call a function with the samples of each update that is judged, from the first on."""
+        self._on_samples = on_samples
+        self._process.tell("hand_on")
+
+    def connect(self) -> None:
+        """Start the process, and wait until it can model unless kernels are being compiled.
+
+        Raises
+        ------
+        MmtError
+            It cannot.
+        """
+        started = self._process.start()
+        if self._compilation is None:
+            started.result()
+
     def _make_tasks(self, rate_hz: float, keep_frames: int, capacity: int) -> None:
-        worker, activity = self._worker, self._activity
-        fitting_queue = ItemQueue(capacity, True, self._behind_segmenting.leave)
-        queues = [ItemQueue(capacity, False, self._behind_segmenting.leave) for _ in range(2)]
-        self.completing = CompletingTask(worker, queues[1], activity, self._judged)
-        self.synthesizing = SynthesizingTask(worker, queues[0], activity, self.completing.put)
-        self.fitting = FittingTask(worker, fitting_queue, activity, self.synthesizing.put)
+        process, activity = self._process, self._activity
+        queues = [ItemQueue(capacity, first, self._absorb) for first in (True, False, False)]
+        self.completing = CompletingTask(process, queues[2], activity, self._judged)
+        self.synthesizing = SynthesizingTask(process, queues[1], activity, self.completing.put)
+        self.fitting = FittingTask(process, queues[0], activity, self.synthesizing.put)
         self.segmenting = SegmentingTask(
             self._factory.frames_at_once,
             rate_hz,
             keep_frames,
-            worker,
+            self._factory.in_step,
+            process,
             activity,
             self._behind_segmenting,
             self.fitting.put,
@@ -158,13 +176,13 @@ class Modelling(Part):
         """Queue frames (n,); never blocks."""
         _ = arrival_ns
         self._newest_sample = int(frames["sequence"][-1])
-        if not (self.finished or self.frozen):
+        if self._grows:
             self.segmenting.put(frames)
 
     def on_backfill(self, frames: RecordArray, arrival_ns: int = 0) -> None:
         """Queue frames (n,) that came late at their place; never blocks."""
         _ = arrival_ns
-        if not (self.finished or self.frozen):
+        if self._grows:
             self.segmenting.insert(frames)
 
     def on_settled(self) -> None:
@@ -185,21 +203,20 @@ class Modelling(Part):
         InputError
             Surfaces are not told apart.
         """
-        if isinstance(self._modeller, OnlineModeller):
+        if not self._several:
             raise InputError("this scene has one surface: it has no [texture.surfaces]")
-        from mmt.texture.surfaces import SaidSurface
-
-        self._modeller.say(SaidSurface(self._newest_sample + 1, surface))
+        self._process.tell("say", SaidSurface(self._newest_sample + 1, surface))
 
     def reset(self) -> None:
         """Start a new model; updates that are under way are thrown away."""
-        self._modeller = self._factory.make()
         self._clear()
+        self._models = {}
         self.finished = self.frozen = False
 
     async def finish(self, timeout_s: float = _LAST_UPDATES_S) -> None:
         """Wait until whole periods that wait are modelled, for at most this long."""
-        if self._compiled is not None and not self._compiled.done() and self._session is not None:
+        started = self._process.started
+        if (started is None or not started.done()) and self._session is not None:
             self._session.journal.say("modelling had not begun; mmt model build does it later")
             return
         with suppress(TimeoutError):
@@ -210,17 +227,17 @@ class Modelling(Part):
     def tasks(self) -> dict[str, Coroutine[Any, Any, None]]:
         """Return what the event loop is to run, by name."""
         return {
-            "segmenting": self._segment(),
-            "fitting": self.fitting.run(),
-            "synthesizing": self.synthesizing.run(),
-            "completing": self.completing.run(),
+            "segmenting": self._until_fault(self._segment()),
+            "fitting": self._until_fault(self.fitting.run()),
+            "synthesizing": self._until_fault(self.synthesizing.run()),
+            "completing": self._until_fault(self.completing.run()),
         }
 
     def close(self) -> None:
-        """End the worker, after the step that it is at."""
+        """End the process."""
         if self._compilation is not None:
             self._compilation.stop()
-        self._worker.shutdown(cancel_futures=True)
+        self._process.close()
 
     def tick(self, tick: Tick) -> None:
         """Note how late the ticks are, while a task is at work and otherwise."""
@@ -230,6 +247,10 @@ class Modelling(Part):
             late = log.late_while_modelling if self._activity.busy else log.late_otherwise
             late.add(late_ns)
         self._last_ns = tick.now_ns
+
+    def faults(self) -> list[str]:
+        """Return why nothing is modelled any more."""
+        return [] if self.fault is None else [self.fault]
 
     def status(self) -> dict[str, Any]:
         """Return how far the model is."""
@@ -247,7 +268,7 @@ class Modelling(Part):
         if self._session is None:
             return {}
         log = self._session.log
-        update, seconds = log.update, log.update_seconds
+        update, seconds, cost = log.update, log.update_seconds, self._process.cost
         table = {
             "samples": update.samples if update else 0,
             "order": update.order if update else None,
@@ -262,6 +283,8 @@ class Modelling(Part):
             "update_longest_ms": round(1e3 * max(seconds), 2) if seconds else None,
             "dropped_frames": self.dropped_frames,
             "late_frames": self.late_frames,
+            "fault": self.fault,
+            "process": None if cost is None else cost.as_dict(),
             "tasks": {name: figures.as_dict() for name, figures in self.figures.items()},
         }
         ticks: dict[str, Any] = {}
@@ -283,34 +306,62 @@ class Modelling(Part):
 
     def models(self) -> "dict[int, TextureModel]":
         """Return the model of each surface by number; none where they are not told apart."""
-        return {} if isinstance(self._modeller, OnlineModeller) else self._modeller.models()
+        return {
+            n: model for n, model in self._models.items() if n is not None and model is not None
+        }
 
     async def _segment(self) -> None:
-        """Begin when the kernels are compiled; all other tasks wait for this one's work."""
-        if self._compiled is not None:
-            await asyncio.wrap_future(self._compiled)
+        """Begin when the process can; all other tasks wait for this one's work."""
+        assert self._process.started is not None  # noqa: S101 - parts are connected before
+        await asyncio.wrap_future(self._process.started)
+        if self._compilation is not None:
             self.segmenting.catching_up = True
             if self._session is not None:
                 waiting = self.segmenting.figures.queue_now
                 self._session.journal.event(f"modelling begins: {waiting} frames have waited")
         await self.segmenting.run()
 
+    async def _until_fault(self, task: Coroutine[Any, Any, None]) -> None:
+        """Run a task; where the process has ended, say so once and model no more."""
+        try:
+            await task
+        except MmtError as error:
+            if self.fault is None:
+                self.fault = f"modelling has ended: {error}"
+                self.segmenting.clear()
+                self._behind_segmenting.clear()
+                if self._session is not None:
+                    self._session.journal.event(self.fault)
+
+    def _absorb(self, later: Item, earlier: Item, segments: bool) -> None:
+        self._process.tell("absorb", later.number, earlier.number, segments=segments)
+        self._behind_segmenting.leave()
+
+    @property
+    def _grows(self) -> bool:
+        return not (self.finished or self.frozen or self.fault)
+
     @property
     def _frames_due(self) -> bool:
-        return self.segmenting.due and not self.finished
+        return self.segmenting.due and not self.finished and self.fault is None
 
     def _clear(self) -> None:
         """Throw away everything that waits or is under way."""
         for task in (self.fitting, self.synthesizing, self.completing):
             task.clear()
-        self.segmenting.start_model(self._modeller)
+        self.segmenting.start_model()
+        self._process.tell("begin")
         self._behind_segmenting.clear()
 
     def _judged(self, item: Item) -> None:
         """Tell of an update; after the last one throw away what came behind it."""
-        self.on_work(item.work)
-        update = item.work.update
-        if item.work.announced and update is not None:
+        judged: Judged = item.answer
+        if judged.samples is not None:
+            self._on_samples(judged.samples)
+        if judged.update is not None:
+            update = received(judged.update, self._models)
+            if judged.kept is not None:
+                self._models = {n: m for n, m in self._models.items() if n in judged.kept}
             if self._factory.done(update):
                 self.finished = True
                 self._clear()

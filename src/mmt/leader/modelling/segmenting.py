@@ -7,8 +7,7 @@ whose frames may still be filled in waits for them.
 """
 
 import asyncio
-from collections.abc import Callable, Iterator
-from concurrent.futures import Executor
+from collections.abc import Callable
 from time import perf_counter
 from typing import TYPE_CHECKING, Final
 
@@ -17,14 +16,10 @@ from mmt.leader.modelling.frame_queue import FrameQueue
 from mmt.leader.modelling.stage import Activity, Figures, InFlight, Item
 
 if TYPE_CHECKING:
-    from mmt.texture.online.modeller import OnlineModeller
-    from mmt.texture.online.work import Work
-    from mmt.texture.surfaces.modeller import SurfaceModeller
+    from mmt.leader.modelling.process import ModellingProcess
 
 LONGEST_QUEUE_S: Final = 10.0
 """Frames of this time may wait, and work of as many updates."""
-
-_END: Final = "end"
 
 
 class SegmentingTask:
@@ -38,7 +33,9 @@ class SegmentingTask:
         Frames a second.
     keep_frames
         How many frames the follower can send again: this many more may wait.
-    worker
+    in_step
+        Whether each update is finished before the next.
+    process
         Where the numerics run.
     activity
         Shared by all tasks of the modelling.
@@ -53,7 +50,8 @@ class SegmentingTask:
         period_frames: int,
         rate_hz: float,
         keep_frames: int,
-        worker: Executor,
+        in_step: bool,
+        process: "ModellingProcess",
         activity: Activity,
         behind: InFlight,
         deliver: Callable[[Item], None],
@@ -62,13 +60,13 @@ class SegmentingTask:
         capacity = max(period_frames, round(LONGEST_QUEUE_S * rate_hz)) + keep_frames
         self._overloaded_frames = capacity - round(LONGEST_QUEUE_S / 2 * rate_hz)
         self._queue = FrameQueue(capacity, least_drop=period_frames)
-        self._worker = worker
+        self._in_step = in_step
+        self._process = process
         self._activity = activity
         self._behind = behind
         self._deliver = deliver
         self._due = asyncio.Event()
         self._generation = 0
-        self._modeller: OnlineModeller | SurfaceModeller | None = None
         self._newest = -1  # that an update has
         self.figures = Figures(lambda: len(self._queue))
         self.first_missing: Callable[[], int | None] = lambda: None
@@ -106,49 +104,42 @@ class SegmentingTask:
         """Throw away the frames that wait."""
         self._queue.pop_all()
 
-    def start_model(self, modeller: "OnlineModeller | SurfaceModeller") -> None:
-        """Segment for this modeller from now on; what is under way is thrown away."""
+    def start_model(self) -> None:
+        """Segment for a new model from now on; what is under way is thrown away."""
         self._generation += 1
-        self._modeller = modeller
         self.clear()
 
     async def run(self) -> None:
         """Segment until cancelled."""
         while True:
             frames = self._next_period()
-            if frames is None or self._modeller is None:
+            if frames is None:
                 self.catching_up = False
                 self._due.clear()
                 await self._due.wait()
                 continue
-            await self._segment(self._modeller, frames)
+            await self._segment(frames)
 
-    async def _segment(
-        self, modeller: "OnlineModeller | SurfaceModeller", frames: RecordArray
-    ) -> None:
-        """Run the steps of one period, and hand on the work that they give."""
-        generation, seconds, work = self._generation, 0.0, None
-        started, steps = perf_counter(), modeller.segment(frames)
-        while True:  # between two steps the tick has the interpreter lock to itself
-            work = await self._step(steps)
-            if work == _END or generation != self._generation:
-                break
-            if work is None or isinstance(work, str):
-                continue
+    async def _segment(self, frames: RecordArray) -> None:
+        """Segment the frames of one period, and hand on the work that they give."""
+        generation, seconds, started = self._generation, 0.0, perf_counter()
+        number = await self._call("segment", frames)
+        while number is not None and generation == self._generation:
             now = perf_counter()
             seconds += now - started
             self._behind.enter()
-            self._deliver(Item(work, now - started))
-            if modeller.in_step or self.catching_up:
+            self._deliver(Item(number, now - started))
+            if self._in_step or self.catching_up:
                 await self._behind.until_none()
             started = perf_counter()
+            number = await self._call("go_on")
         self.figures.add(seconds + perf_counter() - started)
 
-    async def _step(self, steps: "Iterator[Work | None]") -> "Work | str | None":
+    async def _call(self, name: str, *arguments: object) -> int | None:
         self._activity.busy += 1
         try:
-            loop = asyncio.get_running_loop()
-            return await loop.run_in_executor(self._worker, next, steps, _END)
+            number: int | None = await self._process.call(name, *arguments)
+            return number
         finally:
             self._activity.busy -= 1
 

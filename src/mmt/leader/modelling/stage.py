@@ -1,10 +1,8 @@
 """What the modelling's tasks share: a bounded queue between two of them, and their figures."""
 
 import asyncio
-from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
-from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, Final
@@ -12,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 from mmt.core.ticking import TimeHistogram
 
 if TYPE_CHECKING:
-    from mmt.texture.online.work import Work
+    from mmt.leader.modelling.process import ModellingProcess
 
 _S: Final = 1e9
 
@@ -72,10 +70,21 @@ class Activity:
 
 @dataclass
 class Item:
-    """Work on its way from task to task, with the seconds that it has taken so far."""
+    """Work on its way from task to task.
 
-    work: "Work"
+    Attributes
+    ----------
+    number
+        That the process knows it by.
+    seconds
+        That it has taken so far.
+    answer
+        What the last stage has returned.
+    """
+
+    number: int
     seconds: float = 0.0
+    answer: Any = None
 
 
 class InFlight:
@@ -126,12 +135,13 @@ class ItemQueue:
         Whether the new segments of dropped work are lost; later in the pipeline they are among
         the fits of the work behind it.
     on_absorbed
-        Called for each item that another one took over.
+        Called for each item that another one took over: with that other one, with it, and whether
+        its new segments count.
     """
 
     capacity: int
     drops_segments: bool
-    on_absorbed: Callable[[], None]
+    on_absorbed: Callable[[Item, Item, bool], None]
     items: deque[Item] = field(default_factory=deque)
     filled: asyncio.Event = field(default_factory=asyncio.Event)
 
@@ -142,8 +152,7 @@ class ItemQueue:
         self.filled.set()
         while len(self.items) > self.capacity:
             oldest = self.items.popleft()
-            self.items[0].work.absorb(oldest.work, segments=not self.drops_segments)
-            self.on_absorbed()
+            self.on_absorbed(self.items[0], oldest, not self.drops_segments)
             dropped += 1
         return dropped
 
@@ -156,9 +165,8 @@ class ItemQueue:
         if len(self.items) >= self.capacity / 2:
             while self.items:
                 later = self.items.popleft()
-                later.work.absorb(item.work)
                 later.seconds += item.seconds
-                self.on_absorbed()
+                self.on_absorbed(later, item, True)
                 item = later
         return item
 
@@ -167,13 +175,13 @@ class ItemQueue:
         self.items.clear()
 
 
-class StageTask(ABC):
-    """Takes items from its queue, works on each in the worker, and hands them on.
+class StageTask:
+    """Takes items from its queue, has each worked on in the process, and hands them on.
 
     Parameters
     ----------
-    worker
-        Where `work_on` runs.
+    process
+        Where the numerics run.
     queue
         Items that wait.
     activity
@@ -182,23 +190,22 @@ class StageTask(ABC):
         Called on the event loop with each item that is done.
     """
 
+    stage: str
+    """Name of the method of `mmt.leader.modelling.stages.Stages` that works on an item."""
+
     def __init__(
         self,
-        worker: Executor,
+        process: "ModellingProcess",
         queue: ItemQueue,
         activity: Activity,
         deliver: Callable[[Item], None],
     ) -> None:
-        self._worker = worker
+        self._process = process
         self._activity = activity
         self._deliver = deliver
         self._generation = 0
         self.queue = queue
         self.figures = Figures(lambda: len(queue.items))
-
-    @abstractmethod
-    def work_on(self, work: "Work") -> None:
-        """Do what the stage does with an update, outside the event loop's thread."""
 
     def put(self, item: Item) -> None:
         """Queue an item; never blocks."""
@@ -212,7 +219,6 @@ class StageTask(ABC):
 
     async def run(self) -> None:
         """Work until cancelled."""
-        loop = asyncio.get_running_loop()
         while True:
             await self.queue.filled.wait()
             item = self.queue.get()
@@ -221,7 +227,7 @@ class StageTask(ABC):
             generation, started = self._generation, perf_counter()
             self._activity.busy += 1
             try:
-                await loop.run_in_executor(self._worker, self.work_on, item.work)
+                item.answer = await self._process.call(self.stage, item.number)
             finally:
                 self._activity.busy -= 1
             seconds = perf_counter() - started

@@ -5,12 +5,7 @@ scene says). The tick renders from the newest model that was put to use: a snaps
 replaced by one assignment and never changed.
 """
 
-from typing import TYPE_CHECKING
-
 from mmt.leader.modelling.stage import StageTask
-
-if TYPE_CHECKING:
-    from mmt.texture.online.work import Work
 
 
 class SynthesizingTask(StageTask):
@@ -19,6 +14,4 @@ class SynthesizingTask(StageTask):
     The model is a snapshot that rendering gets once it is judged.
     """
 
-    def work_on(self, work: "Work") -> None:
-        """Build the model of the fits."""
-        work.modeller.build(work)
+    stage = "build"

@@ -10,7 +10,7 @@ and hands it over by one assignment.
 
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Final, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -44,6 +44,10 @@ if TYPE_CHECKING:
     from mmt.texture.field.posterior import LevelField
 
 __all__ = ["TextureModel", "TextureSamples", "load_model"]
+
+
+_PREPARED: Final = ("interpolant", "kernel_parameters")
+"""Attributes that rendering needs."""
 
 
 class TextureModel:
@@ -146,7 +150,8 @@ class TextureModel:
 
     def prepared(self) -> Self:
         """Return the model, all that rendering needs of it computed: where there is the time."""
-        _ = self.interpolant, self.kernel_parameters
+        for name in _PREPARED:
+            getattr(self, name)
         return self
 
     @cached_property
@@ -269,6 +274,11 @@ class TextureModel:
         """Return what `save` writes."""
         return pack_arrays(arrays_of(self.contents))
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """Take to another process what the file holds, and what rendering needs if it is made."""
+        made = {name: self.__dict__[name] for name in _PREPARED if name in self.__dict__}
+        return _restored, (self.contents, made)
+
     @property
     def contents(self) -> ModelContents:
         """What its file holds."""
@@ -299,6 +309,12 @@ class TextureModel:
     def from_contents(cls, contents: ModelContents) -> Self:
         """Rebuild a model from `contents`; raises `InputError` as the constructor does."""
         return cls(**contents._asdict())
+
+
+def _restored(contents: ModelContents, made: dict[str, Any]) -> TextureModel:
+    model = TextureModel(**contents._asdict(), at_once=False)
+    model.__dict__ |= made
+    return model
 
 
 def load_model(source: str | Path) -> TextureModel:

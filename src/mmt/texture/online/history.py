@@ -205,8 +205,7 @@ def build_together(
     finished: list[tuple[Segment, ...]] = [() for _ in modellers]
     for block in blocks:
         check_frame_rate(block, modellers[0].settings.rate_hz)
-        *_, segmented = modellers[0].segment(block)
-        assert segmented is not None  # noqa: S101 - the work comes last
+        (segmented,) = modellers[0].segment(block)
         for place, modeller in enumerate(modellers):
             work = segmented.of(modeller)
             open_before = not modeller.completion.stopped

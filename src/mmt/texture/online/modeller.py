@@ -48,6 +48,8 @@ class OnlineModeller:
 
     in_step = False
     """Whether `segment` must see what came of each update before it goes on."""
+    kept = None
+    """Numbers of the surfaces whose models are kept; None where they are not told apart."""
 
     def __init__(
         self, settings: ModellingSettings | None = None, *, deferred: bool = False
@@ -96,18 +98,12 @@ class OnlineModeller:
 
     # --- the stages; the work goes through them in this order
 
-    def segment(self, frames: RecordArray) -> Iterator[Work | None]:
-        """Filter and segment frames (n,); None after the filters, the work for an update last.
-
-        A service that must keep its ticks runs the steps one by one, so that the interpreter
-        lock is never contended for longer than one of them. Cost: O(n).
-        """
+    def segment(self, frames: RecordArray) -> Iterator[Work]:
+        """Filter and segment frames (n,), and yield the work for an update; O(n)."""
         clock = Stopwatch()
         aligned = self._filter.process(frames)
         self._noise.update(aligned)
         clock.lap("filter")
-        yield None
-        clock.resume()
         change = self._segmenter.update(aligned)
         clock.lap("segment")
         yield Work(
@@ -220,12 +216,10 @@ class OnlineModeller:
         )
 
 
-def carry_out(steps: Iterator[Work | None]) -> ModelUpdate | None:
+def carry_out(steps: Iterator[Work]) -> ModelUpdate | None:
     """Run every stage of each piece of work, and return the last update that is announced."""
     update = None
     for work in steps:
-        if work is None:
-            continue
         modeller = work.modeller
         modeller.fit(work)
         modeller.build(work)

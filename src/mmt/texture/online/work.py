@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 
 from mmt.texture.completion.criterion import Progress
 from mmt.texture.model.fits import Fit
@@ -153,6 +153,11 @@ class Work:
         """Return the same new work for another modeller."""
         return replace(self, modeller=modeller, durations_s=self.durations_s.copy())
 
+    @property
+    def samples(self) -> "NewSamples":
+        """What another method learns from."""
+        return NewSamples(self.time_s, self.observed, self.added, self.removed)
+
     def absorb(self, earlier: "Work", *, segments: bool = True) -> None:
         """Do also what an earlier update of the same model has left to do.
 
@@ -171,19 +176,24 @@ class Work:
         self.observed = earlier.observed + self.observed
 
 
+class NewSamples(NamedTuple):
+    """What another method learns from in one update of our model: that part of its `Work`."""
+
+    time_s: float
+    observed: list[AlignedBlock]
+    added: list[Segment]
+    removed: list[SampleRange]
+
+
 class Stopwatch:
-    """Laps by name in ``laps``; `resume` after a pause that is not to count."""
+    """Laps by name in ``laps``."""
 
     def __init__(self, laps: dict[str, float] | None = None) -> None:
         self.laps: dict[str, float] = {} if laps is None else laps
-        self.resume()
-
-    def resume(self) -> None:
-        """Begin to count here."""
         self._last = time.perf_counter()
 
     def lap(self, name: str) -> None:
-        """Note the seconds since the last lap or resumption."""
+        """Note the seconds since the last lap."""
         now = time.perf_counter()
         self.laps[name] = now - self._last
         self._last = now

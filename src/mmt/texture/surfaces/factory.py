@@ -50,6 +50,11 @@ class ModellerFactory:
             modeller.say(word)
         return modeller
 
+    @property
+    def in_step(self) -> bool:
+        """Whether a modeller must see what came of each update before it goes on."""
+        return self._settings.surfaces is not None
+
     def done(self, update: ModelUpdate) -> bool:
         """Say whether no update will follow: another surface may always come."""
         return update.stopped and self._settings.surfaces is None

@@ -60,11 +60,16 @@ class SurfaceModeller:
         return self._tracker.surface
 
     def say(self, said: SaidSurface) -> None:
-        """Take a person's word on the surface; from any thread. See `SurfaceTracker`."""
+        """Take a person's word on the surface. See `SurfaceTracker`."""
         self._tracker.say(said)
 
+    @property
+    def kept(self) -> tuple[int, ...]:
+        """Numbers of the surfaces whose models are kept."""
+        return tuple(self._modellers)
+
     def models(self) -> dict[int, TextureModel]:
-        """Return the model of each surface that has one, by number; from any thread."""
+        """Return the model of each surface that has one, by number."""
         found = {number: modeller.model for number, modeller in self._modellers.items()}
         return {number: model for number, model in found.items() if model is not None}
 
@@ -72,10 +77,10 @@ class SurfaceModeller:
         """Add the newest frames (n,); return an update where one is due."""
         return carry_out(self.segment(frames))
 
-    def segment(self, frames: RecordArray) -> Iterator[Work | None]:
+    def segment(self, frames: RecordArray) -> Iterator[Work]:
         """Track the surface over the newest frames (n,), and yield the work of updating models.
 
-        None comes after steps without work. An update is due once a period, and at every change.
+        An update is due once a period, and at every change.
         Whatever is yielded must be carried out before this goes on: which frames a model is given
         depends on whether it is complete.
         """
@@ -90,7 +95,6 @@ class SurfaceModeller:
             look = frames[start : start + self._look_frames]
             self._remember(look)
             found = self._tracker.update(look)
-            yield None
             for change in found:
                 yield from self._leave(change, left)
             changes += found
@@ -99,11 +103,10 @@ class SurfaceModeller:
             return
         time_s = self._time_s(newest + 1)
         for work in self._give(newest + 1):
-            if work is not None:
-                work.announced = True
-                work.surface, work.session_time_s = self.surface, time_s
-                work.changes, work.left = tuple(changes), tuple(left)
-                work.faults = self._tracker.faults  # a model has the frames of its stays alone
+            work.announced = True
+            work.surface, work.session_time_s = self.surface, time_s
+            work.changes, work.left = tuple(changes), tuple(left)
+            work.faults = self._tracker.faults  # a model has the frames of its stays alone
             yield work
 
     def _time_s(self, sample: int) -> float:
@@ -115,7 +118,7 @@ class SurfaceModeller:
         while int(self._recent[0]["sequence"][-1]) < oldest:
             del self._recent[0]
 
-    def _give(self, until: int, surface: int | None = None) -> Iterator[Work | None]:
+    def _give(self, until: int, surface: int | None = None) -> Iterator[Work]:
         """Give a surface's model, the current one's if none is named, its frames up to a sample."""
         modeller = self._modellers[surface or self.surface]
         waiting = [
@@ -128,11 +131,10 @@ class SurfaceModeller:
         complete = modeller.completion.stopped or not waiting
         frames = self._recent[-1][:0] if complete else np.concatenate(waiting)
         for work in modeller.segment(frames):
-            if work is not None:
-                work.announced = False
+            work.announced = False
             yield work
 
-    def _leave(self, change: SurfaceChange, left: list[ModelUpdate]) -> Iterator[Work | None]:
+    def _leave(self, change: SurfaceChange, left: list[ModelUpdate]) -> Iterator[Work]:
         """Part the frames at the change point between the models of two surfaces."""
         if change.kind != "identified":  # else they were the same all along
             yield from self._give(change.from_sample, change.before)
@@ -143,8 +145,6 @@ class SurfaceModeller:
             if work.update is not None:
                 left.append(work.update)
         kept = {*self._tracker.surfaces, change.surface}
-        # Others may look at the models meanwhile: they get either all the old or all the new.
-        modellers = {n: m for n, m in self._modellers.items() if n in kept}
-        modellers.setdefault(change.surface, OnlineModeller(self._settings))
-        self._modellers = modellers
+        self._modellers = {n: m for n, m in self._modellers.items() if n in kept}
+        self._modellers.setdefault(change.surface, OnlineModeller(self._settings))
         self._given = change.from_sample - 1

@@ -1,0 +1,170 @@
+"""The process that models, so that the leader's ticks share no interpreter lock with it.
+
+It is a child of the leader, which writes pickled calls of `Stages` to its standard input and
+reads an answer to each from its standard output. It ends with that input, so that no leader leaves
+one behind.
+"""
+
+import gc
+import os
+import pickle
+import signal
+import subprocess
+import sys
+from asyncio import wrap_future
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from threading import Event
+from typing import IO, TYPE_CHECKING, Any
+
+from mmt.core.children import python_command
+from mmt.core.end_signals import handle_end_signals
+from mmt.core.errors import MmtError
+from mmt.core.process import ProcessMeter, release_compiler, step_back
+
+if TYPE_CHECKING:
+    from mmt.core.kernel_cache import Compilation
+    from mmt.core.process import ProcessCost
+    from mmt.texture.settings import ModellingSettings
+
+
+class ModellingProcess:
+    """Start the process, and call `Stages` in it, one call after the other.
+
+    Nothing is started before `start`, and calls wait for it. A thread waits for the answers; the
+    event loop never does.
+
+    Parameters
+    ----------
+    settings, period_s
+        As of `mmt.leader.modelling.stages.Stages`.
+    compilation
+        Compiles the kernels, and the process is started after it; None where they are compiled.
+    """
+
+    def __init__(
+        self,
+        settings: "ModellingSettings",
+        period_s: float,
+        compilation: "Compilation | None" = None,
+    ) -> None:
+        self._setup = settings, period_s
+        self._compilation = compilation
+        self._waiting: list[tuple[object, ...]] = []
+        self._process: subprocess.Popen[bytes] | None = None
+        self._meter: ProcessMeter | None = None
+        self._closed = Event()
+        self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="modelling")
+        self.started: Future[None] | None = None
+        """Is done when the process can model; None before it is started."""
+        self.cost: ProcessCost | None = None
+        """What the process has taken while it modelled, once it is closed."""
+
+    def start(self) -> Future[None]:
+        """Start the process; return what is done when it can model."""
+        self.started = self._worker.submit(self._start)
+        for call in self._waiting:
+            self._worker.submit(self._exchange, call)
+        return self.started
+
+    async def call(self, name: str, *arguments: object, **named: object) -> Any:
+        """Call a method of `Stages` and return what it returns.
+
+        Raises
+        ------
+        MmtError
+            The process has ended.
+        """
+        return await wrap_future(self._worker.submit(self._exchange, (name, arguments, named)))
+
+    def tell(self, name: str, *arguments: object, **named: object) -> None:
+        """Call a method without waiting for it; where the process has ended, nothing happens."""
+        call = name, arguments, named
+        if self.started is None:
+            self._waiting.append(call)
+        elif not self._closed.is_set():
+            self._worker.submit(self._exchange, call)
+
+    def close(self) -> None:
+        """End the process, whatever it is at."""
+        self._closed.set()
+        if self._process is not None:
+            if self._meter is not None and self._process.poll() is None:
+                self.cost = self._meter.read()
+            self._process.kill()
+        self._worker.shutdown(cancel_futures=True)
+        if self._process is not None:
+            with suppress(OSError), self._process:  # what is not sent cannot be
+                pass
+
+    def _start(self) -> None:
+        if self._compilation is not None:
+            self._compilation.finish()
+        if self._closed.is_set():
+            return
+        self._process = process = subprocess.Popen(  # noqa: S603 - our own module
+            python_command("-m", __name__),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            start_new_session=sys.platform != "win32",
+        )
+        if self._closed.is_set():
+            process.kill()
+        self._exchange(self._setup)
+        self._meter = ProcessMeter(process.pid)
+
+    def _exchange(self, message: object) -> Any:
+        process = self._process
+        assert process is not None  # noqa: S101 - it is started before anything else
+        assert process.stdin is not None  # noqa: S101 - it was asked for
+        assert process.stdout is not None  # noqa: S101 - it was asked for
+        try:
+            _write(process.stdin, message)
+            fault, answer = pickle.load(process.stdout)  # noqa: S301 - from ours
+        except (EOFError, OSError, pickle.UnpicklingError) as error:
+            code = process.wait()
+            how = f"was ended by signal {-code}" if code < 0 else f"has ended with code {code}"
+            raise MmtError(f"the process that models {how}") from error
+        if fault is not None:
+            raise MmtError(f"the process that models has failed: {fault}")
+        return answer
+
+
+def _write(stream: IO[bytes], message: object) -> None:
+    pickle.dump(message, stream, pickle.HIGHEST_PROTOCOL)
+    stream.flush()
+
+
+def main() -> None:
+    """Run the process until its input is closed."""
+    handle_end_signals(signal.SIG_IGN)  # the leader says when it ends
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # whatever prints does not answer
+    with suppress(EOFError, BrokenPipeError):
+        try:
+            _answer(answers)
+        except (EOFError, BrokenPipeError):
+            raise  # the leader has ended
+        except Exception as error:
+            _write(answers, (f"{type(error).__name__}: {error}", None))
+            raise
+
+
+def _answer(answers: IO[bytes]) -> None:
+    calls = sys.stdin.buffer
+    setup = pickle.load(calls)  # noqa: S301 - from the leader
+    from mmt.leader.modelling.stages import Stages
+
+    stages = Stages(*setup)
+    gc.collect()
+    gc.freeze()
+    release_compiler()
+    _write(answers, (None, None))
+    step_back()  # the leader's ticks come first
+    while True:
+        name, arguments, named = pickle.load(calls)  # noqa: S301 - from the leader
+        _write(answers, (None, getattr(stages, name)(*arguments, **named)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,155 @@
+"""The stages of the modelling by names and numbers, as the leader's tasks ask for them.
+
+They run in a process of their own (`mmt.leader.modelling.process`): no step of them, however it
+uses the interpreter lock, delays a tick.
+"""
+
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from mmt.core.arrays import RecordArray
+from mmt.texture.online.modeller import OnlineModeller
+from mmt.texture.online.work import Made, ModelUpdate, NewSamples, Work
+from mmt.texture.settings import ModellingSettings
+from mmt.texture.surfaces.factory import ModellerFactory
+
+if TYPE_CHECKING:
+    from mmt.texture.model.texture_model import TextureModel
+    from mmt.texture.online.surface_changes import SaidSurface
+
+Models = dict[int | None, "TextureModel | None"]
+"""The newest model of each surface by number, by None where surfaces are not told apart."""
+
+
+@dataclass(frozen=True)
+class Unchanged:
+    """Stands for the model that the last update of the same surface had."""
+
+    def __call__(self) -> "TextureModel | None":
+        """Raise: `received` puts the model in its place."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What has come of an update.
+
+    Attributes
+    ----------
+    update
+        None where nobody is told of it.
+    kept
+        Numbers of the surfaces whose models are kept; None where they are not told apart.
+    samples
+        What the work has observed, and which segments came and went, where this is handed on.
+    """
+
+    update: ModelUpdate | None
+    kept: tuple[int, ...] | None
+    samples: NewSamples | None
+
+
+class Stages:
+    """A modeller and the updates that are under way.
+
+    Parameters
+    ----------
+    settings
+        Settings of the modelling.
+    period_s
+        Time between updates.
+    """
+
+    def __init__(self, settings: ModellingSettings, period_s: float) -> None:
+        self._factory = ModellerFactory(settings, period_s)
+        self._hands_on = False
+        self._numbers = itertools.count()
+        self.begin()
+
+    def begin(self, said: "Sequence[SaidSurface]" = ()) -> None:
+        """Begin a new model, and throw away all that is under way.
+
+        Parameters
+        ----------
+        said
+            As of `ModellerFactory.make`.
+        """
+        self._modeller = self._factory.make(said)
+        self._steps: Iterator[Work] = iter(())
+        self._works: dict[int, Work] = {}
+        self._sent: Models = {}
+
+    def hand_on(self) -> None:
+        """Hand on the samples of each update from now on."""
+        self._hands_on = True
+
+    def say(self, said: "SaidSurface") -> None:
+        """Take a person's word on the surface, where surfaces are told apart."""
+        assert not isinstance(self._modeller, OnlineModeller)  # noqa: S101 - the leader knows
+        self._modeller.say(said)
+
+    def segment(self, frames: RecordArray) -> int | None:
+        """Segment frames (n,) of one period; return the number of the first work, None for none."""
+        self._steps = self._modeller.segment(frames)
+        return self.go_on()
+
+    def go_on(self) -> int | None:
+        """Segment on; return the number of the next work, None where there is no more."""
+        work = next(self._steps, None)
+        if work is None:
+            return None
+        number = next(self._numbers)
+        self._works[number] = work
+        return number
+
+    def absorb(self, later: int, earlier: int, *, segments: bool) -> None:
+        """Let a work do also what an earlier one has left to do; see `Work.absorb`."""
+        self._works[later].absorb(self._works.pop(earlier), segments=segments)
+
+    def fit(self, number: int) -> None:
+        """Fit the new segments."""
+        work = self._works[number]
+        work.modeller.fit(work)
+
+    def build(self, number: int) -> None:
+        """Build the model of the fits."""
+        work = self._works[number]
+        work.modeller.build(work)
+
+    def judge(self, number: int) -> Judged:
+        """Judge the model; the work is done."""
+        work = self._works.pop(number)
+        work.modeller.judge(work)
+        update = None
+        if work.announced and work.update is not None:
+            update = _with_models(work.update, self._to_send)
+        samples = work.samples if self._hands_on else None
+        return Judged(update, self._modeller.kept, samples)
+
+    def _to_send(self, update: ModelUpdate) -> "Made | Unchanged":
+        model, surface = update.model, update.surface
+        if surface in self._sent and self._sent[surface] is model:
+            return Unchanged()
+        self._sent[surface] = model
+        return Made(model)
+
+
+def received(update: ModelUpdate, models: Models) -> ModelUpdate:
+    """Return an update with all its models, and note these."""
+
+    def source(each: ModelUpdate) -> Made:
+        if not isinstance(each.source, Unchanged):
+            models[each.surface] = each.model
+        return Made(models[each.surface])
+
+    return _with_models(update, source)
+
+
+def _with_models(
+    update: ModelUpdate, source: "Callable[[ModelUpdate], Made | Unchanged]"
+) -> ModelUpdate:
+    """Return an update with other sources of its models, those of surfaces that were left first."""
+    left = tuple(_with_models(each, source) for each in update.left)
+    return replace(update, left=left, source=source(update))

@@ -1,0 +1,19 @@
+"""The modelling's stages in a thread, where a test looks into the modeller."""
+
+from typing import Any
+
+from mmt.leader.modelling.process import ModellingProcess
+from mmt.leader.modelling.stages import Stages
+
+
+class InThread(ModellingProcess):
+    """Calls the stages in this process."""
+
+    _stages: Stages
+
+    def _start(self) -> None:
+        self._stages = Stages(*self._setup)
+
+    def _exchange(self, message: Any) -> Any:
+        name, arguments, named = message
+        return getattr(self._stages, name)(*arguments, **named)
