@@ -246,7 +246,7 @@ def test_there_is_a_row_for_every_example_scene() -> None:
 WALKS = re.findall(r"`(mmt[\w.]+):([\w.]+)`", (DOCS / "architecture.md").read_text("utf-8"))
 
 
-@pytest.mark.parametrize(("module", "name"), WALKS, ids=":".join)
+@pytest.mark.parametrize(("module", "name"), WALKS)
 def test_what_the_walks_name_is_there(module: str, name: str) -> None:
     assert callable(attrgetter(name)(import_module(module)))
 

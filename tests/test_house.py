@@ -63,7 +63,8 @@ def test_private_names_of_the_product_in_tests_are_found(house, project):
 
 def test_what_a_run_loads_and_calls_is_known(house):
     found = house["run"](HOUSE.parents[1], house["MODELLING"], "trace")
-    called = [each for each in found["leader"]["calls"] if "segmentation" in each]
+    assert any("segmentation" in each for each in found["modelling"]["calls"])
+    called = [each for each in found["leader"]["calls"] if "segmenting" in each]
     assert called
     assert set(called) <= set(found["leader"]["loaded"])
     assert not any("segmentation" in each for each in found["follower"]["loaded"])
