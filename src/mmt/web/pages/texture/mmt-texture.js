@@ -14,7 +14,7 @@ export const FULL_SCALE_M_S2 = 30; // what an amplitude of 1 in the audio graph 
 export const MOST_BYTES = 4_000_000; // of a model's JSON
 
 const MOST_ORDER = 64;
-const MOST_ROWS = 5_000; // a filter is renewed within its millisecond
+const MOST_ROWS = 5_000; // a filter is renewed within 2 ms
 const MOST_SIMPLICES = 10_000;
 const MOST_LEVEL = 1e12; // (m/s2)^2
 const LARGEST_AMPLITUDE = 1e150;
@@ -820,7 +820,7 @@ export class PointerMotion {
 
 // ---- Live, in an audio graph
 
-const RENEWALS_HZ = 1000; // a filter follows the hand as often, or at each sample of the model
+const RENEWALS_HZ = 500; // a filter follows the hand as often, or at each sample of the model
 const REPORT_S = 0.03;
 
 /** Renders what the hand touches at an output rate; a model that is replaced rings out at its own rate. */
