@@ -15,7 +15,7 @@ import pytest
 from mmt.cli.child import Child
 from mmt.core.errors import MmtError
 from mmt_share.hub.service import Hub
-from mmt_share.tables import HubScene
+from mmt_share.hub.scene import HubScene
 
 REDIS_SERVER = shutil.which("redis-server")
 

@@ -89,7 +89,7 @@ CASES = [
     ("mmt-follower demo --replay text.mcap", "session text.mcap: this is not an MCAP file"),
     ("mmt-follower demo --replay cut.mcap", CUT_OFF),
     ("mmt-follower demo --replay half.toml", ".toml cannot be read; the suffix must be one of"),
-    ("mmt-follower demo --replay text.csv", "import text.csv: it holds none of position_mm"),
+    ("mmt-follower demo --replay text.csv", "import it first: mmt session import"),
     ("mmt-follower demo --replay bare.mcap", "the session has no acceleration, which the scene"),
     # the demo
     ("mmt demo none.toml", "scene none.toml: no such file"),
@@ -241,9 +241,9 @@ def test_every_command_has_help(
 @pytest.mark.parametrize(
     ("command", "usage", "names"),
     [
-        ("mmt bench", "[OPTIONS] [STAGE]...", "burg, conceal, contact"),
-        ("mmt stability", "[OPTIONS] [FAMILY]...", "loop, lsf, model"),
-        ("mmt lab stability", "[OPTIONS] [FAMILY]...", "loop, lsf, model"),
+        ("mmt bench", "[OPTIONS] [STAGE...]", "burg, conceal, contact"),
+        ("mmt stability", "[OPTIONS] [FAMILY...]", "loop, lsf, model"),
+        ("mmt lab stability", "[OPTIONS] [FAMILY...]", "loop, lsf, model"),
     ],
 )
 def test_help_lists_what_can_be_named(

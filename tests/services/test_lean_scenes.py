@@ -267,7 +267,7 @@ def modules(directory: Path) -> dict[str, set[str]]:
             check=False,
             capture_output=True,
             text=True,
-            timeout=2 * LONGEST_S,
+            timeout=4 * LONGEST_S,
             env={**os.environ, **with_drivers(directory), "MMT_CONTROL_TOKEN": "f" * 32},
         )
 

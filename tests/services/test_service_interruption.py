@@ -200,7 +200,7 @@ def test_a_follower_of_another_scene_is_refused_and_the_leader_waits_on(tmp_path
 def test_interrupting_the_demo_ends_both_and_reports(
     tmp_path: Path, number: signal.Signals
 ) -> None:
-    with Service("main", "demo", scene("stream-only"), cwd=tmp_path) as demo:
+    with Service("main", "demo", scene("stream-only"), "--verbose", cwd=tmp_path) as demo:
         demo.wait_for(lambda: "leader: follower connected" in demo.stderr)
         time.sleep(0.5)
         demo.signal(number)
@@ -210,7 +210,7 @@ def test_interrupting_the_demo_ends_both_and_reports(
 
 
 def test_a_demo_that_is_killed_leaves_a_whole_recording_and_no_service(tmp_path: Path) -> None:
-    with Service("main", "demo", scene("stream-only"), cwd=tmp_path) as demo:
+    with Service("main", "demo", scene("stream-only"), "--verbose", cwd=tmp_path) as demo:
         demo.wait_for(lambda: "leader: follower connected" in demo.stderr)
         services = psutil.Process(demo.process.pid).children()
         assert len(services) == 2

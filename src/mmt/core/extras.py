@@ -20,6 +20,7 @@ PACKAGES: Final[dict[str, tuple[str, str]]] = {
     "numba": ("leader", "the numerics need numba"),
     "scipy": ("leader", "the numerics need scipy"),
     "matplotlib": ("report", "reports and figures need matplotlib"),
+    "PIL": ("report", "reports and figures need pillow"),
     "serial": ("devices", "serial ports need pyserial"),
     "usb": ("devices", "devices at USB need pyusb"),
     "rtde_control": ("ur", "arms by Universal Robots need ur-rtde"),
