@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 _NOTE_PERIOD_NS: Final = 10_000_000_000
 _SILENT_NS: Final = 500_000_000
 """Time without a frame from which on it is a fault."""
+_UNSTAMPED_S: Final = 2.0
+"""How long a follower's clock may be unknown."""
 
 
 class RemoteFollower:
@@ -104,7 +106,15 @@ class RemoteFollower:
             silent_ns = time.monotonic_ns() - self._numbering.arrival_ns
             if silent_ns > _SILENT_NS:
                 return [f"no frame for {silent_ns / 1e9:.1f} s"]
-        return [] if self._rate.fault is None else [self._rate.fault]
+        found = [] if self._rate.fault is None else [self._rate.fault]
+        server = self.server
+        if server is not None and server.connected and server.clock.unknown_s > _UNSTAMPED_S:
+            found.append(
+                f"the follower's clock is unknown after {_UNSTAMPED_S:g} s: it exchanges no time "
+                "stamps (clock), so frames have no date, and what is passed on by date (LSL, ROS) "
+                "gets none"
+            )
+        return found
 
     @property
     def awaited(self) -> str:

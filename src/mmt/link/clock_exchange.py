@@ -49,6 +49,7 @@ class RemoteClock:
         self._on_jump = on_jump
         self._offset = ClockOffset()
         self._other: object = None
+        self._begun_ns: int | None = None
         self._pending: OrderedDict[int, tuple[int, ...]] = OrderedDict()
 
     @property
@@ -70,6 +71,13 @@ class RemoteClock:
         return None if estimate is None else estimate.at(time.monotonic_ns())
 
     @property
+    def unknown_s(self) -> float:
+        """How long (s) the offset has been unknown on this connection, 0 if it is known."""
+        if self._begun_ns is None or self.offset_ns is not None:
+            return 0.0
+        return (time.monotonic_ns() - self._begun_ns) / 1e9
+
+    @property
     def statistics(self) -> dict[str, float | None]:
         """Offset, drift and uncertainty, None without an estimate; and the counts."""
         counts = {"jumps": self._offset.jumps, "exchanges": self._offset.exchanges}
@@ -87,7 +95,7 @@ class RemoteClock:
         """Start a connection with the side whose clock has this id."""
         if other != self._other:
             self._offset.reset()
-        self._other = other
+        self._other, self._begun_ns = other, time.monotonic_ns()
         self._pending.clear()
         self._reader.use_clock_offset(self.offset_ns)
 

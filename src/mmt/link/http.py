@@ -2,7 +2,7 @@
 
 import asyncio
 import socket
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import urlsplit
 
@@ -10,7 +10,7 @@ import socketio
 from aiohttp import web
 from aiohttp.typedefs import Handler, Middleware
 
-from mmt.core.errors import MmtError
+from mmt.core.errors import InputError, MmtError
 from mmt.link.accepting import Acceptor, admit_connection, watch_connections
 from mmt.link.access import FOLLOWERS, Access, Entrance, check_listening, is_address, is_loopback
 from mmt.link.packets import Packet
@@ -55,7 +55,9 @@ def guarded_application(access: Access) -> web.Application:
     return web.Application(middlewares=[guard])
 
 
-def own_pages_only(listening: Callable[[], tuple[str, Access]]) -> Middleware:
+def own_pages_only(
+    listening: Callable[[], tuple[str, Access]], origins: Sequence[str] = ()
+) -> Middleware:
     """Return what refuses every request that comes from another site's page, or could.
 
     A browser that shows another site reaches this port too. So a page must have been loaded from
@@ -67,11 +69,15 @@ def own_pages_only(listening: Callable[[], tuple[str, Access]]) -> Middleware:
     ----------
     listening
         Gives the host that is listened on and what clients must present.
+    origins
+        Other sites whose pages may connect: they show the token.
     """
 
     @web.middleware
     async def check(request: web.Request, handler: Handler) -> web.StreamResponse:
         origin, (host, access) = request.headers.get("Origin"), listening()
+        if origin is not None and origin.lower() in origins and access.token is not None:
+            return await handler(request)
         if origin is not None and urlsplit(origin).netloc.lower() != request.host.lower():
             return web.Response(status=403, text="pages of other sites are refused\n")
         name = (urlsplit(f"//{request.host}").hostname or "").lower()
@@ -108,6 +114,8 @@ class Listener:
         Whether a session is under way that crowds of strangers would disturb.
     most
         Connections at once; see `mmt.link.accepting.Acceptor`.
+    origins
+        Other sites whose pages may connect, see `own_pages_only`.
     """
 
     def __init__(
@@ -116,10 +124,11 @@ class Listener:
         entrance: Entrance = FOLLOWERS,
         busy: Callable[[], bool] = lambda: False,
         most: int | None = None,
+        origins: Sequence[str] = (),
     ) -> None:
         self._application = application
         self._listening = ("", Access())
-        application.middlewares.insert(0, own_pages_only(lambda: self._listening))
+        application.middlewares.insert(0, own_pages_only(lambda: self._listening, origins))
         self._entrance = entrance
         self._acceptor = Acceptor(busy, most)
         watch_connections(application, self._acceptor)
@@ -216,6 +225,12 @@ class LinkServer:
     ) -> None:
         self._settings = settings
         self._access = access
+        origins = [origin.lower() for origin in settings.allow_origins]
+        if origins and access.token is None:
+            raise InputError(
+                f"[{access.table}] allow_origins: pages of other sites may connect only with a "
+                "token: give one by token_file"
+            )
         interval_s, timeout_s = ping_s or (PING_INTERVAL_S, PING_TIMEOUT_S)
         self.server = socketio.AsyncServer(
             client_manager=manager,
@@ -223,6 +238,7 @@ class LinkServer:
             serializer=Packet,
             transports=["websocket"],
             async_handlers=False,
+            cors_allowed_origins=[],  # `own_pages_only` looks at origins
             max_http_buffer_size=MAX_MESSAGE_BYTES,
             ping_interval=interval_s,
             ping_timeout=timeout_s,
@@ -234,7 +250,7 @@ class LinkServer:
         for add_page in pages:
             add_page(self.application, access)
         self.sockets = ServerSockets(self.server, self.application)
-        self._listener = Listener(self.application, entrance, busy, most)
+        self._listener = Listener(self.application, entrance, busy, most, origins)
 
     @property
     def port(self) -> int:

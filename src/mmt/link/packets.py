@@ -18,12 +18,15 @@ class Packet(MsgPackPacket):  # type: ignore[misc]  # the library has no types
 
     def decode(self, encoded_packet: bytes) -> None:
         """Take what the message says; see the library."""
-        if isinstance(encoded_packet, Decoded):
-            packet = encoded_packet.packet
-            self.packet_type, self.namespace = packet["type"], packet["nsp"]
-            self.data, self.id = packet.get("data"), packet.get("id")
-        else:
-            super().decode(encoded_packet)
+        packet = (
+            encoded_packet.packet
+            if isinstance(encoded_packet, Decoded)
+            else decode_packet(encoded_packet)
+        )
+        if packet is None:
+            raise ValueError("malformed packet")
+        self.packet_type, self.namespace = packet["type"], packet["nsp"]
+        self.data, self.id = packet.get("data"), packet.get("id")
 
 
 class Decoded(bytes):
@@ -38,7 +41,7 @@ def decode_packet(message: bytes, *, stranger: bool = False) -> dict[str, Any] |
     A stranger's has as few maps, arrays and items as a hello needs, which is found out while it is
     decoded: 100 kB of empty maps would take milliseconds.
     """
-    limits: dict[str, Any] = {}
+    limits: dict[str, Any] = {"ext_hook": _octets}
     if stranger:
         left = iter(range(_MOST_OF_STRANGER))
 
@@ -47,13 +50,18 @@ def decode_packet(message: bytes, *, stranger: bool = False) -> dict[str, Any] |
                 raise ValueError("too many maps and arrays")
             return container
 
-        limits = dict.fromkeys(("max_map_len", "max_array_len"), _MOST_OF_STRANGER)
+        limits |= dict.fromkeys(("max_map_len", "max_array_len"), _MOST_OF_STRANGER)
         limits |= {"object_hook": count, "list_hook": count}
     try:
         packet = msgpack.unpackb(message, **limits)
     except (ValueError, TypeError, OverflowError, RecursionError):
         return None
     return packet if isinstance(packet, dict) and {"type", "nsp"} <= packet.keys() else None
+
+
+def _octets(code: int, data: bytes) -> object:
+    """Return bytes for extension 0, as which JavaScript's parser sends an ``ArrayBuffer``."""
+    return data if code == 0 else msgpack.ExtType(code, data)
 
 
 def binary_event(packet: Mapping[str, Any]) -> tuple[str, bytes] | None:

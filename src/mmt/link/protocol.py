@@ -28,6 +28,9 @@ WELCOME: Final = "welcome"
 "session_id": str}``."""
 STOP: Final = "stop"
 """Leader to follower: ``{"reason": str}``; the follower is to end."""
+REJECTED: Final = "rejected"
+"""Leader to follower, once a second for each reason: ``{"text": str, "reason": str,
+"times": int}``, why what it sends is not used."""
 CLOCK: Final = "clock"
 """Follower to leader and back: bytes, the time stamps of `mmt.link.clock_exchange`."""
 NETWORK: Final = "network"
@@ -236,6 +239,28 @@ def encode_event(event: str, payload: object) -> bytes:
     packet = {"type": MSGPACK_EVENT, "data": [event, payload], "nsp": EVENT_NAMESPACE}
     encoded: bytes = msgpack.packb(packet)
     return encoded
+
+
+def encode_rejection(kind: str, reason: str, times: int, record_bytes: int) -> bytes:
+    """Return the message that tells a peer why what it sends is not used.
+
+    Parameters
+    ----------
+    kind
+        The event that carries what was rejected.
+    reason
+        As the statistics count it.
+    times
+        Since the last such message.
+    record_bytes
+        Size of a record.
+    """
+    hints = {
+        "not bytes": ": send a Buffer (Node) or an ArrayBuffer (browsers), as the one argument",
+        "size": f": records have {record_bytes} bytes each",
+    }
+    text = f"{kind} rejected: {reason}{hints.get(reason, '')}"
+    return encode_event(REJECTED, {"text": text, "reason": reason, "times": times})
 
 
 def argument_of(arguments: tuple[object, ...]) -> object:

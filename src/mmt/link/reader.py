@@ -3,6 +3,7 @@
 import logging
 import math
 import struct
+from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
@@ -69,6 +70,8 @@ class BlockReader:
         self.messages = self.bytes = self.records = 0
         self.lost = self.repeated = self.out_of_order = 0
         self.rejected: dict[str, int] = {}
+        self.on_rejected: Callable[[str, int], None] | None = None
+        """Called once a second for each reason, with how many were rejected since the last."""
 
     def restart(self) -> None:
         """Prepare for a new connection, of the same sender or of another one.
@@ -124,6 +127,8 @@ class BlockReader:
         times = self._limit.allow(reason)
         if times:
             LOG.warning("%s rejected: %s (%d times)", self._kind, reason, times)
+            if self.on_rejected is not None:
+                self.on_rejected(reason, times)
 
     def is_plausible(self, sent: int, arrival_ns: int) -> bool:
         """Whether the sender can have sent this many records; see `end`."""

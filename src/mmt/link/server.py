@@ -28,6 +28,7 @@ from mmt.link.protocol import (
     STOP,
     LinkStatistics,
     argument_of,
+    encode_rejection,
     peer_text,
     reason_of,
 )
@@ -103,6 +104,10 @@ class LeaderServer:
             self._slot.cut_off,
             network=network,
             extra=extra,
+        )
+        size = dtype.itemsize
+        endpoint.reader.on_rejected = lambda reason, times: endpoint.outbox.put(
+            0, encode_rejection(FRAMES, reason, times, size)
         )
         self.clock = ClockResponder(endpoint.reader, endpoint.outbox, endpoint.notify_jump)
         self._host = LinkServer(settings, access, pages, busy=lambda: self._slot.in_session)

@@ -14,6 +14,7 @@ WebSocket in another way, every event goes through the library, which has the sa
 """
 
 import asyncio
+import json
 import logging
 import time
 import weakref
@@ -44,8 +45,17 @@ Receive = Callable[[], Awaitable[WSMessage]]
 Close = Callable[..., Awaitable[object]]
 AnyRateLimit = RateLimit | HandshakeLimit
 
-_PACKETS: Final = tuple("0123456")
+_PACKETS: Final = tuple("012356")
 """What a text of Engine.IO begins with; at any other the library gives up reading, unnoticed."""
+_SOCKET_IO: Final = "4"
+"""Begins a message of Socket.IO, which is binary where it is encoded by msgpack."""
+_USE_MSGPACK: Final = "44" + json.dumps(
+    {
+        "message": "this server speaks msgpack: give your client a msgpack parser (in JavaScript "
+        "{parser: require('socket.io-msgpack-parser')}, in Python serializer='msgpack')"
+    }
+)
+"""A connect error, for a client that can read no other."""
 _BURST: Final = 64
 """Messages handled in a row before the event loop runs its other tasks."""
 _LIMITED: Final = {WSMsgType.BINARY, WSMsgType.TEXT, WSMsgType.PING, WSMsgType.PONG}
@@ -77,8 +87,19 @@ def receive_directly(
     None for a goodbye that it may answer.
     """
     receive = partial(type(websocket).receive, websocket)
+
+    async def refuse() -> None:
+        await websocket.send_str(_USE_MSGPACK)
+        await websocket.close(code=WSCloseCode.UNSUPPORTED_DATA, message=b"msgpack alone")
+
     rest = partial(
-        _receive_rest, receive, websocket.pong, close or websocket.close, rate_limit, handlers
+        _receive_rest,
+        receive,
+        websocket.pong,
+        close or websocket.close,
+        rate_limit,
+        handlers,
+        refuse if isinstance(rate_limit, HandshakeLimit) else None,  # who is admitted stays
     )
     try:
         websocket.receive = rest  # type: ignore[method-assign]
@@ -96,6 +117,7 @@ async def _receive_rest(
     close: Close,
     rate_limit: AnyRateLimit,
     handlers: Handlers,
+    refuse: Callable[[], Awaitable[None]] | None = None,
 ) -> WSMessage:
     """Return the next message within the rate limit that none of the handlers handles.
 
@@ -109,24 +131,38 @@ async def _receive_rest(
             return message
         if rate_limit.passes(len(message.data), time.monotonic_ns()):
             # the library itself rejects what is too long
-            if len(message.data) > MAX_MESSAGE_BYTES or (
-                kind is WSMsgType.TEXT and message.data.startswith(_PACKETS)
-            ):
+            if len(message.data) > MAX_MESSAGE_BYTES:
                 return message
-            if kind is WSMsgType.BINARY:
-                rest = _dispatch(message.data, rate_limit, handlers)
+            if kind is WSMsgType.TEXT:
+                rest = await _texts(message.data, rate_limit, refuse)
                 if rest is not None:
-                    return message._replace(data=rest)
+                    return message if rest else _CLOSED
+            elif kind is WSMsgType.BINARY:
+                packet = _dispatch(message.data, rate_limit, handlers)
+                if packet is not None:
+                    return message._replace(data=packet)
             elif kind is WSMsgType.PING:
                 await pong(message.data)
-            elif kind is WSMsgType.TEXT:
-                rate_limit.drop("malformed packet")
         elif rate_limit.shut:
             await close(code=WSCloseCode.POLICY_VIOLATION, message=b"too many messages")
             return _CLOSED
         turn += 1
         if turn % _BURST == 0:
             await asyncio.sleep(0)
+
+
+async def _texts(
+    text: str, rate_limit: AnyRateLimit, refuse: Callable[[], Awaitable[None]] | None
+) -> bool | None:
+    """Return whether a text is the library's: False if it ended the connection, None if dropped."""
+    if text.startswith(_PACKETS):
+        return True
+    without = text.startswith(_SOCKET_IO)
+    rate_limit.drop("packet without msgpack" if without else "malformed packet")
+    if not without or refuse is None:
+        return None
+    await refuse()
+    return False
 
 
 def _dispatch(message: bytes, rate_limit: AnyRateLimit, handlers: Handlers) -> Decoded | None:

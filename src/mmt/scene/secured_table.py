@@ -1,9 +1,10 @@
 """What the tables of connections have in common: who may connect, and where to."""
 
+import re
 from pathlib import Path
 from typing import Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from mmt.scene.table import PartTable
 
@@ -29,6 +30,18 @@ class ServedTable(SecuredTable):
     host: str = "127.0.0.1"
     port: int = Field(0, ge=0, le=65_535)
     open: bool = False
+    allow_origins: tuple[str, ...] = ()
+
+    @field_validator("allow_origins")
+    @classmethod
+    def _origins(cls, origins: tuple[str, ...]) -> tuple[str, ...]:
+        for origin in origins:
+            if not re.fullmatch(r"[a-z][a-z0-9+.-]*://[^/\s*]+", origin):
+                raise ValueError(
+                    f"{origin!r} is no origin: one is as https://lab.example or "
+                    "http://127.0.0.1:5173, without a path"
+                )
+        return origins
 
     def url(self, port: int | None = None) -> str:
         """Return the address for the other side; `port` where it is not the table's own."""

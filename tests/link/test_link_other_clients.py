@@ -1,0 +1,95 @@
+"""Clients of other makes: bytes of JavaScript, no msgpack, no clock, pages of other sites."""
+
+import asyncio
+import json
+import logging
+
+import aiohttp
+import msgpack
+import pytest
+import socketio
+from link_samples import CHANNELS, LeaderNotes, frames, leader, until
+from test_link_wire import AUTH
+
+from mmt.core.errors import InputError
+from mmt.link.packets import binary_event, decode_packet
+from mmt.link.protocol import encode_event
+from mmt.link.server import LeaderServer
+from mmt.scene import Link
+
+TOKEN = "0123456789abcdef-secret"
+
+
+def test_extension_0_is_bytes_and_no_other_is() -> None:
+    for code, expected in ((0, ("frames", b"abc")), (1, None)):
+        packet = {"type": 2, "nsp": "/", "data": ["frames", msgpack.ExtType(code, b"abc")]}
+        decoded = decode_packet(msgpack.packb(packet))
+        assert decoded is not None
+        assert binary_event(decoded) == expected
+    assert decode_packet(encode_event("frames", b"abc")) is not None
+
+
+async def test_a_client_that_is_not_understood_is_told_why_and_its_clock_is_missed() -> None:
+    notes, heard = LeaderNotes(), []
+    async with leader(notes) as server:
+        client = socketio.AsyncClient(serializer="msgpack")
+        client.on("rejected", heard.append)
+        await client.connect(f"http://127.0.0.1:{server.port}", auth=AUTH, transports=["websocket"])
+        await until(lambda: server.connected)
+        for _ in range(200):
+            await client.emit("frames", {"0": 1})
+        await client.emit("frames", frames(0).tobytes()[:-1])
+        await until(lambda: len(heard) == 2)
+        assert [each["reason"] for each in heard] == ["not bytes", "size"]
+        assert "ArrayBuffer" in heard[0]["text"]
+        assert "36 bytes" in heard[1]["text"]
+        await until(lambda: server.clock.unknown_s > 0.2)
+        await client.disconnect()
+
+
+@pytest.mark.parametrize("packet", ['40{"token":"x"}', '42["frames"]', "4x", "4"])
+async def test_a_client_without_msgpack_gets_a_connect_error(
+    packet: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with leader() as server, aiohttp.ClientSession() as session:
+        url = f"http://127.0.0.1:{server.port}/socket.io/?EIO=4&transport=websocket"
+        async with session.ws_connect(url) as socket, asyncio.timeout(20):
+            assert (await socket.receive_str()).startswith("0")
+            with caplog.at_level(logging.DEBUG):
+                await socket.send_str(packet)
+                said = await socket.receive_str()
+                assert (await socket.receive()).type in {
+                    aiohttp.WSMsgType.CLOSE,
+                    aiohttp.WSMsgType.CLOSED,
+                }
+        assert said.startswith("44")
+        assert "msgpack parser" in json.loads(said[2:])["message"]
+        assert not [record for record in caplog.records if record.exc_info]
+
+
+async def test_pages_of_named_sites_may_connect_with_a_token(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    site = "https://lab.example"
+    settings = Link(allow_origins=(site,))
+    with pytest.raises(InputError, match="only with a token"):
+        LeaderServer(settings, CHANNELS, LeaderNotes().events())
+    with pytest.raises(ValueError, match="is no origin"):
+        Link(allow_origins=("*",))
+    monkeypatch.setenv("MMT_LINK_TOKEN", TOKEN)
+    server = LeaderServer(settings, CHANNELS, LeaderNotes().events())
+    await server.start()
+    url = f"http://127.0.0.1:{server.port}/socket.io/?EIO=4&transport=websocket"
+    try:
+        async with aiohttp.ClientSession() as session, asyncio.timeout(20):
+            for token, answer in (("wrong", 4), (TOKEN, 0)):
+                async with session.ws_connect(url, origin=site) as socket:
+                    assert (await socket.receive_str()).startswith("0")
+                    hello = {"type": 0, "nsp": "/", "data": {**AUTH, "token": token}}
+                    await socket.send_bytes(msgpack.packb(hello))
+                    assert msgpack.unpackb(await socket.receive_bytes())["type"] == answer
+            with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+                await session.ws_connect(url, origin="https://other.example")
+            assert refused.value.status == 403
+    finally:
+        await server.stop()
