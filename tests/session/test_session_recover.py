@@ -277,3 +277,30 @@ def test_a_killed_recorder_loses_at_most_the_last_flush(tmp_path):
     assert saved.missing_frames == 0
     expected = made_frames(60_000)[: saved.frames]
     np.testing.assert_array_equal(read_session(saved.path).frames, expected)
+
+
+def test_a_small_file_that_unpacks_to_much_is_refused_before_it_does(tmp_path, monkeypatch):
+    import tracemalloc
+
+    from mcap.writer import CompressionType, Writer
+
+    path = tmp_path / "bomb.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream, chunk_size=1 << 30, compression=CompressionType.ZSTD)
+        writer.start()
+        schema = writer.register_schema("a", "jsonschema", b"{}")
+        channel = writer.register_channel("/a", "json", schema)
+        for number in range(70):
+            writer.add_message(channel, number, bytes(1 << 20), number)
+        writer.finish()
+    assert path.stat().st_size < 1 << 20
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError, match=r"more than the 64 MiB .*MMT_MOST_MIB allows more"):
+            read_session(path)
+        assert tracemalloc.get_traced_memory()[1] < 16 << 20
+    finally:
+        tracemalloc.stop()
+    monkeypatch.setenv("MMT_MOST_MIB", "100")
+    with pytest.raises(InputError, match="without the topic"):
+        read_session(path)

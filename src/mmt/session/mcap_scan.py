@@ -31,6 +31,14 @@ from mcap.writer import MCAP0_MAGIC
 from mmt.core.errors import InputError
 from mmt.session.mcap_records import Records, intact, open_records
 
+MOST_MIB: Final = "MMT_MOST_MIB"
+"""The environment variable with what a file may unpack to, in MiB, where that is more than
+`_MOST_RATIO` times its size."""
+_MOST_MIB: Final = 64
+_MOST_RATIO: Final = 50
+_LZ4_RATIO: Final = 255
+"""More is not possible in that format."""
+
 DAMAGE: Final = (
     McapError,
     struct.error,
@@ -56,6 +64,10 @@ class Scan:
     """Chunks that were read."""
     damaged: int = 0
     """Chunks that cannot be read."""
+    unpacked: int = 0
+    """Bytes that the chunks so far unpack to."""
+    too_large: int = 0
+    """Of the damaged chunks, those that would unpack to more than is allowed."""
     damaged_records: int = 0
     """Attachments and other records that are damaged."""
     problem: str = ""
@@ -127,6 +139,8 @@ def iterate_mcap(
                 problems += records.problems
     except OSError as error:
         raise InputError(f"session {path}: {error.strerror or error}") from error
+    if scan.too_large:
+        problems.append(_told_too_large(scan))
     if scan.damaged or scan.damaged_records:
         problems.append(f"{scan.damaged} damaged chunks, {scan.damaged_records} other records")
 
@@ -173,6 +187,8 @@ def _scan(scan: Scan, records: Records) -> Scan:
             problems.append(f"it has {len(scan.messages)} messages of {count.message_count}")
     if scan.damaged:
         problems.append(f"{scan.damaged} damaged chunks")
+    if scan.too_large:
+        problems.append(_told_too_large(scan))
     if scan.damaged_records:
         problems.append(f"{scan.damaged_records} other damaged records")
     scan.problem = ", ".join([*problems, *records.problems])
@@ -191,8 +207,36 @@ def _add_content(scan: Scan, opcode: int, content: bytes) -> None:
         scan.damaged_records += 1
 
 
+def _told_too_large(scan: Scan) -> str:
+    return (
+        f"{scan.too_large} of its chunks would unpack to more than the "
+        f"{most_bytes(scan.path) >> 20} MiB that a file of this size may ({MOST_MIB} allows more)"
+    )
+
+
+def _unpacked_bytes(chunk: Chunk) -> int:
+    """Return how many bytes a chunk may unpack to, whatever it says itself."""
+    if chunk.compression == "zstd":
+        return max(chunk.uncompressed_size, zstandard.frame_content_size(chunk.data))
+    if chunk.compression == "lz4":
+        return max(chunk.uncompressed_size, _LZ4_RATIO * len(chunk.data))
+    return len(chunk.data)
+
+
+def most_bytes(path: Path) -> int:
+    """Return how many bytes the chunks of a file may unpack to: far more than of any recording."""
+    least = int(os.environ.get(MOST_MIB, _MOST_MIB)) << 20
+    return max(least, _MOST_RATIO * path.stat().st_size)
+
+
 def _scan_chunk(scan: Scan, chunk: Chunk) -> None:
     try:
+        size = _unpacked_bytes(chunk)
+        if scan.unpacked + size > most_bytes(scan.path):
+            scan.too_large += 1
+            scan.damaged += 1
+            return
+        scan.unpacked += size
         records = breakup_chunk(chunk, validate_crc=True)
     except UnsupportedCompressionError as error:
         if chunk.compression == "lz4":
