@@ -19,11 +19,11 @@ from mmt.leader.modelling.stage import Activity, Item, ItemQueue, StageTask
 from mmt.scene.files import scene_from_tables
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.completion.distance import CompletionMonitor
+from mmt.texture.modeller_factory import ModellerFactory
 from mmt.texture.online.work import Made, ModelUpdate, Work
 from mmt.texture.segmentation.segments import SampleRange
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.surfaces import factory
-from mmt.texture.surfaces.factory import ModellerFactory
 
 
 class SlowModeller:

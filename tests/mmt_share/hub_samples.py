@@ -14,8 +14,8 @@ import pytest
 
 from mmt.cli.child import Child
 from mmt.core.errors import MmtError
-from mmt_share.hub.service import Hub
 from mmt_share.hub.scene import HubScene
+from mmt_share.hub.service import Hub
 
 REDIS_SERVER = shutil.which("redis-server")
 

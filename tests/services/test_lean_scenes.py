@@ -113,11 +113,11 @@ SIMULATED, REPLAY, DEVICE_SOURCE = SOURCES = (
 )
 
 EXPECTED: dict[str, set[str]] = {
-    "leader demo": {*NETWORK, *MODEL, *LEVEL, *FILES, RECORDER, HAND, ACTUATOR},
+    "leader demo": {*NETWORK, *MODEL, *FILES, RECORDER, HAND, ACTUATOR},
     "follower demo": {*NETWORK, SIMULATED},
-    "leader rough-texture": {*NETWORK, *MODEL, *LEVEL, *FILES, RECORDER, HAND, ACTUATOR},
+    "leader rough-texture": {*NETWORK, *MODEL, *FILES, RECORDER, HAND, ACTUATOR},
     "follower rough-texture": {*NETWORK, SIMULATED},
-    "leader replay": {*NETWORK, *MODEL, *LEVEL, *FILES, RECORDER, ACTUATOR},
+    "leader replay": {*NETWORK, *MODEL, *FILES, RECORDER, ACTUATOR},
     "follower replay": {*NETWORK, *FILES, REPLAY},
     "leader stream-only": {*NETWORK, HAND, ACTUATOR},
     "follower stream-only": {*NETWORK, SIMULATED},
@@ -142,10 +142,10 @@ EXPECTED: dict[str, set[str]] = {
         "mmt.contact.estimation",
     },
     "follower model": {*NETWORK, SIMULATED, "mmt.follower.feedback", "mmt.contact.passivity"},
-    "leader virtual-lab": {*NETWORK, *MODEL, *LEVEL, *FILES, RECORDER, HAND, ACTUATOR},
+    "leader virtual-lab": {*NETWORK, *MODEL, *FILES, RECORDER, HAND, ACTUATOR},
     "follower virtual-lab": {*NETWORK, DEVICE_SOURCE},
     "leader virtual-arm": {
-        *(*NETWORK, *MODEL, *LEVEL, *FILES, RECORDER, ACTUATOR),
+        *(*NETWORK, *MODEL, *FILES, RECORDER, ACTUATOR),
         "mmt.contact.estimation",
     },
     "follower virtual-arm": {
@@ -153,9 +153,9 @@ EXPECTED: dict[str, set[str]] = {
         "mmt.follower.feedback",
         "mmt.contact.passivity",
     },
-    "leader anisotropic": {*NETWORK, *MODEL, *LEVEL, *FILES, RECORDER, HAND, ACTUATOR},
+    "leader anisotropic": {*NETWORK, *MODEL, *FILES, RECORDER, HAND, ACTUATOR},
     "follower anisotropic": {*NETWORK, SIMULATED},
-    "leader two-surfaces": {*NETWORK, *MODEL, *LEVEL, *FILES, *SURFACES, RECORDER, HAND, ACTUATOR},
+    "leader two-surfaces": {*NETWORK, *MODEL, *FILES, *SURFACES, RECORDER, HAND, ACTUATOR},
     "follower two-surfaces": {*NETWORK, SIMULATED},
     "leader published": {*NETWORK, *MODEL, HAND, ACTUATOR},
     "follower published": {*NETWORK, SIMULATED},

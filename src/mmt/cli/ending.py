@@ -11,7 +11,6 @@ from rich.text import Text
 
 from mmt.cli.common import output
 from mmt.core.verdict import State, Verdict
-from mmt.evaluation.run_verdict import run_verdict
 
 STYLES: Final[dict[State, str]] = {
     "waiting": "dim",
@@ -35,6 +34,8 @@ def print_ending(
 
     See `mmt.evaluation.run_verdict.run_verdict` for the summaries and the evaluation.
     """
+    from mmt.evaluation.run_verdict import run_verdict  # late: a service that runs needs none
+
     found, leader = run_verdict(summaries, evaluation), summaries.get("leader", {})
     for line in ending_lines(program, found, leader, report, output.width):
         output.print(line, highlight=False, soft_wrap=True)

@@ -11,6 +11,7 @@ from rich.table import Table
 from typer.core import TyperGroup
 
 from mmt.cli.common import json_option, messages, output, print_error, report_option, write_json
+from mmt.cli.plain_help import made_plain
 from mmt.core.errors import InputError
 from mmt_lab.harness.experiment import Experiment, listed, load
 from mmt_lab.harness.findings import Findings
@@ -62,7 +63,7 @@ def command(name: str, experiment: Experiment) -> Any:
     app.command(name, help=summary)(_with_outputs(name, experiment))
     made = typer.main.get_command(app)
     made.name = name
-    return made
+    return made_plain(made)
 
 
 def _with_outputs(name: str, experiment: Experiment) -> Callable[..., None]:

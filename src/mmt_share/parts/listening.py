@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 from mmt.core.errors import FAILED
 from mmt.leader.part import Part, Session
 from mmt_share.client import ListenerClient
-from mmt_share.parts.operating import OperatingPart
-from mmt_share.tables import Listening
+from mmt_share.tables import Listening, Operating
 
 if TYPE_CHECKING:
     from mmt.leader.building import LeaderParts
     from mmt.leader.output.model_output import ModelOutput
+    from mmt_share.parts.operating import OperatingPart
 
 
 class ListeningPart(Part):
@@ -58,7 +58,12 @@ class ListeningPart(Part):
         table = session.scene.table(Listening)
         if table is None:
             return None
-        return cls(session, table, parts.completing, parts.of(OperatingPart))
+        operating = None
+        if session.scene.table(Operating) is not None:
+            from mmt_share.parts.operating import OperatingPart
+
+            operating = parts.of(OperatingPart)
+        return cls(session, table, parts.completing, operating)
 
     def tasks(self) -> dict[str, Coroutine[Any, Any, None]]:
         """Return the task that listens."""

@@ -24,10 +24,10 @@ from mmt.leader.modelling.stage import Activity, Figures, InFlight, Item, ItemQu
 from mmt.leader.modelling.stages import Judged, Models, received
 from mmt.leader.modelling.synthesizing import SynthesizingTask
 from mmt.leader.part import Part, Session, Tick
+from mmt.texture.modeller_factory import ModellerFactory
 from mmt.texture.online.surface_changes import SaidSurface
 from mmt.texture.online.work import ModelUpdate, NewSamples
 from mmt.texture.settings import ModellingSettings
-from mmt.texture.surfaces.factory import ModellerFactory
 
 if TYPE_CHECKING:
     from prometheus_client.core import Metric

@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from mmt.core.arrays import RecordArray
+from mmt.texture.modeller_factory import ModellerFactory
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.online.work import Made, ModelUpdate, NewSamples, Work
 from mmt.texture.settings import ModellingSettings
-from mmt.texture.surfaces.factory import ModellerFactory
 
 if TYPE_CHECKING:
     from mmt.texture.model.texture_model import TextureModel

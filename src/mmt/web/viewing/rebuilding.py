@@ -22,12 +22,12 @@ from mmt.session.data import JsonObject
 from mmt.session.windows import SessionWindows
 from mmt.texture.completion.criterion import Progress
 from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.modeller_factory import ModellerFactory
 from mmt.texture.online.history import stream_blocks
 from mmt.texture.online.methods import method_of
 from mmt.texture.online.surface_changes import said_surfaces
 from mmt.texture.online.work import ModelUpdate
 from mmt.texture.settings import ModellingSettings
-from mmt.texture.surfaces.factory import ModellerFactory
 
 _MODELS_KEPT: Final = 8
 """Models kept in memory, the most recently used ones."""
