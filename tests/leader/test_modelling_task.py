@@ -18,12 +18,12 @@ from mmt.leader.modelling.pipeline import Modelling
 from mmt.leader.modelling.stage import Activity, Item, ItemQueue, StageTask
 from mmt.scene.files import scene_from_tables
 from mmt.testing.simulation.offline import simulate_session
+from mmt.texture import modeller_factory
 from mmt.texture.completion.distance import CompletionMonitor
 from mmt.texture.modeller_factory import ModellerFactory
 from mmt.texture.online.work import Made, ModelUpdate, Work
 from mmt.texture.segmentation.segments import SampleRange
 from mmt.texture.settings import ModellingSettings
-from mmt.texture.surfaces import factory
 
 
 class SlowModeller:
@@ -70,7 +70,7 @@ class Modelled:
 
     def __init__(self, period_s: float, monkeypatch: pytest.MonkeyPatch) -> None:
         self._modellers: list[SlowModeller] = []
-        monkeypatch.setattr(factory, "OnlineModeller", self._make)
+        monkeypatch.setattr(modeller_factory, "OnlineModeller", self._make)
         monkeypatch.setattr(pipeline, "ModellingProcess", InThread)
         self.updates: list[ModelUpdate] = []
         self.seconds: list[float] = []

@@ -6,6 +6,7 @@ from typing import Any, Final, NamedTuple
 import tomli_w
 
 from mmt.core.errors import InputError
+from mmt.core.existing_files import write_file
 from mmt.scene import Scene
 from mmt.scene.files import find_scene, load_scene
 
@@ -69,11 +70,7 @@ def write_emulated(pair: Pair, directory: Path) -> Pair:
     for file in pair:
         tables = _emulated(load_scene(file), directory.resolve())
         target = directory / file.name
-        try:
-            directory.mkdir(parents=True, exist_ok=True)
-            target.write_text(tomli_w.dumps(tables), encoding="utf-8")
-        except OSError as error:
-            raise InputError(f"{target}: {error.strerror or error}") from error
+        write_file(target, tomli_w.dumps(tables))
         written.append(target)
     return Pair(*written)
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from mmt.cli.common import output
+from mmt.core.existing_files import write_file
 from mmt.evaluation.document import Block
 from mmt.evaluation.evaluate import evaluate_surfaces, recorded_scene
 from mmt.evaluation.recorded_surfaces import SurfaceParts
@@ -53,7 +54,7 @@ def report_recording(
         more=more,
     )
     if session.models:
-        (directory / MODEL_NAME).write_bytes(session.models[-1][1])
+        write_file(directory / MODEL_NAME, session.models[-1][1])
     if len(evaluations) > 1:
         return evaluations_as_dict(evaluations)
     return evaluations[0].as_dict() if evaluations else {}

@@ -58,7 +58,7 @@ async def stroke(page: Any) -> None:
     x, y = box["x"] + 40, box["y"] + box["height"] / 2
     await page.mouse.move(x, y)
     await page.mouse.down()
-    for step in range(200):
+    for step in range(1500):  # on a busy machine sound begins late
         await page.mouse.move(x + 8 * (step % 30), y)
         if await page.evaluate(LEVEL) > 0.05:
             return
