@@ -66,13 +66,13 @@ class VibrationSlew:
 
     def limit(self, vibration: FloatArray) -> None:
         """Bound the next samples (n,) in m/s2, in place."""
-        self.guard.apply(vibration)
-        last, step = self._last, self._largest_step
+        last, step, guarded = self._last, self._largest_step, self.guard.step
         for index, wanted in enumerate(vibration.tolist()):
-            if -step <= wanted - last <= step:
-                last = wanted
-                continue
-            self.limited_samples += 1
-            last += step if wanted > last else -step
-            vibration[index] = last
+            played = guarded(wanted)
+            if not -step <= played - last <= step:
+                self.limited_samples += 1
+                played = last + math.copysign(step, played - last)
+            if played != wanted:
+                vibration[index] = played
+            last = played
         self._last = last

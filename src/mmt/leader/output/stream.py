@@ -5,7 +5,7 @@ neither numba nor scipy.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Final
 
@@ -16,7 +16,7 @@ from mmt.leader.output.three_axes import ThreeAxes
 from mmt.leader.part import Part, Session
 from mmt.scene import Texture
 from mmt.texture.settings import Axis, VibrationAxis
-from mmt.texture.signals.biquad import BiquadFilter, bessel_low_pass, butterworth_high_pass
+from mmt.texture.signals.biquad import Biquad, BiquadFilter, bessel_low_pass, butterworth_high_pass
 
 if TYPE_CHECKING:
     from prometheus_client.core import Metric
@@ -38,11 +38,13 @@ class StreamedVibration(Part):
     def __init__(self, buffer: PlayoutBuffer, axis: VibrationAxis, rate_hz: float) -> None:
         self.buffer = buffer
         self._session: Session | None = None
-        axes = (0, 1, 2) if axis == "dft321" else (_AXES[axis],)
-        self._axes = list(axes)
         high_pass = butterworth_high_pass(_VIBRATION_CUTOFF_HZ, rate_hz)
-        self._filters = [BiquadFilter(high_pass) for _ in axes]
-        self._together = ThreeAxes(rate_hz) if len(axes) == 3 else None
+        self._axis: int | slice
+        self._high_pass: BiquadFilter | _AllAxes
+        if axis == "dft321":
+            self._axis, self._high_pass = slice(None), _AllAxes(high_pass)
+        else:
+            self._axis, self._high_pass = _AXES[axis], BiquadFilter(high_pass)
         self._next: int | None = None
         self._peak = 0.0
 
@@ -88,33 +90,41 @@ class StreamedVibration(Part):
         return with an offset that decays for longer than the gap lasted. It restarts after a
         longer one, and where the acceleration has moved by more than it vibrates.
         """
-        values = frames["acceleration_m_s2"][:, self._axes].tolist()
+        values = frames["acceleration_m_s2"][:, self._axis].tolist()
         sequences = frames["sequence"].tolist()
         times_ns = frames["time_ns"].tolist()
+        high_pass = self._high_pass
         for sequence, time_ns, value in zip(sequences, times_ns, values, strict=True):
-            vibration = self._filtered(value)
+            vibration = high_pass.step(value)
             if sequence != self._next and not self._goes_on(sequence, vibration):
-                for high_pass in self._filters:
-                    high_pass.reset()
-                vibration = self._filtered(value)
+                high_pass.reset()
+                vibration = high_pass.step(value)
             self._next = sequence + 1
             self._peak = max(abs(vibration), _PEAK_DECAY * self._peak)
             self.buffer.push(sequence, time_ns, arrival_ns, vibration)
-
-    def _filtered(self, acceleration_m_s2: list[float]) -> float:
-        """Return the vibration of a frame's acceleration along the axes that are played."""
-        parts = [
-            high_pass.step(value)
-            for high_pass, value in zip(self._filters, acceleration_m_s2, strict=True)
-        ]
-        if self._together is None:
-            return parts[0]
-        return self._together.step((parts[0], parts[1], parts[2]))
 
     def _goes_on(self, sequence: int, vibration: float) -> bool:
         """Say whether a sample continues those before the gap."""
         near = self._next is not None and 0 < sequence - self._next <= LONGEST_SAMPLES
         return near and abs(vibration) <= _PEAKS * self._peak
+
+
+class _AllAxes:
+    """Stands for the filter of one axis where all three are played, high-passed and reduced."""
+
+    def __init__(self, high_pass: Biquad) -> None:
+        self._filters = tuple(BiquadFilter(high_pass) for _ in range(3))
+        self._together = ThreeAxes(high_pass.rate_hz)
+
+    def reset(self) -> None:
+        """Restart the filters; the directions stay."""
+        for each in self._filters:
+            each.reset()
+
+    def step(self, acceleration_m_s2: Sequence[float]) -> float:
+        """Return the vibration of the next sample of each axis."""
+        x, y, z = map(BiquadFilter.step, self._filters, acceleration_m_s2)
+        return self._together.step((x, y, z))
 
 
 class StreamedMotion(Part):
