@@ -23,13 +23,8 @@ Models = dict[int | None, "TextureModel | None"]
 """The newest model of each surface by number, by None where surfaces are not told apart."""
 
 
-@dataclass(frozen=True)
-class Unchanged:
-    """Stands for the model that the last update of the same surface had."""
-
-    def __call__(self) -> "TextureModel | None":
-        """Raise: `received` puts the model in its place."""
-        raise NotImplementedError
+class Unchanged(Made):
+    """Stands for the model of the last update of the same surface; `received` puts that here."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +123,7 @@ class Stages:
         samples = work.samples if self._hands_on else None
         return Judged(update, self._modeller.kept, samples)
 
-    def _to_send(self, update: ModelUpdate) -> "Made | Unchanged":
+    def _to_send(self, update: ModelUpdate) -> Made:
         model, surface = update.model, update.surface
         if surface in self._sent and self._sent[surface] is model:
             return Unchanged()
@@ -147,9 +142,7 @@ def received(update: ModelUpdate, models: Models) -> ModelUpdate:
     return _with_models(update, source)
 
 
-def _with_models(
-    update: ModelUpdate, source: "Callable[[ModelUpdate], Made | Unchanged]"
-) -> ModelUpdate:
+def _with_models(update: ModelUpdate, source: Callable[[ModelUpdate], Made]) -> ModelUpdate:
     """Return an update with other sources of its models, those of surfaces that were left first."""
     left = tuple(_with_models(each, source) for each in update.left)
     return replace(update, left=left, source=source(update))
