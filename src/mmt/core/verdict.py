@@ -29,6 +29,9 @@ _PLAYED: Final = {
     "silent": "no vibration",
 }
 
+LATE_SHARE: Final = 0.05
+"""Share of ticks over 1 ms late from which on it is a fault."""
+
 _AT_ITS_END: Final = ("completed", "source ended")
 """Outcomes of a run that nobody and nothing has ended before its time."""
 
@@ -116,14 +119,15 @@ class Verdict:
 
 def verdict(facts: Facts) -> Verdict:
     """Return the verdict on a run."""
+    faults = _faults(facts)
     return Verdict(
-        state=_state(facts),
+        state=_state(facts, faults),
         time="" if facts.time_s is None else f"{facts.time_s:.1f} s",
         now=_now(facts),
         readiness=_readiness(facts),
         error="" if facts.error_db is None else f"{facts.error_db:.1f} dB",
         noticeable=_noticeable(facts),
-        faults=tuple(_faults(facts)),
+        faults=tuple(faults),
     )
 
 
@@ -132,10 +136,10 @@ def has_failed(outcome: str | None) -> bool:
     return outcome is not None and outcome.startswith(_FAILURES)
 
 
-def _state(facts: Facts) -> State:
+def _state(facts: Facts, faults: list[str]) -> State:
     if has_failed(facts.outcome):
         return "failed"
-    if _faults(facts):
+    if faults:
         return "degraded"
     return "waiting" if facts.waits and facts.outcome is None else "running"
 

@@ -4,11 +4,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from statistics import median
 from typing import Any, Final, NamedTuple
 
-from mmt.core.verdict import Facts, Verdict, has_failed, verdict
+from mmt.core.verdict import LATE_SHARE, Facts, Verdict, has_failed, verdict
 from mmt.texture.settings import JND_DB
-
-LATE_SHARE: Final = 0.05
-"""Share of ticks over 1 ms late from which on it is said."""
 
 
 class _Fault(NamedTuple):

@@ -3,15 +3,12 @@
 from collections import deque
 from typing import TYPE_CHECKING, Any, Final
 
-from mmt.core.verdict import Facts, Verdict, verdict
+from mmt.core.verdict import LATE_SHARE, Facts, Verdict, verdict
 from mmt.leader.part import Session
 
 if TYPE_CHECKING:
     from mmt.leader.output.model_output import ModelOutput
     from mmt.leader.output.vibration import VibrationPart
-
-LATE_SHARE: Final = 0.05
-"""Share of ticks over 1 ms late from which on a run is degraded."""
 
 _LOOKS: Final = 11
 """Looks at the ticks, five a second, over which their lateness is judged: 2 s."""
@@ -46,7 +43,7 @@ class RunHealth:
             self._ticks.append(self._session.ticker.lateness)
 
     @property
-    def late_share(self) -> float:
+    def _late_share(self) -> float:
         """Share of the last seconds' ticks that were over 1 ms late."""
         if len(self._ticks) < 2:
             return 0.0
@@ -66,8 +63,9 @@ class RunHealth:
         rises = progress is not None and progress.scale.rises
         ended = session.ending.reached
         faults = [] if ended else self.faults()
-        if self.late_share > LATE_SHARE and not ended:
-            faults = [*faults, f"{100.0 * self.late_share:.0f} % of the ticks late"]
+        late_share = self._late_share
+        if late_share > LATE_SHARE and not ended:
+            faults = [*faults, f"{100.0 * late_share:.0f} % of the ticks late"]
         return verdict(
             Facts(
                 time_s=session.time_s(),
