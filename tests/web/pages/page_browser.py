@@ -20,6 +20,8 @@ LONGEST_MS = 60_000
 LEAST_TARGET_PX = 40
 """Of what a finger is to meet."""
 
+api.expect.set_options(timeout=LONGEST_MS)  # of a busy machine
+
 
 @pytest_asyncio.fixture(scope="module", loop_scope="module")
 async def browser() -> AsyncIterator[Any]:
@@ -49,7 +51,7 @@ async def a_page(
 
 
 async def shows(page: Any, selector: str, text: str) -> None:
-    await api.expect(page.locator(selector)).to_contain_text(text, timeout=LONGEST_MS)
+    await api.expect(page.locator(selector)).to_contain_text(text)
 
 
 async def inked(page: Any, selector: str) -> int:

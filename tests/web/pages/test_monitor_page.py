@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from page_browser import (
     DESKTOP,
-    LONGEST_MS,
     MARKS,
     TABLET,
     a_page,
@@ -223,7 +222,7 @@ async def test_a_lost_connection_is_shown_and_found_again(
             await fits(page, "light")  # what is over can be read as well
         async with Leading(unused_tcp_port) as leading:
             await shows(page, "#connection", "live")
-            await api.expect(page.locator("#answer")).to_be_empty(timeout=LONGEST_MS)
+            await api.expect(page.locator("#answer")).to_be_empty()
             await api.expect(page.locator("body.lost")).to_have_count(0)
         assert problems == []
 

@@ -60,7 +60,6 @@ async function follow() {
     await wait(EVERY_MS);
     if (!stale) continue;
     stale = false;
-    line.reach(wanted);
     if (line.isStale) await showCourse();
     const moment = await ask(`moment?time_s=${wanted}`);
     if (moment.model !== shownModel) {
@@ -229,6 +228,7 @@ async function start() {
   text("h-plane", "The model at this moment");
   bar = new TimeBar(opening.duration_s, (time_s) => {
     wanted = time_s;
+    line.reach(wanted); // not at every picture: a zoom may show another time
     stale = isOpened = true;
     addressTimer ??= setTimeout(keepAddress, ADDRESS_EVERY_MS);
   });
