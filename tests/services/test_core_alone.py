@@ -74,4 +74,4 @@ def test_what_a_plug_in_brings_is_not_there(core: Path, tmp_path: Path) -> None:
     assert "inverse3" not in drivers
     assert "│ select" not in run(core, tmp_path, "main", "model", "--help")
     assert "--share" not in run(core, tmp_path, "main", "demo", "--help")
-    assert "sharing" not in run(core, tmp_path, "main", "scene", "explain", "demo")
+    assert "sharing" not in run(core, tmp_path, "main", "scene", "explain", "demo", "--no-measure")
