@@ -21,8 +21,8 @@ from mmt.testing.simulation.course import CourseChange, SurfaceCourse
 from mmt.testing.simulation.known_surfaces import surface_from_annotations
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import get_surface
+from mmt.texture.online.surface_changes import SurfaceChange
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
-from mmt.texture.surfaces import SurfaceChange
 from mmt_lab.experiments.surfaces import SurfaceEvaluation, surface_tables, targets
 from mmt_lab.surfaces import running
 from mmt_lab.surfaces.running import (

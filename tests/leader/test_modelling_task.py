@@ -13,14 +13,13 @@ from frame_samples import made_frames
 from modelling_beside import InThread
 
 from mmt.core.arrays import RecordArray
-from mmt.leader.modelling import pipeline
 from mmt.leader.modelling.pipeline import Modelling
 from mmt.leader.modelling.stage import Activity, Item, ItemQueue, StageTask
 from mmt.scene.files import scene_from_tables
 from mmt.testing.simulation.offline import simulate_session
-from mmt.texture import modeller_factory
 from mmt.texture.completion.distance import CompletionMonitor
 from mmt.texture.modeller_factory import ModellerFactory
+from mmt.texture.online import modeller as online_modeller
 from mmt.texture.online.work import Made, ModelUpdate, Work
 from mmt.texture.segmentation.segments import SampleRange
 from mmt.texture.settings import ModellingSettings
@@ -70,11 +69,12 @@ class Modelled:
 
     def __init__(self, period_s: float, monkeypatch: pytest.MonkeyPatch) -> None:
         self._modellers: list[SlowModeller] = []
-        monkeypatch.setattr(modeller_factory, "OnlineModeller", self._make)
-        monkeypatch.setattr(pipeline, "ModellingProcess", InThread)
+        monkeypatch.setattr(online_modeller, "OnlineModeller", self._make)
         self.updates: list[ModelUpdate] = []
         self.seconds: list[float] = []
-        self.task = Modelling(ModellingSettings(), period_s, self._note)
+        settings = ModellingSettings()
+        process = InThread(settings, period_s)
+        self.task = Modelling(settings, period_s, self._note, process=process)
 
     @property
     def modeller(self) -> SlowModeller:

@@ -9,8 +9,8 @@ from monitor_messages import unpack
 
 from mmt.core.errors import InputError
 from mmt.leader.modelling.pipeline import Modelling
+from mmt.texture.online.surface_changes import SurfaceChange, said_surfaces
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
-from mmt.texture.surfaces import SurfaceChange, said_surfaces
 from mmt.web.monitor.controls import Controls
 
 

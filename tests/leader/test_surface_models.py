@@ -16,9 +16,9 @@ from mmt.leader.recording import RecordingPart
 from mmt.leader.surface_log import write_surface_models
 from mmt.scene import Scene
 from mmt.texture.completion.distance import CompletionMonitor
+from mmt.texture.online.surface_changes import SurfaceChange
 from mmt.texture.online.work import Made, ModelUpdate
 from mmt.texture.settings import ModellingSettings
-from mmt.texture.surfaces import SurfaceChange
 
 FADE = 50
 

@@ -98,8 +98,7 @@ class Device:
 NUMERICS = {"numba", "scipy", "mmt.core.compiled"}
 NETWORK = {"mmt.link", "socketio", "aiohttp", "msgpack"}
 FILES = {"mmt.session", "mcap", "google.protobuf", "zstandard"}
-MODEL = {*NUMERICS, "mmt.texture.online.modeller", "mmt.texture.synthesis.synthesizer"}
-SURFACES = {"mmt.texture.surfaces"}
+MODEL = {*NUMERICS, "mmt.leader.modelling.pipeline", "mmt.texture.synthesis.synthesizer"}
 LEVEL = {"mmt.texture.field.posterior", "mmt.texture.completion.uncertainty"}
 SHARING = {"mmt_share.messages"}
 CONTROL = {"mmt_share.parts.control", "mmt_share.parts.operating", "mmt_share.control_messages"}
@@ -122,7 +121,7 @@ EXPECTED: dict[str, set[str]] = {
     "leader stream-only": {*NETWORK, HAND, ACTUATOR},
     "follower stream-only": {*NETWORK, SIMULATED},
     "leader model-only": {
-        *MODEL - {"mmt.texture.online.modeller"},
+        *MODEL - {"mmt.leader.modelling.pipeline"},
         "mmt.texture.field.posterior",
         HAND,
         ACTUATOR,
@@ -155,20 +154,20 @@ EXPECTED: dict[str, set[str]] = {
     },
     "leader anisotropic": {*NETWORK, *MODEL, *FILES, RECORDER, HAND, ACTUATOR},
     "follower anisotropic": {*NETWORK, SIMULATED},
-    "leader two-surfaces": {*NETWORK, *MODEL, *FILES, *SURFACES, RECORDER, HAND, ACTUATOR},
+    "leader two-surfaces": {*NETWORK, *MODEL, *FILES, RECORDER, HAND, ACTUATOR},
     "follower two-surfaces": {*NETWORK, SIMULATED},
     "leader published": {*NETWORK, *MODEL, HAND, ACTUATOR},
     "follower published": {*NETWORK, SIMULATED},
     "leader listener": {
         *NETWORK,
-        *MODEL - {"mmt.texture.online.modeller"},
+        *MODEL - {"mmt.leader.modelling.pipeline"},
         *SHARING,
         HAND,
         ACTUATOR,
     },
     "leader operator": {
         *NETWORK,
-        *MODEL - {"mmt.texture.online.modeller"},
+        *MODEL - {"mmt.leader.modelling.pipeline"},
         *SHARING,
         *CONTROL - {"mmt_share.parts.control"},
         "mmt.leader.motion.feedback_model",
@@ -195,7 +194,7 @@ FEEDBACK = {
     "mmt.contact.passivity",
     "mmt.contact.estimation",
 }
-WATCHED = {*NETWORK, *MODEL, *FILES, *SOURCES, *FEEDBACK, *SURFACES, *LEVEL, *SHARING}
+WATCHED = {*NETWORK, *MODEL, *FILES, *SOURCES, *FEEDBACK, *LEVEL, *SHARING}
 WATCHED |= {RECORDER, HAND, ACTUATOR, *CONTROL}
 NEVER = {
     "mmt.web.monitor",
@@ -208,6 +207,9 @@ NEVER = {
     "matplotlib",
     "scipy.signal",
     "mmt.evaluation",
+    "mmt.texture.online.modeller",  # is for the process that models, as are
+    "mmt.texture.segmentation",
+    "mmt.texture.surfaces",
     "h5py",
     "pyarrow",
     "tomli_w",

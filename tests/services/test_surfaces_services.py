@@ -25,8 +25,8 @@ from mmt.testing.simulation.course import CourseChange, SurfaceCourse
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.online.surface_changes import SaidSurface, said_surfaces
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
-from mmt.texture.surfaces import SaidSurface, said_surfaces
 from mmt.texture.surfaces.following import surface_changes
 
 FRAMES_A_TICK = 5

@@ -15,10 +15,10 @@ from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.completion.distance import CompletionMonitor
 from mmt.texture.online.modeller import OnlineModeller
+from mmt.texture.online.surface_changes import SaidSurface, SurfaceChange, said_surfaces
 from mmt.texture.online.work import ModelUpdate
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt.texture.signals.faults import SignalFaults
-from mmt.texture.surfaces import SaidSurface, SurfaceChange, said_surfaces
 from mmt.texture.surfaces import modeller as modelling
 from mmt.texture.surfaces.following import surface_changes
 from mmt.texture.surfaces.modeller import SurfaceModeller

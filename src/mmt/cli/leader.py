@@ -27,10 +27,11 @@ from mmt.cli.service import (
 from mmt.core.errors import InputError
 from mmt.core.existing_files import free_folder
 from mmt.core.extras import require
-from mmt.core.kernel_cache import Compilation, compile_kernels
+from mmt.core.kernel_cache import compile_kernels
 from mmt.core.logs import Logs
 from mmt.core.queued_output import is_behind, queue_output
-from mmt.leader.parts import first_numerics_of, numerics_of
+from mmt.leader.modelling.process import ModellingProcess
+from mmt.leader.parts import numerics_of
 from mmt.leader.summary import LeaderStatus
 from mmt.scene import Scene
 from mmt.scene.added import Flag, tables_of
@@ -124,20 +125,20 @@ class LeaderRun(ServiceRun["Leader"]):
         self._report = report
         self._guests = guests
         self._entering: list[asyncio.Task[None]] = []
-        self._compilation: Compilation | None = None
+        self._modelling = ModellingProcess.of(scene)
 
     def run(self) -> None:
         """Compile the numerics at the first start, and run the leader; see `ServiceRun.run`."""
         queue_output()
-        if numerics := numerics_of(self.scene):
-            self._compilation = compile_kernels(
-                numerics, super().on_event, first_numerics_of(self.scene)
-            )
         try:
+            if self._modelling is not None:
+                self._modelling.start()  # imports and compiles while this process does
+            if numerics := numerics_of(self.scene):
+                compile_kernels(numerics, super().on_event)
             super().run()
         finally:
-            if self._compilation is not None:
-                self._compilation.stop()
+            if self._modelling is not None:
+                self._modelling.close()
             for guest in self._guests:
                 guest.close()
 
@@ -149,7 +150,7 @@ class LeaderRun(ServiceRun["Leader"]):
             self.scene,
             on_status=self.on_status,
             on_event=self.on_event,
-            compilation=self._compilation,
+            modelling=self._modelling,
         )
         logs.session_id = service.log.session_id
         return service

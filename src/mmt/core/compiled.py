@@ -3,7 +3,7 @@
 import hashlib
 import importlib
 import sys
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final, TypeVar, cast
@@ -108,19 +108,10 @@ def _is_cached(each: Any) -> bool:
     return any(Path(each.stats.cache_path).glob(index))
 
 
-def compile_collected(kernels: Kernels, modules: Collection[str] | None = None) -> None:
-    """Compile kernels, or load them from the cache; those that are compiled are left out.
-
-    Parameters
-    ----------
-    kernels
-        What `collect_kernels` returned.
-    modules
-        Only the kernels of these modules, and what they call; None all.
-    """
+def compile_collected(kernels: Kernels) -> None:
+    """Compile kernels, or load them from the cache; those that are compiled are left out."""
     for each in kernels:
-        if modules is None or each.py_func.__module__ in modules:
-            _compile_with_callees(each, kernels)
+        _compile_with_callees(each, kernels)
 
 
 def _compile_with_callees(each: Any, signatures: Kernels) -> None:

@@ -12,9 +12,9 @@ from mmt.core.errors import InputError
 from mmt.session.data import RecordedSession, missing_frames
 from mmt.testing.simulation.course import SurfaceCourse, course_from_annotations
 from mmt.texture.online.history import trials
+from mmt.texture.online.surface_changes import SurfaceChange, said_surfaces
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.numbering import StreamNumbering
-from mmt.texture.surfaces import SurfaceChange, said_surfaces
 from mmt.texture.surfaces.following import surface_changes
 
 

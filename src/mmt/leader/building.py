@@ -6,6 +6,7 @@ from mmt.leader.part import Part, Parts, Session
 
 if TYPE_CHECKING:
     from mmt.leader.modelling.pipeline import Modelling
+    from mmt.leader.modelling.process import ModellingProcess
     from mmt.leader.monitoring import MonitorPart
     from mmt.leader.motion.feedback_part import ForceFeedbackPart, OtherForce
     from mmt.leader.motion.hand import HandPart
@@ -26,6 +27,8 @@ class LeaderParts(Parts):
     other_force: "OtherForce | None" = None
     """Is set by what another package adds."""
     force_feedback: "ForceFeedbackPart | None" = None
+    modelling_process: "ModellingProcess | None" = None
+    """Is set where it was started before."""
     modelling: "Modelling | None" = None
     synthesizing: "SynthesizingPart | None" = None
     generating: "OtherGenerator | None" = None
@@ -83,6 +86,7 @@ def modelling(session: Session, parts: LeaderParts) -> Part | None:
     parts.modelling = Modelling.build(
         session,
         lambda update, seconds: parts.completing.update(update, seconds),  # noqa: PLW0108 - made later
+        parts.modelling_process,
     )
     return parts.modelling
 

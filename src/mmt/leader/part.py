@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, Final, Protocol, TypeVar
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.ending import Ending
 from mmt.core.errors import MmtError
-from mmt.core.kernel_cache import Compilation
 from mmt.core.ticking import Ticker
 from mmt.core.verdict import Facts, Verdict, verdict
 from mmt.devices.protocols import InterfaceState, Vector
@@ -305,8 +304,6 @@ class Session:
         Called with a sentence that a person wants to know.
     time_s
         Gives the session time.
-    compilation
-        Compiles the kernels that modelling and its models need, None where they are compiled.
     """
 
     def __init__(
@@ -314,7 +311,6 @@ class Session:
         scene: Scene,
         say: Callable[[str], None] | None = None,
         time_s: Callable[[], float] | None = None,
-        compilation: Compilation | None = None,
     ) -> None:
         self.scene: Final = scene
         self.rate_hz = float(scene.session.rate_hz)
@@ -323,7 +319,6 @@ class Session:
         self.ending = Ending("completed")
         self.parts: Parts = Parts()
         self.time_s = time_s or (lambda: 0.0)
-        self.compilation: Final = compilation
         self.journal = Journal(
             lambda event, sentence: self.parts.call("on_event", event, sentence),
             say or (lambda _: None),

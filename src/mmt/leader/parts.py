@@ -7,14 +7,16 @@ one by an entry point (`mmt.scene.added`).
 
 from collections.abc import Callable, Collection
 from functools import partial
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
-from mmt.core.kernel_cache import LONGEST_COMPILATION_S
 from mmt.leader import building
 from mmt.leader.building import LeaderParts
 from mmt.leader.part import Part, Session
 from mmt.scene import Scene
 from mmt.scene.added import added_parts, imported
+
+if TYPE_CHECKING:
+    from mmt.leader.modelling.process import ModellingProcess
 
 
 class PartEntry(NamedTuple):
@@ -27,8 +29,6 @@ class PartEntry(NamedTuple):
     """Names of the tasks that it runs beside the ticks."""
     numerics: tuple[str, ...] = ()
     """Modules with compiled kernels that it imports when it is built."""
-    needs_model: bool = False
-    """Whether no tick calls their kernels before there is a model."""
 
 
 _OWN: Final[dict[str, PartEntry]] = {
@@ -52,13 +52,11 @@ _OWN: Final[dict[str, PartEntry]] = {
         lambda scene: scene.texture is not None,
         ("segmenting", "fitting", "synthesizing", "completing"),
         ("mmt.leader.modelling.pipeline", "mmt.texture.field.observations"),
-        needs_model=True,
     ),
     "synthesizing": PartEntry(
         building.synthesizing,
         lambda scene: scene.rendering is not None,
         numerics=("mmt.texture.synthesis.synthesizer", "mmt.texture.field.observations"),
-        needs_model=True,
     ),
     "vibration": PartEntry(building.vibration, lambda scene: scene.actuator is not None),
     "completing": PartEntry(building.completing, lambda _: True),
@@ -115,26 +113,12 @@ def numerics_of(scene: Scene) -> list[str]:
     return [name for entry in entries for name in entry.numerics]
 
 
-def first_numerics_of(scene: Scene) -> list[str] | None:
-    """Return the modules whose kernels are compiled before a session begins, None all.
-
-    Those that its ticks call before there is a model. All where it takes a model, and where it
-    could be over before the others are compiled beside it.
-    """
-    short = scene.session.duration_s <= LONGEST_COMPILATION_S
-    if short or scene.texture is None or _takes_a_model(scene):
-        return None
-    entries = [entry for entry in PARTS.values() if entry.wanted(scene) and not entry.needs_model]
-    return [name for entry in entries for name in entry.numerics]
-
-
-def _takes_a_model(scene: Scene) -> bool:
-    """Whether a model that was built elsewhere is rendered: saved or shared."""
-    saved = scene.rendering is not None and scene.rendering.model is not None
-    return saved or scene.is_given("model")
-
-
-def build_parts(session: Session, names: Collection[str] | None = None) -> LeaderParts:
+def build_parts(
+    session: Session,
+    names: Collection[str] | None = None,
+    *,
+    modelling: "ModellingProcess | None" = None,
+) -> LeaderParts:
     """Import, compile and assemble the parts that a session's scene needs.
 
     Nothing is opened: devices are connected by `Parts.connect`, files are made in `Part.begin`.
@@ -147,6 +131,8 @@ def build_parts(session: Session, names: Collection[str] | None = None) -> Leade
         Session of the run; it gets the parts.
     names
         Which ones; None for all that the scene needs.
+    modelling
+        The process that is to model, where it was started before.
 
     Raises
     ------
@@ -156,6 +142,7 @@ def build_parts(session: Session, names: Collection[str] | None = None) -> Leade
         A part cannot be made; the message says which and why.
     """
     session.parts = parts = LeaderParts()
+    parts.modelling_process = modelling
     for name, entry in PARTS.items():
         if (names is None or name in names) and entry.wanted(session.scene):
             part = entry.build(session, parts)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core import logs
 from mmt.core.errors import MmtError
-from mmt.core.kernel_cache import Compilation
 from mmt.core.process import prefer_even_ticks
 from mmt.core.ticking import Ticker
 from mmt.leader.health import RunHealth
@@ -21,6 +20,7 @@ from mmt.leader.summary import LeaderStatus, LeaderSummary, summarise
 from mmt.scene import Scene
 
 if TYPE_CHECKING:
+    from mmt.leader.modelling.process import ModellingProcess
     from mmt.link.endpoint import ForceFeedbackSide
 
 _STATUS_PERIOD_S: Final = 0.2
@@ -40,8 +40,8 @@ class Leader:
         Called five times a second with the live status.
     on_event
         Called with a sentence whenever something happens that a person wants to know.
-    compilation
-        Compiles the kernels of the modelling, which waits for it; None where they are compiled.
+    modelling
+        The process that is to model, where it was started before; else it is when parts connect.
 
     Raises
     ------
@@ -60,16 +60,16 @@ class Leader:
         *,
         on_status: Callable[[LeaderStatus], None] | None = None,
         on_event: Callable[[str], None] | None = None,
-        compilation: Compilation | None = None,
+        modelling: "ModellingProcess | None" = None,
     ) -> None:
         self.scene = scene
         self._on_status = on_status or (lambda _: None)
-        self.session = Session(scene, on_event, lambda: self.time_s, compilation)
+        self.session = Session(scene, on_event, lambda: self.time_s)
         self.log = self.session.log
         self.ending = self.session.ending
         self.ticks = 0
         """Ticks so far, missed ones counted."""
-        self.parts = build_parts(self.session)
+        self.parts = build_parts(self.session, modelling=modelling)
         self._remote: RemoteFollower | None = None
         if scene.link is not None:
             self.session.remote = self._remote = RemoteFollower(

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.errors import MmtError
 from mmt.scene.recording_tables import Replay
+from mmt.texture.online.surface_changes import SaidSurface, SurfaceChange, said_surfaces
 from mmt.texture.online.work import ModelUpdate
-from mmt.texture.surfaces import SaidSurface, SurfaceChange, said_surfaces
 
 if TYPE_CHECKING:
     from mmt.texture.model.texture_model import TextureModel

@@ -3,12 +3,12 @@
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from mmt.texture.online.modeller import OnlineModeller
-from mmt.texture.online.work import ModelUpdate
-from mmt.texture.settings import ModellingSettings
+from mmt.texture.settings import SURFACE_CHECK_S, ModellingSettings
 
 if TYPE_CHECKING:
+    from mmt.texture.online.modeller import OnlineModeller
     from mmt.texture.online.surface_changes import SaidSurface
+    from mmt.texture.online.work import ModelUpdate
     from mmt.texture.surfaces.modeller import SurfaceModeller
 
 
@@ -29,9 +29,8 @@ class ModellerFactory:
         self.frames_at_once = self._update_frames
         """How many frames a modeller wants at a time."""
         if settings.surfaces is not None:
-            from mmt.texture.surfaces.modeller import LOOK_S
-
-            self.frames_at_once = min(self._update_frames, round(LOOK_S * settings.rate_hz))
+            check_frames = round(SURFACE_CHECK_S * settings.rate_hz)
+            self.frames_at_once = min(self._update_frames, check_frames)
 
     def make(self, said: "Iterable[SaidSurface]" = ()) -> "OnlineModeller | SurfaceModeller":
         """Return one that has seen nothing yet.
@@ -42,6 +41,8 @@ class ModellerFactory:
             What persons say of the surface, if several are told apart.
         """
         if self._settings.surfaces is None:
+            from mmt.texture.online.modeller import OnlineModeller
+
             return OnlineModeller(self._settings)
         from mmt.texture.surfaces.modeller import SurfaceModeller
 
@@ -55,6 +56,6 @@ class ModellerFactory:
         """Whether a modeller must see what came of each update before it goes on."""
         return self._settings.surfaces is not None
 
-    def done(self, update: ModelUpdate) -> bool:
+    def done(self, update: "ModelUpdate") -> bool:
         """Say whether no update will follow: another surface may always come."""
         return update.stopped and self._settings.surfaces is None

@@ -96,6 +96,10 @@ class CriterionScale:
         return value >= threshold if self.rises else value <= threshold
 
 
+SURFACE_CHECK_S: Final = 0.05
+"""Time between two checks of the stream for another surface."""
+
+
 @dataclass(frozen=True)
 class SurfaceSettings:
     """``[texture.surfaces]``: a model for each of several surfaces; see `mmt.texture.surfaces`."""

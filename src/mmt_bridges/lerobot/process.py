@@ -22,7 +22,6 @@ from mmt_bridges.lerobot.settings import Settings, session_scene
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from mmt.core.kernel_cache import Compilation
     from mmt.leader.service import Leader
     from mmt.scene import Scene
     from mmt_bridges.lerobot.observing import ObservingPart
@@ -50,34 +49,26 @@ def run(settings: Settings) -> str:
     from mmt.core.extras import requiring
     from mmt.core.kernel_cache import compile_kernels
     from mmt.core.logs import Logs
-    from mmt.leader.parts import first_numerics_of, numerics_of
+    from mmt.leader.parts import numerics_of
 
     scene = session_scene(settings)
-    compilation: Compilation | None = None
-    try:
-        if numerics := numerics_of(scene):
-            compilation = compile_kernels(numerics, _event, first_numerics_of(scene))
-        with Logs("leader", None, None), requiring():
-            return asyncio.run(_Run(settings, scene, compilation).run())
-    finally:
-        if compilation is not None:
-            compilation.stop()
+    if numerics := numerics_of(scene):
+        compile_kernels(numerics, _event)
+    with Logs("leader", None, None), requiring():
+        return asyncio.run(_Run(settings, scene).run())
 
 
 class _Run:
-    def __init__(
-        self, settings: Settings, scene: "Scene", compilation: "Compilation | None"
-    ) -> None:
+    def __init__(self, settings: Settings, scene: "Scene") -> None:
         self._settings = settings
         self._scene = scene
-        self._compilation = compilation
 
     async def run(self) -> str:
         from mmt.cli.common import stop_on_signals
         from mmt.leader.service import Leader
         from mmt_bridges.lerobot.observing import ObservingPart
 
-        leader = Leader(self._scene, on_event=_event, compilation=self._compilation)
+        leader = Leader(self._scene, on_event=_event)
         ready = asyncio.Event()
         hand = leader.parts.hand
         assert hand is not None  # noqa: S101 - the settings give every scene one

@@ -9,7 +9,7 @@ import numpy as np
 
 from mmt.core.arrays import BoolArray, IntArray
 from mmt.texture.field.blocks import BLOCK_S
-from mmt.texture.surfaces import SurfaceChange
+from mmt.texture.online.surface_changes import SurfaceChange
 
 LEAST_STROKED_S: Final = 0.3
 """A stay with less stroking says nothing: what is not found there is not counted as missed."""

@@ -16,8 +16,8 @@ from mmt.testing.simulation.course import CourseChange, SurfaceCourse
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.online.history import build, stream_blocks
+from mmt.texture.online.surface_changes import SurfaceChange
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
-from mmt.texture.surfaces import SurfaceChange
 from mmt.web.viewing.rebuilding import ModelRebuild, frozen_spans
 
 NEVER = ModellingSettings(method="published", start_distance=12.0, stop_distance=1e-6)

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError, MmtError
-from mmt.core.kernel_cache import LONGEST_COMPILATION_S, Compilation
 from mmt.leader.modelling.completing import CompletingTask
 from mmt.leader.modelling.fitting import FittingTask
 from mmt.leader.modelling.process import ModellingProcess
@@ -52,8 +51,8 @@ class Modelling(Part):
         worked on it.
     keep_frames
         How many frames the follower can send again: this many more may wait.
-    compilation
-        Compiles the kernels, and frames wait for it; None where they are compiled.
+    process
+        Where the numerics run; None for one that is started when the parts connect.
     """
 
     def __init__(
@@ -62,17 +61,14 @@ class Modelling(Part):
         period_s: float,
         on_update: Callable[[ModelUpdate, float], None],
         keep_frames: int = 0,
-        compilation: Compilation | None = None,
+        process: ModellingProcess | None = None,
     ) -> None:
         self._session: Session | None = None
         self._last_ns = 0
         self._factory = ModellerFactory(settings, period_s)
         self._on_update = on_update
         self._on_samples: Callable[[NewSamples], None] = lambda _: None
-        self._process = ModellingProcess(settings, period_s, compilation)
-        self._compilation = compilation
-        if compilation is not None:
-            keep_frames += round(LONGEST_COMPILATION_S * settings.rate_hz)
+        self._process = process or ModellingProcess(settings, period_s)
         self._activity = Activity()
         self._behind_segmenting = InFlight()
         frames = self._factory.frames_at_once
@@ -89,7 +85,10 @@ class Modelling(Part):
 
     @classmethod
     def build(
-        cls, session: Session, on_update: Callable[[ModelUpdate, float], None]
+        cls,
+        session: Session,
+        on_update: Callable[[ModelUpdate, float], None],
+        process: ModellingProcess | None = None,
     ) -> "Modelling | None":
         """Return the modelling of the scene's texture."""
         scene = session.scene
@@ -100,7 +99,7 @@ class Modelling(Part):
             scene.texture.update_period_s,
             on_update,
             keep_frames=scene.keep_frames(),
-            compilation=session.compilation,
+            process=process,
         )
         made._session = session
         if scene.texture.surfaces is not None and scene.replay is not None:
@@ -115,16 +114,14 @@ class Modelling(Part):
         self._process.tell("hand_on")
 
     def connect(self) -> None:
-        """Start the process, and wait until it can model unless kernels are being compiled.
+        """Start the process where it is not, and wait until it can model.
 
         Raises
         ------
         MmtError
             It cannot.
         """
-        started = self._process.start()
-        if self._compilation is None:
-            started.result()
+        self._process.start().result()
 
     def _make_tasks(self, rate_hz: float, keep_frames: int, capacity: int) -> None:
         process, activity = self._process, self._activity
@@ -215,10 +212,6 @@ class Modelling(Part):
 
     async def finish(self, timeout_s: float = _LAST_UPDATES_S) -> None:
         """Wait until whole periods that wait are modelled, for at most this long."""
-        started = self._process.started
-        if (started is None or not started.done()) and self._session is not None:
-            self._session.journal.say("modelling had not begun; mmt model build does it later")
-            return
         with suppress(TimeoutError):
             async with asyncio.timeout(timeout_s):
                 while self.working or self._behind_segmenting or self._frames_due:
@@ -227,7 +220,7 @@ class Modelling(Part):
     def tasks(self) -> dict[str, Coroutine[Any, Any, None]]:
         """Return what the event loop is to run, by name."""
         return {
-            "segmenting": self._until_fault(self._segment()),
+            "segmenting": self._until_fault(self.segmenting.run()),
             "fitting": self._until_fault(self.fitting.run()),
             "synthesizing": self._until_fault(self.synthesizing.run()),
             "completing": self._until_fault(self.completing.run()),
@@ -235,8 +228,6 @@ class Modelling(Part):
 
     def close(self) -> None:
         """End the process."""
-        if self._compilation is not None:
-            self._compilation.stop()
         self._process.close()
 
     def tick(self, tick: Tick) -> None:
@@ -309,17 +300,6 @@ class Modelling(Part):
         return {
             n: model for n, model in self._models.items() if n is not None and model is not None
         }
-
-    async def _segment(self) -> None:
-        """Begin when the process can; all other tasks wait for this one's work."""
-        assert self._process.started is not None  # noqa: S101 - parts are connected before
-        await asyncio.wrap_future(self._process.started)
-        if self._compilation is not None:
-            self.segmenting.catching_up = True
-            if self._session is not None:
-                waiting = self.segmenting.figures.queue_now
-                self._session.journal.event(f"modelling begins: {waiting} frames have waited")
-        await self.segmenting.run()
 
     async def _until_fault(self, task: Coroutine[Any, Any, None]) -> None:
         """Run a task; where the process has ended, say so once and model no more."""

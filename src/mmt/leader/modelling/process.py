@@ -15,7 +15,7 @@ from asyncio import wrap_future
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from threading import Event
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, Self
 
 from mmt.core.children import python_command
 from mmt.core.end_signals import handle_end_signals
@@ -23,8 +23,8 @@ from mmt.core.errors import MmtError
 from mmt.core.process import ProcessMeter, release_compiler, step_back
 
 if TYPE_CHECKING:
-    from mmt.core.kernel_cache import Compilation
     from mmt.core.process import ProcessCost
+    from mmt.scene import Scene
     from mmt.texture.settings import ModellingSettings
 
 
@@ -38,18 +38,10 @@ class ModellingProcess:
     ----------
     settings, period_s
         As of `mmt.leader.modelling.stages.Stages`.
-    compilation
-        Compiles the kernels, and the process is started after it; None where they are compiled.
     """
 
-    def __init__(
-        self,
-        settings: "ModellingSettings",
-        period_s: float,
-        compilation: "Compilation | None" = None,
-    ) -> None:
+    def __init__(self, settings: "ModellingSettings", period_s: float) -> None:
         self._setup = settings, period_s
-        self._compilation = compilation
         self._waiting: list[tuple[object, ...]] = []
         self._process: subprocess.Popen[bytes] | None = None
         self._meter: ProcessMeter | None = None
@@ -60,11 +52,20 @@ class ModellingProcess:
         self.cost: ProcessCost | None = None
         """What the process has taken while it modelled, once it is closed."""
 
+    @classmethod
+    def of(cls, scene: "Scene") -> Self | None:
+        """Return the process of a scene's texture, None where it models none."""
+        texture = scene.texture
+        if texture is None:
+            return None
+        return cls(texture.settings(float(scene.session.rate_hz)), texture.update_period_s)
+
     def start(self) -> Future[None]:
-        """Start the process; return what is done when it can model."""
-        self.started = self._worker.submit(self._start)
-        for call in self._waiting:
-            self._worker.submit(self._exchange, call)
+        """Start the process, unless it is; return what is done when it can model."""
+        if self.started is None:
+            self.started = self._worker.submit(self._start)
+            for call in self._waiting:
+                self._worker.submit(self._exchange, call)
         return self.started
 
     async def call(self, name: str, *arguments: object, **named: object) -> Any:
@@ -98,8 +99,6 @@ class ModellingProcess:
                 pass
 
     def _start(self) -> None:
-        if self._compilation is not None:
-            self._compilation.finish()
         if self._closed.is_set():
             return
         self._process = process = subprocess.Popen(  # noqa: S603 - our own module

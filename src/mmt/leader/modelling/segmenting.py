@@ -71,9 +71,6 @@ class SegmentingTask:
         self.figures = Figures(lambda: len(self._queue))
         self.first_missing: Callable[[], int | None] = lambda: None
         """Gives the least number that may still be filled in, None where none may."""
-        self.catching_up = False
-        """Whether each update is finished before the next, until all that waits is modelled: so
-        none of many that come at once is joined with another."""
         self.late_frames = 0
         """Frames that were filled in after an update had gone on without them."""
 
@@ -114,7 +111,6 @@ class SegmentingTask:
         while True:
             frames = self._next_period()
             if frames is None:
-                self.catching_up = False
                 self._due.clear()
                 await self._due.wait()
                 continue
@@ -129,7 +125,7 @@ class SegmentingTask:
             seconds += now - started
             self._behind.enter()
             self._deliver(Item(number, now - started))
-            if self._in_step or self.catching_up:
+            if self._in_step:
                 await self._behind.until_none()
             started = perf_counter()
             number = await self._call("go_on")

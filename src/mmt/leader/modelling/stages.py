@@ -7,17 +7,17 @@ uses the interpreter lock, delays a tick.
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from mmt.core.arrays import RecordArray
 from mmt.texture.modeller_factory import ModellerFactory
-from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.online.work import Made, ModelUpdate, NewSamples, Work
 from mmt.texture.settings import ModellingSettings
 
 if TYPE_CHECKING:
     from mmt.texture.model.texture_model import TextureModel
     from mmt.texture.online.surface_changes import SaidSurface
+    from mmt.texture.surfaces.modeller import SurfaceModeller
 
 Models = dict[int | None, "TextureModel | None"]
 """The newest model of each surface by number, by None where surfaces are not told apart."""
@@ -82,8 +82,7 @@ class Stages:
 
     def say(self, said: "SaidSurface") -> None:
         """Take a person's word on the surface, where surfaces are told apart."""
-        assert not isinstance(self._modeller, OnlineModeller)  # noqa: S101 - the leader knows
-        self._modeller.say(said)
+        cast("SurfaceModeller", self._modeller).say(said)
 
     def segment(self, frames: RecordArray) -> int | None:
         """Segment frames (n,) of one period; return the number of the first work, None for none."""

@@ -6,15 +6,15 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 
 from mmt.texture.completion.criterion import Progress
-from mmt.texture.model.fits import Fit
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.segmentation.segments import SampleRange, Segment
-from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.faults import SignalFaults
 
 if TYPE_CHECKING:
     from mmt.texture.field.blocks import Blocks
+    from mmt.texture.model.fits import Fit
     from mmt.texture.online.surface_changes import SurfaceChange
+    from mmt.texture.segmentation.segments import SampleRange, Segment
+    from mmt.texture.signals.aligned import AlignedBlock
 
 
 class UpdateSteps(Protocol):
@@ -130,14 +130,14 @@ class Work:
 
     modeller: UpdateSteps
     time_s: float
-    observed: list[AlignedBlock]
-    added: list[Segment]
-    removed: list[SampleRange]
+    observed: "list[AlignedBlock]"
+    added: "list[Segment]"
+    removed: "list[SampleRange]"
     noise_power: float
     faults: SignalFaults = field(default_factory=SignalFaults)
     forget_from: int | None = None
     durations_s: dict[str, float] = field(default_factory=dict)
-    fits: tuple[Fit, ...] = ()
+    fits: "tuple[Fit, ...]" = ()
     removed_count: int = 0
     blocks: "Blocks | None" = None
     made_anew: bool = False
@@ -180,9 +180,9 @@ class NewSamples(NamedTuple):
     """What another method learns from in one update of our model: that part of its `Work`."""
 
     time_s: float
-    observed: list[AlignedBlock]
-    added: list[Segment]
-    removed: list[SampleRange]
+    observed: "list[AlignedBlock]"
+    added: "list[Segment]"
+    removed: "list[SampleRange]"
 
 
 class Stopwatch:

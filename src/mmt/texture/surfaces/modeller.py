@@ -16,11 +16,9 @@ from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.modeller import OnlineModeller, carry_out
 from mmt.texture.online.surface_changes import SaidSurface, SurfaceChange
 from mmt.texture.online.work import ModelUpdate, Work
-from mmt.texture.settings import ModellingSettings, SurfaceSettings
+from mmt.texture.settings import SURFACE_CHECK_S, ModellingSettings, SurfaceSettings
 from mmt.texture.surfaces.tracking import NAMED_S, SurfaceTracker
 
-LOOK_S: Final = 0.05
-"""Time between two checks of the stream."""
 REMEMBERED_S: Final = NAMED_S + 26.0
 """Seconds of frames kept, for those of a new surface that a person says to be a known one: some
 seconds of stroking may have passed until it was detected."""
@@ -47,7 +45,7 @@ class SurfaceModeller:
     def __init__(self, settings: ModellingSettings, period_frames: int) -> None:
         self._settings = settings
         self._period_frames = period_frames
-        self._look_frames = max(1, round(LOOK_S * settings.rate_hz))
+        self._look_frames = max(1, round(SURFACE_CHECK_S * settings.rate_hz))
         self._tracker = SurfaceTracker(settings, settings.surfaces or SurfaceSettings())
         self._modellers = {self._tracker.surface: OnlineModeller(settings)}
         self._recent: list[RecordArray] = []
