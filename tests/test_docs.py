@@ -18,11 +18,13 @@ from pydantic.fields import FieldInfo
 from mmt.cli import follower, leader, main
 from mmt.scene import Scene
 from mmt.scene.files import example_scenes
+from mmt_lab.harness.experiment import listed
 from mmt_share.commands import listener
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 INDEX = DOCS / "index.md"
+BENCH_PAGE = DOCS / "reference" / "bench.md"
 COMMANDS_PAGE = DOCS / "reference" / "commands.md"
 SCENE_PAGE = DOCS / "reference" / "scene.md"
 PAGES = [
@@ -225,6 +227,20 @@ def test_the_reference_lists_every_command() -> None:
     text = sections(COMMANDS_PAGE.read_text(encoding="utf-8"))["All of them"]
     names = [name for program, top in PROGRAMS.items() for name, _ in leaves((program,), top)]
     assert [name for name in names if f"`{name}" not in text] == []
+
+
+def test_the_stages_of_the_bench_that_are_named_exist() -> None:
+    stages = {one.name for one in listed("bench")}
+    script = (ROOT / "scripts" / "measure_bench").read_text(encoding="utf-8")
+    measured = {name for line in re.findall(r"mmt bench ([\w ]+)", script) for name in line.split()}
+    assert measured <= stages
+    text = sections(BENCH_PAGE.read_text(encoding="utf-8"))
+    described, judged = (
+        set(re.findall(r"`(\w+)`", "".join(re.findall(r"^\|([^|]*)", text[part], re.M))))
+        for part in ("Stages", "Targets")
+    )
+    assert described == stages
+    assert judged <= stages
 
 
 def test_the_readme_is_short() -> None:
