@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from functools import cache
 from importlib import import_module
+from importlib.metadata import entry_points
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, cast, get_args
@@ -227,6 +228,26 @@ def test_the_reference_lists_every_command() -> None:
     text = sections(COMMANDS_PAGE.read_text(encoding="utf-8"))["All of them"]
     names = [name for program, top in PROGRAMS.items() for name, _ in leaves((program,), top)]
     assert [name for name in names if f"`{name}" not in text] == []
+
+
+def test_the_reference_has_the_arguments_and_seeds_of_every_experiment() -> None:
+    text = sections(COMMANDS_PAGE.read_text(encoding="utf-8"))["mmt lab"]
+    rows = re.findall(r"^\| `([\w-]+)` \|.*\|([^|]*)\|([^|]*)\|$", text, re.MULTILINE)
+    assert {name for name, *_ in rows} == {one.name for one in listed("lab")} - {"stability"}
+    for name, arguments, seeds in rows:
+        command, _ = find(["mmt", "lab", name])
+        defaults = [str(one.default) for one in command.params if "--seeds" in one.opts]
+        assert re.findall(r"^\d+", seeds.strip()) == defaults, name
+        taken = [one for one in command.params if one.param_type_name == "argument"]
+        assert bool(arguments.strip()) == bool(taken), name
+
+
+def test_the_page_of_devices_names_every_emulated_driver() -> None:
+    page = (DOCS / "how-to" / "devices.md").read_text(encoding="utf-8")
+    drivers = {one.name.partition(".")[0] for one in entry_points(group="mmt.devices")}
+    emulated = {name for name in drivers if name.startswith("virtual-")}
+    assert emulated
+    assert {name for name in emulated if f"`{name}`" not in page} == set()
 
 
 def test_the_stages_of_the_bench_that_are_named_exist() -> None:
