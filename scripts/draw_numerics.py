@@ -1,19 +1,13 @@
-"""Draw the pictures of ``mmt bench``, ``mmt stability`` and ``mmt lab felt``.
-
-See ``scripts/pictures``.
-"""
+"""Draw the pictures of ``mmt bench`` and ``mmt stability``; see ``scripts/pictures``."""
 
 from dataclasses import replace
 from typing import Final
 
 from image_files import write
 
-from mmt.testing.simulation.textures import SURFACES
 from mmt_lab.bench.command import run_stage
-from mmt_lab.experiments.felt import cases, feel, felt_figure
 from mmt_lab.experiments.stability import load_families, run_families
 from mmt_lab.harness.plots import panels_figure
-from mmt_lab.harness.processes import each
 from mmt_lab.stability.maps import contact_map, loop_map
 
 PANELS: Final = {
@@ -24,9 +18,6 @@ PANELS: Final = {
     "pipeline": None,
 }
 """The stages that are drawn, and which of their panels; None draws them all."""
-
-SEEDS: Final = 1
-"""Sessions of each texture over each network."""
 
 
 def main() -> None:
@@ -41,9 +32,6 @@ def main() -> None:
     boundaries = [figures for figures in found if {"wall_n_mm", "measured_ms"} <= set(figures)]
     write("stability-contact", contact_map(contact))
     write("stability-loop", loop_map(loop, boundaries))
-    sessions = cases(SEEDS, list(SURFACES))
-    felt = each(feel, [(session,) for session in sessions], what="stroking")
-    write("felt", felt_figure([one for outcomes in felt for one in outcomes]))
 
 
 if __name__ == "__main__":
