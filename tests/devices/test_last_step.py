@@ -165,16 +165,27 @@ class Library:
 
 
 class HdHandle:
-    def __init__(self) -> None:
+    """Commanded by what `tick` gets, and by nothing new where that is None."""
+
+    def __init__(self, ramp_ms: int = 10, axes_n: Vector | None = None) -> None:
         self.library = Library()
-        self.servo = Servo(
-            self.library, self.library, 0, stale_ns=10**8, ramp_ns=10**7, limit_n=LIMIT_N
-        )
+        self.servo = self.made(ramp_ms, axes_n)
         self.servo.clock = lambda: self.library.now_ns
         self.servo.tick_ns = 0
 
-    def tick(self, force_n: Vector) -> Vector:
-        self.servo.force, self.servo.command_ns = force_n, self.library.now_ns
+    def made(self, ramp_ms: int, axes_n: Vector | None) -> Servo:
+        return Servo(
+            self.library, self.library, 0, limit_n=LIMIT_N, axes_limit_n=axes_n,
+            stale_ns=10**8, ramp_ns=10**6 * ramp_ms,
+        )  # fmt: skip
+
+    def command(self, force_n: Vector) -> None:
+        self.servo.force = force_n
+
+    def tick(self, force_n: Vector | None) -> Vector:
+        if force_n is not None:
+            self.command(force_n)
+            self.servo.command_ns = self.library.now_ns
         self.servo.tick(None)
         return self.library.shown
 
@@ -182,22 +193,19 @@ class HdHandle:
 class HdRobot(HdHandle):
     """Gets the numbers as its velocity, and as its target."""
 
-    def __init__(self) -> None:
-        self.library = Library()
-        options = RobotOptions(stiffness_n_mm=1.0)
-        self.servo = PositionServo(self.library, self.library, 0, options, LIMIT_N)
-        self.servo.clock = lambda: self.library.now_ns
-        self.servo.tick_ns = 0
+    def made(self, ramp_ms: int, axes_n: Vector | None) -> Servo:
+        options = RobotOptions(
+            stiffness_n_mm=1.0, ramp_ms=ramp_ms, axes="x,y,z", force_limit_n=axes_n or LIMIT_N
+        )
+        return PositionServo(self.library, self.library, 0, options, LIMIT_N)
 
-    def tick(self, force_n: Vector) -> Vector:
-        self.servo.target, self.servo.command_ns = force_n, self.library.now_ns
+    def command(self, force_n: Vector) -> None:
+        self.servo.target = force_n
         self.library.velocity = (0.0, 0.0, 0.0) if force_n is GOOD else force_n
-        self.servo.tick(None)
-        return self.library.shown
 
 
 class Inverse3:
-    def __init__(self) -> None:
+    def __init__(self, ramp_ms: int = 10, axes_n: None = None) -> None:
         self.now_ns = 10**12
         state = {"x": 0.0, "y": -0.15, "z": 0.15}
         still = {"x": 0.0, "y": 0.0, "z": 0.0}
@@ -207,11 +215,12 @@ class Inverse3:
             "status": {},
         }
         found = Found("049D", NAMES["3.5"], entry)
-        self.servo = ForceServo(found, 50.0, 10.0, LIMIT_N, lambda: self.now_ns)
+        self.servo = ForceServo(found, 50.0, ramp_ms, LIMIT_N, lambda: self.now_ns)
 
-    def tick(self, force_n: Vector) -> Vector:
+    def tick(self, force_n: Vector | None) -> Vector:
         self.now_ns += 1_000_000
-        self.servo.command, self.servo.command_ns = force_n, self.now_ns
+        if force_n is not None:
+            self.servo.command, self.servo.command_ns = force_n, self.now_ns
         self.servo.speak(self.now_ns)
         return self.servo.displayed_n
 
@@ -253,6 +262,28 @@ def test_a_force_is_finite_and_bounded_and_comes_back(make: Any, forces_n: list[
     for _ in range(400):
         shown = device.tick(GOOD)
     assert shown == pytest.approx(GOOD, abs=1e-6)
+
+
+BEYOND = st.builds(math.copysign, st.floats(1e6, 1e300), st.sampled_from([-1.0, 1.0]))
+
+
+@pytest.mark.parametrize(
+    ("make", "axes_n"),
+    [(HdHandle, None), (HdHandle, (1.0, 2.0, 0.5)), (HdRobot, None), (HdRobot, (1.0, 2.0, 0.5)),
+     (Inverse3, None)],
+)  # fmt: skip
+@settings(max_examples=30, deadline=None)
+@given(st.tuples(BEYOND, BEYOND, BEYOND))
+def test_a_force_beyond_the_limit_rises_and_falls_over_the_whole_ramp(
+    make: Any, axes_n: Vector | None, force_n: Vector
+) -> None:
+    device = make(ramp_ms=100, axes_n=axes_n)
+    full_n = LIMIT_N if axes_n is None else math.hypot(*axes_n)
+    rising = [math.hypot(*device.tick(force_n)) for _ in range(150)]
+    assert rising == pytest.approx([full_n * min(tick / 100, 1.0) for tick in range(150)])
+    falling = [math.hypot(*device.tick(None)) for _ in range(300)]
+    assert max(before - after for before, after in pairwise(falling)) <= 1.0001 * full_n / 100
+    assert falling[-1] == 0.0
 
 
 @settings(max_examples=80, deadline=None)

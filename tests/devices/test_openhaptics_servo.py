@@ -58,8 +58,8 @@ class Frame:
         return ErrorInfo(*self.errors.pop()) if self.errors else ErrorInfo()
 
 
-def servo(frame: Frame, **options: object) -> PositionServo:
-    made = PositionServo(frame, frame, 0, RobotOptions(**options), limit_n=3.0)
+def servo(frame: Frame, limit_n: float = 3.0, **options: object) -> PositionServo:
+    made = PositionServo(frame, frame, 0, RobotOptions(**options), limit_n)
     made.clock = lambda: frame.now_ns
     made.tick_ns = 0
     return made
@@ -159,8 +159,7 @@ def test_the_force_fades_when_commands_stop_and_returns_as_slowly() -> None:
 @settings(deadline=None)
 @given(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6), st.floats(0.001, 3.0))
 def test_the_force_never_exceeds_its_limit(target: float, velocity: float, limit: float) -> None:
-    made = servo(frame := Frame(1e9), speed_limit_mm_s=2000)
-    made.limit_n = limit
+    made = servo(frame := Frame(1e9), limit, speed_limit_mm_s=2000)
     frame.v = velocity * 1e-3
     for _ in range(120):
         made.target = [target, -target, target]

@@ -96,8 +96,8 @@ class ForceGuard(_Share):
         self._axes_n = axes_n
         self._last = _NOUGHT
 
-    def step(self, force_n: Vector) -> Vector:
-        """Return what is displayed (N)."""
+    def step(self, force_n: Vector, faded: float = 1.0) -> Vector:
+        """Return what is displayed (N): the bounded force, times what a fade lets through."""
         x, y, z = force_n
         finite = math.isfinite(x) and math.isfinite(y) and math.isfinite(z)
         if finite:
@@ -105,8 +105,6 @@ class ForceGuard(_Share):
                 a, b, c = self._axes_n
                 force_n = clipped(force_n, (-a, -b, -c), (a, b, c))
             self._last = bounded(force_n, self._limit_n)
-            if self._share == 1.0:
-                return self._last
-        share = self._step(finite=finite)
         x, y, z = self._last
+        share = faded if finite and self._share == 1.0 else faded * self._step(finite=finite)
         return (share * x, share * y, share * z)

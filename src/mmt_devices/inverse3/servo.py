@@ -241,8 +241,7 @@ class ForceServo(Servo):
         share, begins = self._fade.step(now_ns, self.command_ns)
         if begins:
             self.counts["stale commands"] += 1
-        x, y, z = self.command
-        self.displayed_n = self._guard.step((share * x, share * y, share * z))
+        self.displayed_n = self._guard.step(self.command, share)
         return force_command(self.device, self._names, self.displayed_n)
 
 

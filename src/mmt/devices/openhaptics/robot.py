@@ -63,10 +63,10 @@ class PositionServo(Servo):
         self._pushed_at = (0.0, 0.0, 0.0)
         self._pushed_ns = 0
 
-    def drive(self, now_ns: int, share: float) -> Vector:
-        """Return the force of this tick."""
+    def drive(self, now_ns: int) -> Vector:
+        """Return the force of this tick, before it is bounded and faded."""
         x, y, z = self.position
-        if share == 0.0:
+        if self.share == 0.0:
             self._point = (x, y, z)
             self._pushed_ns = now_ns
             return (0.0, 0.0, 0.0)
@@ -77,14 +77,12 @@ class PositionServo(Servo):
         fx = stiffness * (a - x) - damping * u
         fy = stiffness * (b - y) - damping * v
         fz = stiffness * (c - z) - damping * w
-        size = math.sqrt(fx * fx + fy * fy + fz * fz)
-        scale = share if size <= self.limit_n else share * self.limit_n / size
-        if share < 1.0 or size <= self.limit_n or (x, y, z) != self._pushed_at:
+        within = math.hypot(fx, fy, fz) <= self.limit_n
+        if self.share < 1.0 or within or (x, y, z) != self._pushed_at:
             self._pushed_at, self._pushed_ns = (x, y, z), now_ns
         elif now_ns - self._pushed_ns > _STUCK_NS:
             self.distrust(STUCK, now_ns - _STUCK_NS)
-            scale = 0.0
-        return (scale * fx, scale * fy, scale * fz)
+        return (fx, fy, fz)
 
 
 class OpenHapticsRobot(HdDriver[PositionServo]):

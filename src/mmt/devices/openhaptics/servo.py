@@ -117,7 +117,8 @@ class Servo:
             self._measure(now_ns)
             if self.request is not None:
                 self.answer, self.request = self.request(), None
-            self._display(self.drive(now_ns, self._fade(now_ns)))
+            self._fade(now_ns)
+            self._display(self.drive(now_ns))
             self._set(_FORCE, self.displayed)
             self._end(self._handle)
             error = self._error()
@@ -175,20 +176,19 @@ class Servo:
         first_ns = since_ns if self.senseless is None else self.senseless[1]
         self.senseless = (problem, first_ns)
 
-    def drive(self, now_ns: int, share: float) -> Vector:  # noqa: ARG002 - a controller needs it
-        """Return the force of this tick from what is commanded."""
-        x, y, z = self.force
-        return (share * x, share * y, share * z)
+    def drive(self, now_ns: int) -> Vector:  # noqa: ARG002 - a controller needs it
+        """Return the force of this tick from what is commanded, before it is bounded and faded."""
+        return self.force
 
     def _display(self, force_n: Vector) -> None:
-        """Set `displayed`, after which nothing is computed: finite, and within the limit."""
+        """Set `displayed`, after which nothing is computed: finite, within the limit, and faded."""
         bad = self.guard.not_finite
-        self.displayed[:] = self.guard.step(force_n)
+        self.displayed[:] = self.guard.step(force_n, self.share)
         if self.guard.not_finite != bad:
             self.counts["forces that are not finite"] += 1
 
-    def _fade(self, now_ns: int) -> float:
-        """Return the share of the force that is displayed now."""
+    def _fade(self, now_ns: int) -> None:
+        """Set the share of the force that is displayed now."""
         passed_ns = now_ns - self.tick_ns
         change = (passed_ns if passed_ns < _LONGEST_STEP_NS else _LONGEST_STEP_NS) / self._ramp_ns
         command_ns = self.command_ns
@@ -200,7 +200,6 @@ class Servo:
             if self.share == 1.0:
                 self.counts["stale commands"] += 1
             self.share = self.share - change if self.share > change else 0.0
-        return self.share
 
     def _note(self, error: Any, now_ns: int) -> None:
         """Count the frame's errors, and let the force rest after them."""
