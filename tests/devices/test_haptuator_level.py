@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import platformdirs
@@ -17,6 +18,7 @@ from mmt.devices.calibrations import save_calibration
 from mmt.devices.haptuator.drive import VoltageDrive, level_of, store_level
 from mmt.devices.haptuator.equaliser import TAPS, Equaliser, fit_equaliser, sweep
 from mmt.devices.haptuator.options import HaptuatorOptions
+from mmt.evaluation.at_skin import at_skin
 from mmt.texture.synthesis.actuator import FREQUENCIES_HZ, ActuatorResponse
 
 
@@ -96,7 +98,31 @@ def test_the_band_begins_where_the_actuator_can_still_be_raised(
     response = ActuatorResponse(drive.gain(FREQUENCIES_HZ), drive.low_hz)
     told = response.played_share(density[np.newaxis])[0]
     assert 10.0 * np.log10(told / measured) == pytest.approx(0.0, abs=0.4)
-    assert ActuatorResponse.from_dict(json.loads(json.dumps(response.as_dict()))) is not None
+    again = ActuatorResponse.from_dict(json.loads(json.dumps(response.as_dict())))
+    np.testing.assert_allclose(again.gain, response.gain, atol=1e-4)
+
+
+NO_SIZE = st.one_of(
+    st.none(), st.text(), st.lists(st.floats()), st.sampled_from([10**400, -(10**400), -1e-9]),
+    st.floats().filter(lambda value: not 0.0 <= value <= 1e6),
+)  # fmt: skip
+
+
+@given(NO_SIZE, st.integers(0, 97), st.integers(0, 200).filter(lambda count: count != 98))
+def test_a_recording_that_tells_no_response_of_an_actuator_is_explained(
+    value: object, place: int, count: int
+) -> None:
+    gain: list[object] = [1.0] * 98
+    spoilt: list[object] = [*gain[:place], value, *gain[place + 1 :]]
+    for gains, low_hz, name in (
+        (spoilt, 90.0, "gain"), ([1.0] * count, 90.0, "gain"), (value, 90.0, "gain"),
+        (gain, value, "low_hz"),
+    ):  # fmt: skip
+        event = {"event": "actuator response", "gain": gains, "low_hz": low_hz}
+        session = SimpleNamespace(path=Path("a.mcap"), events=[event])
+        strokes = SimpleNamespace(force_n=np.ones(1))
+        with pytest.raises(InputError, match=f"a.mcap.*'actuator response' {name} must be"):
+            at_skin(session, object(), None, strokes)
 
 
 def test_what_tells_nothing_is_refused() -> None:

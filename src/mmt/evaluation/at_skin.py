@@ -1,21 +1,21 @@
 """The error at the skin: of the model and of what the session's actuator made of it."""
 
-from collections.abc import Iterable
-
 import numpy as np
 
+from mmt.core.errors import InputError
 from mmt.evaluation.grid_errors import Strokes
 from mmt.evaluation.results import AtSkin
 from mmt.evaluation.truth import KnownTexture
-from mmt.session.data import JsonObject
+from mmt.session.stream import Recording
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.synthesis.actuator import FREQUENCIES_HZ, ActuatorResponse
 
+_EVENT = "actuator response"
 _LEAST = 1e-12
 
 
 def at_skin(
-    events: Iterable[JsonObject],
+    session: Recording,
     model: TextureModel | None,
     truth: KnownTexture | None,
     strokes: Strokes,
@@ -24,19 +24,27 @@ def at_skin(
 
     Parameters
     ----------
-    events
-        Those of the recording; the last response holds.
+    session
+        The recording; the last response of its events holds.
     model
         What was rendered.
     truth
         The known texture, None where there is none: the model then stands for it.
     strokes
         The strokes made.
+
+    Raises
+    ------
+    InputError
+        What the recording tells is no response.
     """
-    told = [event for event in events if event.get("event") == "actuator response"]
-    response = ActuatorResponse.from_dict(told[-1]) if told else None
-    if response is None or model is None or not len(strokes.force_n):
+    told = [event for event in session.events if event.get("event") == _EVENT]
+    if not told or model is None or not len(strokes.force_n):
         return None
+    try:
+        response = ActuatorResponse.from_dict(told[-1])
+    except InputError as error:
+        raise InputError(f"session {session.path}: in its event {_EVENT!r} {error}") from error
     density = model.spectrum(*strokes.inputs(model.space).T, frequencies_hz=FREQUENCIES_HZ)
     wanted = density if truth is None else truth.spectrum(strokes, FREQUENCIES_HZ)
     played = (density * response.gain**2).sum(axis=1) + _LEAST

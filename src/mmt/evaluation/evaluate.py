@@ -186,7 +186,7 @@ def evaluate_session(
         models=leader,
         power_map=errors,
         control=control_periods(session.events, duration_s),
-        at_skin=at_skin(session.events, model, truth, strokes),
+        at_skin=at_skin(session, model, truth, strokes),
         processing_s=time.perf_counter() - started,
     )
 

@@ -1,16 +1,19 @@
 """What an actuator makes of a texture: how much of its power reaches the skin."""
 
 from collections.abc import Mapping
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeGuard
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray
+from mmt.core.errors import InputError
 from mmt.texture.model.texture_model import TextureModel
 
 FREQUENCIES_HZ: Final = np.arange(10.0, 500.0, 5.0)
 """Where a response is told and a texture's power is summed."""
 _MOST_STROKES: Final = 64
+_LARGEST: Final = 1e6
+"""No gain and no frequency of an actuator is larger."""
 
 
 class ActuatorResponse(NamedTuple):
@@ -26,14 +29,21 @@ class ActuatorResponse(NamedTuple):
         return {"gain": np.round(self.gain, 4).tolist(), "low_hz": self.low_hz}
 
     @classmethod
-    def from_dict(cls, found: Mapping[str, Any]) -> "ActuatorResponse | None":
-        """Return what `as_dict` gave, None for anything else."""
+    def from_dict(cls, found: Mapping[str, Any]) -> "ActuatorResponse":
+        """Return what `as_dict` gave.
+
+        Raises
+        ------
+        InputError
+            Something else is found there.
+        """
         gain, low_hz = found.get("gain"), found.get("low_hz")
-        if not isinstance(gain, list) or not isinstance(low_hz, int | float):
-            return None
-        numbers = np.array(gain, dtype=np.float64)
-        fits = numbers.shape == FREQUENCIES_HZ.shape and np.isfinite(numbers).all()
-        return cls(numbers, float(low_hz)) if fits else None
+        count = len(FREQUENCIES_HZ)
+        if not isinstance(gain, list) or len(gain) != count or not all(map(_is_size, gain)):
+            raise InputError(f"gain must be a list of {count} numbers from 0 to {_LARGEST:g}")
+        if not _is_size(low_hz):
+            raise InputError(f"low_hz must be a number from 0 to {_LARGEST:g}")
+        return cls(np.array(gain, dtype=np.float64), float(low_hz))
 
     def played_share(self, density: FloatArray) -> FloatArray:
         """Return the share of the power that reaches the skin, (k,).
@@ -51,6 +61,10 @@ class ActuatorResponse(NamedTuple):
         inputs = model.samples.inputs[:: max(1, len(model.samples) // _MOST_STROKES)]
         density = model.spectrum(*inputs.T, frequencies_hz=FREQUENCIES_HZ)
         return float(np.mean(self.played_share(density)))
+
+
+def _is_size(value: object) -> TypeGuard[float]:
+    return isinstance(value, int | float) and 0.0 <= value <= _LARGEST
 
 
 def level_at_skin_db(share: float) -> float:
