@@ -49,6 +49,7 @@ def test_gains_at_zero_and_at_the_cutoff(share: float) -> None:
         back = np.exp(-2j * np.pi * cutoff_hz / RATE_HZ) ** np.arange(3)
         b, a = taps(biquad)
         assert abs((b @ back) / (a @ back)) == pytest.approx(math.sqrt(0.5), rel=1e-6)
+        assert biquad.gain_at(np.array([cutoff_hz])) == pytest.approx(math.sqrt(0.5), rel=1e-6)
 
 
 @pytest.mark.parametrize(

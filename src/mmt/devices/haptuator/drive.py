@@ -184,11 +184,9 @@ class VoltageDrive:
         By the sweep; without one the actuator is taken to be even, and this is what the filters do.
         """
         unit = np.exp(-2j * np.pi * frequencies_hz / self._rate_hz)
-        total = np.polyval(self._taps[::-1], unit)
+        gain = np.abs(np.polyval(self._taps[::-1], unit))
         for each in self._biquads:
-            total = total * np.polyval((each.b2, each.b1, each.b0), unit)
-            total = total / np.polyval((each.a2, each.a1, 1.0), unit)
-        gain = np.abs(total)
+            gain = gain * each.gain_at(frequencies_hz)
         if self._level.response:
             known = np.interp(
                 frequencies_hz, self._level.response_hz, self._level.response, left=0.0

@@ -15,6 +15,9 @@ import cmath
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
+from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 
 SMALLEST = 1e-30
@@ -45,6 +48,12 @@ class Biquad:
     def gain_at_zero(self) -> float:
         """The gain for a constant input."""
         return (self.b0 + self.b1 + self.b2) / (1.0 + self.a1 + self.a2)
+
+    def gain_at(self, frequencies_hz: FloatArray) -> FloatArray:
+        """Return the magnitude of the gain at frequencies (f,), shape (f,)."""
+        back = np.exp(-2j * np.pi * frequencies_hz / self.rate_hz)
+        numerator = self.b0 + (self.b1 + self.b2 * back) * back
+        return np.asarray(np.abs(numerator / (1.0 + (self.a1 + self.a2 * back) * back)))
 
     def delay_samples(self, at_hz: float) -> float:
         """Return the group delay in samples at a frequency at which the gain is not zero.
