@@ -1,7 +1,11 @@
 """The level of a Haptuator and its equaliser: fitted, stored, and used."""
 
 import json
+import math
+from dataclasses import asdict
+from itertools import pairwise
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import SimpleNamespace
 
 import numpy as np
@@ -32,6 +36,9 @@ def heard(noise_m_s2: float = 0.05, late: int = 17) -> tuple[np.ndarray, np.ndar
     volts = sweep(2.0, 60.0, 490.0, 6.0)
     noise = np.random.default_rng(1).normal(0.0, noise_m_s2, len(volts))
     return volts, np.roll(actuator(volts), late) + noise
+
+
+SPOILT = st.one_of(st.none(), st.text(), st.sampled_from([math.nan, math.inf, 10**400, [1.0]]))
 
 
 @pytest.fixture
@@ -199,5 +206,33 @@ def test_the_command_explains_a_recording_that_it_cannot_use(home: Path) -> None
 
 
 def test_an_equaliser_is_stored_whole(home: Path) -> None:
-    path = store_level(Equaliser(0.2, (1.0, -0.5), 3.0, 0.1, 0.99, 55.0, (50.0,), (9.0,)), "B")
+    fitted = Equaliser(
+        0.2, (1.0, -0.5), 55.0, (50.0,), (9.0,), unevenness_db=3.0, remaining_db=0.1, coherence=0.99
+    )
+    path = store_level(fitted, "B")
     assert json.loads(path.read_text())["taps"] == [1.0, -0.5]
+    level = level_of(HaptuatorOptions(serial="B", full_scale_v=6.0))
+    assert asdict(level).items() <= asdict(fitted).items()
+
+
+@given(
+    st.lists(st.tuples(st.floats(0.0, 500.0), st.floats(0.0, 50.0)), max_size=6),
+    st.lists(st.tuples(st.integers(0, 1), st.integers(0, 5), SPOILT), max_size=2),
+)
+def test_a_stored_response_is_taken_in_pairs_or_refused(
+    pairs: list[tuple[float, float]], spoils: list[tuple[int, int, object]]
+) -> None:
+    lists: list[list] = [[at for at, _ in pairs], [gain for _, gain in pairs]]
+    for which, place, value in spoils:
+        lists[which][place : place + 1] = [value]
+    with TemporaryDirectory() as home:
+        values = {"volts_per_m_s2": 0.1, "taps": [1.0], "response_hz": lists[0]}
+        save_calibration("haptuator", "x", {**values, "response": lists[1]}, Path(home))
+        try:
+            level = level_of(HaptuatorOptions(serial="x", full_scale_v=6.0), Path(home))
+        except InputError as error:
+            rising = all(low < high for (low, _), (high, _) in pairwise(pairs))
+            assert spoils or not rising
+            assert "make it again" in str(error)  # noqa: PT017 - it may be taken as well
+        else:
+            assert [list(level.response_hz), list(level.response)] == lists

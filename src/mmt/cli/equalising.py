@@ -1,6 +1,6 @@
 """`mmt device equalise`: from a sweep, recorded or played now, to a stored level and equaliser."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -92,7 +92,7 @@ def equalise(what: str | None, fit: Fit, live: Live) -> None:
     )
     output.print(f"stored in {path}", highlight=False, soft_wrap=True)
     output.print(f'the drivers take it by: serial = "{serial}"', highlight=False)
-    write_json(fit.json_file, {**fitted._asdict(), "serial": serial, "file": str(path), **played})
+    write_json(fit.json_file, {**asdict(fitted), "serial": serial, "file": str(path), **played})
     raise_problems(problems)
 
 

@@ -3,36 +3,25 @@
 import math
 from collections import deque
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from operator import mul
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
+from pydantic import TypeAdapter, ValidationError
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.core.guards import SampleGuard
 from mmt.devices.calibrations import calibration_file, load_calibration, save_calibration
-from mmt.devices.haptuator.equaliser import TAPS, Equaliser
-from mmt.devices.haptuator.options import DATA_SHEET_LOW_HZ, HaptuatorOptions
+from mmt.devices.haptuator.equaliser import Equaliser, Level
+from mmt.devices.haptuator.options import HaptuatorOptions
 from mmt.devices.protocols import ActuatorStatistics
 from mmt.texture.signals.biquad import BiquadFilter, bessel_low_pass, butterworth_high_pass
 
 DEVICE: Final = "haptuator"
-
-
-class Level(NamedTuple):
-    """What the drive needs of an actuator."""
-
-    volts_per_m_s2: float
-    taps: tuple[float, ...]
-    """Taps of the equaliser, (1.0,) for none."""
-    low_hz: float = DATA_SHEET_LOW_HZ
-    """From here on it can be driven."""
-    response_hz: tuple[float, ...] = ()
-    """Frequencies at which its own response is known."""
-    response: tuple[float, ...] = ()
-    """Acceleration over voltage there, m/s2 for 1 V."""
+_STORED: Final = TypeAdapter(Level)
 
 
 def level_of(options: HaptuatorOptions, directory: Path | None = None) -> Level:
@@ -54,21 +43,13 @@ def level_of(options: HaptuatorOptions, directory: Path | None = None) -> Level:
             f"no calibration of Haptuator {serial} is stored: make one by 'mmt device equalise', "
             "or give 'volts_per_m_s2'"
         )
-    volts, taps = _number(stored.get("volts_per_m_s2")), stored.get("taps")
-    numbers = [_number(tap) for tap in taps] if isinstance(taps, list) else []
-    if volts is None or volts <= 0.0 or not 1 <= len(numbers) <= TAPS or None in numbers:
+    try:
+        return _STORED.validate_python(stored)
+    except ValidationError as error:
         raise InputError(
             f"the calibration {calibration_file(DEVICE, serial, directory)} is not that of a "
             "Haptuator: make it again by 'mmt device equalise'"
-        )
-    low_hz = _number(stored.get("low_hz"))
-    known = [_numbers(stored.get(name)) for name in ("response_hz", "response")]
-    level = Level(volts, tuple(number for number in numbers if number is not None))
-    if low_hz is not None and 1.0 <= low_hz <= _LARGEST_LOW_HZ:
-        level = level._replace(low_hz=low_hz)
-    if len(known[0]) == len(known[1]):  # an earlier calibration has none
-        level = level._replace(response_hz=known[0], response=known[1])
-    return level
+        ) from error
 
 
 def store_level(equaliser: Equaliser, serial: str, directory: Path | None = None) -> Path:
@@ -79,25 +60,11 @@ def store_level(equaliser: Equaliser, serial: str, directory: Path | None = None
     MmtError
         It cannot be written.
     """
-    values = {
-        name: list(value) if isinstance(value, tuple) else value
-        for name, value in equaliser._asdict().items()
-    }
-    return save_calibration(DEVICE, serial, values, directory)
-
-
-def _numbers(values: object) -> tuple[float, ...]:
-    numbers = [_number(value) for value in values] if isinstance(values, list) else []
-    return tuple(number for number in numbers if number is not None)
-
-
-def _number(value: object) -> float | None:
-    return float(value) if isinstance(value, int | float) and math.isfinite(value) else None
+    return save_calibration(DEVICE, serial, asdict(equaliser), directory)
 
 
 FADE_S: Final = 0.01
 """Over this a voltage that is not finite fades out, and the next in again."""
-_LARGEST_LOW_HZ: Final = 400.0
 _HIGHEST_SHARE: Final = 0.4999
 """A low-pass above this share of the rate would pass all that there is."""
 

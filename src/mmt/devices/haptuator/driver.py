@@ -6,7 +6,8 @@ from typing import Final
 
 from mmt.core.arrays import FloatArray
 from mmt.core.guards import SampleGuard
-from mmt.devices.haptuator.drive import FADE_S, Level, VoltageDrive
+from mmt.devices.haptuator.drive import FADE_S, VoltageDrive
+from mmt.devices.haptuator.equaliser import Level
 from mmt.devices.haptuator.options import HaptuatorOptions
 
 RATE_HZ: Final = 1000.0

@@ -6,15 +6,18 @@ equaliser corrects the magnitude alone: its gain is the inverse of the transfer'
 a bound, and its phase is the least that goes with it (A. V. Oppenheim, R. W. Schafer:
 *Discrete-Time Signal Processing*, the minimum-phase sequence from the real cepstrum), cut to a
 short FIR filter. So it adds no delay, cannot be unstable, and never amplifies beyond the bound.
-Numpy alone.
 """
 
-from typing import Final, NamedTuple
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Annotated, Final
 
 import numpy as np
+from pydantic import Field
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
+from mmt.devices.haptuator.options import DATA_SHEET_LOW_HZ
 
 RATE_HZ: Final = 1000.0
 """Rate of the session, the only one that is supported."""
@@ -36,24 +39,45 @@ _FREQUENCIES_HZ: Final = np.fft.rfftfreq(_SEGMENT, 1.0 / RATE_HZ)
 Spectrum = np.ndarray[tuple[int], np.dtype[np.complex128]]
 
 
-class Equaliser(NamedTuple):
-    """The level of an actuator on its handle, and what evens it out."""
+_Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 
-    volts_per_m_s2: float
-    taps: tuple[float, ...]
-    """Taps of an FIR filter at 1 kHz."""
+
+@dataclass(frozen=True)
+class Level:
+    """The level of an actuator on its handle, and what evens it out.
+
+    Raises
+    ------
+    ValueError
+        The response is not one number for each of rising frequencies.
+    """
+
+    volts_per_m_s2: Annotated[_Number, Field(gt=0)]
+    taps: Annotated[tuple[_Number, ...], Field(min_length=1, max_length=TAPS)]
+    """Taps of an FIR filter at 1 kHz, (1.0,) for none."""
+    low_hz: Annotated[_Number, Field(ge=1, lt=RATE_HZ / 2)] = DATA_SHEET_LOW_HZ
+    """From here on the actuator can be driven."""
+    response_hz: tuple[_Number, ...] = ()
+    """Frequencies at which its own response is known."""
+    response: tuple[_Number, ...] = ()
+    """Acceleration over voltage there, m/s2 for 1 V, smoothed."""
+
+    def __post_init__(self) -> None:
+        rising = all(low < high for low, high in pairwise(self.response_hz))
+        if not rising or len(self.response_hz) != len(self.response):
+            raise ValueError("a response needs one number for each of its rising frequencies")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Equaliser(Level):
+    """A level as it was fitted, and how well."""
+
     unevenness_db: float
     """Standard deviation of the level over the band, in dB, without it."""
     remaining_db: float
     """And with it."""
     coherence: float
     """Share of the acceleration's power that the voltage explains, median over the band."""
-    low_hz: float
-    """From here on the actuator can be driven."""
-    response_hz: tuple[float, ...]
-    """Frequencies of `response`."""
-    response: tuple[float, ...]
-    """Acceleration over voltage, m/s2 for 1 V, smoothed."""
 
 
 def sweep(amplitude_v: float, low_hz: float, high_hz: float, duration_s: float) -> FloatArray:
@@ -115,7 +139,6 @@ def fit_equaliser(
         while lowest > 1 and obeys[lowest - 1]:
             lowest -= 1
         band[lowest:] |= _FREQUENCIES_HZ[lowest:] < first_hz
-    low_hz = float(_FREQUENCIES_HZ[band][0])
     explained = float(np.median(coherence[band]))
     if explained < _LEAST_COHERENCE:
         raise InputError(
@@ -141,7 +164,7 @@ def fit_equaliser(
         unevenness_db=float(np.std(20.0 * np.log10(np.abs(transfer[band])))),
         remaining_db=float(np.std(20.0 * np.log10(evened))),
         coherence=explained,
-        low_hz=low_hz,
+        low_hz=float(_FREQUENCIES_HZ[band][0]),
         response_hz=tuple(_FREQUENCIES_HZ[driven].tolist()),
         response=tuple(smooth[driven].tolist()),
     )

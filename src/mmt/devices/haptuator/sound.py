@@ -15,8 +15,8 @@ from mmt.core.extras import require
 from mmt.devices.drivers import read_options
 from mmt.devices.haptuator import sound_library
 from mmt.devices.haptuator.card_buffer import CardBuffer
-from mmt.devices.haptuator.drive import Level
 from mmt.devices.haptuator.driver import RATE_HZ, SILENCE_NS, HaptuatorDriver
+from mmt.devices.haptuator.equaliser import Level
 from mmt.devices.haptuator.options import HaptuatorOptions
 from mmt.devices.haptuator.sound_library import load_sounddevice
 from mmt.devices.protocols import ActuatorStatistics

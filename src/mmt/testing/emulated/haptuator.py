@@ -6,8 +6,9 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.devices.drivers import read_options
-from mmt.devices.haptuator.drive import Level
+from mmt.devices.haptuator.equaliser import Level
 from mmt.devices.haptuator.sound import DRIVER, SoundHaptuator, SoundOptions
+from mmt.testing.emulated.coil import swept_level
 from mmt.testing.emulated.sound_card import EmulatedSoundCard
 
 _HISTORY_S: Final = 10.0
@@ -26,11 +27,7 @@ def emulated_haptuator(log: str | None = None, **options: Any) -> "EmulatedHaptu
         An option is not allowed.
     """
     checked = read_options(SoundOptions, DRIVER, options)
-    level = None
-    if checked.serial is not None:
-        from mmt.testing.emulated.coil import swept_level
-
-        level = swept_level()
+    level = None if checked.serial is None else swept_level()
     return EmulatedHaptuator(checked, level, None if log is None else Path(log))
 
 
