@@ -244,7 +244,7 @@ class LeaderForce:
 
 class Guard:
     def __init__(self) -> None:
-        self.guard = ForceGuard(LIMIT_N, 10, (1.0, 2.0, LIMIT_N))
+        self.guard = ForceGuard(LIMIT_N, (1.0, 2.0, LIMIT_N))
 
     def tick(self, force_n: Vector) -> Vector:
         return self.guard.step(force_n)

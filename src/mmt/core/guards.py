@@ -11,6 +11,8 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, Vector, bounded, clipped
 
+_FADE: Final = 10
+"""Values over which what is not finite fades out, and the next ones in again."""
 _NOUGHT: Final[Vector] = (0.0, 0.0, 0.0)
 
 
@@ -49,7 +51,7 @@ class SampleGuard(_Share):
         Samples over which the signal fades out where it is not finite, and in again.
     """
 
-    def __init__(self, limit: float, fade: int) -> None:
+    def __init__(self, limit: float, fade: int = _FADE) -> None:
         super().__init__(fade)
         self._limit = limit
         self._last = 0.0
@@ -84,14 +86,12 @@ class ForceGuard(_Share):
     ----------
     limit_n
         Largest force (N), along any direction.
-    fade
-        As of `SampleGuard`.
     axes_n
         Largest force along each axis by itself; None for no further bound.
     """
 
-    def __init__(self, limit_n: float, fade: int, axes_n: Vector | None = None) -> None:
-        super().__init__(fade)
+    def __init__(self, limit_n: float, axes_n: Vector | None = None) -> None:
+        super().__init__(_FADE)
         self._limit_n = limit_n
         self._axes_n = axes_n
         self._last = _NOUGHT
@@ -106,5 +106,5 @@ class ForceGuard(_Share):
                 force_n = clipped(force_n, (-a, -b, -c), (a, b, c))
             self._last = bounded(force_n, self._limit_n)
         x, y, z = self._last
-        share = faded if finite and self._share == 1.0 else faded * self._step(finite=finite)
+        share = faded * self._step(finite=finite)
         return (share * x, share * y, share * z)

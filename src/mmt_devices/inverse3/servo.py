@@ -44,7 +44,6 @@ _STUCK_NS: Final = 500_000_000
 """A tip that is pulled as far as it may be moves by the least bit within this, unless it is held
 fast, or the service does not obey."""
 _LONGEST_STEP_S: Final = 0.005
-_FADE_TICKS: Final = 10
 
 
 class Found(NamedTuple):
@@ -230,7 +229,7 @@ class ForceServo(Servo):
     ) -> None:
         super().__init__(found, stale_ms, clock)
         self._fade = Fade(self.stale_ns, round(ramp_ms * 1e6))
-        self._guard = ForceGuard(limit_n, _FADE_TICKS)
+        self._guard = ForceGuard(limit_n)
 
     def speak(self, now_ns: int) -> str:
         """Return the command of the force, faded."""

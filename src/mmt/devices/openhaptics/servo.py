@@ -30,7 +30,6 @@ STUCK: Final = "a position that stays the same under the largest force"
 _LONGEST_STEP_NS: Final = 10_000_000
 _COOLING_NS: Final = 1_000_000_000
 _MOST_ERRORS: Final = 8
-_FADE_TICKS: Final = 10
 _POSITION, _VELOCITY, _FORCE = (
     ctypes.c_uint32(name) for name in (CURRENT_POSITION, CURRENT_VELOCITY, CURRENT_FORCE)
 )
@@ -88,7 +87,7 @@ class Servo:
         self.senseless: tuple[str, int] | None = None
         """What is wrong with the measurements, and since when."""
         self.force: Vector = (0.0, 0.0, 0.0)
-        self.guard: Final = ForceGuard(limit_n, _FADE_TICKS, axes_limit_n)
+        self.guard: Final = ForceGuard(limit_n, axes_limit_n)
         self.displayed = Vector3()
         self.command_ns: int | None = None
         self.share = 0.0

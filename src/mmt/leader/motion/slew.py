@@ -8,9 +8,6 @@ from mmt.core.guards import ForceGuard, SampleGuard
 from mmt.devices.protocols import Vector
 from mmt.leader.motion.feedback import ForceDisplay
 
-_FADE_TICKS: Final = 10
-"""What is not finite fades out over these, and the next in again."""
-
 
 class GuardedDisplay:
     """Writes forces to a display, each finite, bounded and near the one before.
@@ -31,7 +28,7 @@ class GuardedDisplay:
         self._display = display
         self._largest_step_n = largest_step_n
         self._written: Vector = (0.0, 0.0, 0.0)
-        self.guard: Final = ForceGuard(limit_n, _FADE_TICKS)
+        self.guard: Final = ForceGuard(limit_n)
         """Counts what was not finite."""
         self.limited_writes = 0
         """Writes that were asked to change the force by more."""
@@ -59,7 +56,7 @@ class VibrationSlew:
     def __init__(self, limit_m_s2: float, largest_step_m_s2: float = math.inf) -> None:
         self._largest_step = largest_step_m_s2
         self._last = 0.0
-        self.guard: Final = SampleGuard(limit_m_s2, _FADE_TICKS)
+        self.guard: Final = SampleGuard(limit_m_s2)
         """Counts what was not finite."""
         self.limited_samples = 0
         """Samples that were to change by more."""

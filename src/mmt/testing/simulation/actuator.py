@@ -2,14 +2,11 @@
 
 import math
 from collections.abc import Sequence
-from typing import Final
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.core.guards import SampleGuard
 from mmt.devices.protocols import ActuatorStatistics
-
-_FADE_SAMPLES: Final = 10
 
 
 class SimulatedActuator:
@@ -34,14 +31,14 @@ class SimulatedActuator:
         if not (math.isfinite(limit_m_s2) and limit_m_s2 > 0.0):
             raise InputError(f"limit_m_s2 is {limit_m_s2}, it must be above 0")
         self._limit = limit_m_s2
-        self._guard = SampleGuard(limit_m_s2, _FADE_SAMPLES)
+        self._guard = SampleGuard(limit_m_s2)
         self._samples = 0
         self._sum_squares = 0.0
         self._peak = 0.0
 
     def connect(self) -> None:
         """Reset the statistics."""
-        self._guard = SampleGuard(self._limit, _FADE_SAMPLES)
+        self._guard = SampleGuard(self._limit)
         self._samples = 0
         self._sum_squares = self._peak = 0.0
 
