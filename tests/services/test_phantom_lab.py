@@ -9,14 +9,18 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from mmt.cli.emulated_pair import pair_named, write_emulated
 from mmt.core.errors import InputError
+from mmt.evaluation.coil import coil_figures
 from mmt.scene.files import load_scene
-from mmt.testing.emulated.phantom import SERIES_N_MM, WALL_N_MM
+from mmt.testing.emulated.phantom import ROBOT_N_MM, WALL_N_MM, series_n_mm
 
 
 def mmt(folder: Path, *arguments: str, **variables: str) -> "subprocess.CompletedProcess[str]":
@@ -77,7 +81,7 @@ def test_vibration_at_the_coil_begins_and_ends_with_the_hands_own_contact(tmp_pa
     assert 0.0 < coil["output_latency_ms"] < 60.0
     contact = figures["leader"]["handle"]["contact"]
     assert contact["surface_mm"] == pytest.approx(0.0, abs=0.5)
-    assert contact["stiffness_n_mm"] == pytest.approx(SERIES_N_MM, rel=0.15)
+    assert contact["stiffness_n_mm"] == pytest.approx(series_n_mm(), rel=0.15)
     surface = figures["leader"]["feedback"]["surface"]
     assert surface["stiffness_n_mm"] == pytest.approx(WALL_N_MM, rel=0.3)
     assert figures["leader"]["vibration"]["not_finite"] == 0
@@ -85,6 +89,29 @@ def test_vibration_at_the_coil_begins_and_ends_with_the_hands_own_contact(tmp_pa
     way = np.load(tmp_path / "mmt-demo" / "hand.npz")["way"]
     assert way.shape[1] == 7
     assert np.isfinite(way).all()
+
+
+@settings(max_examples=5, deadline=None)
+@given(st.floats(0.1, 5.0), st.integers(0, 9))
+def test_the_coil_is_judged_by_the_force_that_the_runs_robot_makes(
+    robot_n_mm: float, seed: int
+) -> None:
+    times_s = np.arange(6000) / 1000.0
+    force_n = 1.5 * np.sin(3.0 * times_s)
+    volts = np.random.default_rng(seed).normal(size=len(times_s))
+    with TemporaryDirectory() as folder:
+        coil = Path(folder, "coil.npz")
+        np.savez(coil, volts=volts, rate_hz=1000.0, start_s=0.0)
+        figures = []
+        for stiffness_n_mm in (ROBOT_N_MM, robot_n_mm):
+            way = np.zeros((len(times_s), 7))
+            way[:, 0], way[:, 4] = times_s, 80.0
+            way[:, 3] = -force_n / series_n_mm(stiffness_n_mm)  # deeper where it gives way
+            hand = Path(folder, "hand.npz")
+            np.savez(hand, way=way)
+            figures.append(coil_figures(hand, coil, "plastic", stiffness_n_mm, 6.0, 0.0))
+    assert figures[0]["touches"]
+    assert figures[1] == pytest.approx(figures[0], abs=0.02)
 
 
 def test_without_a_compiler_the_demo_ends_with_a_sentence(tmp_path: Path) -> None:

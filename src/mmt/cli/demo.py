@@ -19,7 +19,7 @@ from mmt.cli.common import (
     summary_table,
     write_json,
 )
-from mmt.cli.emulated_pair import coil_log, hand_log, pair_named, write_emulated
+from mmt.cli.emulated_pair import Pair, coil_log, hand_log, pair_named, write_emulated
 from mmt.cli.ending import print_ending, typed
 from mmt.cli.guests import invite, with_flags
 from mmt.cli.scene_services import DemoRun, run_services
@@ -107,7 +107,7 @@ def demo(
                 verbose=verbose,
             )
         )
-        _report(run, output_directory, recording, json_file, verbose=verbose, play=monitor)
+        _report(run, output_directory, recording, pair, json_file, verbose=verbose, play=monitor)
         for guest in guests if not run.interrupted else ():
             if guest.lasting is not None:
                 with suppress(KeyboardInterrupt):
@@ -122,6 +122,7 @@ def _report(
     run: DemoRun,
     directory: Path,
     recording: Path,
+    pair: Pair | None,
     json_file: Path | None,
     *,
     verbose: bool,
@@ -135,7 +136,7 @@ def _report(
         A service failed, or something could not be written; the rest is there nevertheless.
     """
     content: dict[str, Any] = run.tables()
-    coil = _coil(run, directory)
+    coil = {} if pair is None else _coil(run, pair)
     if coil:
         content["coil"] = coil
     if verbose:
@@ -161,18 +162,21 @@ def _report(
     raise_problems([*problems, *map(MmtError, run.errors)])
 
 
-def _coil(run: DemoRun, directory: Path) -> dict[str, Any]:
+def _coil(run: DemoRun, pair: Pair) -> dict[str, Any]:
     """Return, and print, what an emulated coil did; empty where there was none."""
-    hand, coil = hand_log(directory), coil_log(directory)
+    hand, coil = hand_log(pair.leader.parent), coil_log(pair.leader.parent)
     vibration = run.leader.get("vibration", {})
     switches = [each for each in vibration.get("switches", ()) if each["mode"] == "synthesized"]
-    if not (hand.exists() and coil.exists() and switches):
+    devices = load_scene(pair.follower).devices
+    if not (hand.exists() and coil.exists() and switches and devices):
         return {}
     from mmt.evaluation.coil import coil_figures
+    from mmt.testing.emulated.phantom import ROBOT_N_MM
 
+    robot_n_mm = devices.robot.options.get("stiffness_n_mm", ROBOT_N_MM)
     since_s = run.leader["session"]["duration_s"] - switches[-1]["time_s"]
     latency_ms = vibration["actuator"]["latency_ms"] or 0.0
-    figures = coil_figures(hand, coil, LabOptions().surface, since_s, latency_ms)
+    figures = coil_figures(hand, coil, LabOptions().surface, robot_n_mm, since_s, latency_ms)
     if "begin_ms" in figures:
         output.print(
             "at the coil: vibration begins {begin_ms:+.1f} ms and ends {end_ms:+.1f} ms after the "

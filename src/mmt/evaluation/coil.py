@@ -15,7 +15,7 @@ from scipy import signal
 
 from mmt.core.arrays import FloatArray
 from mmt.testing.emulated.coil import coil_acceleration_m_s2
-from mmt.testing.emulated.phantom import SERIES_N_MM
+from mmt.testing.emulated.phantom import series_n_mm
 from mmt.testing.simulation.textures import get_surface
 from mmt.testing.simulation.vibration import vibration_of
 
@@ -30,7 +30,7 @@ _BAND_HZ: Final = (10.0, 450.0)
 
 
 def coil_figures(
-    hand: Path, coil: Path, surface: str, since_s: float, latency_ms: float
+    hand: Path, coil: Path, surface: str, robot_n_mm: float, since_s: float, latency_ms: float
 ) -> dict[str, Any]:
     """Return the figures of a session.
 
@@ -40,6 +40,8 @@ def coil_figures(
         What the emulated handle and the emulated card have written.
     surface
         Name of the surface.
+    robot_n_mm
+        Stiffness of the robot.
     since_s
         How long before the end the vibration began to come from the model.
     latency_ms
@@ -60,7 +62,8 @@ def coil_figures(
     )
     velocity = np.column_stack([np.interp(times_s, way[:, 0], way[:, k]) for k in (4, 5)])
     depth_mm = -np.interp(times_s, way[:, 0], way[:, 3])
-    oracle, touches = _oracle(surface, velocity, depth_mm)
+    force_n = series_n_mm(robot_n_mm) * np.maximum(depth_mm, 0.0)
+    oracle, touches = _oracle(surface, velocity, force_n)
     late = round(latency_ms * _RATE_HZ / 1000.0)
     at_coil = np.concatenate([at_coil[late:], np.zeros(late)])
     stroking = np.zeros(len(oracle), bool)
@@ -87,11 +90,10 @@ def coil_figures(
 
 
 def _oracle(
-    surface: str, velocity_mm_s: FloatArray, depth_mm: FloatArray
+    surface: str, velocity_mm_s: FloatArray, force_n: FloatArray
 ) -> tuple[FloatArray, list[tuple[int, int]]]:
     """Return the vibration at the hand's own motion, and first and last sample of each touch."""
     source = vibration_of(get_surface(surface), np.random.default_rng(7))
-    force_n = SERIES_N_MM * np.maximum(depth_mm, 0.0)
     speed = np.hypot(*velocity_mm_s.T)
     heading = velocity_mm_s / np.maximum(speed, 1e-9)[:, np.newaxis]
     made = np.array(
@@ -100,7 +102,7 @@ def _oracle(
             for s, f, h in zip(speed.tolist(), force_n.tolist(), heading.tolist(), strict=True)
         ]
     )
-    contact = np.concatenate([[False], depth_mm > 0.0, [False]])
+    contact = np.concatenate([[False], force_n > 0.0, [False]])
     changes = np.flatnonzero(np.diff(contact.astype(int)))
     touches = list(zip(changes[::2].tolist(), changes[1::2].tolist(), strict=True))
     apart, least = round(_LEAST_APART_S * _RATE_HZ), round(_LEAST_TOUCH_S * _RATE_HZ)
@@ -109,7 +111,7 @@ def _oracle(
         for k, (first, last) in enumerate(touches)
         if last - first >= least
         and first >= apart
-        and last <= len(depth_mm) - 2 * apart
+        and last <= len(force_n) - 2 * apart
         and (k == 0 or first - touches[k - 1][1] >= apart)
         and (k == len(touches) - 1 or touches[k + 1][0] - last >= apart)
     ]

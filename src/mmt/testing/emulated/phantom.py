@@ -33,8 +33,6 @@ if TYPE_CHECKING:
 WALL_N_MM: Final = 2.0
 """Stiffness of the surface."""
 ROBOT_N_MM: Final = float(RobotOptions.model_fields["stiffness_n_mm"].default)
-SERIES_N_MM: Final = 1.0 / (1.0 / WALL_N_MM + 1.0 / ROBOT_N_MM)
-"""Force over the depth of the command, of robot and surface together."""
 _GRIP_N_MM: Final = 1.0
 _PERIOD_S: Final = 0.001
 _COURSE_S: Final = 120.0
@@ -44,11 +42,17 @@ _TIP: Final = struct.Struct("<6d")
 _KEPT: Final = 500_000
 
 
+def series_n_mm(robot_n_mm: float = ROBOT_N_MM) -> float:
+    """Return the force over the depth of the command, of robot and surface together."""
+    return 1.0 / (1.0 / WALL_N_MM + 1.0 / robot_n_mm)
+
+
 def brushing_mm(seed: int) -> list[Vector]:
     """Return where a hand wants to be that brushes a surface: it lands and lifts while it strokes.
 
     A place a millisecond, for `_COURSE_S`. It strokes to and fro over 90 mm at 30 to 270 mm/s in
-    the middle, is down for 0.5 to 1.5 s with 0.3 to 2.5 N, and up by 4 mm for 0.3 to 0.6 s.
+    the middle, is down for 0.5 to 1.5 s with 0.3 to 2.5 N (on a robot of `ROBOT_N_MM`), and up by
+    4 mm for 0.3 to 0.6 s.
     """
     random = np.random.default_rng(seed)
     count = round(_COURSE_S / _PERIOD_S)
@@ -64,7 +68,7 @@ def brushing_mm(seed: int) -> list[Vector]:
         share -= np.clip((now_s - at_s - lands_s - stays_s) / lands_s, 0.0, 1.0)
         down += 0.5 - 0.5 * np.cos(np.pi * share)
         at_s += 2.0 * lands_s + stays_s + random.uniform(0.3, 0.6)
-    depth = (1.0 / SERIES_N_MM + 1.0 / _GRIP_N_MM) * force
+    depth = (1.0 / series_n_mm() + 1.0 / _GRIP_N_MM) * force
     height = _UP_MM - down * (_UP_MM + depth)
     places = np.column_stack([_HALF_MM * np.sin(way), 10.0 * np.sin(0.2 * way), height])
     return [(x, y, z) for x, y, z in places.tolist()]
