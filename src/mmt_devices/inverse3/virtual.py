@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final, Generic, TypeVar
 
 from mmt.core.errors import DeviceLost
-from mmt.devices.drivers import Role, load_device, read_options
+from mmt.devices.drivers import Role, load_device
 from mmt.devices.protocols import InterfaceState, Vector
-from mmt.testing.emulated.drivers import HandleLabOptions, check_options
+from mmt.testing.emulated.drivers import HandleLabOptions, check_options, take_lab_options
 from mmt.testing.emulated.lab_process import LabProcess
 from mmt_devices.inverse3.handle import Inverse3Handle
 from mmt_devices.inverse3.robot import Inverse3Robot
@@ -29,14 +29,12 @@ class VirtualInverse3(Generic[AnyDriver]):
         Those of ``inverse3`` but `address`, and of `HandleLabOptions`.
     """
 
-    def __init__(self, role: Role, options: Mapping[str, Any]) -> None:
-        lab_keys = set(HandleLabOptions.model_fields)
-        own = {key: value for key, value in options.items() if key in lab_keys}
+    def __init__(self, role: Role, options: dict[str, Any]) -> None:
         self._role: Role = role
         self._lab = _LABS[role]
-        self._lab_options = read_options(HandleLabOptions, "virtual-inverse3", own)
-        self._options = {key: value for key, value in options.items() if key not in lab_keys}
-        check_options("virtual-inverse3", "inverse3", self._options, role)
+        self._lab_options = take_lab_options(HandleLabOptions, "virtual-inverse3", options)
+        self._options = options
+        check_options("virtual-inverse3", "inverse3", options, role)
         self._device: AnyDriver | None = None
         self._connected_to: dict[str, Any] = {}
 

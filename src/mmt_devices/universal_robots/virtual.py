@@ -6,9 +6,9 @@ from typing import Any, Generic, TypeVar
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.core.extras import require
 from mmt.devices.discovery import missing_package
-from mmt.devices.drivers import Role, load_device, read_options
+from mmt.devices.drivers import Role, load_device
 from mmt.devices.protocols import Vector
-from mmt.testing.emulated.drivers import LAB, LabOptions, check_options
+from mmt.testing.emulated.drivers import LAB, LabOptions, check_options, take_lab_options
 from mmt_devices.universal_robots.force import UrForceSensor
 from mmt_devices.universal_robots.robot import UrRobot
 
@@ -33,12 +33,11 @@ class _VirtualUr(Generic[AnyDriver]):
         Its options, and those of the lab.
     """
 
-    def __init__(self, role: Role, keys: tuple[str, ...], options: Mapping[str, Any]) -> None:
-        own = {key: value for key, value in options.items() if key in LabOptions.model_fields}
-        self._lab_options = read_options(LabOptions, "virtual-ur", own)
-        self._options = {key: value for key, value in options.items() if key not in own}
+    def __init__(self, role: Role, keys: tuple[str, ...], options: dict[str, Any]) -> None:
+        self._lab_options = take_lab_options(LabOptions, "virtual-ur", options)
+        self._options = options
         require("rtde_control")  # before a lab is begun in vain
-        check_options("virtual-ur", "ur", {"host": "lab", **self._options}, role)
+        check_options("virtual-ur", "ur", {"host": "lab", **options}, role)
         self._role: Role = role
         self._keys = keys
         self._device: AnyDriver | None = None

@@ -1,7 +1,7 @@
 """Drivers of the virtual lab: the real ones, at the addresses of emulated devices."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -22,34 +22,45 @@ if TYPE_CHECKING:
     from mmt.devices.haptuator.serial_driver import SerialHaptuator
 
 
-class LabOptions(BaseModel):
-    """What the first device that is connected makes of the lab."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    surface: str = "plastic"
-    """Name of a simulated surface."""
-    seed: int = Field(1, ge=0, lt=2**63)
-    """Seed of texture and noise."""
-
-    @property
-    def arguments(self) -> tuple[str, str]:
-        """Arguments of the lab's process."""
-        return (self.surface, str(self.seed))
-
-
 class HandleLabOptions(BaseModel):
     """What the first device of the emulated handle that is connected makes of it."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     seed: int = Field(1, ge=0, lt=2**63)
-    """Seed of the noise."""
+    """Seed of the noise, and of the texture where there is one."""
 
     @property
-    def arguments(self) -> tuple[str]:
+    def arguments(self) -> tuple[str, ...]:
         """Arguments of the lab's process."""
         return (str(self.seed),)
+
+
+class LabOptions(HandleLabOptions):
+    """What the first device that is connected makes of the lab."""
+
+    surface: str = "plastic"
+    """Name of a simulated surface."""
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """Arguments of the lab's process."""
+        return (self.surface, *super().arguments)
+
+
+AnyLab = TypeVar("AnyLab", bound=HandleLabOptions)
+
+
+def take_lab_options(kind: type[AnyLab], name: str, options: dict[str, Any]) -> AnyLab:
+    """Take a lab's options out of those of a device, which a scene calls `name`.
+
+    Raises
+    ------
+    InputError
+        One of them is not allowed.
+    """
+    own = {key: options.pop(key) for key in kind.model_fields if key in options}
+    return read_options(kind, name, own)
 
 
 LAB: Final = LabProcess("mmt.testing.emulated.lab")
@@ -140,17 +151,15 @@ class VirtualSensor:
         name: str,
         driver: str,
         address: str,
-        options: Mapping[str, Any],
+        options: dict[str, Any],
         lab: LabProcess = LAB,
-        lab_options: type[LabOptions | HandleLabOptions] = LabOptions,
+        lab_options: type[HandleLabOptions] = LabOptions,
         **needed: str,
     ) -> None:
-        lab_keys = set(lab_options.model_fields)
-        own = {key: value for key, value in options.items() if key in lab_keys}
         self._lab = lab
-        self._lab_options = read_options(lab_options, name, own)
-        self._options = {key: value for key, value in options.items() if key not in lab_keys}
-        check_options(name, driver, {**needed, **self._options})
+        self._lab_options = take_lab_options(lab_options, name, options)
+        self._options = options
+        check_options(name, driver, {**needed, **options})
         self._driver, self._address = driver, address
         self._device: SampledSensor | None = None
         self._connected_to: dict[str, Any] = {}
@@ -230,8 +239,7 @@ class VirtualHaptuator:
     """
 
     def __init__(self, **options: Any) -> None:
-        own = {key: options.pop(key) for key in HandleLabOptions.model_fields if key in options}
-        self._lab_options = read_options(HandleLabOptions, "virtual-haptuator", own)
+        self._lab_options = take_lab_options(HandleLabOptions, "virtual-haptuator", options)
         self._options = options
         needed = {"port": "lab", "full_scale_v": 1.0}
         check_options("virtual-haptuator", "haptuator-serial", {**needed, **options})

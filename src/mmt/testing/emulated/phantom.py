@@ -17,12 +17,11 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from mmt.devices.axes import Axes
-from mmt.devices.drivers import read_options
 from mmt.devices.openhaptics.handle import OpenHapticsHandle
 from mmt.devices.openhaptics.options import RobotOptions
 from mmt.devices.openhaptics.robot import OpenHapticsRobot
 from mmt.devices.protocols import Vector
-from mmt.testing.emulated.drivers import LAB, HandleLabOptions, LabOptions
+from mmt.testing.emulated.drivers import LAB, HandleLabOptions, LabOptions, take_lab_options
 from mmt.testing.emulated.hd import EmulatedHd
 from mmt.testing.simulation.robot import START_MM, TipState
 
@@ -120,8 +119,7 @@ class VirtualPhantomRobot(OpenHapticsRobot):
     """The driver ``openhaptics`` on the emulated library; takes `LabOptions` too."""
 
     def __init__(self, **options: Any) -> None:
-        own = {key: options.pop(key) for key in LabOptions.model_fields if key in options}
-        self._lab = read_options(LabOptions, "virtual-phantom", own)
+        self._lab = take_lab_options(LabOptions, "virtual-phantom", options)
         self._emulated = EmulatedHd()
         super().__init__(**{**options, "library": self._emulated.address})
         self._ended = threading.Event()
@@ -171,8 +169,7 @@ class VirtualPhantomHandle(OpenHapticsHandle):
     """
 
     def __init__(self, log: str | None = None, **options: Any) -> None:
-        own = {key: options.pop(key) for key in HandleLabOptions.model_fields if key in options}
-        seed = read_options(HandleLabOptions, "virtual-phantom", own).seed
+        seed = take_lab_options(HandleLabOptions, "virtual-phantom", options).seed
         axes = Axes(str(options.get("axes", "x,-z,y")), options.get("origin_mm", (0.0, 0.0, 0.0)))
         wanted_mm = brushing_mm(seed)
         self._log = None if log is None else Path(log)
