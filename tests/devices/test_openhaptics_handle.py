@@ -10,6 +10,7 @@ from mmt.core.errors import DeviceLost, InputError
 from mmt.devices.drivers import load_device
 from mmt.devices.openhaptics.handle import OpenHapticsHandle
 from mmt.testing.emulated.hd import EmulatedHd
+from mmt.testing.emulated.phantom import VirtualPhantomHandle
 
 emulated = emulated_arm
 
@@ -97,6 +98,12 @@ def test_a_handle_that_does_not_answer_is_lost_and_comes_back(make, emulated) ->
     emulated.plug()
     handle.connect()
     assert handle.read(1).position_mm == pytest.approx((0.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("axes", ["x,y", "x,y,-z", 3])
+def test_axes_that_are_none_are_explained_by_the_emulated_handle_too(axes: object) -> None:
+    with pytest.raises(InputError, match="axes"):
+        VirtualPhantomHandle(axes=axes)
 
 
 def test_the_robots_gains_are_no_options_of_the_handle() -> None:

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from mmt.devices.axes import Axes
 from mmt.devices.openhaptics.handle import OpenHapticsHandle
 from mmt.devices.openhaptics.options import RobotOptions
 from mmt.devices.openhaptics.robot import OpenHapticsRobot
@@ -170,26 +169,12 @@ class VirtualPhantomHandle(OpenHapticsHandle):
 
     def __init__(self, log: str | None = None, **options: Any) -> None:
         seed = take_lab_options(HandleLabOptions, "virtual-phantom", options).seed
-        axes = Axes(str(options.get("axes", "x,-z,y")), options.get("origin_mm", (0.0, 0.0, 0.0)))
-        wanted_mm = brushing_mm(seed)
+        self._emulated = EmulatedHd(self._held_at, hand_n_mm=_GRIP_N_MM)
+        super().__init__(**{**options, "library": self._emulated.address})
+        self._wanted_mm = brushing_mm(seed)
+        self._begun_ns: int | None = None
         self._log = None if log is None else Path(log)
         self._way: list[tuple[float, ...]] = []
-        begun: list[int] = []
-        self._emulated: EmulatedHd
-
-        def place(time_ns: int) -> Vector:
-            if not begun:
-                begun.append(time_ns)
-            x, y, z = wanted_mm[round(1e-6 * (time_ns - begun[0])) % len(wanted_mm)]
-            if self._log is not None and len(self._way) < _KEPT:
-                seen = self._emulated.look()
-                now_s = 1e-9 * time.monotonic_ns()
-                where = axes.place_in_scene(seen.position_mm)
-                self._way.append((now_s, *where, *axes.to_scene(seen.velocity_mm_s)))
-            return axes.place_on_device((x, y, z))
-
-        self._emulated = EmulatedHd(place, hand_n_mm=_GRIP_N_MM)
-        super().__init__(**{**options, "library": self._emulated.address})
 
     def connect(self) -> None:
         """Start the library and let the hand move."""
@@ -203,3 +188,15 @@ class VirtualPhantomHandle(OpenHapticsHandle):
         if self._log is not None and self._way:
             np.savez(self._log, way=np.array(self._way))
             self._log = None
+
+    def _held_at(self, time_ns: int) -> Vector:
+        """Return where the hand holds the tip, in the device's axes; note where the tip is."""
+        if self._begun_ns is None:
+            self._begun_ns = time_ns
+        if self._log is not None and len(self._way) < _KEPT:
+            seen = self._emulated.look()
+            now_s = 1e-9 * time.monotonic_ns()
+            where = self._axes.place_in_scene(seen.position_mm)
+            self._way.append((now_s, *where, *self._axes.to_scene(seen.velocity_mm_s)))
+        place = round(1e-6 * (time_ns - self._begun_ns)) % len(self._wanted_mm)
+        return self._axes.place_on_device(self._wanted_mm[place])
