@@ -3,6 +3,7 @@
 And nothing of it lasts: after what was no number comes what is asked for again.
 """
 
+import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -221,8 +222,8 @@ class Inverse3:
         self.now_ns += 1_000_000
         if force_n is not None:
             self.servo.command, self.servo.command_ns = force_n, self.now_ns
-        self.servo.speak(self.now_ns)
-        return self.servo.displayed_n
+        (told,) = json.loads(self.servo.speak(self.now_ns))["inverse3"]
+        return tuple(told["commands"]["set_cursor_force"]["vector"][axis] for axis in "xyz")
 
 
 class LeaderForce:

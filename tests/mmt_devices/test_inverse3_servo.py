@@ -131,8 +131,8 @@ def test_an_answer_that_makes_no_sense_is_counted_and_takes_the_force_away(text,
         clock.now_ns += MS
         servo.command_ns = clock()
         servo.hear(answer())
-        servo.speak(clock())
-    assert servo.displayed_n == (0.0, 0.0, 2.0)
+        told = servo.speak(clock())
+    assert vector(said(told)["set_cursor_force"]["vector"]) == (0.0, 0.0, 2.0)
     before = servo.measured
     servo.hear(text)
     assert servo.counts == {problem: 1}
@@ -142,8 +142,8 @@ def test_an_answer_that_makes_no_sense_is_counted_and_takes_the_force_away(text,
     servo.command_ns = clock()
     servo.hear(answer())
     assert servo.senseless is None
-    servo.speak(clock())
-    assert 0.0 <= servo.displayed_n[2] <= 2.0 * 10 / 100  # it comes back by its ramp
+    told = servo.speak(clock())
+    assert 0.0 <= said(told)["set_cursor_force"]["vector"]["z"] <= 2.0 * 10 / 100  # by its ramp
 
 
 def test_where_calibration_is_needed_a_position_without_it_makes_no_sense() -> None:

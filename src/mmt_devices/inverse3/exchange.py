@@ -21,7 +21,7 @@ LOST: Final = b"L"
 ABSENT: Final = "answers without the device"
 """One reason for `LOST`."""
 
-_STATE: Final = struct.Struct("<q9d3b")
+_STATE: Final = struct.Struct("<q6d3b")
 _NOT_TOLD: Final = -1
 
 
@@ -39,8 +39,6 @@ class State(NamedTuple):
 
     measured: Measured | None
     """The newest that makes sense."""
-    displayed_n: Vector
-    """The force that the service was told last, zero of a robot."""
     calibrated: bool | None
     powered: bool | None
     """As the service says; None where it does not tell."""
@@ -58,7 +56,6 @@ def pack_state(state: State) -> bytes:
         time_ns,
         *position_mm,
         *velocity_mm_s,
-        *state.displayed_n,
         _NOT_TOLD if state.calibrated is None else state.calibrated,
         _NOT_TOLD if state.powered is None else state.powered,
         state.used_elsewhere,
@@ -67,9 +64,9 @@ def pack_state(state: State) -> bytes:
 
 def unpack_state(body: bytes) -> State:
     """Return the state of a message's body."""
-    time_ns, x, y, z, u, v, w, a, b, c, calibrated, powered, used = _STATE.unpack(body)
+    time_ns, x, y, z, u, v, w, calibrated, powered, used = _STATE.unpack(body)
     measured = None if time_ns < 0 else Measured((x, y, z), (u, v, w), time_ns)
-    return State(measured, (a, b, c), _flag(calibrated), _flag(powered), bool(used))
+    return State(measured, _flag(calibrated), _flag(powered), bool(used))
 
 
 def _flag(number: int) -> bool | None:

@@ -119,8 +119,6 @@ class Servo(ABC):
         """A force (N) or a place (mm), in the device's axes."""
         self.command_ns: int | None = None
         """When it was given, None before the first."""
-        self.displayed_n: Vector = NO_FORCE
-        """The force that the service was told last."""
         self.measured: Measured | None = None
         self.senseless: Senseless | None = None
         self.fault = ""
@@ -176,9 +174,7 @@ class Servo(ABC):
 
     def state(self) -> State:
         """Return what the driver is told."""
-        return State(
-            self.measured, self.displayed_n, self.calibrated, self.powered, self.used_elsewhere
-        )
+        return State(self.measured, self.calibrated, self.powered, self.used_elsewhere)
 
     def _judge(self, entry: Any, now_ns: int) -> None:
         calibrated, powered = read_flag(entry, "calibrated"), read_flag(entry, "power_supply")
@@ -235,13 +231,11 @@ class ForceServo(Servo):
         """Return the command of the force, faded."""
         if self.senseless is not None:
             self._fade.cut()
-            self.displayed_n = NO_FORCE
             return self.release()
         share, begins = self._fade.step(now_ns, self.command_ns)
         if begins:
             self.counts["stale commands"] += 1
-        self.displayed_n = self._guard.step(self.command, share)
-        return force_command(self.device, self._names, self.displayed_n)
+        return force_command(self.device, self._names, self._guard.step(self.command, share))
 
 
 class PositionServo(Servo):
