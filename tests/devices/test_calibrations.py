@@ -35,7 +35,7 @@ def test_a_file_that_cannot_be_used_is_named(tmp_path: Path, text: str) -> None:
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(MmtError, match="cannot be written"):
+    with pytest.raises(MmtError, match=r"cannot write .*box-7\.json"):
         save_calibration("box", "7", {}, tmp_path / "file")
 
 

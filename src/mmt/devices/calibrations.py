@@ -74,15 +74,12 @@ def save_calibration(
 
     Raises
     ------
-    MmtError
+    InputError, MmtError
         The file cannot be written.
     """
     path = calibration_file(device, serial, directory)
     content = {**values, "device": device, "serial": serial}
-    try:
-        write_file(path, json.dumps(content, indent=2) + "\n")
-    except MmtError as error:
-        raise MmtError(f"the calibration {path} cannot be written: {error}") from error
+    write_file(path, json.dumps(content, indent=2) + "\n")
     return path
 
 
