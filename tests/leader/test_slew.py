@@ -66,6 +66,18 @@ def test_a_vibration_changes_by_a_step_at_most_over_calls_too() -> None:
     np.testing.assert_array_equal(same, texture)
 
 
+@given(st.floats(1e3, 1e300))
+def test_vibration_beyond_the_limit_fades_over_its_whole_time(wanted: float) -> None:
+    slew = VibrationSlew(60.0)
+    played = []
+    for silent in (False, True, False):
+        block = np.full(15, wanted)
+        slew.limit(block, silent=silent)
+        played += block.tolist()
+    fading = [max(60.0 - 6.0 * k, 0.0) for k in range(1, 16)]
+    assert played == pytest.approx([60.0] * 15 + fading + [60.0 - each for each in fading])
+
+
 @pytest.mark.parametrize("slew", [1000.0, "off"])
 def test_a_scene_states_the_slew_limits(slew: float | str) -> None:
     tables = {"link": {}, "hand": {}, "simulated": {}, "playout": {}}

@@ -8,6 +8,9 @@ from mmt.core.guards import ForceGuard, SampleGuard
 from mmt.devices.protocols import Vector
 from mmt.leader.motion.feedback import ForceDisplay
 
+_FADE: Final = 0.1
+"""Change of the vibration's loudness from sample to sample."""
+
 
 class GuardedDisplay:
     """Writes forces to a display, each finite, bounded and near the one before.
@@ -43,7 +46,7 @@ class GuardedDisplay:
 
 
 class VibrationSlew:
-    """Makes a vibration finite, and bounds it and its change from sample to sample.
+    """Makes a vibration finite, bounds it, fades it, and bounds its change from sample to sample.
 
     Parameters
     ----------
@@ -56,16 +59,21 @@ class VibrationSlew:
     def __init__(self, limit_m_s2: float, largest_step_m_s2: float = math.inf) -> None:
         self._largest_step = largest_step_m_s2
         self._last = 0.0
+        self._loudness = 1.0
         self.guard: Final = SampleGuard(limit_m_s2)
         """Counts what was not finite."""
         self.limited_samples = 0
         """Samples that were to change by more."""
 
-    def limit(self, vibration: FloatArray) -> None:
-        """Bound the next samples (n,) in m/s2, in place."""
+    def limit(self, vibration: FloatArray, *, silent: bool = False) -> None:
+        """Bound the next samples (n,) in m/s2, in place; fade them out where they are silent."""
         last, step, guarded = self._last, self._largest_step, self.guard.step
+        goal = 0.0 if silent else 1.0
         for index, wanted in enumerate(vibration.tolist()):
             played = guarded(wanted)
+            if silent or self._loudness < 1.0:
+                self._loudness += min(max(goal - self._loudness, -_FADE), _FADE)
+                played *= self._loudness
             if not -step <= played - last <= step:
                 self.limited_samples += 1
                 played = last + math.copysign(step, played - last)

@@ -23,9 +23,6 @@ if TYPE_CHECKING:
 
 Mode = Literal["silent", "streamed", "fading", "synthesized"]
 
-_FADE: Final = 0.1
-"""Change of the vibration's gain in a tick: it fades in 10 ms as the handle or control goes."""
-
 
 class SynthesizedVibration(Protocol):
     """What renders from a model, or from another method's generator."""
@@ -179,7 +176,6 @@ class VibrationPart(Part):
         self._first, self._second = (k for k, name in enumerate("xyz") if name != normal)
         self._motion = motion
         self._on_output: list[Callable[[int, str, FloatArray], None]] = []
-        self._loudness = 1.0
         if reconnecting is not None:
             reconnecting.watch(session.journal.event)
 
@@ -247,8 +243,7 @@ class VibrationPart(Part):
         elapsed = tick.elapsed
         inputs = self._inputs(*self._drive(tick))
         vibration = self.switch.render(tick.now_ns, *(np.full(elapsed, x) for x in inputs))
-        self._rest_without_hand(vibration, away=tick.hand_lost or tick.given)
-        self._guard(vibration)
+        self._guard(vibration, silent=tick.hand_lost or tick.given)
         self.actuator.write(vibration)
         mode = self.switch.mode
         first_ns = tick.now_ns - (elapsed - 1) * self._session.period_ns
@@ -296,24 +291,18 @@ class VibrationPart(Part):
         yield state("vibration_mode", text, "mode", self.mode, get_args(Mode))
         yield from loss_metrics(self.reconnecting)
 
-    def _guard(self, vibration: FloatArray) -> None:
-        """Bound the vibration (n,) in place, and tell once if it was no number."""
+    def _guard(self, vibration: FloatArray, *, silent: bool) -> None:
+        """Bound the vibration (n,) in place, and tell once if it was no number.
+
+        It fades out while handle or control is away, and in again.
+        """
         before = self._slew.guard.not_finite
-        self._slew.limit(vibration)
+        self._slew.limit(vibration, silent=silent)
         if not before and self._slew.guard.not_finite:
             self._session.journal.event(
                 "the vibration was no number: it fades to silence where it is none, and the "
                 "summary has how often"
             )
-
-    def _rest_without_hand(self, vibration: FloatArray, *, away: bool) -> None:
-        """Fade the vibration (n,) in place: out while handle or control is away, and in again."""
-        goal = 0.0 if away else 1.0
-        if self._loudness == goal == 1.0:
-            return
-        for index in range(len(vibration)):
-            self._loudness += min(max(goal - self._loudness, -_FADE), _FADE)
-            vibration[index] *= self._loudness
 
     def _drive(self, tick: Tick) -> tuple[float, float, float]:
         """Return the velocity over the surface and the force: the hand's where there is one."""
