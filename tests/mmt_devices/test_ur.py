@@ -19,7 +19,6 @@ from mmt.devices.drivers import load_device
 from mmt.devices.protocols import Vector
 from mmt.testing.emulated import drivers as lab_drivers
 from mmt_devices.universal_robots import sharing
-from mmt_devices.universal_robots import virtual as ur_drivers
 from mmt_devices.universal_robots.emulated.arm import PLAYING, POWER_OFF, STOPPED
 from mmt_devices.universal_robots.emulated.controller import EmulatedUrController
 from mmt_devices.universal_robots.emulated.ports import RtdeConnection
@@ -354,11 +353,10 @@ def test_the_virtual_arm_strokes_the_simulated_surface_of_the_lab() -> None:
     assert lab_drivers.LAB._process is None
 
 
-def test_a_virtual_arm_beside_another_robot_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_virtual_arm_beside_another_robot_is_refused() -> None:
     left: list[object] = []
-    lab = SimpleNamespace(enter=lambda *_: {"robot": {"port": 1}}, leave=left.append)
-    monkeypatch.setattr(ur_drivers, "LAB", lab)
     force = load_device("virtual-ur", role="force_sensor")
+    force._lab = SimpleNamespace(enter=lambda *_: {"robot": {"port": 1}}, leave=left.append)
     with pytest.raises(MmtError, match="has another robot already"):
         force.connect()
     assert left == [force]

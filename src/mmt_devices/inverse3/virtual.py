@@ -1,12 +1,11 @@
 """The driver of an Inverse3 at an emulated service: a handle that a hand strokes with, an arm."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any, Final, Generic, TypeVar
+from collections.abc import Sequence
+from typing import Any, Final, TypeVar
 
-from mmt.core.errors import DeviceLost
-from mmt.devices.drivers import Role, load_device
+from mmt.devices.drivers import Role
 from mmt.devices.protocols import InterfaceState, Vector
-from mmt.testing.emulated.drivers import HandleLabOptions, check_options, take_lab_options
+from mmt.testing.emulated.drivers import HandleLabOptions, VirtualDevice
 from mmt.testing.emulated.lab_process import LabProcess
 from mmt_devices.inverse3.handle import Inverse3Handle
 from mmt_devices.inverse3.robot import Inverse3Robot
@@ -18,7 +17,7 @@ _LABS: Final[dict[Role, LabProcess]] = {
 }
 
 
-class VirtualInverse3(Generic[AnyDriver]):
+class _VirtualInverse3(VirtualDevice[AnyDriver]):
     """What both roles share.
 
     Parameters
@@ -30,49 +29,16 @@ class VirtualInverse3(Generic[AnyDriver]):
     """
 
     def __init__(self, role: Role, options: dict[str, Any]) -> None:
-        self._role: Role = role
-        self._lab = _LABS[role]
-        self._lab_options = take_lab_options(HandleLabOptions, "virtual-inverse3", options)
-        self._options = options
-        check_options("virtual-inverse3", "inverse3", options, role)
-        self._device: AnyDriver | None = None
-        self._connected_to: dict[str, Any] = {}
+        super().__init__(
+            "virtual-inverse3", "inverse3", options,
+            role=role, lab=_LABS[role], lab_options=HandleLabOptions,
+        )  # fmt: skip
 
-    def connect(self) -> None:
-        """Start the lab, and connect the real driver to it."""
-        address = self._lab.enter(self, self._role, *self._lab_options.arguments)["inverse3"]
-        if self._device is None or address != self._connected_to:
-            made: Any = load_device("inverse3", {**address, **self._options}, role=self._role)
-            self._device = made
-            self._connected_to = address
-        self._connected().connect()
-
-    def calibrate(self) -> None:
-        """Calibrate the real driver."""
-        self._connected().calibrate()
-
-    def close(self) -> None:
-        """Close the real driver and leave the lab; calling it twice is harmless."""
-        if self._device is not None:
-            self._device.close()
-        self._lab.leave(self)
-
-    @property
-    def faults(self) -> Mapping[str, int]:
-        """Faults of the real driver."""
-        return {} if self._device is None else self._device.faults
-
-    def remarks(self) -> Sequence[str]:
-        """Remarks of the real driver."""
-        return [] if self._device is None else self._device.remarks()
-
-    def _connected(self) -> AnyDriver:
-        if self._device is None:
-            raise DeviceLost("the virtual Inverse3 is not connected")
-        return self._device
+    def _enter(self) -> dict[str, Any]:
+        return self._lab.enter(self, str(self._role), *self._lab_arguments)["inverse3"]
 
 
-class VirtualInverse3Handle(VirtualInverse3[Inverse3Handle]):
+class VirtualInverse3Handle(_VirtualInverse3[Inverse3Handle]):
     """A handle that a simulated hand strokes a surface with, at the scene's zero."""
 
     def __init__(self, **options: Any) -> None:
@@ -87,7 +53,7 @@ class VirtualInverse3Handle(VirtualInverse3[Inverse3Handle]):
         self._connected().write(force_n)
 
 
-class VirtualInverse3Robot(VirtualInverse3[Inverse3Robot]):
+class VirtualInverse3Robot(_VirtualInverse3[Inverse3Robot]):
     """An arm with a free tip, in the air."""
 
     def __init__(self, **options: Any) -> None:

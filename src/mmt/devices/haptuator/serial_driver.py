@@ -79,7 +79,6 @@ class SerialHaptuator(HaptuatorDriver):
         super().__init__(options, float(options.board_rate_hz))
         self._options = options
         self._board = HaptuatorBoard(options.port, options.baud_rate)
-        self.port = options.port
         self.name = self._board.name
         self._target = round(options.buffer_ms * options.board_rate_hz / 1000.0)
         self._resampler = self._new_resampler()

@@ -1,7 +1,7 @@
 """Drivers of the virtual lab: the real ones, at the addresses of emulated devices."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Generic, TypeAlias, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -10,6 +10,7 @@ from mmt.core.errors import DeviceLost, InputError
 from mmt.devices.drivers import Role, load_device, read_options
 from mmt.devices.protocols import (
     ActuatorStatistics,
+    Device,
     SampledSensor,
     SensorReading,
     SetupRemarks,
@@ -20,6 +21,8 @@ from mmt.testing.emulated.robot import DatagramRobot
 
 if TYPE_CHECKING:
     from mmt.devices.haptuator.serial_driver import SerialHaptuator
+
+_Haptuator: TypeAlias = "SerialHaptuator"
 
 
 class HandleLabOptions(BaseModel):
@@ -49,6 +52,7 @@ class LabOptions(HandleLabOptions):
 
 
 AnyLab = TypeVar("AnyLab", bound=HandleLabOptions)
+AnyDevice = TypeVar("AnyDevice", bound=Device)
 
 
 def take_lab_options(kind: type[AnyLab], name: str, options: dict[str, Any]) -> AnyLab:
@@ -122,8 +126,8 @@ class VirtualRobot:
         return self._robot
 
 
-class VirtualSensor:
-    """A real driver at the address of the lab's emulated device.
+class VirtualDevice(Generic[AnyDevice]):
+    """A real driver at the address of a lab's emulated device.
 
     Parameters
     ----------
@@ -131,10 +135,10 @@ class VirtualSensor:
         What a scene calls it.
     driver
         The real one.
-    address
-        Its device in the lab.
     options
         Options of the driver; those of the lab are removed from them.
+    role
+        Of the driver, where it has several.
     lab, lab_options
         Its process, and what that takes.
     **needed
@@ -150,29 +154,26 @@ class VirtualSensor:
         self,
         name: str,
         driver: str,
-        address: str,
         options: dict[str, Any],
+        *,
+        role: Role | None = None,
         lab: LabProcess = LAB,
         lab_options: type[HandleLabOptions] = LabOptions,
-        **needed: str,
+        **needed: Any,
     ) -> None:
         self._lab = lab
-        self._lab_options = take_lab_options(lab_options, name, options)
+        self._lab_arguments = take_lab_options(lab_options, name, options).arguments
         self._options = options
-        check_options(name, driver, {**needed, **options})
-        self._driver, self._address = driver, address
-        self._device: SampledSensor | None = None
+        check_options(name, driver, {**needed, **options}, role)
+        self._name, self._driver, self._role = name, driver, role
+        self._device: AnyDevice | None = None
         self._connected_to: dict[str, Any] = {}
-
-    @property
-    def latency_ns(self) -> int:
-        """Latency of the real driver, once it is connected."""
-        return 0 if self._device is None else self._device.latency_ns
 
     @property
     def faults(self) -> Mapping[str, int]:
         """Faults of the real driver."""
-        return {} if self._device is None else self._device.faults
+        faults: Mapping[str, int] = getattr(self._device, "faults", {})
+        return faults
 
     def remarks(self) -> Sequence[str]:
         """Remarks of the real driver."""
@@ -180,19 +181,15 @@ class VirtualSensor:
 
     def connect(self) -> None:
         """Start the lab, and connect the real driver to it."""
-        address = self._lab.address(self, self._address, *self._lab_options.arguments)
+        address = self._enter()
         if self._device is None or address != self._connected_to:
-            self._device = load_device(self._driver, {**address, **self._options})
-            self._connected_to = address
+            made: Any = load_device(self._driver, {**address, **self._options}, role=self._role)
+            self._device, self._connected_to = made, address
         self._connected().connect()
 
     def calibrate(self) -> None:
         """Calibrate the real driver."""
         self._connected().calibrate()
-
-    def read(self) -> Sequence[SensorReading]:
-        """Read the real driver."""
-        return self._connected().read()
 
     def close(self) -> None:
         """Close the real driver and leave the lab; calling it twice is harmless."""
@@ -200,10 +197,44 @@ class VirtualSensor:
             self._device.close()
         self._lab.leave(self)
 
-    def _connected(self) -> SampledSensor:
+    def _enter(self) -> dict[str, Any]:
+        """Start the lab; return the options by which the driver finds its device."""
+        raise NotImplementedError
+
+    def _connected(self) -> AnyDevice:
         if self._device is None:
-            raise DeviceLost(f"the virtual {self._driver} is not connected")
+            raise DeviceLost(f"{self._name} is not connected")
         return self._device
+
+
+class VirtualSensor(VirtualDevice[SampledSensor]):
+    """One that is a sensor.
+
+    Parameters
+    ----------
+    name, driver, options, **settings
+        See `VirtualDevice`.
+    address
+        Its device in the lab.
+    """
+
+    def __init__(
+        self, name: str, driver: str, address: str, options: dict[str, Any], **settings: Any
+    ) -> None:
+        super().__init__(name, driver, options, **settings)
+        self._address = address
+
+    @property
+    def latency_ns(self) -> int:
+        """Latency of the real driver, once it is connected."""
+        return 0 if self._device is None else self._device.latency_ns
+
+    def read(self) -> Sequence[SensorReading]:
+        """Read the real driver."""
+        return self._connected().read()
+
+    def _enter(self) -> dict[str, Any]:
+        return self._lab.address(self, self._address, *self._lab_arguments)
 
 
 class VirtualNetFt(VirtualSensor):
@@ -224,12 +255,13 @@ class VirtualHandleAdxl335(VirtualSensor):
     """The accelerometer on the emulated handle that the `VirtualHaptuator` shakes."""
 
     def __init__(self, **options: Any) -> None:
-        name = "virtual-handle-adxl335"
-        lab = (_HANDLE_LAB, HandleLabOptions)
-        super().__init__(name, "adxl335-serial", "adxl335", options, *lab, port="lab")
+        super().__init__(
+            "virtual-handle-adxl335", "adxl335-serial", "adxl335", options,
+            lab=_HANDLE_LAB, lab_options=HandleLabOptions, port="lab",
+        )  # fmt: skip
 
 
-class VirtualHaptuator:
+class VirtualHaptuator(VirtualDevice[_Haptuator]):
     """The driver of a Haptuator's board, at an emulated one on an emulated handle.
 
     Parameters
@@ -239,22 +271,10 @@ class VirtualHaptuator:
     """
 
     def __init__(self, **options: Any) -> None:
-        self._lab_options = take_lab_options(HandleLabOptions, "virtual-haptuator", options)
-        self._options = options
-        needed = {"port": "lab", "full_scale_v": 1.0}
-        check_options("virtual-haptuator", "haptuator-serial", {**needed, **options})
-        self._device: SerialHaptuator | None = None
-
-    def connect(self) -> None:
-        """Start the lab, and connect the real driver to it."""
-        address = _HANDLE_LAB.enter(self, *self._lab_options.arguments)["haptuator"]
-        if self._device is None or address["port"] != self._device.port:
-            self._device = load_device("haptuator-serial", {**address, **self._options})
-        self._connected().connect()
-
-    def calibrate(self) -> None:
-        """Calibrate the real driver."""
-        self._connected().calibrate()
+        super().__init__(
+            "virtual-haptuator", "haptuator-serial", options,
+            lab=_HANDLE_LAB, lab_options=HandleLabOptions, port="lab", full_scale_v=1.0,
+        )  # fmt: skip
 
     def write(self, samples_m_s2: Sequence[float] | FloatArray) -> None:
         """Play samples (n,), m/s2."""
@@ -278,13 +298,5 @@ class VirtualHaptuator:
         """Counts and levels of the real driver."""
         return self._connected().statistics
 
-    def close(self) -> None:
-        """Close the real driver and leave the lab; calling it twice is harmless."""
-        if self._device is not None:
-            self._device.close()
-        _HANDLE_LAB.leave(self)
-
-    def _connected(self) -> "SerialHaptuator":
-        if self._device is None:
-            raise DeviceLost("the virtual Haptuator is not connected")
-        return self._device
+    def _enter(self) -> dict[str, Any]:
+        return self._lab.enter(self, *self._lab_arguments)["haptuator"]
