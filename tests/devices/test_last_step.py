@@ -20,7 +20,7 @@ from mmt.core.guards import ForceGuard, SampleGuard
 from mmt.devices.haptuator.drive import VoltageDrive
 from mmt.devices.haptuator.options import HaptuatorOptions
 from mmt.devices.openhaptics.library import Vector3
-from mmt.devices.openhaptics.options import RobotOptions
+from mmt.devices.openhaptics.options import HdOptions, RobotOptions
 from mmt.devices.openhaptics.robot import PositionServo
 from mmt.devices.openhaptics.servo import Servo
 from mmt.leader.motion.feedback import StreamedForce
@@ -170,15 +170,12 @@ class HdHandle:
 
     def __init__(self, ramp_ms: int = 10, axes_n: Vector | None = None) -> None:
         self.library = Library()
-        self.servo = self.made(ramp_ms, axes_n)
+        self.servo = self.made(ramp_ms=ramp_ms, axes="x,y,z", force_limit_n=axes_n or LIMIT_N)
         self.servo.clock = lambda: self.library.now_ns
         self.servo.tick_ns = 0
 
-    def made(self, ramp_ms: int, axes_n: Vector | None) -> Servo:
-        return Servo(
-            self.library, self.library, 0, limit_n=LIMIT_N, axes_limit_n=axes_n,
-            stale_ns=10**8, ramp_ns=10**6 * ramp_ms,
-        )  # fmt: skip
+    def made(self, **options: Any) -> Servo:
+        return Servo(self.library, self.library, 0, HdOptions(stale_ms=100, **options), LIMIT_N)
 
     def command(self, force_n: Vector) -> None:
         self.servo.force = force_n
@@ -194,11 +191,9 @@ class HdHandle:
 class HdRobot(HdHandle):
     """Gets the numbers as its velocity, and as its target."""
 
-    def made(self, ramp_ms: int, axes_n: Vector | None) -> Servo:
-        options = RobotOptions(
-            stiffness_n_mm=1.0, ramp_ms=ramp_ms, axes="x,y,z", force_limit_n=axes_n or LIMIT_N
-        )
-        return PositionServo(self.library, self.library, 0, options, LIMIT_N)
+    def made(self, **options: Any) -> Servo:
+        robot = RobotOptions(stiffness_n_mm=1.0, **options)
+        return PositionServo(self.library, self.library, 0, robot, LIMIT_N)
 
     def command(self, force_n: Vector) -> None:
         self.servo.target = force_n

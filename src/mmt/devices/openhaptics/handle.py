@@ -38,15 +38,7 @@ class OpenHapticsHandle(HdDriver[Servo]):
         limit_n: float,
         stiffness_n_mm: float,  # noqa: ARG002 - nothing is rendered here
     ) -> Servo:
-        return Servo(
-            stack.hd,
-            stack.copies,
-            handle,
-            stale_ns=round(self._options.stale_ms * 1e6),
-            ramp_ns=round(self._options.ramp_ms * 1e6),
-            limit_n=limit_n,
-            axes_limit_n=self._options.axes_limit_n,
-        )
+        return Servo(stack.hd, stack.copies, handle, self._options, limit_n)
 
     def read(self, elapsed_ticks: int) -> InterfaceState:  # noqa: ARG002 - it has its own clock
         """Return the handle's newest state, at most a tick old.

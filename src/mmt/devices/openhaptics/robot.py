@@ -45,15 +45,7 @@ class PositionServo(Servo):
     def __init__(
         self, hd: Any, copies: Any, handle: int, options: RobotOptions, limit_n: float
     ) -> None:
-        super().__init__(
-            hd,
-            copies,
-            handle,
-            stale_ns=round(options.stale_ms * 1e6),
-            ramp_ns=round(options.ramp_ms * 1e6),
-            limit_n=limit_n,
-            axes_limit_n=options.axes_limit_n,
-        )
+        super().__init__(hd, copies, handle, options, limit_n)
         self.target: Vector = (0.0, 0.0, 0.0)
         self.limit_n = limit_n
         self._stiffness = options.stiffness_n_mm

@@ -22,6 +22,7 @@ from mmt.devices.openhaptics.constants import (
     only_force,
 )
 from mmt.devices.openhaptics.library import VECTOR, Vector3
+from mmt.devices.openhaptics.options import HdOptions
 from mmt.devices.plausibility import Watch
 from mmt.devices.protocols import Vector
 
@@ -52,13 +53,11 @@ class Servo:
         The library, see `Stack`.
     handle
         The device's.
-    stale_ns, ramp_ns
-        The force fades to zero within `ramp_ns` when no command has come for `stale_ns`,
+    options
+        The force fades to zero within their `ramp_ms` when no command has come for `stale_ms`,
         and comes back as slowly. It does so as well after a measurement that makes no sense.
     limit_n
         Largest force, along any direction.
-    axes_limit_n
-        Largest force along each of the device's axes by itself, None for no further bound.
     clock
         Monotonic time (ns).
     """
@@ -68,18 +67,16 @@ class Servo:
         hd: Any,
         copies: Any,
         handle: int,
-        *,
+        options: HdOptions,
         limit_n: float,
-        axes_limit_n: Vector | None = None,
-        stale_ns: int,
-        ramp_ns: int,
         clock: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         self._handle, self.clock = ctypes.c_uint32(handle), clock
         self._begin, self._end, self._error = hd.hdBeginFrame, hd.hdEndFrame, copies.hdGetError
         self._get, self._set = copies.hdGetDoublev, copies.hdSetDoublev
         self._thread = 0
-        self._stale_ns, self._ramp_ns = stale_ns, ramp_ns
+        self._stale_ns = round(options.stale_ms * 1e6)
+        self._ramp_ns = round(options.ramp_ms * 1e6)
         self.position: Vector = (0.0, 0.0, 0.0)
         self.velocity: Vector = (0.0, 0.0, 0.0)
         self._measured = Vector3(), Vector3()
@@ -87,7 +84,7 @@ class Servo:
         self.senseless: tuple[str, int] | None = None
         """What is wrong with the measurements, and since when."""
         self.force: Vector = (0.0, 0.0, 0.0)
-        self.guard: Final = ForceGuard(limit_n, axes_limit_n)
+        self.guard: Final = ForceGuard(limit_n, options.axes_limit_n)
         self.displayed = Vector3()
         self.command_ns: int | None = None
         self.share = 0.0
