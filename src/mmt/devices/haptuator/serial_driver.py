@@ -2,7 +2,7 @@
 
 import time
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -149,12 +149,9 @@ class SerialHaptuator(HaptuatorDriver):
     @property
     def statistics(self) -> SerialStatistics:
         """Counts and levels since it was made."""
-        drive, pusher = self._drive.statistics, self._resampler
+        pusher = self._resampler
         return SerialStatistics(
-            samples=drive.samples,
-            clipped=drive.clipped,
-            rms_m_s2=drive.rms_m_s2,
-            peak_m_s2=drive.peak_m_s2,
+            **asdict(self._drive.statistics),
             underruns=self._earlier[0] + self._report.underruns,
             lost_frames=self._earlier[1] + self._report.lost,
             bad_messages=sum(self._board.faults.values()),

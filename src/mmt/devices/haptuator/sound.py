@@ -3,7 +3,7 @@
 import contextlib
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -228,12 +228,9 @@ class SoundHaptuator(HaptuatorDriver):
     @property
     def statistics(self) -> SoundStatistics:
         """Counts and levels since it was made."""
-        drive, puller = self._drive.statistics, self._buffer
+        puller = self._buffer
         return SoundStatistics(
-            samples=drive.samples,
-            clipped=drive.clipped,
-            rms_m_s2=drive.rms_m_s2,
-            peak_m_s2=drive.peak_m_s2,
+            **asdict(self._drive.statistics),
             underruns=puller.underruns,
             slips=puller.slips,
             card_underflows=self._card_underflows,
