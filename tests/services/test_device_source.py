@@ -12,10 +12,9 @@ from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import CHANNELS
 from mmt.devices.drivers import load_device
-from mmt.devices.protocols import DeviceBackedSource, FrameReceiver
-from mmt.devices.source import DeviceSource
+from mmt.devices.source import DeviceSource, FrameReceiver
 from mmt.follower.guarded_source import GuardedSource
-from mmt.follower.sources import build_source
+from mmt.follower.sources import DeviceBackedSource, build_source
 
 
 def made(**failures: Exception) -> tuple[DeviceSource, list[Instrument]]:

@@ -18,7 +18,7 @@ from mmt.session.data import RecordedSession
 from mmt.session.replay import ReplaySource
 
 if TYPE_CHECKING:
-    from mmt.devices.protocols import FollowerSource
+    from mmt.follower.sources import FollowerSource
 
 START_NS = 5_000_000_000
 TICK_NS = 1_000_000

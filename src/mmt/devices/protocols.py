@@ -8,12 +8,12 @@ a lost device is connected again beside the ticks; no two calls come at once. No
 block for longer than a small part of a 1 ms tick.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from mmt.core import arrays
-from mmt.core.arrays import FloatArray, RecordArray
+from mmt.core.arrays import FloatArray
 
 Vector = arrays.Vector
 """x, y, z as plain floats."""
@@ -230,80 +230,6 @@ class RespondingActuator(VibrationActuator, Protocol):
         low_hz
             Below this it is not driven.
         """
-
-
-class FollowerSource(Protocol):
-    """What a follower streams: real devices, a simulation or a recorded session."""
-
-    def start(self, start_time_ns: int) -> None:
-        """Begin at the follower's monotonic time of the first tick.
-
-        A source without a clock of its own stamps frame k with ``start_time_ns`` plus k
-        periods; one that reads devices stamps the time of the reading.
-        """
-
-    def step(self, elapsed: int, now_ns: int, command_position_mm: Vector | None) -> RecordArray:
-        """Return the frames of the ticks that passed since the last call.
-
-        Parameters
-        ----------
-        elapsed
-            Ticks since the last call, at least 1; more than 1 after missed ticks.
-        now_ns
-            The follower's monotonic time.
-        command_position_mm
-            The newest motion command, None before the first; a stale one is repeated.
-
-        Returns
-        -------
-        frames
-            Shape (n,), the scene's frame dtype; n equals `elapsed` unless the source
-            ends or lacks frames.
-        """
-
-    @property
-    def finished(self) -> bool:
-        """Whether no further frame will come."""
-
-    @property
-    def annotations(self) -> bytes:
-        """Opaque bytes that the leader stores in the recording; the simulated truth."""
-
-    def describe(self) -> str:
-        """Return one line for the person who starts the follower."""
-
-    def close(self) -> None:
-        """Release what the source holds; calling it twice is harmless."""
-
-
-LossWatcher = Callable[[bool, str], None]
-"""Called with whether a device is lost now, and a sentence."""
-FrameReceiver = Callable[[RecordArray], None]
-"""Given frames (n,), n >= 1, between two ticks."""
-
-
-@runtime_checkable
-class DeviceBackedSource(FollowerSource, Protocol):
-    """A source of devices, which may be lost and come back while it streams."""
-
-    def open(self) -> None:
-        """Connect its devices, before `start`; takes as long as they need, and may run in a thread.
-
-        Raises
-        ------
-        MmtError
-            One of them does not answer.
-        """
-
-    def on_loss(self, callback: LossWatcher) -> None:
-        """Have a function called when a device is lost and when it is back."""
-
-    def on_late_frames(self, callback: FrameReceiver) -> None:
-        """Have a function given, before `start`, the frames that a tick came too early for."""
-
-    @property
-    def summary(self) -> Mapping[str, Any]:
-        """What each device gave, for a program."""
 
 
 class VoltageReading(NamedTuple):

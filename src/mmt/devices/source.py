@@ -1,7 +1,7 @@
 """Stream what real devices measure: a robot, a force sensor, an accelerometer."""
 
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -12,16 +12,7 @@ from mmt.core.frames import FIELD_OF_CHANNEL, Channel, frame_dtype, ordered_chan
 from mmt.devices.frame_assembly import FrameAssembler, ReadingAges
 from mmt.devices.lanes import PolledLane
 from mmt.devices.polling import PhasePoller, Retry
-from mmt.devices.protocols import (
-    Accelerometer,
-    ForceSensor,
-    FrameReceiver,
-    LossWatcher,
-    Pacing,
-    Robot,
-    SampledSensor,
-    Vector,
-)
+from mmt.devices.protocols import Accelerometer, ForceSensor, Pacing, Robot, SampledSensor, Vector
 from mmt.devices.slots import RobotSlot, SampledSlot, Slot, failure, slot_of, summaries
 
 PERIOD_NS: Final = 1_000_000
@@ -33,6 +24,11 @@ _KEY_OF_CHANNEL: Final[dict[Channel, str]] = {
     "force": "force_sensor",
     "acceleration": "accelerometer",
 }
+
+LossWatcher = Callable[[bool, str], None]
+"""Called with whether a device is lost now, and a sentence."""
+FrameReceiver = Callable[[RecordArray], None]
+"""Given frames (n,), n >= 1, between two ticks."""
 
 
 class DeviceSource:

@@ -6,9 +6,10 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from mmt.core.arrays import RecordArray
-from mmt.devices.protocols import DeviceBackedSource, FollowerSource, Vector
+from mmt.devices.protocols import Vector
 from mmt.follower.command_guard import CommandGuard
 from mmt.follower.motion_limit import MotionLimit
+from mmt.follower.sources import DeviceBackedSource, FollowerSource
 from mmt.scene import Link, MotionLimits, Scene, Texture
 
 if TYPE_CHECKING:

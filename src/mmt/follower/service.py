@@ -15,9 +15,8 @@ from mmt.core.logs import told
 from mmt.core.process import ProcessCost, ProcessMeter, prefer_even_ticks
 from mmt.core.ticking import Ticker
 from mmt.core.verdict import has_failed
-from mmt.devices.protocols import DeviceBackedSource
 from mmt.follower.guarded_source import GuardedSource
-from mmt.follower.sources import build_source
+from mmt.follower.sources import DeviceBackedSource, build_source
 from mmt.link.access import Access
 from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.endpoint import emulated_network, extra_event

@@ -1,8 +1,83 @@
-"""Build the source that a scene names; the other two are not even imported."""
+"""What a follower's source must offer, and the one that a scene names; no other is imported."""
 
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+
+from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
-from mmt.devices.protocols import FollowerSource
+from mmt.devices.protocols import Vector
 from mmt.scene import Devices, Replay, Scene, Simulated
+
+if TYPE_CHECKING:
+    from mmt.devices.source import FrameReceiver, LossWatcher
+
+
+class FollowerSource(Protocol):
+    """What a follower streams: real devices, a simulation or a recorded session."""
+
+    def start(self, start_time_ns: int) -> None:
+        """Begin at the follower's monotonic time of the first tick.
+
+        A source without a clock of its own stamps frame k with ``start_time_ns`` plus k
+        periods; one that reads devices stamps the time of the reading.
+        """
+
+    def step(self, elapsed: int, now_ns: int, command_position_mm: Vector | None) -> RecordArray:
+        """Return the frames of the ticks that passed since the last call.
+
+        Parameters
+        ----------
+        elapsed
+            Ticks since the last call, at least 1; more than 1 after missed ticks.
+        now_ns
+            The follower's monotonic time.
+        command_position_mm
+            The newest motion command, None before the first; a stale one is repeated.
+
+        Returns
+        -------
+        frames
+            Shape (n,), the scene's frame dtype; n equals `elapsed` unless the source
+            ends or lacks frames.
+        """
+
+    @property
+    def finished(self) -> bool:
+        """Whether no further frame will come."""
+
+    @property
+    def annotations(self) -> bytes:
+        """Opaque bytes that the leader stores in the recording; the simulated truth."""
+
+    def describe(self) -> str:
+        """Return one line for the person who starts the follower."""
+
+    def close(self) -> None:
+        """Release what the source holds; calling it twice is harmless."""
+
+
+@runtime_checkable
+class DeviceBackedSource(FollowerSource, Protocol):
+    """A source of devices, which may be lost and come back while it streams."""
+
+    def open(self) -> None:
+        """Connect its devices, before `start`; takes as long as they need, and may run in a thread.
+
+        Raises
+        ------
+        MmtError
+            One of them does not answer.
+        """
+
+    def on_loss(self, callback: "LossWatcher") -> None:
+        """Have a function called when a device is lost and when it is back."""
+
+    def on_late_frames(self, callback: "FrameReceiver") -> None:
+        """Have a function given, before `start`, the frames that a tick came too early for."""
+
+    @property
+    def summary(self) -> Mapping[str, Any]:
+        """What each device gave, for a program."""
 
 
 def build_source(scene: Scene) -> FollowerSource:
