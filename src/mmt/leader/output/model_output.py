@@ -140,10 +140,10 @@ class ModelOutput(Part):
             self._generating.take_over()
         if usable and log.start_s is None:
             log.start_s = update.time_s
-            self._criterion_met("start", update)
-            self._record(update)
             self.takes_over = True
             self._choose()
+            self._criterion_met("start", update)
+            self._record(update)
         if update.stopped and log.stop_s is None:
             log.stop_s = update.time_s
             self._criterion_met("stop", update)

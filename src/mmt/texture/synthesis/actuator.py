@@ -1,5 +1,6 @@
 """What an actuator makes of a texture: how much of its power reaches the skin."""
 
+import math
 from collections.abc import Mapping
 from typing import Any, Final, NamedTuple, TypeGuard
 
@@ -58,7 +59,7 @@ class ActuatorResponse(NamedTuple):
 
     def played_of(self, model: TextureModel) -> float:
         """Return the share of a model's power that reaches the skin, over the strokes it is of."""
-        inputs = model.samples.inputs[:: max(1, len(model.samples) // _MOST_STROKES)]
+        inputs = model.samples.inputs[:: math.ceil(len(model.samples) / _MOST_STROKES)]
         density = model.spectrum(*inputs.T, frequencies_hz=FREQUENCIES_HZ)
         return float(np.mean(self.played_share(density)))
 
