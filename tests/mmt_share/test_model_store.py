@@ -5,8 +5,10 @@ import hashlib
 import json
 import socket
 import threading
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,12 +16,16 @@ import pytest
 from sharing_samples import model_of, shared
 
 from mmt.core.errors import InputError, MmtError
-from mmt.core.requests import PROXY
+from mmt.core.requests import PROXY, AnswerError
+from mmt.leader.part import Session
 from mmt.link.access import Access
+from mmt.scene import Scene
 from mmt.texture.model.texture_model import TextureModel
+from mmt_share.parts.sharing import SharingPart
 from mmt_share.store import store as store_module
 from mmt_share.store.client import RemoteStore
 from mmt_share.store.store import Entry, ModelStore
+from mmt_share.tables import Sharing
 
 TOKEN = "0123456789abcdef0123"
 
@@ -91,6 +97,59 @@ async def test_a_model_goes_there_and_comes_back(tmp_path: Path) -> None:
             await asyncio.to_thread(remote.find, "chair")
         with pytest.raises(MmtError, match="not a texture model"):
             await asyncio.to_thread(remote.push, b"nonsense", Entry("x"))
+
+
+def full(folder: Path, data: bytes) -> str:
+    """Let a store's disk be full for this model; return what is said of it."""
+    folder.mkdir()
+    part = folder / f"{hashlib.sha256(data).hexdigest()}.npz.part"
+    part.symlink_to("/dev/full")
+    return "No space left on device"
+
+
+def unwritable(folder: Path, _: bytes) -> str:
+    """Let a store's folder be one that cannot be made, by root neither; return what is said."""
+    folder.write_text("a file")
+    return "cannot write"
+
+
+SPOILT = pytest.mark.parametrize(
+    "spoil",
+    [
+        pytest.param(
+            full, marks=pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+        ),
+        unwritable,
+    ],
+)
+
+
+@SPOILT
+async def test_a_store_that_cannot_be_written_is_not_the_fault_of_who_pushes(
+    tmp_path: Path, spoil: Callable[[Path, bytes], str]
+) -> None:
+    folder, data = tmp_path / "store", model_of(12).to_bytes()
+    said = spoil(folder, data)
+    async with shared(store=str(folder), accept=True) as sharing:
+        remote = RemoteStore(sharing.url, Access())
+        with pytest.raises(AnswerError, match=f"it cannot be stored: .*{said}") as raised:
+            await asyncio.to_thread(remote.push, data, Entry("table"))
+        assert raised.value.status == 507
+        assert await asyncio.to_thread(remote.entries) == []
+
+
+@SPOILT
+def test_a_store_that_cannot_be_written_is_told_at_the_end_of_a_run(
+    tmp_path: Path, spoil: Callable[[Path, bytes], str]
+) -> None:
+    folder, model = tmp_path / "store", model_of(12)
+    reason = spoil(folder, model.to_bytes())
+    said: list[str] = []
+    sharing: Any = SimpleNamespace(newest=model, takes_over=True)
+    SharingPart(Session(Scene(), said.append), Sharing(store=folder), sharing).close()
+    (sentence,) = said
+    assert sentence.startswith(f"the model is not in the store {folder}: ")
+    assert reason in sentence
 
 
 async def test_a_fetch_that_broke_off_goes_on(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import msgpack
 import numpy as np
 
 from mmt.core.children import python_command
-from mmt.core.errors import InputError, MmtError
+from mmt.core.errors import MmtError
 from mmt.leader.part import Part, Session, Tick
 from mmt.link.protocol import encode_event
 from mmt_share.messages import STATE, STATE_DTYPE, About
@@ -105,7 +105,7 @@ class SharingPart(Part):
         said = Entry(session.name, note=f"session {log.session_id}, {about.completion}")
         try:
             entry = ModelStore(self._table.store).add(model.to_bytes(), said)
-        except (OSError, InputError) as error:
+        except (OSError, MmtError) as error:
             self._session.journal.say(f"the model is not in the store {self._table.store}: {error}")
         else:
             self._session.journal.say(f"stored as {entry.name} ({entry.hash[:12]})")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from aiohttp import web
 
-from mmt.core.errors import InputError
+from mmt.core.errors import InputError, MmtError
 from mmt_share.store.store import DIGITS, LARGEST_BYTES, Entry, ModelStore
 
 if TYPE_CHECKING:
@@ -36,8 +36,8 @@ def store_pages(store: ModelStore, *, accepts: bool) -> "Page":
             entry = await asyncio.to_thread(store.add, await request.read(), said)
         except InputError as error:
             return web.Response(status=400, text=f"{error}\n")
-        except OSError as error:
-            return web.Response(status=507, text=f"it cannot be stored: {error.strerror}\n")
+        except (OSError, MmtError) as error:
+            return web.Response(status=507, text=f"it cannot be stored: {error}\n")
         return web.json_response(entry.as_dict())
 
     async def refused(_: web.Request) -> web.Response:

@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final, Self
 
-from mmt.core.errors import InputError
+from mmt.core.errors import InputError, MmtError
 from mmt.core.existing_files import write_file
 from mmt.core.printable import printable
 from mmt.texture.model.file import unpack
@@ -169,8 +169,11 @@ class ModelStore:
             order=int(contents.samples.lsf.shape[1]),
             rate_hz=contents.rate_hz,
         )
-        write_file(self.folder / f"{digest}.npz", data)
-        write_file(about, json.dumps(entry.as_dict(), indent=1))
+        try:
+            write_file(self.folder / f"{digest}.npz", data)
+            write_file(about, json.dumps(entry.as_dict(), indent=1))
+        except InputError as error:  # the folder's fault, not that of what is added
+            raise MmtError(str(error)) from error
         return entry
 
 
