@@ -1,13 +1,18 @@
 """A moment of a recording, as its page gets it."""
 
+from itertools import accumulate
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 from frame_samples import made_frames
+from hypothesis import given
+from hypothesis import strategies as st
 from monitor_messages import unpack
 
 from mmt.core.errors import InputError
+from mmt.leader.output.vibration import Mode
 from mmt.scene import Scene
 from mmt.session.data import OutputBlock, RecordedSession
 from mmt.session.files import export_session
@@ -93,6 +98,25 @@ def test_what_was_played_when_is_told_apart() -> None:
     assert [mode for *_, mode in traces.modes(blocks)] == [mode for *_, mode in spans]
     ends = [span[:2] for span in traces.modes(blocks)]
     np.testing.assert_allclose(ends, [span[:2] for span in spans])
+
+
+@given(st.lists(st.tuples(st.sampled_from(get_args(Mode)), st.integers(1, 300)), max_size=30))
+def test_each_moment_is_told_as_what_was_played_then(played: list[tuple[Mode, int]]) -> None:
+    expected = np.array([drawn(mode) for mode, count in played for _ in range(count)], dtype="U11")
+    begins = accumulate((count for _, count in played), initial=0)
+    blocks = [
+        OutputBlock(begin / 1e3, mode, np.zeros(count))
+        for (mode, count), begin in zip(played, begins, strict=False)
+    ]
+    told = np.full(len(expected), "", dtype="U11")
+    for begin_s, end_s, mode in traces.modes(blocks):
+        told[round(1e3 * begin_s) : round(1e3 * end_s)] = mode
+    assert told.tolist() == expected.tolist()
+
+
+def drawn(mode: Mode) -> str:
+    """Return the colour of what is played; none for silence."""
+    return {"silent": "", "fading": "synthesized"}.get(mode, mode)
 
 
 def test_the_trail_is_the_mean_motion_of_each_step() -> None:

@@ -113,15 +113,18 @@ def course(window: Window) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def modes(outputs: Sequence[OutputBlock]) -> list[tuple[float, float, str]]:
-    """Return from when to when (s) the actuator played what, as streamed or synthesized."""
+    """Return from when to when (s) the actuator played what, as streamed or synthesized.
+
+    While it was silent there is no span.
+    """
     spans: list[tuple[float, float, str]] = []
     for block in outputs:
-        mode = "streamed" if block.mode == "streamed" else "synthesized"
+        mode = "synthesized" if block.mode == "fading" else block.mode
         begin_s, end_s = block.time_s, block.time_s + len(block.vibration_m_s2) / 1e3
         if spans and spans[-1][2] == mode and begin_s - spans[-1][1] < _LATE_SAMPLES / 1e3:
             begin_s, _, _ = spans.pop()
         spans.append((begin_s, end_s, mode))
-    return spans
+    return [span for span in spans if span[2] != "silent"]
 
 
 def trail(window: Window, settings: ModellingSettings) -> FloatArray:
