@@ -4,11 +4,13 @@ import asyncio
 import base64
 from collections.abc import AsyncIterator
 from pathlib import Path
+from typing import Any
 
 import aiohttp
 import pytest
 from frame_samples import made_frames
 from monitor_browser import Browser, address, monitored, open_browser, until
+from monitor_messages import unpack
 from service_runs import MadeSource, Together, small_scene
 
 from mmt.link.access import TOKEN_VARIABLE
@@ -52,6 +54,24 @@ async def test_a_run_is_shown_while_it_lasts(tmp_path: Path, browser: Browser) -
     assert (await socket.receive()).type is aiohttp.WSMsgType.CLOSE
     await following
     await together.end()
+
+
+async def test_the_last_that_is_shown_is_how_the_run_has_ended(
+    tmp_path: Path, browser: Browser
+) -> None:
+    together = await monitored(tmp_path)
+    socket = await browser.look_on(together)
+    follower = together.follower(MadeSource([made_frames(k, 1) for k in range(700)]))
+    await follower.run()
+    shown: dict[str, dict[str, Any]] = {}
+    while "end" not in shown:
+        message = unpack(await socket.receive_bytes(timeout=30.0))
+        shown[message["kind"]] = message
+    summary = await together.end()
+    assert shown["ticks"]["ticks"] == summary.ticks["ticks"]
+    assert shown["link"]["frames"] == 700
+    assert shown["live"]["measured_count"] == 700
+    assert shown["end"]["outcome"] == summary.outcome
 
 
 async def test_nothing_is_kept_once_the_last_viewer_has_left(

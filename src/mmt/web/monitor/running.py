@@ -108,21 +108,30 @@ class LeaderMonitor:
         turn = self._looks % self._slow
         self._looks += 1
         if turn == 0:
-            self.viewers.publish("ticks", states.ticks_message(self._leader))
+            self._publish_ticks()
         elif turn == self._slow // 2 or self._looks == 2:
-            link = states.link_message(self._leader)
-            if link is not None:
-                self.viewers.publish("link", link)
+            self._publish_link()
 
     def end(self, outcome: str | None = None) -> None:
         """Look no more; let the viewers have the last state and how the session has ended."""
-        outcome = self._leader.outcome if outcome is None else outcome
         if not self.viewers.ended:
+            if self.viewers and outcome is None:
+                self.look()
+                self._publish_ticks()
+                self._publish_link()
             verdict = self._leader.verdict.as_dict()
-            end = pack("end", {"outcome": outcome, "verdict": verdict}, {})
-            self.viewers.publish("end", end)
+            said = self._leader.outcome if outcome is None else outcome
+            self.viewers.publish("end", pack("end", {"outcome": said, "verdict": verdict}, {}))
         self.tap.watched = False
         self.viewers.close()
+
+    def _publish_ticks(self) -> None:
+        self.viewers.publish("ticks", states.ticks_message(self._leader))
+
+    def _publish_link(self) -> None:
+        link = states.link_message(self._leader)
+        if link is not None:
+            self.viewers.publish("link", link)
 
     def _live_message(self) -> bytes:
         leader = self._leader
