@@ -227,6 +227,24 @@ async def test_a_lost_connection_is_shown_and_found_again(
         assert problems == []
 
 
+async def test_another_leader_at_the_address_is_shown_with_nothing_of_the_last(
+    browser: Any, unused_tcp_port: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MMT_CONTROL_TOKEN", TOKEN)
+    shared = {"sharing": {"port": 0}, "control": {}}
+    async with a_page(browser) as (page, problems):
+        async with Leading(unused_tcp_port, more=shared) as leading:
+            await page.goto(leading.url)
+            await shows(page, "#listeners-text", "0 listening")
+            await shows(page, "#control-text", "The leader's hand moves the robot.")
+            await api.expect(page.locator("#network")).to_have_value("lan")
+        async with Leading(unused_tcp_port, more={"network": {"profile": "wifi"}}):
+            await api.expect(page.locator("#network")).to_have_value("wifi", timeout=LONGEST_MS)
+            await api.expect(page.locator("#control")).to_be_hidden()
+            await api.expect(page.locator("#listeners-panel")).to_be_hidden()
+        assert problems == []
+
+
 async def test_a_leader_with_a_token_is_seen_by_who_has_it(
     browser: Any,
     monkeypatch: pytest.MonkeyPatch,

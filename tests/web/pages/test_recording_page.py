@@ -25,6 +25,7 @@ from mmt.scene.files import scene_from_tables
 from mmt.session.data import OutputBlock, RecordedSession
 from mmt.session.files import export_session
 from mmt.testing.simulation.offline import simulate_session
+from mmt.web.viewing.rebuilding import ModelRebuild
 from mmt.web.viewing.recording import ViewedRecording
 
 __all__ = ["browser"]
@@ -133,6 +134,21 @@ async def test_a_person_goes_through_a_recording(
         await shows(page, "#h-plane", "at this moment")
         assert "gains most" not in await page.locator("main").inner_text()
         assert problems == []
+
+
+async def test_a_moment_before_any_model_is_not_said_to_be_built_for_ever(
+    browser: Any, recorded: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recording = ViewedRecording.open(recorded)
+    with monkeypatch.context() as held:
+        held.setattr(ModelRebuild, "start", lambda _: None)
+        async with serving(recording) as url, a_page(browser) as (page, problems):
+            await page.goto(f"{url}#t=0.1")
+            await shows(page, "#plane-text", "The model of this moment is being built.")
+            held.undo()
+            recording.start()
+            await shows(page, "#plane-text", "No model yet.")
+            assert problems == []
 
 
 async def test_the_address_keeps_the_moment(browser: Any, recorded: Path) -> None:

@@ -45,6 +45,12 @@ export class Controls {
     addEventListener("keydown", (event) => this.#shortcut(event));
   }
 
+  /** Begin with a leader, of which nothing is known yet. */
+  begin() {
+    this.state = {};
+    $("control").hidden = true;
+  }
+
   /** Show what the controls stand at; those that the scene lacks cannot be used. */
   show(state) {
     const first = this.state.network === undefined;

@@ -14,6 +14,8 @@ let controls = null;
 const take = {
   hello(message) {
     text("answer", ""); // one of before a lost connection holds no more
+    controls.begin();
+    showListeners(null);
     panels.begin(message);
   },
 

@@ -101,7 +101,7 @@ export class Panels {
     const ended = stop_s === null ? `stop at ${number(stop, 2)}` : `stop met at ${stop_s.toFixed(1)} s`;
     const now = value === null ? "Nothing is modelled yet." : `${value.toFixed(2)} now; ${begun}, ${ended}.`;
     text("completion-text", faults ? `${now} Not measured: ${faults}.` : now);
-    if (cells) this.plane.setCompletion(cells, advice); // else those of a saved model stay
+    if (cells || !said) this.plane.setCompletion(cells, advice); // else those of a saved model stay
     this.dirty = true;
   }
 
