@@ -8,8 +8,8 @@
 //
 // The same excitation gives the samples that Python gives. The form of a model is in docs/reference/model-json.md.
 
-export const FORMAT = "mmt-texture";
-export const VERSION = 1;
+const FORMAT = "mmt-texture";
+const VERSION = 1;
 export const FULL_SCALE_M_S2 = 30; // what an amplitude of 1 in the audio graph stands for
 export const MOST_BYTES = 4_000_000; // of a model's JSON
 
@@ -53,7 +53,7 @@ export function parseModel(form) {
   for (const end of ["maximum_speed_mm_s", "maximum_force_n"]) refuse(!within(form[end], 1e-6, 1e6), `its ${end} must be 1e-6 to 1e6`);
   const dimensions = inputs === "anisotropic" ? 3 : 2;
   const model = {
-    name, method, inputs, order, dimensions, rateHz: form.rate_hz,
+    name, order, dimensions, rateHz: form.rate_hz,
     maximumSpeed: form.maximum_speed_mm_s, maximumForce: form.maximum_force_n,
     perSpeed: 1 / form.maximum_speed_mm_s, perForce: 1 / form.maximum_force_n,
     width: dimensions + 1 + order, links: null, network: null, level: null, levelShape: null,
@@ -598,7 +598,7 @@ function motionOf({ dimensions }, inputs) {
 // ---- Synthesis: mmt.texture.synthesis
 
 /** Normal numbers of a seed: sfc32 (Doty-Humphrey) and the polar method. Not those of Python. */
-export function normals(seed) {
+function normals(seed) {
   let a = seed >>> 0, b = 0x9e3779b9, c = 0x243f6a88, counter = 1, spare = null;
   const uniform = () => {
     const t = (((a + b) | 0) + counter++) | 0;
@@ -626,8 +626,8 @@ export function normals(seed) {
 
 /** Renders one model at the model's rate. Assigning `model` later keeps the filter's memory. */
 export class Synthesizer {
-  constructor(model = null, { seed = 0, renewalSamples = 1, limit = LIMIT_M_S2 } = {}) {
-    Object.assign(this, { model, renewalSamples, limit });
+  constructor(model, { seed = 0, renewalSamples = 1 } = {}) {
+    Object.assign(this, { model, renewalSamples });
     this.draw = normals(seed);
     this.reflection = new Float64Array(MOST_ORDER);
     this.complement = new Float64Array(MOST_ORDER).fill(1);
@@ -638,7 +638,7 @@ export class Synthesizer {
     this.wanted = 0;
     this.amplitude = 0;
     this.counter = 0;
-    this.release = model === null ? 0 : Math.exp(-1 / (RELEASE_S * model.rateHz));
+    this.release = 0;
   }
 
   /** Return vibration (m/s2) for the motion at each sample: Float64Arrays of the model's inputs. */
@@ -660,7 +660,7 @@ export class Synthesizer {
   /** Return the next sample at a motion, or with `touches` false of a hand that was lifted. */
   next(first, second, third, excitation, touches = true) {
     const { model } = this;
-    if (!touches || model === null) {
+    if (!touches) {
       this.wanted = 0;
     } else if (this.counter++ % this.renewalSamples === 0) {
       this.wanted = filterInto(model, first, second, third, this.work, this.reflection, this.complement);
@@ -671,7 +671,7 @@ export class Synthesizer {
     this.amplitude *= this.release;
     if (!(this.amplitude >= SILENCE)) this.amplitude = 0;
     if (this.wanted > this.amplitude) this.amplitude = this.wanted;
-    return Math.min(Math.max(this.amplitude * value, -this.limit), this.limit);
+    return Math.min(Math.max(this.amplitude * value, -LIMIT_M_S2), LIMIT_M_S2);
   }
 
   /** Return the next sample of the synthesizer's own excitation. */
@@ -719,11 +719,6 @@ export class RateConverter {
     if (this.up === this.down) this.up = this.down = 1;
     this.line = new Float64Array(this.taps); // a ring of the newest samples
     this.taken = this.given = 0;
-  }
-
-  /** How many samples must be put in before `count` more can be had. */
-  needed(count) {
-    return count <= 0 ? 0 : Math.max(0, Math.floor(((this.given + count - 1) * this.down) / this.up) + 1 - this.taken);
   }
 
   put(sample) {
@@ -931,7 +926,7 @@ export class TextureNode {
       const node = new AudioWorkletNode(this.context, PROCESSOR, { numberOfInputs: 0, outputChannelCount: [1] });
       node.port.onmessage = ({ data }) => this.onReport(data);
       this.send = (message) => node.port.postMessage(message);
-      Object.assign(this, { node, by: "worklet", blockS: 128 / this.context.sampleRate });
+      Object.assign(this, { node, by: "worklet" });
     } catch { // no worklet here: pages from other machines by http
       const renderer = new LiveRenderer(this.context.sampleRate, (Math.random() * 2 ** 32) >>> 0);
       const node = this.context.createScriptProcessor(SCRIPT_FRAMES, 1, 1);
@@ -941,7 +936,7 @@ export class TextureNode {
         if (report !== null) this.onReport(report);
       };
       this.send = (message) => renderer.take(message);
-      Object.assign(this, { node, by: "script", blockS: (2 * SCRIPT_FRAMES) / this.context.sampleRate });
+      Object.assign(this, { node, by: "script" });
     }
     return this;
   }
