@@ -880,7 +880,8 @@ export class LiveRenderer {
   /** Return what was played since the last report: at once where the hand has moved, else null until it is time. */
   report() {
     if (this.number === this.reported && this.counted < REPORT_S * this.outputHz) return null;
-    const report = { rms: Math.sqrt(this.square / this.counted), number: this.number };
+    const delayS = this.lanes.get(this.model?.rateHz)?.converter.delayS;
+    const report = { rms: Math.sqrt(this.square / this.counted), number: this.number, delayS };
     this.reported = this.number;
     this.forget();
     return report;
@@ -914,7 +915,7 @@ const SCRIPT_FRAMES = 256;
 
 /** A source in an audio graph: wait for `ready`, then connect it to anything. */
 export class TextureNode {
-  /** `onReport({ rms, number })`: what was played (m/s2), and the number of the newest `setMotion` in it. */
+  /** `onReport({ rms, number, delayS })`: what was played (m/s2), the number of the newest `setMotion` in it, and the conversion's delay. */
   constructor(context, onReport = () => {}) {
     Object.assign(this, { context, onReport });
     this.ready = this.#make();

@@ -1,7 +1,7 @@
 // The page of one file: strokes its textures; all that it needs is in the page itself.
 
 const source = document.getElementById("module").textContent;
-const { FULL_SCALE_M_S2, MOST_BYTES, ModelError, PointerMotion, RateConverter, TextureNode, filterAt, parseModel, render } =
+const { FULL_SCALE_M_S2, MOST_BYTES, ModelError, PointerMotion, TextureNode, filterAt, parseModel, render } =
   await import(`data:text/javascript;base64,${btoa(source)}`); // from disk, Chromium takes no Blob for a worklet
 
 const BAR_MM = 50;
@@ -26,6 +26,7 @@ let pressing = false; // a pen has told its pressure
 let pointerId = null;
 let sent = 0;
 let rms = 0;
+let conversion = 0; // delay of the newest samples by the conversion to the device's rate, in ms
 let shownAt = 0;
 const pointer = new PointerMotion();
 const keys = new Set();
@@ -118,6 +119,7 @@ async function begin() {
 
 function report(played) {
   rms = played.rms;
+  conversion = 1e3 * played.delayS;
   const at = delivered.get(played.number);
   if (at !== undefined) {
     delays.push(performance.now() - at);
@@ -136,7 +138,6 @@ const middle = (values) => [...values].sort((a, b) => a - b)[values.length >> 1]
 /** What passes between the hand and the sound, in ms. */
 function figures() {
   if (texture === null) return null;
-  const conversion = 1e3 * new RateConverter(model.rateHz, context.sampleRate).delayS;
   const output = 1e3 * ((context.baseLatency || 0) + (context.outputLatency || 0));
   return { delays: [...delays], conversion, output, by: texture.by, rate: context.sampleRate };
 }
