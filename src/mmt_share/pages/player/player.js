@@ -2,9 +2,10 @@
 
 import { Grid } from "./grid.js";
 import { Link } from "./link.js";
+import { say } from "./orders.js";
 import { Pointer } from "./pointer.js";
 import { OPENING, Sound } from "./sound.js";
-import { Study, say } from "./study.js";
+import { Study } from "./study.js";
 
 const MM_PER_PX = 25.4 / 96;
 const BAR_MM = 50;
@@ -22,10 +23,7 @@ let level = { square: 0, counted: 0 };
 
 const settings = () => ({ mmPerPx, force: Number($("force").value), speed: Number($("speed").value) });
 
-const link = new Link((message) => take[message.kind]?.(message), showState, (given) => {
-  text("token-problem", given ? "That is not the player's token." : "");
-  $("token").focus();
-});
+const link = new Link("player", (message) => take[message.kind]?.(message));
 const grid = new Grid($("grid"), () => {});
 const pointer = new Pointer(grid, settings);
 const study = new Study(link, grid);
@@ -45,7 +43,7 @@ const take = {
     study.show(message);
     fit(); // the panel above the grid has another height
   },
-  answer: (message) => (message.id === OPENING ? say(`no sound: ${message.text}`, false) : study.answered(message)),
+  answer: (message) => (message.id === OPENING ? say(`no sound: ${message.text}`, false) : study.orders.answered(message)),
   status(message) {
     const said = [];
     if (message.problem ?? message.recorded_s !== null) said.push(message.problem ?? `recorded ${message.recorded_s.toFixed(1)} s`);
@@ -53,12 +51,6 @@ const take = {
     text("recording", said.join(", "));
   },
 };
-
-function showState(state, sentence) {
-  text("connection", sentence);
-  $("connection").dataset.state = state;
-  $("token-form").hidden = state !== "refused";
-}
 
 /** Show what is played and how late, a few times a second. */
 function report({ rms, counted }) {
@@ -150,9 +142,4 @@ document.addEventListener("visibilitychange", () => {
     rests = document.hidden;
     toggleSound();
   }
-});
-$("token-form").addEventListener("submit", (event) => {
-  event.preventDefault();
-  link.useToken($("token").value);
-  $("token").value = "";
 });

@@ -1,24 +1,23 @@
 // The scenarios: what is asked of the participant, and the answers.
 
-const ANSWER_MS = 15000;
+import { Orders, say } from "./orders.js";
+
 const $ = (id) => document.getElementById(id);
 const letter = (tile) => String.fromCharCode(65 + tile);
 
 export class Study {
   constructor(link, grid) {
-    Object.assign(this, { link, grid });
+    Object.assign(this, { grid, orders: new Orders(link) });
     this.state = { scenario: null };
-    this.waiting = new Map();
-    this.number = 0;
     this.sample = null;
     $("begin-form").onsubmit = (event) => {
       event.preventDefault();
-      this.order({ do: "begin", scenario: $("scenario").value, participant: $("participant").value });
+      this.orders.give({ do: "begin", scenario: $("scenario").value, participant: $("participant").value });
     };
     $("leave").onclick = () => {
-      if (this.state.done || confirm("Leave the scenario before its end?")) this.order({ do: "leave" });
+      if (this.state.done || confirm("Leave the scenario before its end?")) this.orders.give({ do: "leave" });
     };
-    $("finish").onclick = () => this.order({ do: "finish" });
+    $("finish").onclick = () => this.orders.give({ do: "finish" });
     $("answer-tile").onclick = () => this.match();
   }
 
@@ -28,7 +27,7 @@ export class Study {
     $("rating-buttons").replaceChildren(...Array.from({ length: best }, (_, i) => {
       const button = document.createElement("button");
       button.textContent = String(i + 1);
-      button.onclick = () => this.order({ do: "rate", rating: i + 1 });
+      button.onclick = () => this.orders.give({ do: "rate", rating: i + 1 });
       return button;
     }));
   }
@@ -53,11 +52,16 @@ export class Study {
   }
 
   /** Answer which tile feels like the sample that is asked for. */
-  match() {
+  async match() {
     const { scenario, matches } = this.state;
     if (scenario !== "matching" || matches !== null) return;
-    if (this.grid.chosen === null) say("stroke a tile first", false);
-    else this.order({ do: "answer", sample: this.sample, tile: this.grid.chosen });
+    if (this.grid.chosen === null) {
+      say("stroke a tile first", false);
+      return;
+    }
+    if (!await this.orders.give({ do: "answer", sample: this.sample, tile: this.grid.chosen })) return;
+    this.sample = null; // on to one without a tile
+    this.show(this.state);
   }
 
   /** Rate by a digit's key; true where there was something to rate. */
@@ -65,26 +69,6 @@ export class Study {
     if (!this.state.rates) return false;
     $("rating-buttons").children[rating - 1]?.click();
     return true;
-  }
-
-  async order(order) {
-    const id = this.number++;
-    const answered = new Promise((resolve) => {
-      this.waiting.set(id, resolve);
-      setTimeout(() => resolve({ ok: false, text: "the player has not answered" }), ANSWER_MS);
-    });
-    if (!this.link.send({ id, ...order })) {
-      this.waiting.get(id)({ ok: false, text: "there is no connection to the player" });
-    }
-    const answer = await answered;
-    this.waiting.delete(id);
-    say(answer.text, answer.ok);
-    if (answer.ok && order.do === "answer") this.sample = null; // on to one without a tile
-    if (answer.ok && order.do === "answer") this.show(this.state);
-  }
-
-  answered(message) {
-    this.waiting.get(message.id)?.(message);
   }
 
   #samples() {
@@ -122,9 +106,4 @@ export class Study {
     const counted = `${matches} of ${this.names.length} match.`;
     return done ? `${counted} Thank you.` : `${counted} How real did the textures feel?`;
   }
-}
-
-export function say(sentence, good) {
-  $("answer").textContent = sentence;
-  $("answer").dataset.good = String(good);
 }

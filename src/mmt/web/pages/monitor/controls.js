@@ -1,8 +1,8 @@
 // The controls: each order is sent to the leader, and what it answers is shown in words.
 
 import { isTaken } from "./help.js";
+import { Orders, say } from "./orders.js";
 
-const ANSWER_MS = 15000;
 const FOCUSED = { m: "mark", v: "force" };
 const PRESSED = { s: "save" }; // what undoes, ends or forgets something has no key
 const CONTROL = {
@@ -17,29 +17,28 @@ export class Controls {
   /** `link` sends orders and knows the token. */
   constructor(link) {
     this.link = link;
+    this.orders = new Orders(link);
     this.state = {};
-    this.waiting = new Map();
-    this.number = 0;
-    $("record").onclick = () => this.order({ do: "record", on: !this.state.recording });
-    $("save").onclick = () => this.order({ do: "save" });
-    $("freeze").onclick = () => this.order({ do: "freeze", on: !this.state.frozen });
+    $("record").onclick = () => this.orders.give({ do: "record", on: !this.state.recording });
+    $("save").onclick = () => this.orders.give({ do: "save" });
+    $("freeze").onclick = () => this.orders.give({ do: "freeze", on: !this.state.frozen });
     $("reset").onclick = () => {
-      if (confirm("Forget the model and begin anew?")) this.order({ do: "reset" });
+      if (confirm("Forget the model and begin anew?")) this.orders.give({ do: "reset" });
     };
     $("surface-said").onchange = async () => {
       const { value } = $("surface-said");
-      await this.order({ do: "surface", surface: value === "" ? null : Number(value) });
+      await this.orders.give({ do: "surface", surface: value === "" ? null : Number(value) });
       this.#showSurfaces(); // as the leader has it, until it has followed
     };
-    $("take-back").onclick = () => this.order({ do: "control", decision: "take back" });
+    $("take-back").onclick = () => this.orders.give({ do: "control", decision: "take back" });
     $("force").onchange = async () => {
-      await this.order({ do: "mode", mode: $("force").value });
+      await this.orders.give({ do: "mode", mode: $("force").value });
       $("force").value = this.state.forced; // as it is, should the leader have refused
     };
     $("network").onchange = () => this.#changeNetwork($("network").value);
     $("mark-form").onsubmit = (event) => {
       event.preventDefault();
-      this.order({ do: "mark", text: $("mark").value });
+      this.orders.give({ do: "mark", text: $("mark").value });
       $("mark").value = "";
     };
     addEventListener("keydown", (event) => this.#shortcut(event));
@@ -110,28 +109,8 @@ export class Controls {
     const button = document.createElement("button");
     button.textContent = label;
     button.setAttribute("aria-label", `${label}: ${name}`);
-    button.onclick = () => this.order({ do: "control", decision, who });
+    button.onclick = () => this.orders.give({ do: "control", decision, who });
     return button;
-  }
-
-  /** Send an order, and show the answer. */
-  async order(order) {
-    const id = this.number++;
-    const answered = new Promise((resolve) => {
-      this.waiting.set(id, resolve);
-      setTimeout(() => resolve({ ok: false, text: "the leader has not answered" }), ANSWER_MS);
-    });
-    if (!this.link.send({ id, ...order })) {
-      this.waiting.get(id)({ ok: false, text: "there is no connection to the leader" });
-    }
-    const answer = await answered;
-    this.waiting.delete(id);
-    say(answer.text, answer.ok);
-  }
-
-  /** Take the leader's answer to an order. */
-  answered(message) {
-    this.waiting.get(message.id)?.(message);
   }
 
   async #changeNetwork(profile) {
@@ -178,9 +157,4 @@ export class Controls {
 
 function label(id, words) {
   if ($(id).firstChild.data !== words) $(id).firstChild.data = words;
-}
-
-function say(sentence, good) {
-  $("answer").textContent = sentence;
-  $("answer").dataset.good = String(good);
 }

@@ -9,7 +9,6 @@ import { drawBars } from "./plots.js";
 
 const $ = (id) => document.getElementById(id);
 const panels = new Panels();
-let controls = null;
 
 const take = {
   hello(message) {
@@ -86,7 +85,7 @@ const take = {
   },
 
   answer(message) {
-    controls.answered(message);
+    controls.orders.answered(message);
   },
 
   end({ outcome, verdict }) {
@@ -95,25 +94,11 @@ const take = {
   },
 };
 
-function showState(state, sentence) {
-  text("connection", sentence);
-  $("connection").dataset.state = state;
+function showState(state) {
   $("connection").hidden = state === "live"; // then the verdict says how the run is
   document.body.classList.toggle("lost", state !== "live");
-  if (state !== "live") controls?.turnOff();
-  $("token-form").hidden = state !== "refused";
+  if (state !== "live") controls.turnOff();
 }
 
-const link = new Link((message) => take[message.kind]?.(message), showState, (given) => {
-  text("token-problem", given ? "That is not the leader's token." : "");
-  $("token").focus();
-});
-
-controls = new Controls(link);
+const controls = new Controls(new Link("leader", (message) => take[message.kind]?.(message), showState));
 offerHelp("live");
-
-$("token-form").addEventListener("submit", (event) => {
-  event.preventDefault();
-  link.useToken($("token").value);
-  $("token").value = "";
-});

@@ -5,6 +5,8 @@ const SILENT_MS = 5000;
 const REFUSED = 4401;
 const TAKEN_OVER = 4409;
 
+const $ = (id) => document.getElementById(id);
+
 /** Decode a message: header length, JSON header, then little-endian float32 arrays. */
 export function decode(buffer) {
   const length = new DataView(buffer).getUint32(0, true);
@@ -20,10 +22,15 @@ export function decode(buffer) {
   return header;
 }
 
-/** Keep a connection; `onMessage(header)`, `onState(state, sentence)`, `onRefused()`. */
+/** Keep a connection to a `server`, show how it is, and ask for the token; `onMessage(header)`, `onState(state)`. */
 export class Link {
-  constructor(onMessage, onState, onRefused) {
-    Object.assign(this, { onMessage, onState, onRefused });
+  constructor(server, onMessage, onState = () => {}) {
+    Object.assign(this, { server, onMessage, onState });
+    $("token-form").onsubmit = (event) => {
+      event.preventDefault();
+      this.#useToken($("token").value);
+      $("token").value = "";
+    };
     this.token = sessionStorage.getItem("mmt-token");
     this.tries = 0;
     this.ended = null;
@@ -31,7 +38,7 @@ export class Link {
     this.open();
   }
 
-  useToken(token) {
+  #useToken(token) {
     this.token = token;
     sessionStorage.setItem("mmt-token", token);
     this.open();
@@ -59,7 +66,7 @@ export class Link {
       if (message.kind === "hello") {
         this.tries = 0;
         this.ended = null;
-        this.onState("live", "live");
+        this.#show("live", "live");
       }
       if (message.kind === "end") this.ended = message.outcome;
       this.onMessage(message);
@@ -74,18 +81,26 @@ export class Link {
       const given = this.token !== null;
       this.token = null;
       sessionStorage.removeItem("mmt-token");
-      this.onState("refused", "token needed");
-      this.onRefused(given);
+      this.#show("refused", "token needed");
+      $("token-problem").textContent = given ? `That is not the ${this.server}'s token.` : "";
+      $("token").focus();
       return;
     }
     if (code === TAKEN_OVER) { // coming back by itself would take it from the other page again
-      this.onState("taken", "used by another page: load this one again to come back");
+      this.#show("taken", "used by another page: load this one again to come back");
       return;
     }
-    if (this.ended === null) this.onState("lost", "connection lost, trying again");
-    else this.onState("over", `session over: ${this.ended}`);
+    if (this.ended === null) this.#show("lost", "connection lost, trying again");
+    else this.#show("over", `session over: ${this.ended}`);
     const wait = RETRY_MS[Math.min(this.tries++, RETRY_MS.length - 1)];
     this.timer = setTimeout(() => this.open(), wait);
+  }
+
+  #show(state, sentence) {
+    $("connection").textContent = sentence;
+    $("connection").dataset.state = state;
+    $("token-form").hidden = state !== "refused";
+    this.onState(state);
   }
 
   /** A network that vanished closes nothing: give up a socket that is silent. */
