@@ -56,7 +56,7 @@ def scene(
 ) -> Scene:
     return scene_from_tables(
         {
-            "session": {"name": "shown"},
+            "session": {"name": "shown", "duration_s": 600.0},
             "link": {"port": port},
             "simulated": {},
             "hand": {},
