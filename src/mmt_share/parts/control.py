@@ -266,7 +266,7 @@ class ControlPart(Part):
             self._sharing.send_to(over.operator, self._contact().encode())
 
     def _contact(self) -> SharedContact:
-        model = getattr(self._feedback, "felt", None)
+        model = None if self._feedback is None else self._feedback.felt
         table = self._session.scene.force_feedback
         return SharedContact(model, self._normal, 0.0 if table is None else table.limit_n)
 

@@ -2,13 +2,16 @@
 
 from collections.abc import Mapping
 from math import hypot
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from mmt.core.arrays import RecordArray, bounded
 from mmt.devices.protocols import InterfaceState, Vector
 from mmt.leader.motion.force_ramp import SILENCE_TICKS, ForceRamp
+
+if TYPE_CHECKING:
+    from mmt.contact.estimation import ContactModel
 
 
 class Feedback(Protocol):
@@ -51,6 +54,10 @@ class Feedback(Protocol):
 
         Afterwards the force comes back from zero, wherever the handle then is.
         """
+
+    @property
+    def felt(self) -> "ContactModel | None":
+        """The model of the contact that the hand feels, None if it feels none."""
 
     @property
     def summary(self) -> Mapping[str, Any]:
@@ -115,6 +122,11 @@ class StreamedForce:
         """Display nothing; see `Feedback`."""
         self._ramp.rest(elapsed)
         self._show((0.0, 0.0, 0.0))
+
+    @property
+    def felt(self) -> "ContactModel | None":
+        """None: the force is streamed."""
+        return None
 
     @property
     def summary(self) -> Mapping[str, Any]:
