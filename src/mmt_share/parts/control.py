@@ -1,7 +1,6 @@
 """The part that hands control of the robot to a listener, and takes it back."""
 
 import time
-from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.arrays import difference, towards
@@ -18,7 +17,6 @@ from mmt_share.control_messages import (
     decode_motion,
 )
 from mmt_share.parts.clutch import Clutch
-from mmt_share.parts.control_orders import carry_out
 from mmt_share.parts.handover import Change, HandOver
 from mmt_share.parts.operator_motion import OperatorMotion
 from mmt_share.parts.sharing import SharingPart
@@ -34,6 +32,12 @@ if TYPE_CHECKING:
     from mmt.leader.motion.hand import HandPart
 
 _CONTACT_TICKS: Final = 50
+_DECISIONS: Final = {
+    "give": "control is given: the robot holds first",
+    "refuse": "control is refused",
+    "take back": "control is taken back: the robot holds first",
+}
+"""What a person decides on the monitor's page, and is answered."""
 _SENTENCES: Final = {
     "asked": "{name} asks for control",
     "refused": "control refused to {name}",
@@ -116,11 +120,24 @@ class ControlPart(Part):
 
     def orders(self) -> "dict[str, Callable[[dict[str, Any]], str]]":
         """Return the order that gives, refuses or takes back."""
-        return {"control": partial(carry_out, self)}
+        return {"control": self._decide}
 
     def signals(self) -> "dict[str, Callable[[], None]]":
         """Return the one that gives or takes back."""
         return {"SIGUSR2": self.toggle}
+
+    def _decide(self, order: dict[str, Any]) -> str:
+        """Carry out an order, which is not trusted; see `orders`."""
+        decision, who = order.get("decision"), order.get("who", 0)
+        if decision not in _DECISIONS:
+            raise InputError(f"decision is {decision!r}: allowed are {', '.join(_DECISIONS)}")
+        if not isinstance(who, int):
+            raise InputError("who is the number of a listener that asks")
+        if decision == "take back":
+            self.take_back()
+        else:
+            (self.give if decision == "give" else self.refuse)(who)
+        return _DECISIONS[decision]
 
     def give(self, who: int) -> None:
         """Give control to a listener that asks for it.
