@@ -4,10 +4,10 @@ import time
 from typing import Any, NamedTuple
 
 from mmt.link.protocol import encode_event
-from mmt.texture.model.difference import difference
 from mmt.texture.model.file import arrays_of
 from mmt.texture.model.file_arrays import pack_arrays
 from mmt.texture.model.texture_model import TextureModel
+from mmt_share.difference import difference
 from mmt_share.messages import MODEL, About, encode_change, model_message
 
 

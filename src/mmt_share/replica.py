@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from mmt.core.errors import InputError
-from mmt.texture.model.difference import apply
 from mmt.texture.model.file_arrays import file_arrays, pack_arrays
+from mmt_share.difference import apply
 from mmt_share.messages import About, model_message
 
 if TYPE_CHECKING:

@@ -5,10 +5,10 @@ import asyncio
 import pytest
 from sharing_samples import about, model_of, shared, until
 
-from mmt.texture.model.difference import digest
 from mmt.texture.model.file import arrays_of
 from mmt_lab.sharing.counting import count
 from mmt_lab.sharing.crowd import crowd, waiting_crowd
+from mmt_share.difference import digest
 
 
 @pytest.mark.parametrize(("count", "builders"), [(5, 5), (20, 10)])

@@ -13,9 +13,9 @@ from hub_samples import RedisServer, free_port, hub_process, needs_redis, redis_
 from sharing_samples import Heard, about, listening, model_of, shared, until
 
 from mmt.core.errors import InputError, MmtError
-from mmt.texture.model.difference import apply, digest
 from mmt.texture.model.file import arrays_of
 from mmt.texture.model.file_arrays import file_arrays
+from mmt_share.difference import apply, digest
 from mmt_share.hub import peers
 from mmt_share.hub.manager import HubManager
 from mmt_share.messages import SHARING_VERSION, About

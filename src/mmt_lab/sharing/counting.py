@@ -18,10 +18,10 @@ import numpy as np
 from mmt.core.errors import InputError
 from mmt.link.access import Access
 from mmt.link.rate_limit import PeriodLimit
-from mmt.texture.model.difference import digest
 from mmt.texture.model.file_arrays import file_arrays
 from mmt_lab.sharing.plain_socket import PlainSocket
 from mmt_share.client import ANSWER_PERIOD_S
+from mmt_share.difference import digest
 from mmt_share.lag import FIRST_ANSWERS, Have
 from mmt_share.messages import (
     AGAIN,

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
-from mmt.texture.model.difference import apply, difference
 from mmt.texture.model.file import arrays_of, contents_of
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
 from mmt.texture.space.samples import TextureSamples
+from mmt_share.difference import apply, difference
 
 SPACES = pytest.mark.parametrize("space", [ISOTROPIC, ANISOTROPIC], ids=lambda space: space.name)
 
