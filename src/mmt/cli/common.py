@@ -32,9 +32,6 @@ Result = TypeVar("Result")
 STANDARD_OUTPUT: Final = Path("-")
 """What a person gives for a file to have the result on standard output."""
 
-ALL_ADDRESSES: Final = {"", "0.0.0.0", "::"}  # noqa: S104 - compared with, not listened on
-"""Hosts that stand for every address of this machine."""
-
 Force: TypeAlias = Annotated[bool, typer.Option("--force", help="Replace files that exist.")]
 """Without it no command replaces a file, see `mmt.core.existing_files`."""
 

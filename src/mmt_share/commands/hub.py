@@ -10,7 +10,6 @@ import psutil
 import typer
 
 from mmt.cli.common import (
-    ALL_ADDRESSES,
     json_option,
     messages,
     output,
@@ -23,10 +22,9 @@ from mmt.cli.common import (
 from mmt.core.extras import require
 from mmt.core.logs import Logs
 from mmt.core.queued_output import queue_output
-from mmt_share.commands.visiting import own_address
+from mmt_share.commands.visiting import reachable_url
 from mmt_share.hub.descriptors import make_room
 from mmt_share.hub.scene import HubScene, load_hub_scene
-from mmt_share.tables import Sharing
 
 if TYPE_CHECKING:
     from mmt_share.hub.service import Hub
@@ -94,7 +92,7 @@ async def _run(scene: HubScene, duration_s: float | None, *, json_lines: bool) -
     make_room(scene.sharing.most, say)
     ended = asyncio.Event()
     stop_on_signals(ended.set)
-    serving = Hub(scene, lambda port: _address(scene.sharing, port), say)
+    serving = Hub(scene, lambda port: reachable_url(scene.sharing, port), say)
     counting = asyncio.create_task(_count(serving, say))
     begun_s = time.monotonic()
     try:
@@ -132,9 +130,3 @@ async def _count(hub: "Hub", say: Callable[[str], None]) -> None:
         if hub.listeners != said:
             said = hub.listeners
             say(f"{said} listening")
-
-
-def _address(settings: Sharing, port: int) -> str:
-    """Return where listeners reach this machine."""
-    host = own_address() if settings.host in ALL_ADDRESSES else settings.host
-    return settings.model_copy(update={"host": host}).url(port)

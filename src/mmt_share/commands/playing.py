@@ -1,19 +1,19 @@
 """``mmt play``: the texture player's page."""
 
 import asyncio
-import socket
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from mmt.cli.common import ALL_ADDRESSES, Force, messages, stop_on_signals
+from mmt.cli.common import Force, messages, stop_on_signals
 from mmt.core.errors import InputError, MmtError
 from mmt.core.kernel_cache import compile_kernels
 from mmt.link.access import Access
 from mmt.models import find_model, shipped_models
 from mmt.scene import Link
 from mmt.scene.files import table_from
+from mmt_share.commands.visiting import reachable_url
 from mmt_share.tables import Listening
 
 if TYPE_CHECKING:
@@ -108,9 +108,7 @@ async def _serve(server: "PlayerServer", link: Link, everyone: bool) -> None:
     ended, player = asyncio.Event(), server.player
     await server.start(link.host, link.port, everyone=everyone)
     stop_on_signals(ended.set)
-    named = link.model_copy(update={"host": socket.gethostname()})
-    shown = named if link.host in ALL_ADDRESSES else link
-    messages.print(f"player:   {shown.url(server.port)}/player/", highlight=False)
+    messages.print(f"player:   {reachable_url(link, server.port)}/player/", highlight=False)
     try:
         await ended.wait()
     finally:

@@ -21,12 +21,14 @@ from mmt.core.children import python_command
 from mmt.core.errors import InputError
 from mmt.link.access import Access
 from mmt.scene import Scene
+from mmt.scene.secured_table import ServedTable
 from mmt_share.messages import TOKEN_VARIABLE, shared_at
 from mmt_share.tables import Sharing
 
 _LONGEST_S: Final = 30.0
 _POLL_S: Final = 0.1
 _PORT: Final = 8770
+_EVERYWHERE: Final = {"", "0.0.0.0", "::"}  # noqa: S104 - compared with, not listened on
 _ELSEWHERE: Final = ("192.0.2.1", 9)  # an address that nobody has (RFC 5737); nothing is sent
 
 
@@ -80,7 +82,7 @@ class VisitorsPage:
             with suppress(OSError):
                 _, writer = await asyncio.open_connection("127.0.0.1", port)
                 writer.close()
-                self.address = f"http://{own_address()}:{port}/player/"
+                self.address = f"http://{_own_address()}:{port}/player/"
                 return f"feel it at {self.address}{qr_code(self.address) if self._code else ''}"
             await asyncio.sleep(_POLL_S)
         self._errors.seek(0)
@@ -128,7 +130,13 @@ def visitors_page(scene: Scene, *, terminal: bool) -> VisitorsPage:
     return VisitorsPage(Access.of(sharing, variable=TOKEN_VARIABLE).token, code=terminal)
 
 
-def own_address() -> str:
+def reachable_url(table: ServedTable, port: int) -> str:
+    """Return where other machines reach what listens at a port by this table."""
+    host = _own_address() if table.host in _EVERYWHERE else table.host
+    return table.model_copy(update={"host": host}).url(port)
+
+
+def _own_address() -> str:
     """Return this machine's address in the network that it is in, or its name."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as connection:
         try:
