@@ -10,7 +10,7 @@ import socketio
 from mmt.core.logs import REPEAT_PERIOD_S, RepeatLimit
 from mmt.link.access import Access
 from mmt_share.control_messages import ASK, MOTION, MOTION_HZ, RELEASE
-from mmt_share.relay import Listener
+from mmt_share.relay import ListenerFeed
 
 _LONGEST_BYTES: Final = 4096
 """Of a message of motion; one of a hundred records has 3704."""
@@ -42,7 +42,7 @@ class Operators:
         self._numbers: dict[str, int] = {}
         self._names: dict[str, str] = {}
         self._used: set[str] = set()
-        self._listeners: dict[int, Listener] = {}
+        self._listeners: dict[int, ListenerFeed] = {}
         self._asks = RepeatLimit()
         self._waiting: dict[str, asyncio.TimerHandle] = {}  # who has asked again within a second
         self._admitted: int | None = None
@@ -59,7 +59,7 @@ class Operators:
         return name
 
     def join(
-        self, sid: str, number: int, name: str, listener: Listener
+        self, sid: str, number: int, name: str, listener: ListenerFeed
     ) -> dict[str, Callable[[bytes], None]]:
         """Take in a listener that may operate; return the handlers of its frequent events."""
         self._numbers[sid], self._names[sid] = number, name

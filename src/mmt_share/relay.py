@@ -42,7 +42,7 @@ class Relay:
         """Number of the newest state of the hand."""
         self.state: bytes | None = None
         self.end: bytes | None = None
-        self.listeners: dict[str, Listener] = {}
+        self.listeners: dict[str, ListenerFeed] = {}
         self.sent = dict.fromkeys((*_KINDS, *_BYTES_OF.values(), "skipped"), 0)
         """Messages that all listeners have been given, together, and their bytes, by kind; and how
         many they skipped."""
@@ -125,8 +125,8 @@ class Relay:
             self._giving = None
 
 
-class Listener:
-    """One who listens: which messages it has, and which is next.
+class ListenerFeed:
+    """What one listener is given: which messages it has, and which is next.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ from mmt.link.access import Access, Entrance
 from mmt.link.http import CLOSE_TIMEOUT_S, LinkServer, Page
 from mmt.link.protocol import MAX_SENTENCE, loss_of, peer_text
 from mmt.link.rate_limit import RateLimit
-from mmt_share.guest import Guest
+from mmt_share.connected_listener import ConnectedListener
 from mmt_share.lag import Have
 from mmt_share.messages import (
     AGAIN,
@@ -30,7 +30,7 @@ from mmt_share.messages import (
     WELCOME,
     Hello,
 )
-from mmt_share.relay import STALLED_S, Listener, Relay
+from mmt_share.relay import STALLED_S, ListenerFeed, Relay
 from mmt_share.tables import Sharing
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ class SharingServer:
         self._relay = relay
         self._welcome = {"sharing": SHARING_VERSION, **welcome}
         self._on_change = on_change
-        self._guests: dict[str, Guest] = {}
+        self._connected: dict[str, ConnectedListener] = {}
         self._joined = 0
         self.listened_s = 0.0
         """Seconds that all listeners have listened, together, but for those who still do."""
@@ -137,12 +137,12 @@ class SharingServer:
 
     async def stop(self) -> None:
         """Let every listener have its last messages, within a second, and close."""
-        serving = [guest.serving for guest in self._guests.values() if guest.serving is not None]
+        serving = [each.serving for each in self._connected.values() if each.serving is not None]
         if serving:
             _, late = await asyncio.wait(serving, timeout=CLOSE_TIMEOUT_S)
             for task in late:
                 task.cancel()
-        for sid in list(self._guests):
+        for sid in list(self._connected):
             self._on_disconnect(sid, "the session is over")
         if self._releasing is not None:
             self._releasing.cancel()
@@ -160,11 +160,11 @@ class SharingServer:
 
     def figures(self) -> dict[str, Any]:
         """Return the figures of all listeners together, and ``rows`` of 30 that are behind most."""
-        guests = self._guests.values()
-        behind = sorted(guests, key=Guest.lag_order, reverse=True)
-        lags = sorted(lag for each in guests if (lag := each.listener.lag.last_ms) is not None)
+        everyone = self._connected.values()
+        behind = sorted(everyone, key=ConnectedListener.lag_order, reverse=True)
+        lags = sorted(lag for each in everyone if (lag := each.feed.lag.last_ms) is not None)
         return {
-            "listeners": len(guests),
+            "listeners": len(everyone),
             "joined": self._joined,
             "sent": dict(self._relay.sent),
             "lag_median_ms": lags[len(lags) // 2] if lags else None,
@@ -187,7 +187,7 @@ class SharingServer:
             token = auth.get("control_token") if isinstance(auth, dict) else None
             if self.operators is None or not self.operators.access.admits(token):
                 raise MmtError(_NO_CONTROL)
-        if len(self._guests) >= self._settings.most:
+        if len(self._connected) >= self._settings.most:
             raise FullError(
                 f"{self._settings.most} are listening already: raise most of [sharing], or wait"
             )
@@ -206,69 +206,70 @@ class SharingServer:
         self._joined += 1
         operators = self.operators if hello.operates else None
         name = hello.name if operators is None else operators.distinct(hello.name, self._joined)
-        guest = self._guests[sid] = Guest(
+        listener = self._connected[sid] = ConnectedListener(
             self._joined,
             name,
             self._host.sockets.send(sid, environ),
-            Listener(self._relay, hello.states_hz),
+            ListenerFeed(self._relay, hello.states_hz),
         )
 
         def let_go(error: MmtError) -> None:
-            guest.why = str(error)
+            listener.why = str(error)
 
         messages_hz = _MESSAGES_HZ
         handlers: dict[str, Callable[[bytes], None]] = {HAVE: partial(self._on_have, sid)}
         if operators is not None:
-            handlers |= operators.join(sid, guest.number, name, guest.listener)
+            handlers |= operators.join(sid, listener.number, name, listener.feed)
             messages_hz += operators.messages_hz
-        limit = RateLimit(messages_hz, guest.reject, let_go)
+        limit = RateLimit(messages_hz, listener.reject, let_go)
         self._host.sockets.admit(environ, handlers, limit)
         self._start(self._host.server.emit(WELCOME, self._welcome, to=sid, ignore_queue=True))
-        self._tell(f"{guest.text} joined", "listener joined", id=guest.number, name=guest.name)
+        who = {"id": listener.number, "name": listener.name}
+        self._tell(f"{listener.text} joined", "listener joined", **who)
 
     def _on_disconnect(self, sid: str, reason: str) -> None:
-        guest = self._guests.pop(sid, None)
-        if guest is None:
+        listener = self._connected.pop(sid, None)
+        if listener is None:
             return
-        figures = guest.figures()
+        figures = listener.figures()
         self.listened_s += figures["listened_s"]
         self._relay.listeners.pop(sid, None)
         if self.operators is not None:
             self.operators.leave(sid)
-        if guest.serving is not None:
-            guest.serving.cancel()
-        why = guest.why or loss_of(reason)
-        text = f"{guest.text} left after {figures['listened_s']:.0f} s ({why})"
+        if listener.serving is not None:
+            listener.serving.cancel()
+        why = listener.why or loss_of(reason)
+        text = f"{listener.text} left after {figures['listened_s']:.0f} s ({why})"
         self._tell(text, "listener left", why=why, **figures)
 
     def _on_again(self, sid: str, *_: object) -> None:
-        guest = self._guests.get(sid)
-        if guest is None:
+        listener = self._connected.get(sid)
+        if listener is None:
             return
-        guest.listener.again()
-        if guest.serving is None:
-            self._relay.listeners[sid] = guest.listener
-            guest.serving = self._start(self._serve(sid, guest))
+        listener.feed.again()
+        if listener.serving is None:
+            self._relay.listeners[sid] = listener.feed
+            listener.serving = self._start(self._serve(sid, listener))
 
     def _on_have(self, sid: str, data: object = None, *_: object) -> None:
-        guest = self._guests.get(sid)
-        if guest is None:
+        listener = self._connected.get(sid)
+        if listener is None:
             return
         try:
-            guest.listener.has(Have.unpack(data), time.monotonic_ns())
+            listener.feed.has(Have.unpack(data), time.monotonic_ns())
         except InputError as error:
-            guest.reject(str(error))
+            listener.reject(str(error))
 
-    async def _serve(self, sid: str, guest: Guest) -> None:
+    async def _serve(self, sid: str, listener: ConnectedListener) -> None:
         with suppress(ConnectionError):
             try:
-                await guest.listener.serve(guest.send)
+                await listener.feed.serve(listener.send)
             except TimeoutError:
                 LOG.warning("a listener has stalled and is let go")
-                guest.why = f"it took nothing for {STALLED_S:g} s"
+                listener.why = f"it took nothing for {STALLED_S:g} s"
                 await self._host.server.disconnect(sid)
                 return
-        guest.serving = None  # it has the end, and may ask again
+        listener.serving = None  # it has the end, and may ask again
         self._relay.listeners.pop(sid, None)
 
     def _start(self, coroutine: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
@@ -278,7 +279,7 @@ class SharingServer:
         return task
 
     def _tell(self, text: str, kind: str, **listener: object) -> None:
-        count = len(self._guests)
+        count = len(self._connected)
         details = {"kind": kind, "listeners": count, "listener": listener}
         self._on_change(f"{text}, {count} listening", details)
 

@@ -23,7 +23,7 @@ from mmt_share.hub.peers import FIRST_S, LOST_S, Beat, Peers
 from mmt_share.hub.scene import load_hub_scene
 from mmt_share.messages import CHANGE, MODEL, WELCOME
 from mmt_share.publishing import ModelPublisher
-from mmt_share.relay import Listener, Relay
+from mmt_share.relay import ListenerFeed, Relay
 from mmt_share.tables import Listening
 
 
@@ -110,7 +110,7 @@ def test_what_two_hubs_feed_is_taken_once(copy: HubCopy) -> None:
     leader = Leader()
     relay = copy._relay
     (first, _), (second, change) = leader.publish(10), leader.publish(11)
-    listener = Listener(relay)
+    listener = ListenerFeed(relay)
     for event, message in ((MODEL, first), (MODEL, first), (CHANGE, change), (CHANGE, change)):
         copy.take(event, message)
         copy.take(WELCOME, leader.welcome)

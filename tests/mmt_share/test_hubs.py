@@ -70,7 +70,7 @@ async def test_a_hub_gives_its_listeners_what_the_leader_shares(alone: RedisServ
                 assert (late.client.wholes, late.client.changes) == (1, 0)
             leader.relay.finish("completed")
             await until(lambda: "the shared session has ended: completed" in heard.said)
-        assert len(leader.server._guests) == 1
+        assert len(leader.server._connected) == 1
 
 
 async def test_the_leader_has_one_listener_however_many_hubs_there_are(redis: RedisServer) -> None:
@@ -125,7 +125,7 @@ async def test_a_feeder_that_is_killed_is_replaced_and_its_listeners_find_anothe
         assert time.monotonic() - killed_s < 3.5
         leader.publish(12)
         await until(lambda: is_model_of(of_first, 12) and is_model_of(of_second, 12))
-        assert len(leader.server._guests) == 1
+        assert len(leader.server._connected) == 1
 
 
 async def test_any_socket_io_client_can_listen_at_a_hub(alone: RedisServer) -> None:

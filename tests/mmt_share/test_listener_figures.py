@@ -128,7 +128,7 @@ async def test_why_a_listener_was_let_go_is_told(monkeypatch: pytest.MonkeyPatch
     async def stall(*_: object) -> None:
         raise TimeoutError
 
-    monkeypatch.setattr(relay_module.Listener, "serve", stall)
+    monkeypatch.setattr(relay_module.ListenerFeed, "serve", stall)
     async with shared() as sharing, listening(sharing.url, name="ann"):
         await until(lambda: len(sharing.said) >= 2)
         assert "(it took nothing for 10 s)" in sharing.said[1]

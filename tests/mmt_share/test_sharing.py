@@ -21,7 +21,7 @@ from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt_share import relay as relay_module
 from mmt_share.messages import SHARING_VERSION, STATE, Hello
 from mmt_share.publishing import ModelPublisher
-from mmt_share.relay import Listener, Relay
+from mmt_share.relay import ListenerFeed, Relay
 
 TOKEN = "0123456789abcdef0123"
 
@@ -122,7 +122,7 @@ async def test_the_end_is_told() -> None:
 
 def test_a_slow_listener_gets_what_is_newest_and_nothing_waits_for_it() -> None:
     relay, publisher = Relay(), ModelPublisher()
-    listener = Listener(relay)
+    listener = ListenerFeed(relay)
     messages = [publisher.publish(model_of(count), about(count)) for count in (10, 11, 12, 13)]
     relay.offer_model(*messages[0])
     assert listener.next() == messages[0].whole
@@ -147,7 +147,7 @@ def test_a_slow_listener_gets_what_is_newest_and_nothing_waits_for_it() -> None:
 async def test_a_listener_that_takes_nothing_is_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(relay_module, "STALLED_S", 0.05)
     relay = Relay()
-    listener = Listener(relay)
+    listener = ListenerFeed(relay)
 
     async def stall(_: bytes) -> None:
         await asyncio.sleep(60.0)
@@ -170,7 +170,7 @@ async def test_one_that_waits_gets_what_is_newest_by_then_and_the_others_all() -
 
     serving = []
     for name, send in (("slow", slowly), ("quick", quickly)):
-        relay.listeners[name] = Listener(relay)
+        relay.listeners[name] = ListenerFeed(relay)
         serving.append(asyncio.create_task(relay.listeners[name].serve(send)))
     await asyncio.sleep(0)
     states = [b"%d" % number for number in range(5)]
@@ -197,7 +197,7 @@ async def test_a_listener_gets_as_many_states_as_it_wants(monkeypatch: pytest.Mo
         async def take(message: bytes, taken: list[bytes] = taken) -> None:
             taken.append(message)
 
-        listener = relay.listeners[str(states_hz)] = Listener(relay, states_hz)
+        listener = relay.listeners[str(states_hz)] = ListenerFeed(relay, states_hz)
         serving.append(asyncio.create_task(listener.serve(take)))
     await asyncio.sleep(0)
     for number in range(8 + 200):
@@ -224,7 +224,7 @@ def test_a_rate_of_states_that_makes_no_sense_is_refused(states_hz: object) -> N
 
 async def test_one_that_has_gone_is_served_no_more() -> None:
     relay = Relay()
-    listener = relay.listeners["one"] = Listener(relay)
+    listener = relay.listeners["one"] = ListenerFeed(relay)
 
     async def gone(_: bytes) -> None:
         raise ConnectionResetError("it has gone")

@@ -10,7 +10,7 @@ from hub_samples import needs_redis, redis_server, serving
 from node_programs import NEEDS_NODE, run_node
 from sharing_samples import WELCOME, Shared, about, model_of, shared, until
 
-from mmt_share.relay import Listener, Relay
+from mmt_share.relay import ListenerFeed, Relay
 
 PROGRAM = Path(__file__).with_name("stock_listener.cjs")
 
@@ -19,7 +19,7 @@ WELCOMED = {"sharing": 1, **WELCOME}
 pytestmark = NEEDS_NODE
 
 
-def models_given(listener: Listener) -> int:
+def models_given(listener: ListenerFeed) -> int:
     return listener.sent["wholes"] + listener.sent["changes"]
 
 

@@ -11,7 +11,7 @@ from mmt.scene.table import Table
 from mmt_share.tables import Listening, Sharing
 
 
-class Hub(Table):
+class HubTable(Table):
     """``[hub]``: hubs that share one leader's model find each other at a Redis server."""
 
     redis: str = Field(
@@ -25,7 +25,7 @@ class Hub(Table):
 class HubScene(Table):
     """The tables of ``mmt hub``: its Redis server, its listeners, and the leader."""
 
-    hub: Hub = Hub()
+    hub: HubTable = HubTable()
     sharing: Sharing = Sharing()
     listening: Listening = Listening()
 

@@ -6,17 +6,17 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from mmt.link.websocket import Send
-from mmt_share.relay import Listener
+from mmt_share.relay import ListenerFeed
 
 
 @dataclass
-class Guest:
+class ConnectedListener:
     """A listener that is connected; it is served from its first `AGAIN` on."""
 
     number: int
     name: str
     send: Send
-    listener: Listener
+    feed: ListenerFeed
     joined_s: float = field(default_factory=time.monotonic)
     serving: asyncio.Task[None] | None = None
     rejected: int = 0
@@ -34,7 +34,7 @@ class Guest:
             "id": self.number,
             "name": self.name,
             "listened_s": round(time.monotonic() - self.joined_s, 3),
-            **self.listener.figures(time.monotonic_ns()),
+            **self.feed.figures(time.monotonic_ns()),
             "rejected": self.rejected,
         }
 
@@ -44,5 +44,5 @@ class Guest:
 
     def lag_order(self) -> tuple[bool, float]:
         """Return what grows with how far it is behind, for sorting."""
-        lag_ms = self.listener.lag.last_ms
+        lag_ms = self.feed.lag.last_ms
         return lag_ms is not None, lag_ms or 0.0
