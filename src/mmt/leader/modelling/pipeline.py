@@ -75,7 +75,6 @@ class Modelling(Part):
         capacity = max(2, round(LONGEST_QUEUE_S * settings.rate_hz / frames))
         self._make_tasks(settings.rate_hz, keep_frames, capacity)
         self._models: Models = {}
-        self._several = settings.surfaces is not None
         self._newest_sample = -1
         self.fault: str | None = None
         """Why it has ended before the session; None where it has not."""
@@ -200,7 +199,7 @@ class Modelling(Part):
         InputError
             Surfaces are not told apart.
         """
-        if not self._several:
+        if not self._factory.in_step:
             raise InputError("this scene has one surface: it has no [texture.surfaces]")
         self._process.tell("say", SaidSurface(self._newest_sample + 1, surface))
 

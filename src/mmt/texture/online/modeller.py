@@ -46,8 +46,6 @@ class OnlineModeller:
         Whether a model is made only when it is asked for, before the next update.
     """
 
-    in_step = False
-    """Whether `segment` must see what came of each update before it goes on."""
     kept = None
     """Numbers of the surfaces whose models are kept; None where they are not told apart."""
 

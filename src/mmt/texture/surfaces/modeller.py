@@ -39,9 +39,6 @@ class SurfaceModeller:
         Frames between two updates of a model.
     """
 
-    in_step = True
-    """Whether `segment` must see what came of each update before it goes on."""
-
     def __init__(self, settings: ModellingSettings, period_frames: int) -> None:
         self._settings = settings
         self._period_frames = period_frames
