@@ -1,7 +1,10 @@
 """A file that was cut off or damaged gives back every whole chunk."""
 
+import struct
 import subprocess
 import sys
+import tracemalloc
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -9,15 +12,17 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
 from session_samples import made_frames
 
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
 from mmt.session import OutputBlock, read_session, write_session
 from mmt.session.info import info
+from mmt.session.mcap_windows import open_windows
 from mmt.session.mcap_writer import SessionWriter
 from mmt.session.recover import recover
-from mmt.session.stream import blocks_of, open_recording
+from mmt.session.stream import SessionStream, blocks_of, open_recording
 
 FLUSH_FRAMES = 500
 
@@ -279,11 +284,67 @@ def test_a_killed_recorder_loses_at_most_the_last_flush(tmp_path):
     np.testing.assert_array_equal(read_session(saved.path).frames, expected)
 
 
+def packed(source: Path, target: Path, compression: CompressionType, chunk_size: int) -> Path:
+    """Write a session anew, as another program would, with scene, chunks and compression."""
+    with source.open("rb") as stream, target.open("wb") as out:
+        reader, writer = make_reader(stream), Writer(out, chunk_size, compression)
+        writer.start()
+        for record in reader.iter_metadata():
+            writer.add_metadata(record.name, {**record.metadata, "json": '{"control": {}}'})
+        ids = {}
+        for schema, channel, message in reader.iter_messages():
+            if channel.topic not in ids:
+                known = writer.register_schema(schema.name, schema.encoding, schema.data)
+                ids[channel.topic] = writer.register_channel(
+                    channel.topic, channel.message_encoding, known
+                )
+            writer.add_message(
+                ids[channel.topic],
+                *(message.log_time, message.data, message.publish_time, message.sequence),
+            )
+        writer.finish()
+    return target
+
+
+@given(compression=st.sampled_from(CompressionType), chunk_size=st.integers(1, 1 << 20))
+@example(CompressionType.LZ4, 1 << 14)
+@settings(max_examples=6, deadline=None)
+def test_a_session_is_read_whatever_it_is_packed_by(
+    tmp_path_factory, whole, compression, chunk_size
+):
+    source, frames, _ = whole
+    path = packed(source, tmp_path_factory.mktemp("packed") / "other.mcap", compression, chunk_size)
+    session = read_session(path)
+    np.testing.assert_array_equal(session.frames, frames)
+    stream = open_recording(path)
+    assert isinstance(stream, SessionStream)
+    np.testing.assert_array_equal(np.concatenate(list(blocks_of(stream))), frames)
+    assert len(stream.events) == len(session.events) == 10
+    with closing(open_windows(path)) as windows:
+        assert not windows.in_memory
+        np.testing.assert_array_equal(windows.window(0.0, 10.0).frames, frames)
+
+
+@pytest.mark.parametrize("compression", [CompressionType.LZ4, CompressionType.ZSTD])
+def test_a_chunk_larger_than_it_says_is_damaged(tmp_path, whole, compression):
+    path = packed(whole[0], tmp_path / "other.mcap", compression, 1 << 14)
+    with path.open("rb") as stream:
+        chunk = make_reader(stream).get_summary().chunk_indexes[3]
+    data = bytearray(path.read_bytes())
+    sizes = struct.pack("<QQ", chunk.compressed_size, chunk.uncompressed_size)
+    for at in (chunk.chunk_start_offset + 25, data.index(sizes) + 8):  # in the chunk, in its index
+        assert data[at : at + 8] == sizes[8:]
+        data[at : at + 8] = struct.pack("<Q", chunk.uncompressed_size - 1)
+    path.write_bytes(data)
+    with pytest.raises(InputError, match="mmt session recover"):
+        read_session(path)
+    with pytest.raises(InputError, match="mmt session recover"):
+        list(blocks_of(open_recording(path)))
+    with closing(open_windows(path)) as windows:
+        assert 0 < len(windows.window(0.0, 10.0).frames) < len(whole[1])
+
+
 def test_a_small_file_that_unpacks_to_much_is_refused_before_it_does(tmp_path, monkeypatch):
-    import tracemalloc
-
-    from mcap.writer import CompressionType, Writer
-
     path = tmp_path / "bomb.mcap"
     with path.open("wb") as stream:
         writer = Writer(stream, chunk_size=1 << 30, compression=CompressionType.ZSTD)
@@ -296,11 +357,18 @@ def test_a_small_file_that_unpacks_to_much_is_refused_before_it_does(tmp_path, m
     assert path.stat().st_size < 1 << 20
     tracemalloc.start()
     try:
-        with pytest.raises(InputError, match=r"more than the 64 MiB .*MMT_MOST_MIB allows more"):
-            read_session(path)
+        for read in (read_session, open_recording):
+            with pytest.raises(InputError, match=r"more than the 64 MiB .*MMT_MOST_MIB allows mo"):
+                read(path)
+        with pytest.raises(InputError, match="without the topic"):  # of what may be read
+            open_windows(path)
         assert tracemalloc.get_traced_memory()[1] < 16 << 20
     finally:
         tracemalloc.stop()
     monkeypatch.setenv("MMT_MOST_MIB", "100")
     with pytest.raises(InputError, match="without the topic"):
         read_session(path)
+    monkeypatch.setenv("MMT_MOST_MIB", "a lot")
+    for read in (read_session, open_recording, open_windows):
+        with pytest.raises(InputError, match="MMT_MOST_MIB is 'a lot' in the environment"):
+            read(path)

@@ -3,13 +3,13 @@
 import struct
 from collections.abc import Iterator, Sequence
 from io import BytesIO
+from operator import attrgetter
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, BinaryIO, Final, NamedTuple
 
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
-from mcap.reader import make_reader
 from mcap.records import Channel, Chunk
 from mcap.stream_reader import get_chunk_data_stream
 
@@ -17,7 +17,7 @@ from mmt.core.errors import InputError
 from mmt.session.data import JsonObject
 from mmt.session.mcap_reader import checked_frame_schema, parse_event, parse_json
 from mmt.session.mcap_records import HEAD, Records, open_records
-from mmt.session.mcap_scan import DAMAGE
+from mmt.session.mcap_scan import DAMAGE, chunk_messages, most_bytes, read_index, unpacked
 from mmt.session.mcap_writer import (
     ANNOTATIONS_ATTACHMENT,
     BACKFILL_TOPIC,
@@ -48,7 +48,8 @@ class InOrder(NamedTuple):
 def open_in_order(path: Path) -> InOrder | None:
     """Return what a file says of its session, None where it must be read whole.
 
-    That is where it was cut off, where frames came late, or where it is not a session.
+    That is one that was cut off, unpacks to too much, or is not a session, and where frames came
+    late.
 
     Raises
     ------
@@ -57,10 +58,10 @@ def open_in_order(path: Path) -> InOrder | None:
     """
     try:
         with path.open("rb") as stream:
-            reader = make_reader(stream)
-            summary = reader.get_summary()
-            if summary is None or not summary.chunk_indexes:
+            found = read_index(path, stream)
+            if found is None:
                 return None
+            reader, summary = found
             metadata = {record.name: record.metadata for record in reader.iter_metadata()}
             attached = [
                 a.data for a in reader.iter_attachments() if a.name == ANNOTATIONS_ATTACHMENT
@@ -68,9 +69,8 @@ def open_in_order(path: Path) -> InOrder | None:
             text = metadata.get(SCENE_METADATA, {}).get("json")
             scene = None if text is None else parse_json(path, text, "the scene")
             handed_over = scene is not None and "control" in scene
-            messages = reader.iter_messages(topics=EVENTS_TOPIC) if handed_over else ()
-            events = [parse_event(path, message.data, channel) for _, channel, message in messages]
-    except (*DAMAGE, EndOfFile, OSError):
+            events = _events(path, stream, summary) if handed_over else []
+    except (*DAMAGE, OSError):
         return None
     schemas = {c.topic: summary.schemas.get(c.schema_id) for c in summary.channels.values()}
     if BACKFILL_TOPIC in schemas:
@@ -84,6 +84,19 @@ def open_in_order(path: Path) -> InOrder | None:
     )
 
 
+def _events(path: Path, stream: BinaryIO, summary: Any) -> list[JsonObject]:
+    channels = {c.id: c for c in summary.channels.values() if c.topic == EVENTS_TOPIC}
+    found = [
+        message
+        for index in sorted(summary.chunk_indexes, key=attrgetter("chunk_start_offset"))
+        if channels.keys() & index.message_index_offsets.keys()
+        for message in chunk_messages(stream, index)
+        if message.channel_id in channels
+    ]
+    found.sort(key=attrgetter("log_time"))
+    return [parse_event(path, message.data, channels[message.channel_id]) for message in found]
+
+
 def frame_payloads(path: Path) -> Iterator[list[bytes]]:
     """Yield the messages with frames, those of some chunks at a time.
 
@@ -94,9 +107,9 @@ def frame_payloads(path: Path) -> Iterator[list[bytes]]:
     """
     try:
         with path.open("rb") as stream, open_records(stream) as records:
-            yield from _payloads(records)
+            yield from _payloads(path, records)
             problems = records.problems
-    except (*DAMAGE, EndOfFile, OSError) as error:
+    except (*DAMAGE, OSError) as error:
         problems = [f"a record cannot be read ({error})"]
     if problems:
         raise InputError(
@@ -105,7 +118,7 @@ def frame_payloads(path: Path) -> Iterator[list[bytes]]:
         )
 
 
-def _payloads(records: Records) -> Iterator[list[bytes]]:
+def _payloads(path: Path, records: Records) -> Iterator[list[bytes]]:
     """Yield the messages; the indexes of a chunk's messages are not looked at.
 
     Below, a chunk's records are taken apart by their lengths: the library reads each number by
@@ -113,28 +126,30 @@ def _payloads(records: Records) -> Iterator[list[bytes]]:
     """
     ids: set[int] = set()
     payloads: list[bytes] = []
-    chunks = 0
+    chunks, left = 0, most_bytes(path)
     for opcode, content, _ in records:
         if opcode == Opcode.CHUNK:
             chunks += 1
-            payloads += _frame_messages(Chunk.read(ReadDataStream(BytesIO(content))), ids)
+            chunk = unpacked(Chunk.read(ReadDataStream(BytesIO(content))), left)
+            left -= len(chunk.data)
+            payloads += _frame_messages(chunk, ids)
             if chunks % _CHUNKS_TOGETHER == 0:
                 yield payloads
                 payloads = []
     yield payloads
     if records.statistics is not None and records.statistics.chunk_count != chunks:
-        raise EndOfFile
+        raise EndOfFile("chunks are missing")
 
 
 def _frame_messages(chunk: Chunk, ids: set[int]) -> Iterator[bytes]:
-    """Yield a chunk's messages with frames; note the channels that it declares for them."""
+    """Yield an unpacked chunk's messages with frames; note the channels that it declares."""
     reader, length = get_chunk_data_stream(chunk, validate_crc=True)
     data, at = reader.read(length), 0
     while at < length:
         opcode, size = HEAD.unpack_from(data, at)
         at += HEAD.size
         if at + size > length:
-            raise EndOfFile
+            raise EndOfFile("it is longer than its chunk")
         if opcode == Opcode.CHANNEL:
             channel = Channel.read(ReadDataStream(BytesIO(data[at : at + size])))
             if channel.topic == FRAMES_TOPIC:

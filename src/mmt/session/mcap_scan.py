@@ -7,19 +7,22 @@ read as far as it goes: `scan_mcap` says what is wrong.
 import os
 import struct
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO, Final
+from typing import Any, BinaryIO, Final
 
 import zstandard
+from lz4.frame import LZ4FrameDecompressor
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError, UnsupportedCompressionError
+from mcap.exceptions import EndOfFile, McapError
 from mcap.opcode import Opcode
+from mcap.reader import make_reader
 from mcap.records import (
     Attachment,
     Channel,
     Chunk,
+    ChunkIndex,
     McapRecord,
     Message,
     Metadata,
@@ -29,15 +32,13 @@ from mcap.stream_reader import MAGIC_SIZE, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 
 from mmt.core.errors import InputError
-from mmt.session.mcap_records import Records, intact, open_records
+from mmt.session.mcap_records import HEAD, Records, intact, open_records
 
 MOST_MIB: Final = "MMT_MOST_MIB"
 """The environment variable with what a file may unpack to, in MiB, where that is more than
 `_MOST_RATIO` times its size."""
 _MOST_MIB: Final = 64
 _MOST_RATIO: Final = 50
-_LZ4_RATIO: Final = 255
-"""More is not possible in that format."""
 
 DAMAGE: Final = (
     McapError,
@@ -46,8 +47,14 @@ DAMAGE: Final = (
     OverflowError,
     MemoryError,
     zstandard.ZstdError,
+    RuntimeError,
 )
-"""What the MCAP library raises on damaged bytes; its CRC and Unicode errors are ValueErrors."""
+"""What is raised on damaged bytes; the MCAP library's CRC and Unicode errors are ValueErrors, those
+of lz4 RuntimeErrors."""
+
+
+class TooLarge(McapError):  # noqa: N818 - it is what the chunk is
+    """A chunk that would unpack to more than is allowed."""
 
 
 @dataclass
@@ -64,14 +71,17 @@ class Scan:
     """Chunks that were read."""
     damaged: int = 0
     """Chunks that cannot be read."""
-    unpacked: int = 0
-    """Bytes that the chunks so far unpack to."""
+    left_bytes: int = field(init=False)
+    """Bytes that further chunks may unpack to."""
     too_large: int = 0
     """Of the damaged chunks, those that would unpack to more than is allowed."""
     damaged_records: int = 0
     """Attachments and other records that are damaged."""
     problem: str = ""
     """What is wrong with the file; empty if nothing is."""
+
+    def __post_init__(self) -> None:
+        self.left_bytes = most_bytes(self.path)
 
     @property
     def whole(self) -> bool:
@@ -214,38 +224,81 @@ def _told_too_large(scan: Scan) -> str:
     )
 
 
-def _unpacked_bytes(chunk: Chunk) -> int:
-    """Return how many bytes a chunk may unpack to, whatever it says itself."""
-    if chunk.compression == "zstd":
-        return max(chunk.uncompressed_size, zstandard.frame_content_size(chunk.data))
-    if chunk.compression == "lz4":
-        return max(chunk.uncompressed_size, _LZ4_RATIO * len(chunk.data))
-    return len(chunk.data)
-
-
 def most_bytes(path: Path) -> int:
-    """Return how many bytes the chunks of a file may unpack to: far more than of any recording."""
-    least = int(os.environ.get(MOST_MIB, _MOST_MIB)) << 20
-    return max(least, _MOST_RATIO * path.stat().st_size)
+    """Return how many bytes the chunks of a file may unpack to: far more than of any recording.
+
+    Raises
+    ------
+    InputError
+        `MOST_MIB` in the environment is not a number of MiB.
+    """
+    text = os.environ.get(MOST_MIB, str(_MOST_MIB))
+    if not text.isdecimal():
+        raise InputError(f"{MOST_MIB} is {text!r} in the environment, it must be a number of MiB")
+    return max(int(text) << 20, _MOST_RATIO * path.stat().st_size)
+
+
+def read_index(path: Path, stream: BinaryIO) -> tuple[Any, Any] | None:
+    """Return the library's reader of a file, and its summary.
+
+    None for a file that has no index, or would unpack to more than is allowed: `scan_mcap` says
+    which.
+    """
+    reader = make_reader(stream)
+    summary = reader.get_summary()
+    chunks = () if summary is None else summary.chunk_indexes
+    size = sum(index.uncompressed_size for index in chunks)
+    return (reader, summary) if chunks and size <= most_bytes(path) else None
+
+
+def chunk_messages(stream: BinaryIO, index: ChunkIndex) -> list[Message]:
+    """Return the messages of a chunk that a file's index knows.
+
+    Raises
+    ------
+    Exception
+        As of `unpacked`; a chunk larger than the index says is damaged.
+    """
+    stream.seek(index.chunk_start_offset + HEAD.size)
+    chunk = Chunk.read(ReadDataStream(stream))
+    records = breakup_chunk(unpacked(chunk, index.uncompressed_size), validate_crc=True)
+    return [record for record in records if isinstance(record, Message)]
+
+
+def unpacked(chunk: Chunk, most: int) -> Chunk:
+    """Return a chunk as it was before it was compressed.
+
+    Raises
+    ------
+    TooLarge
+        It would be more than `most` bytes, whatever it says itself.
+    Exception
+        It is damaged; see `DAMAGE`.
+    """
+    data, size = chunk.data, chunk.uncompressed_size
+    if chunk.compression == "zstd":
+        size = max(size, zstandard.frame_content_size(data))
+    elif chunk.compression != "lz4":
+        size = len(data)
+    if size > most:
+        raise TooLarge("a chunk unpacks to more than it may")
+    if chunk.compression == "zstd":
+        data = zstandard.decompress(data, size)
+    elif chunk.compression == "lz4":
+        frame = LZ4FrameDecompressor()
+        data = frame.decompress(data, max_length=size)
+        if not frame.eof:
+            raise EndOfFile("a chunk is cut off, or larger than it says")
+    return replace(chunk, compression="", data=data)
 
 
 def _scan_chunk(scan: Scan, chunk: Chunk) -> None:
     try:
-        size = _unpacked_bytes(chunk)
-        if scan.unpacked + size > most_bytes(scan.path):
-            scan.too_large += 1
-            scan.damaged += 1
-            return
-        scan.unpacked += size
-        records = breakup_chunk(chunk, validate_crc=True)
-    except UnsupportedCompressionError as error:
-        if chunk.compression == "lz4":
-            raise InputError(
-                f"session {scan.path}: {error}; install the Python package lz4 to read it"
-            ) from error
-        scan.damaged += 1
-        return
-    except DAMAGE:
+        whole = unpacked(chunk, scan.left_bytes)
+        scan.left_bytes -= len(whole.data)
+        records = breakup_chunk(whole, validate_crc=True)
+    except DAMAGE as error:
+        scan.too_large += isinstance(error, TooLarge)
         scan.damaged += 1
         return
     scan.chunks += 1

@@ -8,11 +8,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, Final, Self
 
 import numpy as np
-from mcap.data_stream import ReadDataStream
-from mcap.exceptions import UnsupportedCompressionError
-from mcap.reader import make_reader
-from mcap.records import Chunk, ChunkIndex, Message
-from mcap.stream_reader import breakup_chunk
+from mcap.records import ChunkIndex, Message
 
 from mmt.core.arrays import FloatArray, IntArray, RecordArray
 from mmt.core.errors import InputError
@@ -25,7 +21,7 @@ from mmt.session.mcap_reader import (
     scanned_session,
     utc_offset_ns,
 )
-from mmt.session.mcap_scan import DAMAGE, scan_mcap
+from mmt.session.mcap_scan import DAMAGE, chunk_messages, read_index, scan_mcap
 from mmt.session.mcap_writer import (
     BACKFILL_TOPIC,
     EVENTS_TOPIC,
@@ -39,8 +35,6 @@ from mmt.session.windows import MemoryWindows, SessionWindows, Window, overlappi
 
 _CHUNKS_KEPT: Final = 64
 """Decoded chunks kept, some 100 KB each: half a minute or more, so playing reads each once."""
-_RECORD_HEAD: Final = 9
-"""Bytes of an MCAP record's opcode and length."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +91,7 @@ class McapWindows:
 
     @classmethod
     def open(cls, path: Path) -> Self | None:
-        """Open a file; None where it has no index, because it was cut off.
+        """Open a file; None if it must be scanned, such as one that was cut off: see `read_index`.
 
         Raises
         ------
@@ -109,12 +103,11 @@ class McapWindows:
         except OSError as error:
             raise InputError(f"session {path}: {error.strerror or error}") from error
         try:
-            reader = make_reader(stream)
-            summary = reader.get_summary()
-            if summary is None or not summary.chunk_indexes:
+            found = read_index(path, stream)
+            if found is None:
                 stream.close()
                 return None
-            return cls(path, stream, reader, summary)
+            return cls(path, stream, *found)
         except (*DAMAGE, OSError):
             stream.close()
             return None
@@ -178,16 +171,9 @@ class McapWindows:
     def _messages(self, index: ChunkIndex) -> list[Message]:
         """Return the messages of a chunk, none where it is damaged."""
         try:
-            self._stream.seek(index.chunk_start_offset + _RECORD_HEAD)
-            chunk = Chunk.read(ReadDataStream(self._stream))
-            records = breakup_chunk(chunk, validate_crc=True)
-        except UnsupportedCompressionError as error:
-            raise InputError(
-                f"session {self.path}: {error}; install the Python package lz4 to read it"
-            ) from error
+            return chunk_messages(self._stream, index)
         except DAMAGE:
             return []
-        return [record for record in records if isinstance(record, Message)]
 
     def _read_events(self) -> list[JsonObject]:
         events: list[JsonObject] = []
