@@ -2,9 +2,13 @@
 
 import io
 import zipfile
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from mmt.core.errors import InputError
 from mmt.scene.files import load_scene
@@ -88,3 +92,40 @@ def test_scenes_and_events_of_another_form_are_explained(tmp_path, name, text, r
     np.savez(path, time_s=np.arange(5) / 1000, force_n=np.ones((5, 3)), **{name: np.array(text)})
     with pytest.raises(InputError, match=rf"odd\.npz: {reason}"):
         import_session(path)
+
+
+@given(
+    name=st.sampled_from(["scene", "events", "annotations"]),
+    value=st.one_of(
+        st.none(),  # a group
+        st.text("abc {}[]", min_size=1),
+        st.integers(-9, 9),
+        st.lists(st.floats(-9, 9), max_size=3),
+    ),
+    ours=st.booleans(),
+)
+@settings(max_examples=25, deadline=None)
+def test_data_sets_of_a_sessions_names_are_anything_in_other_files(name, value, ours):
+    h5py = pytest.importorskip("h5py", reason="needs the extra 'import'")
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "other.h5"
+        with h5py.File(path, "w") as file:
+            file["time_s"] = np.arange(50) / 1000
+            file["force_n"] = np.ones((50, 3))
+            if ours:
+                file["sequence"] = file["time_ns"] = np.arange(50)
+            if value is None:
+                file.create_group(name)
+            else:
+                file[name] = value
+        session, said = None, ""
+        try:
+            session = import_session(path)
+        except InputError as error:
+            said = str(error)
+    if session is None:
+        assert ours
+        assert f"{name} is not" in said or "this is not an HDF5 file" in said
+    else:
+        assert len(session.frames) == 50
+        assert ours or (session.scene, session.annotations) == (None, b"")

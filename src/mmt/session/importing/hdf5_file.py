@@ -13,6 +13,8 @@ from mmt.session.importing.columns import Columns, distinct, parsed_events, pars
 from mmt.session.importing.options import ImportOptions
 
 _UNIT_ATTRIBUTES: Final = ("units", "unit", "Units", "Unit", "UNITS")
+_OF_MMT: Final = {"sequence", "time_ns"}
+"""Data sets of every session that mmt wrote; in other files ``scene`` may be anything."""
 
 
 def read_hdf5(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> Columns:
@@ -39,9 +41,8 @@ def read_hdf5(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
                 check_growth(item.size * 8, path.stat().st_size)
                 values[name] = _numbers(file, item[()] if field is None else item[field])
                 units[name] = _unit(item)
-        texts = {
-            name: file[name][()] for name in ("scene", "events", "annotations") if name in file
-        }
+        own = ("scene", "events", "annotations") if file.keys() >= _OF_MMT else ()
+        texts = {name: file[name][()] for name in own if name in file}
     return Columns(
         origin=origin,
         values=values,
@@ -49,7 +50,7 @@ def read_hdf5(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
         units={name: unit for name, unit in units.items() if unit},
         scene=parsed_scene(_text(texts.get("scene")), "scene", origin),
         events=parsed_events(_text(texts.get("events")), "events", origin),
-        annotations=texts["annotations"].tobytes() if "annotations" in texts else b"",
+        annotations=np.asarray(texts["annotations"]).tobytes() if "annotations" in texts else b"",
         notes=notes,
     )
 
@@ -86,4 +87,6 @@ def _unit(item: Any) -> str:
 
 def _text(value: Any) -> str | None:
     value = value.flat[0] if isinstance(value, np.ndarray) and value.size else value
-    return value.decode(errors="replace") if isinstance(value, bytes) else value
+    if isinstance(value, bytes):
+        return value.decode(errors="replace")
+    return None if value is None else str(value)
