@@ -17,6 +17,7 @@ PACKAGES: Final[dict[str, tuple[str, str]]] = {
     "mcap": ("recording", "recorded sessions need mcap"),
     "google": ("recording", "recorded sessions need protobuf"),
     "zstandard": ("recording", "recorded sessions need zstandard"),
+    "lz4": ("recording", "recorded sessions need lz4"),
     "numba": ("leader", "the numerics need numba"),
     "scipy": ("leader", "the numerics need scipy"),
     "matplotlib": ("report", "reports and figures need matplotlib"),
