@@ -22,8 +22,7 @@ from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.methods import method_of
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import Method, ModellingSettings
-from mmt.texture.signals.biquad import butterworth_high_pass
-from mmt.texture.signals.filtering import VIBRATION_CUTOFF_HZ
+from mmt.texture.signals.biquad import VIBRATION_CUTOFF_HZ, butterworth_high_pass
 from mmt.texture.signals.high_pass import gain_without_high_pass, without_high_pass
 from mmt.texture.space.samples import TextureSamples
 

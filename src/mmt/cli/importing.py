@@ -172,7 +172,7 @@ def import_file(
     export_session(session, target)
     print_report(", ".join(source.name for source in sources), report)
     rates = [c.rate_hz for c in report.channels if c.channel == "acceleration"]
-    if rates and (said := modelled_sentence(session.frames, 1000.0, rates[0])):
+    if rates and (said := modelled_sentence(session.frames, rates[0])):
         output.print(said, highlight=False, soft_wrap=True)
     messages.print(f"{len(session.frames)} frames written to {target}", highlight=False)
     found = {**asdict(report), "told": sorted(report.told)}

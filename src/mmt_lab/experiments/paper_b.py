@@ -20,7 +20,7 @@ from mmt.evaluation.document import Block, Table
 from mmt.evaluation.report_files import picture
 from mmt.testing.simulation.grained_textures import GRAINED
 from mmt.texture.signals.amplitude_spectra import Spectra, amplitude_spectra
-from mmt.texture.signals.filtering import VIBRATION_CUTOFF_HZ
+from mmt.texture.signals.biquad import VIBRATION_CUTOFF_HZ
 from mmt.texture.space.inputs import InputSpace
 from mmt_lab.harness.experiment import Experiment, Seed, SpectraOption
 from mmt_lab.harness.findings import Findings, Target

@@ -18,7 +18,7 @@ import typer
 
 from mmt.evaluation.document import Table
 from mmt.texture.signals.amplitude_spectra import Spectra
-from mmt.texture.signals.filtering import VIBRATION_CUTOFF_HZ
+from mmt.texture.signals.biquad import VIBRATION_CUTOFF_HZ
 from mmt_lab.harness.experiment import Experiment, Seed, Seeds, SpectraOption, Workers
 from mmt_lab.harness.findings import Findings, Target
 from mmt_lab.harness.processes import each

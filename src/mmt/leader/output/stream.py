@@ -16,14 +16,19 @@ from mmt.leader.output.three_axes import ThreeAxes
 from mmt.leader.part import Part, Session
 from mmt.scene import Texture
 from mmt.texture.settings import Axis, VibrationAxis
-from mmt.texture.signals.biquad import Biquad, BiquadFilter, bessel_low_pass, butterworth_high_pass
+from mmt.texture.signals.biquad import (
+    MOTION_CUTOFF_HZ,
+    VIBRATION_CUTOFF_HZ,
+    Biquad,
+    BiquadFilter,
+    bessel_low_pass,
+    butterworth_high_pass,
+)
 
 if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
 _AXES: Final[dict[str, int]] = {"x": 0, "y": 1, "z": 2}
-_MOTION_CUTOFF_HZ: Final = 20.0
-_VIBRATION_CUTOFF_HZ: Final = 10.0
 _REST_TICKS: Final = 100
 _PEAK_DECAY: Final = 0.995
 _PEAKS: Final = 2.0
@@ -38,7 +43,7 @@ class StreamedVibration(Part):
     def __init__(self, buffer: PlayoutBuffer, axis: VibrationAxis, rate_hz: float) -> None:
         self.buffer = buffer
         self._session: Session | None = None
-        high_pass = butterworth_high_pass(_VIBRATION_CUTOFF_HZ, rate_hz)
+        high_pass = butterworth_high_pass(VIBRATION_CUTOFF_HZ, rate_hz)
         self._axis: int | slice
         self._high_pass: BiquadFilter | _AllAxes
         if axis == "dft321":
@@ -138,7 +143,7 @@ class StreamedMotion(Part):
         self._normal = _AXES[normal]
         self._tangential = tuple(axis for axis in range(3) if axis != self._normal)
         self._rate_hz = rate_hz
-        lowpass = bessel_low_pass(_MOTION_CUTOFF_HZ, rate_hz)
+        lowpass = bessel_low_pass(MOTION_CUTOFF_HZ, rate_hz)
         self._filters = tuple(BiquadFilter(lowpass) for _ in range(3))
         self._position = (0.0, 0.0)
         self._next: int | None = None

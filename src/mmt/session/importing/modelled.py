@@ -1,36 +1,35 @@
 """What of an imported acceleration will be modelled, and what is left out."""
 
 import numpy as np
-from scipy import signal
 
 from mmt.core.arrays import RecordArray
+from mmt.session.importing.resampling import RATE_HZ
 from mmt.texture.settings import ModellingSettings
-from mmt.texture.signals.filtering import VIBRATION_CUTOFF_HZ
+from mmt.texture.signals.biquad import VIBRATION_CUTOFF_HZ
 
 _LEAST_POWER = 1e-12
 """Power in (m/s2)^2 below which there is only the rounding of a constant."""
 
 
-def modelled_sentence(frames: RecordArray, rate_hz: float, source_hz: float) -> str:
+def modelled_sentence(frames: RecordArray, source_hz: float) -> str:
     """Say which axis of the frames (n,) is modelled by default, and what the others hold.
 
-    ``source_hz`` is the rate of the acceleration before it was resampled to ``rate_hz``. "" for
-    frames without vibration.
+    ``source_hz`` is the rate of the acceleration before it was resampled. "" for frames without
+    vibration.
     """
-    names = frames.dtype.names or ()
-    settings = ModellingSettings()
-    if "acceleration_m_s2" not in names or len(frames) < rate_hz or settings.axis == "dft321":
+    if "acceleration_m_s2" not in (frames.dtype.names or ()) or len(frames) < RATE_HZ:
         return ""
-    sections = signal.butter(2, VIBRATION_CUTOFF_HZ, "high", fs=rate_hz, output="sos")
     acceleration = frames["acceleration_m_s2"].astype(np.float64)
-    vibration = signal.sosfilt(sections, acceleration - acceleration.mean(axis=0), axis=0)
-    power = np.var(vibration[int(rate_hz / 2) :], axis=0)
+    spectrum = np.fft.rfft(acceleration - acceleration.mean(axis=0), axis=0) / len(frames)
+    vibrates = np.fft.rfftfreq(len(frames), 1 / RATE_HZ) > VIBRATION_CUTOFF_HZ
+    power = 2.0 * np.sum(np.abs(spectrum[vibrates]) ** 2, axis=0)
     if not np.isfinite(power).all() or power.sum() < _LEAST_POWER:
         return ""
-    share = 1.0 - power["xyz".index(settings.axis)] / power.sum()
-    others = " and ".join(axis for axis in "xyz" if axis != settings.axis)
-    kept = f"; kept to {rate_hz / 2:.0f} Hz" if source_hz > 1.05 * rate_hz else ""
+    axis = ModellingSettings().axis
+    share = 1.0 - power["xyz".index(axis)] / power.sum()
+    others = " and ".join(other for other in "xyz" if other != axis)
+    kept = f"; kept to {RATE_HZ / 2:.0f} Hz" if source_hz > 1.05 * RATE_HZ else ""
     return (
-        f"modelled: acceleration {settings.axis}; {others} hold {100.0 * share:.0f} % of the power "
+        f"modelled: acceleration {axis}; {others} hold {100.0 * share:.0f} % of the power "
         f'and are left out (axis = "dft321" in [texture] joins all three){kept}'
     )

@@ -14,11 +14,18 @@ differ from those of a double integrator by less than 1e-7 and lose the digits o
 import cmath
 import math
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
+
+MOTION_CUTOFF_HZ: Final = 20.0
+"""The published cutoff of the low-pass of motion and force."""
+
+VIBRATION_CUTOFF_HZ: Final = 10.0
+"""The published corner of the high-pass of the acceleration."""
 
 SMALLEST = 1e-30
 """States below this become zero, before they turn into slow denormal numbers."""

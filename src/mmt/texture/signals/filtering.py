@@ -26,7 +26,13 @@ from mmt.core.frames import check_frames
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.acceleration import VibrationFilter, taps_of
 from mmt.texture.signals.aligned import AlignedBlock
-from mmt.texture.signals.biquad import SMALLEST, bessel_low_pass, butterworth_high_pass
+from mmt.texture.signals.biquad import (
+    MOTION_CUTOFF_HZ,
+    SMALLEST,
+    VIBRATION_CUTOFF_HZ,
+    bessel_low_pass,
+    butterworth_high_pass,
+)
 from mmt.texture.signals.faults import SignalFaults
 from mmt.texture.signals.frame_gaps import FrameGaps
 from mmt.texture.signals.numbering import StreamNumbering
@@ -35,12 +41,6 @@ from mmt.texture.signals.validity import LEAST_LEARNT, Cause
 SETTLED_SHARE: Final = 0.05
 """Samples count as valid when what a filter's restart left has decayed to this share in
 amplitude, 0.25 % in power."""
-
-MOTION_CUTOFF_HZ: Final = 20.0
-"""The published cutoff of the low-pass of motion and force."""
-
-VIBRATION_CUTOFF_HZ: Final = 10.0
-"""The published corner of the high-pass of the acceleration."""
 
 _AXES: Final = "xyz"
 

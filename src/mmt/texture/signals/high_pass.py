@@ -14,7 +14,7 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.forms import reflection_to_ar
 from mmt.texture.autoregression.reshaping import PERIOD, reflection_of, relative_density
-from mmt.texture.signals.filtering import VIBRATION_CUTOFF_HZ
+from mmt.texture.signals.biquad import VIBRATION_CUTOFF_HZ
 
 LOWEST_HZ: Final = 8.0
 
