@@ -421,6 +421,31 @@ def test_files_of_one_recording_are_joined_by_a_tap(late_s, seed):
 
 
 @given(
+    blank=st.sets(st.integers(1, 998), max_size=30),
+    fault=st.integers(1, 999),
+    rows=st.integers(20, 2000),
+)
+@settings(max_examples=12, deadline=None)
+def test_rows_of_several_files_are_called_by_their_own_lines(blank, fault, rows):
+    time_s = np.arange(1000) / 500
+    time_s[fault] = -1.0  # falls
+    with TemporaryDirectory() as folder:
+        paths = [Path(folder) / name for name in ("f.csv", "a.csv")]
+        forces = [f"{row / 400},1,1,1\n" for row in range(rows)]
+        paths[0].write_text("t,fx,fy,fz\n" + "".join(forces))
+        cells = ["" if row in blank - {fault} else row % 7 for row in range(1000)]
+        lines = [f"{at},{cell},1,1\n" for at, cell in zip(time_s, cells, strict=True)]
+        paths[1].write_text("recorded by A\n\nt,ax,ay,az\n" + "".join(lines))
+        columns = {"force_time": "f.csv:t", "acceleration_time": "a.csv:t"}
+        columns |= {f"force_{axis}": f"f.csv:f{axis}" for axis in "xyz"}
+        columns |= {f"acceleration_{axis}": f"a.csv:a{axis}" for axis in "xyz"}
+        for offset in ("match", "0.5"):
+            options = ImportOptions(columns, blanks_as_gaps=True, offsets={"a.csv": offset})
+            with pytest.raises(InputError, match=rf"a\.csv: .* in line {fault + 4}, after"):
+                import_recording(paths, options)
+
+
+@given(
     order=st.permutations(["t", "fx", "fy", "fz", "ax", "ay", "az", "x", "y", "z", "note"]),
     unit=st.sampled_from(["", " [m]", "_um", " (inch)"]),
     holes=st.booleans(),

@@ -74,7 +74,7 @@ class _Mapping:
             self._note(f"by the columns' names: {units}; --unit says another, as position_z=mm")
         sequence = self._columns.values.get("sequence")
         return Samples(
-            *(self._origin, values, times, sequence, self._columns.row_name),
+            *(self._origin, values, times, dict.fromkeys(values, self._columns.row_name), sequence),
             notes=tuple(self._notes),
             told=frozenset(self._told),
         )

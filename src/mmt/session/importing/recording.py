@@ -17,7 +17,7 @@ from mmt.session.importing.columns import Columns, wanted_names
 from mmt.session.importing.mapping import to_samples
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.resampling import on_the_grid, to_frames
-from mmt.session.importing.samples import Samples
+from mmt.session.importing.samples import ROW_NUMBER, Samples
 from mmt.session.importing.several import joined, options_of_each
 from mmt.session.importing.stamps import Stamps
 
@@ -56,9 +56,11 @@ def import_recording(
         samples, stamps = _of_frames(columns.origin, frames)
     else:
         parts = [to_samples(c, o) for c, o in zip(read, each, strict=True)]
-        samples = joined(parts, [file.name for file in files], options)
         if options.blanks_as_gaps:
-            samples = samples.without_blanks()
+            parts = [part.without_blanks() for part in parts]
+        for part in parts:
+            part.check()
+        samples = joined(parts, [file.name for file in files], options)
         frames, stamps, resampled = to_frames(samples, options.longest_gap_s, options.stamps)
     began_ns = columns.began_utc_ns
     session = RecordedSession(
@@ -81,7 +83,8 @@ def _of_frames(origin: str, frames: RecordArray) -> tuple[Samples, dict[Channel,
     whole = RecordedSession(frames)
     values = {c: frames[FIELD_OF_CHANNEL[c]].astype(np.float64) for c in whole.channels}
     stamps = on_the_grid(whole.time_s, frames["sequence"].astype(np.int64))
-    samples = Samples(origin, values, dict.fromkeys(values, whole.time_s))
+    names = dict.fromkeys(values, ROW_NUMBER.format)
+    samples = Samples(origin, values, dict.fromkeys(values, whole.time_s), names)
     return samples, dict.fromkeys(values, stamps)
 
 

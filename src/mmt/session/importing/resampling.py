@@ -143,14 +143,13 @@ def to_frames(
 
     Rows on a 1 kHz grid, within a fifth of a period, become frames as they are; so do
     those of an exported session, which have their frame numbers. Everything else goes
-    through `assess_stamps` and `resample`, which import scipy.
+    through `assess_stamps` and `resample`, which import scipy. `samples` must have been checked.
 
     Raises
     ------
     InputError
-        The samples are not valid, or too few or too far apart to give a frame.
+        Rows of a time are not of a clock, or the samples are too far apart to give a frame.
     """
-    samples.check()
     numbers = _frame_numbers(samples)
     if numbers is not None:
         time_s = next(iter(samples.times.values()))
@@ -165,8 +164,9 @@ def to_frames(
             row = int(repeated[0]) + 1
             raise InputError(
                 f"{samples.origin}: the time of {channel} is {assessed.time_s[row]:.9g} s in "
-                f"{samples.row_name(row)} and in the row before; such stamps can be used only "
-                "where the rows follow a clock, and these do not (--rate HZ says the rows a second)"
+                f"{samples.row_name(channel, row)} and in the row before; such stamps can be "
+                "used only where the rows follow a clock, and these do not (--rate HZ says the "
+                "rows a second)"
             )
     numbers, values = resample(samples, stamps, longest_gap_s)
     return _frames(samples, numbers, numbers * FRAME_PERIOD_NS, values), stamps, True

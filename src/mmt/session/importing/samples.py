@@ -2,11 +2,12 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Final
+from functools import partial
+from typing import Any, Final
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray
+from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.errors import InputError
 from mmt.core.frames import Channel
 
@@ -37,9 +38,10 @@ class Samples:
     """The file, for errors."""
     values: Mapping[Channel, FloatArray]
     times: Mapping[Channel, FloatArray]
+    row_names: Mapping[Channel, Callable[[int], str]]
+    """What rows are called in messages."""
     sequence: FloatArray | None = None
     """Frame numbers where the file is an exported session."""
-    row_name: Callable[[int], str] = ROW_NUMBER.format
     notes: tuple[str, ...] = ()
     """What a person should know of how the columns were taken."""
     told: frozenset[str] = frozenset()
@@ -61,20 +63,26 @@ class Samples:
                 what = "empty or NaN" if np.isnan(value) else value
                 raise InputError(
                     f"{self.origin}: {channel}_{'xyz'[axes[0]]} is {what} in "
-                    f"{self.row_name(int(rows[0]))}, and {len(set(rows.tolist())) - 1} more rows "
-                    "are no such numbers as frames hold; --blanks-as-gaps leaves out what is empty"
+                    f"{self.row_name(channel, rows[0])}, and {len(set(rows.tolist())) - 1} "
+                    "more rows are no such numbers as frames hold; --blanks-as-gaps leaves out "
+                    "what is empty"
                 )
+
+    def row_name(self, channel: Channel, row: int | np.integer[Any]) -> str:
+        """Return what a row of a channel is called in messages."""
+        return self.row_names[channel](int(row))
 
     def without_blanks(self) -> "Samples":
         """Return the samples without rows in which a channel or its time is not finite."""
-        values, times = {}, {}
+        values, times, names = {}, {}, {}
         shared: dict[tuple[int, bytes], FloatArray] = {}
         for channel, vectors in self.values.items():
             time_s = self.times[channel]
             whole = np.isfinite(vectors).all(axis=1) & np.isfinite(time_s)
             values[channel] = vectors[whole]
+            names[channel] = partial(_name_of, self.row_names[channel], np.flatnonzero(whole))
             times[channel] = shared.setdefault((id(time_s), whole.tobytes()), time_s[whole])
-        return replace(self, values=values, times=times)
+        return replace(self, values=values, times=times, row_names=names)
 
     def _check_time(self, channel: Channel, time_s: FloatArray) -> None:
         if len(time_s) < 2:
@@ -85,14 +93,14 @@ class Samples:
         if len(bad):
             raise InputError(
                 f"{self.origin}: the time of {channel} is {time_s[bad[0]]} in "
-                f"{self.row_name(int(bad[0]))}"
+                f"{self.row_name(channel, bad[0])}"
             )
         falls = np.flatnonzero(np.diff(time_s) < 0)
         if len(falls):
             row = int(falls[0]) + 1
             raise InputError(
                 f"{self.origin}: the time of {channel} is {time_s[row]:.9g} s in "
-                f"{self.row_name(row)}, after {time_s[row - 1]:.9g} s; times must not fall"
+                f"{self.row_name(channel, row)}, after {time_s[row - 1]:.9g} s; times must not fall"
             )
         span_s = time_s[-1] - time_s[0]
         if span_s > _LONGEST_S:
@@ -100,6 +108,10 @@ class Samples:
                 f"{self.origin}: the times of {channel} span {span_s:.3g} s, a session lasts 49 "
                 "days at most; say their unit, as in --unit time=ms (or us, ns)"
             )
+
+
+def _name_of(name: Callable[[int], str], rows: IntArray, place: int) -> str:
+    return name(int(rows[place]))
 
 
 def continued(time_s: FloatArray, count_s: float) -> tuple[FloatArray, list[str]]:

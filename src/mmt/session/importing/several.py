@@ -81,6 +81,7 @@ def joined(parts: Sequence[Samples], names: Sequence[str], options: ImportOption
             origin=f"{whole.origin}, {name}",
             values={**whole.values, **part.values},
             times={**whole.times, **times},
+            row_names={**whole.row_names, **part.row_names},
             notes=(*whole.notes, *part.notes, *([notes[given]] if given in notes else [])),
             told=whole.told | part.told,
         )
