@@ -13,6 +13,7 @@ from mmt.core.errors import InputError
 from mmt.session import import_session
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.recording import import_recording, read_columns
+from mmt.session.messages import message_class
 
 pytest.importorskip("rosbags", reason="needs the extra 'import'")
 
@@ -156,6 +157,38 @@ def test_protobuf_joints_and_what_cannot_be_decoded(tmp_path):
         assert count > ROWS / 2
         told = [said for said in report.warnings if "what is whole was read" in said]
         assert len(told) == (cut is not None)
+
+
+@given(order=st.permutations(range(4)))
+@settings(max_examples=8, deadline=None)
+def test_protobuf_schemas_are_read_in_any_order(tmp_path_factory, order):
+    from google.protobuf import descriptor_pb2
+
+    files = []
+    for number in range(4):  # each is a member of the next
+        file = descriptor_pb2.FileDescriptorProto(name=f"{number}.proto", syntax="proto3")
+        body = file.message_type.add(name=f"M{number}")
+        if number:
+            file.dependency.append(f"{number - 1}.proto")
+            body.field.add(name="m", number=1, type=11, label=1, type_name=f".M{number - 1}")
+        else:
+            body.field.add(name="value", number=1, type=1, label=1)
+        files.append(file)
+    definition = descriptor_pb2.FileDescriptorSet(file=[files[n] for n in order])
+    made = message_class(descriptor_pb2.FileDescriptorSet(file=files).SerializeToString(), "M3")
+    messages = [
+        made(m={"m": {"m": {"value": float(row)}}}).SerializeToString() for row in range(ROWS)
+    ]
+    schema = ("M3", "protobuf", definition.SerializeToString())
+    path = tmp_path_factory.mktemp("proto") / "a.mcap"
+    write(path, [("/deep", schema, "protobuf", messages)])
+    whole = read_columns(path, lambda _: True)
+    assert whole.notes == []
+    np.testing.assert_array_equal(whole.values["/deep.m.m.m.value"], np.arange(ROWS))
+    files[0].dependency.append("3.proto")
+    circle = descriptor_pb2.FileDescriptorSet(file=files).SerializeToString()
+    with pytest.raises(InputError, match="the schema of M3 cannot be used"):
+        message_class(circle, "M3")
 
 
 def test_a_folder_without_description_is_read_file_by_file(tmp_path: Path) -> None:

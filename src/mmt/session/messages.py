@@ -7,6 +7,7 @@ from the channels of the session. The layout is in ``docs/reference/session-file
 import json
 from collections.abc import Sequence
 from functools import cache
+from graphlib import CycleError, TopologicalSorter
 from typing import Any, Final, Self
 
 import numpy as np
@@ -85,10 +86,15 @@ def message_class(schema: bytes, name: str) -> Any:
     """
     pool = descriptor_pool.DescriptorPool()
     try:
-        for described in descriptor_pb2.FileDescriptorSet.FromString(schema).file:
-            pool.Add(described)
+        files = {
+            file.name: file for file in descriptor_pb2.FileDescriptorSet.FromString(schema).file
+        }
+        # many writers put a file before those that it needs
+        for each in TopologicalSorter({n: f.dependency for n, f in files.items()}).static_order():
+            if each in files:
+                pool.Add(files[each])
         return message_factory.GetMessageClass(pool.FindMessageTypeByName(name))
-    except (DecodeError, KeyError, TypeError) as error:
+    except (DecodeError, KeyError, TypeError, CycleError) as error:
         raise InputError(f"the schema of {name} cannot be used: {error}") from error
 
 

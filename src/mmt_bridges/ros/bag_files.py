@@ -12,6 +12,7 @@ from typing import Any, Final, NamedTuple
 from mmt.core.errors import InputError, brief
 from mmt.session.mcap_scan import iterate_mcap
 from mmt.session.mcap_writer import FRAMES_TOPIC
+from mmt.session.messages import message_class
 
 _LARGE_BYTES: Final = 1 << 16
 """Of pictures and point clouds the first message alone is decoded, for the names."""
@@ -38,7 +39,7 @@ class _Raw(NamedTuple):
     source: object
     kind: str
     encoding: str
-    definition: str | bytes
+    definition: bytes
     received_ns: int
     data: bytes
 
@@ -109,11 +110,12 @@ def _of_bag(path: Path) -> Iterator[_Raw]:
 
     of_ros1 = path.suffix.lower() == ".bag"
     with (rosbag1.Reader if of_ros1 else rosbag2.Reader)(path) as reader:
+        definitions = {each.id: each.msgdef.data.encode() for each in reader.connections}
         for connection, received_ns, data in reader.messages():
             yield _Raw(
                 *(connection.topic, connection.id, connection.msgtype),
                 "ros1" if of_ros1 else "cdr",
-                connection.msgdef.data,
+                definitions[connection.id],
                 *(received_ns, bytes(data)),
             )
 
@@ -123,13 +125,13 @@ def _decoder(raw: _Raw) -> Decode:
     if raw.encoding == "json":
         return json.loads
     if raw.encoding == "protobuf":
-        return _protobuf(raw.kind, raw.definition)
+        made = message_class(raw.definition, raw.kind)
+        return lambda data: _plain(made.FromString(data))
     if raw.encoding not in {"cdr", "ros1"}:
         raise InputError("messages of this encoding are not known")
     from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
-    definition = raw.definition.decode() if isinstance(raw.definition, bytes) else raw.definition
-    kind = raw.kind
+    definition, kind = raw.definition.decode(), raw.kind
     if not definition.strip():
         store = get_typestore(Stores.LATEST)
         if kind not in store.types:
@@ -144,18 +146,6 @@ def _decoder(raw: _Raw) -> Decode:
     if raw.encoding == "ros1":
         return lambda data: store.deserialize_ros1(data, kind)
     return lambda data: store.deserialize_cdr(data, kind)
-
-
-def _protobuf(kind: str, definition: str | bytes) -> Decode:
-    from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
-
-    files = descriptor_pb2.FileDescriptorSet()
-    files.ParseFromString(definition if isinstance(definition, bytes) else b"")
-    pool = descriptor_pool.DescriptorPool()
-    for file in files.file:
-        pool.Add(file)
-    made = message_factory.GetMessageClass(pool.FindMessageTypeByName(kind))
-    return lambda data: _plain(made.FromString(data))
 
 
 def _plain(message: Any) -> Any:
