@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mcap.writer import Writer
+from mcap.writer import IndexType, Writer
 
 from mmt.core.errors import InputError
 from mmt.session import import_session
@@ -153,6 +153,37 @@ def test_protobuf_joints_and_what_cannot_be_decoded(tmp_path):
         assert count > ROWS / 2
         told = [said for said in report.warnings if "what is whole was read" in said]
         assert len(told) == (cut is not None)
+
+
+@given(
+    plain=st.fixed_dictionaries(
+        dict.fromkeys(("use_chunking", "use_statistics", "enable_crcs"), st.booleans())
+    ),
+    indexed=st.sampled_from([IndexType.NONE, IndexType.CHUNK, IndexType.ALL]),
+    lost=st.booleans(),
+)
+@settings(max_examples=15, deadline=None)
+def test_only_what_is_lost_is_said_and_once(tmp_path_factory, plain, indexed, lost):
+    path = tmp_path_factory.mktemp("whole") / "a.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream, chunk_size=512, index_types=indexed, **plain)
+        writer.start()
+        schema = writer.register_schema("demo/Value", "jsonschema", b"{}")
+        channel = writer.register_channel("/value", "json", schema)
+        for row in range(ROWS):
+            writer.add_message(channel, BEGAN_NS + row, b'{"v": 1.5}', BEGAN_NS + row)
+        writer.add_attachment(0, 0, "picture", "image/png", bytes(100))
+        writer.finish()
+    content = path.read_bytes()
+    if lost and plain["use_chunking"]:
+        path.write_bytes(b"none".join(content.rsplit(b"\x28\xb5\x2f\xfd", 1)))  # begins a chunk
+    columns = read_columns(path, lambda _: True)
+    if path.read_bytes() == content:
+        assert columns.notes == []
+        assert len(columns.values["/value.v"]) == ROWS
+    else:
+        assert columns.notes == ["a.mcap: 1 damaged chunks; what is whole was read"]
+        assert 0 < len(columns.values["/value.v"]) < ROWS
 
 
 @given(order=st.permutations(range(4)))

@@ -24,6 +24,9 @@ from mcap.writer import MCAP0_MAGIC
 HEAD: Final = struct.Struct("<BQ")
 """Opcode and length of a record."""
 
+INDEX_DAMAGED: Final = "its index is damaged"
+"""The problem of a file whose index is of no use; files of other programs may have none."""
+
 _CHECKSUM: Final = struct.Struct("<I")
 _FOOTER: Final = struct.Struct("<QQI")
 _FOOTER_BYTES: Final = HEAD.size + _FOOTER.size
@@ -108,7 +111,7 @@ class Records:
         if not ended or self._data[at:] != MCAP0_MAGIC:
             self.problems.append("it ends before it was finished")
         elif not self._known:
-            self.problems.append("its index is damaged")
+            self.problems.append(INDEX_DAMAGED)
 
     def _head(self, at: int) -> tuple[int, int]:
         opcode, length = HEAD.unpack_from(self._data, at)

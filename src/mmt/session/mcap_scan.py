@@ -32,7 +32,7 @@ from mcap.stream_reader import MAGIC_SIZE, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 
 from mmt.core.errors import InputError
-from mmt.session.mcap_records import HEAD, Records, intact, open_records
+from mmt.session.mcap_records import HEAD, INDEX_DAMAGED, Records, intact, open_records
 
 MOST_MIB: Final = "MMT_MOST_MIB"
 """The environment variable with what a file may unpack to, in MiB, where that is more than
@@ -129,9 +129,9 @@ def scan_mcap(path: Path) -> Scan:
 def iterate_mcap(
     path: Path, problems: list[str]
 ) -> Iterator[tuple[Schema | None, Channel, Message]]:
-    """Yield what is readable of the messages of an MCAP file, in the order of the file.
+    """Yield what is readable of the messages of any MCAP file, in the order of the file.
 
-    What is wrong with the file is added to the problems at its end.
+    What is wrong with them is added to the problems at the end.
 
     Raises
     ------
@@ -144,15 +144,12 @@ def iterate_mcap(
             with open_records(stream) as records:
                 scan = Scan(path)
                 for opcode, content, _ in records:
-                    _add_content(scan, opcode, content)
-                    yield from _taken(scan)
-                problems += records.problems
+                    if opcode not in (Opcode.ATTACHMENT, Opcode.METADATA):
+                        _add_content(scan, opcode, content)
+                        yield from _taken(scan)
     except OSError as error:
         raise InputError(f"session {path}: {error.strerror or error}") from error
-    if scan.too_large:
-        problems.append(_told_too_large(scan))
-    if scan.damaged or scan.damaged_records:
-        problems.append(f"{scan.damaged} damaged chunks, {scan.damaged_records} other records")
+    problems += [*_problems(scan), *(p for p in records.problems if p != INDEX_DAMAGED)]
 
 
 def _taken(scan: Scan) -> Iterator[tuple[Schema | None, Channel, Message]]:
@@ -187,22 +184,28 @@ def _scan(scan: Scan, records: Records) -> Scan:
         attachments += opcode == Opcode.ATTACHMENT
         metadata += opcode == Opcode.METADATA
         _add_content(scan, opcode, content)
-    problems: list[str] = []
-    count = records.statistics
+    count, fewer = records.statistics, []
     if count is not None:
         scan.damaged = max(scan.damaged, count.chunk_count - scan.chunks)
         lost = count.attachment_count - attachments + count.metadata_count - metadata
         scan.damaged_records = max(scan.damaged_records, lost)
         if not scan.damaged and count.message_count != len(scan.messages):
-            problems.append(f"it has {len(scan.messages)} messages of {count.message_count}")
-    if scan.damaged:
-        problems.append(f"{scan.damaged} damaged chunks")
-    if scan.too_large:
-        problems.append(_told_too_large(scan))
-    if scan.damaged_records:
-        problems.append(f"{scan.damaged_records} other damaged records")
-    scan.problem = ", ".join([*problems, *records.problems])
+            fewer.append(f"it has {len(scan.messages)} messages of {count.message_count}")
+    scan.problem = ", ".join([*fewer, *_problems(scan), *records.problems])
     return scan
+
+
+def _problems(scan: Scan) -> Iterator[str]:
+    if damaged := scan.damaged - scan.too_large:
+        yield f"{damaged} damaged chunks"
+    if scan.too_large:
+        yield (
+            f"{scan.too_large} of its chunks would unpack to more than the "
+            f"{most_bytes(scan.path) >> 20} MiB that a file of this size may ({MOST_MIB} allows "
+            "more)"
+        )
+    if scan.damaged_records:
+        yield f"{scan.damaged_records} other damaged records"
 
 
 def _add_content(scan: Scan, opcode: int, content: bytes) -> None:
@@ -215,13 +218,6 @@ def _add_content(scan: Scan, opcode: int, content: bytes) -> None:
             _add_record(scan, _READERS[opcode](content))
     except DAMAGE:
         scan.damaged_records += 1
-
-
-def _told_too_large(scan: Scan) -> str:
-    return (
-        f"{scan.too_large} of its chunks would unpack to more than the "
-        f"{most_bytes(scan.path) >> 20} MiB that a file of this size may ({MOST_MIB} allows more)"
-    )
 
 
 def most_bytes(path: Path) -> int:
