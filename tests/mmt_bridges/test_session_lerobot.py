@@ -15,8 +15,9 @@ from mmt.session import export_session, import_session, read_session
 from mmt.session.data import RecordedSession
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.proposal import propose
-from mmt.session.importing.recording import import_recording
+from mmt.session.importing.recording import import_recording, read_columns
 from mmt_bridges.lerobot.dataset import export_lerobot
+from mmt_bridges.lerobot.importing import _ranges
 from mmt_bridges.lerobot.rows import low_rate_rows
 
 pc = pytest.importorskip("pyarrow.compute", reason="needs the extra 'export'")
@@ -408,6 +409,25 @@ def test_components_of_one_name_are_both_reached(tmp_path):
     columns = {"force_x": "observation.state.z.1", "force_y": "observation.state.z.2"}
     frames = import_session(tmp_path / "set", columns={**columns, "force_z": "0"}).frames
     np.testing.assert_allclose(frames["force_n"][::100, :2].T, [np.arange(20), 10 + np.arange(20)])
+
+
+@pytest.mark.parametrize("fps", [0.5, 2.5, 1e30])
+def test_frames_are_not_compared_with_rows_of_a_rate_that_has_none(folder, sessions, fps):
+    file = folder / "meta/info.json"
+    file.write_text(json.dumps({**json.loads(file.read_text()), "fps": fps}))
+    rows = read_columns(folder, lambda _: True)
+    assert any("(nothing can be compared): the rows alone were read" in n for n in rows.notes)
+
+
+@given(numbers=st.sets(st.integers(0, 40), min_size=1))
+def test_episodes_are_listed_as_ranges(numbers):
+    said = _ranges(sorted(numbers))
+    shown = []
+    for text in said.removesuffix(", ...").split(", "):
+        first, _, last = text.partition(" to ")
+        shown += range(int(first), int(last or first) + 1)
+    assert shown == sorted(numbers)[: len(shown)]
+    assert said.endswith("...") == (len(shown) < len(numbers))
 
 
 def test_damage_and_wrong_episodes_are_explained(tmp_path, folder):

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.session.data import RecordedSession
-from mmt.session.importing.columns import Columns
+from mmt.session.importing.columns import Columns, distinct
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.parquet_file import read_numbers, read_parquet, read_schema
 from mmt_bridges.lerobot.layout import (
@@ -27,7 +27,7 @@ from mmt_bridges.lerobot.layout import (
     OF_EVERY_DATA_SET,
     frames_file,
 )
-from mmt_bridges.lerobot.rows import STATE, low_rate_rows
+from mmt_bridges.lerobot.rows import FRAMES_HZ, STATE, low_rate_rows
 
 _PICTURES: Final = ("image", "video", "string", "language")
 """Kinds of features without numbers."""
@@ -112,18 +112,17 @@ def _because(notes: Sequence[str]) -> str:
 
 def _ranges(numbers: Sequence[int]) -> str:
     """Return rising numbers as in "0 to 3, 7"."""
-    ends = [n for n in numbers if not {n - 1, n + 1} <= set(numbers)]
-    texts: list[str] = []
-    while ends and len(texts) < _SHOWN_RANGES:
-        first = ends.pop(0)
-        texts.append(f"{first} to {ends.pop(0)}" if first + 1 in numbers else f"{first}")
-    return ", ".join([*texts, "..."] if ends else texts)
+    runs = np.split(np.array(numbers), np.flatnonzero(np.diff(numbers) > 1) + 1)
+    texts = [f"{r[0]}" if len(r) == 1 else f"{r[0]} to {r[-1]}" for r in runs[:_SHOWN_RANGES]]
+    return ", ".join(texts if len(runs) <= _SHOWN_RANGES else [*texts, "..."])
 
 
 def _differ(frames: RecordArray, rows: "_Rows") -> str | None:
     """Return what the rows that frames (n,) make have otherwise than the rows, None for nothing."""
     fps = rows.info["fps"]
     names = {STATE, "action"} & rows.features.keys()
+    if not names or fps not in range(1, FRAMES_HZ + 1):
+        return "nothing can be compared"
     found = rows.numbers([*sorted(names), "frame_index"])
     try:
         made = low_rate_rows(RecordedSession(frames), int(fps))
@@ -135,7 +134,7 @@ def _differ(frames: RecordArray, rows: "_Rows") -> str | None:
             return f"{0 if ours is None else len(ours)} rows of {name} for {len(theirs)}"
         if ours.shape != theirs.shape or not np.array_equal(ours, theirs, equal_nan=True):
             return f"another {name}"
-    return None if fps == int(fps) and names else "nothing can be compared"
+    return None
 
 
 def _info(folder: Path, origin: str) -> dict[str, Any]:
@@ -231,11 +230,7 @@ def _component_names(names: Any) -> Sequence[str]:
 
     Components of one name are numbered: each can be reached.
     """
-    plain = [re.sub(r"[\[\]]", "_", name) for name in _texts(names)]
-    return [
-        f"{name}.{plain[: place + 1].count(name)}" if plain.count(name) > 1 else name
-        for place, name in enumerate(plain)
-    ]
+    return distinct([re.sub(r"[\[\]]", "_", name) for name in _texts(names)])[0]
 
 
 def _texts(names: Any) -> Iterator[str]:
