@@ -124,7 +124,7 @@ def continued(time_s: FloatArray, count_s: float) -> tuple[FloatArray, list[str]
     if not len(falls) or len(falls) > len(time_s) / _FEW_ROWS:
         return time_s, []
     near_s = 2 * _FEW_ROWS * float(np.median(steps_s))
-    moved_s = np.zeros(len(time_s))
+    added_s = np.zeros(len(time_s))
     notes: dict[str, None] = {}
     for fall, following in zip(falls, [*falls[1:], len(time_s) - 1], strict=True):
         drop_s = -steps_s[fall]
@@ -132,9 +132,9 @@ def continued(time_s: FloatArray, count_s: float) -> tuple[FloatArray, list[str]
         wrap_s = next((w for w in wraps_s if -1e-9 * w <= w - drop_s <= near_s), None)
         few = time_s[fall + 1 : following + 1][:_FEW_ROWS]
         if wrap_s is not None:
-            moved_s[fall + 1 :] += wrap_s
+            added_s[fall + 1] = wrap_s
             notes["wraps, and was continued"] = None
         elif len(few) == _FEW_ROWS and few[-1] < time_s[fall] and steps_s[fall - 1] <= near_s:
-            moved_s[fall + 1 :] += drop_s + _PAUSE_S
+            added_s[fall + 1] = drop_s + _PAUSE_S
             notes[f"begins anew, which was put {_PAUSE_S:g} s after what was before"] = None
-    return time_s + moved_s, list(notes)
+    return time_s + np.cumsum(added_s), list(notes)
