@@ -16,7 +16,7 @@ from mmt.session import import_session
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.proposal import propose, try_proposal
 from mmt.session.importing.recording import import_recording
-from mmt.session.importing.units import unit_factor
+from mmt.session.importing.units import unit_factor, unit_in_name
 
 ROWS = 300
 TIME_S = np.arange(ROWS) / 1000
@@ -249,6 +249,13 @@ def test_a_unit_of_something_else_is_refused_by_name_or_scaled(tmp_path, kind, t
     unit_said = {target: said[target.split("_")[0]]}
     options = ImportOptions({**mapped, target: f"{mapped[target]}*2.5"}, unit_said)
     check(import_recording(path, options)[0].frames)
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"), [("data.v", ""), ("tool_v", ""), ("F_V", "V"), ("F_mV", "mV"), ("a.g", "")]
+)
+def test_a_v_at_the_end_of_a_name_is_no_volt(name, unit):
+    assert unit_in_name("speed", name) == unit
 
 
 @pytest.mark.parametrize("quantity", UNITS)

@@ -95,7 +95,8 @@ def unit_in_name(quantity: str, name: str) -> str:
         if unit_factor(quantity, unit) is not None and (len(unit) > 1 or unit in "smgnN"):
             return unit
     last = words[-1] if len(words) > 1 else ""
-    return last if last and _FOREIGN.fullmatch(_plain(last).lower()) else ""
+    # a v is a velocity, volts are V
+    return last if last != "v" and _FOREIGN.fullmatch(_plain(last).lower()) else ""
 
 
 def _plain(text: str) -> str:
