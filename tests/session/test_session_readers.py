@@ -258,6 +258,27 @@ def test_a_v_at_the_end_of_a_name_is_no_volt(name, unit):
     assert unit_in_name("speed", name) == unit
 
 
+def test_a_workbook_beside_a_text_keeps_its_numbers(tmp_path):
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.active.append(["t", "x", "y", "touches"])
+    for row in np.column_stack([TIME_S, FORCE_N[:, :2]]).tolist():
+        book.active.append([*row, row[0] > 0.1])
+    book.save(tmp_path / "f.xlsx")
+    lines = [f"{at:.9g};{z:.9g}" for at, z in zip(TIME_S, ACCELERATION_M_S2[:, 2], strict=True)]
+    (tmp_path / "a.csv").write_text("\n".join(["t;a", *lines]).replace(".", ","))
+    columns = {f"force_{axis}": f"f.xlsx:{axis}" for axis in "xy"}
+    columns |= {"force_z": "f.xlsx:touches", "force_time": "f.xlsx:t"}
+    columns |= {"acceleration": "a.csv:a", "acceleration_time": "a.csv:t"}
+    paths = [tmp_path / "f.xlsx", tmp_path / "a.csv"]
+    frames = import_session(paths, columns=columns, decimal=",").frames
+    expected = np.column_stack([FORCE_N[:, :2], TIME_S > 0.1])
+    np.testing.assert_allclose(frames["force_n"], expected, rtol=1e-6)
+    np.testing.assert_allclose(
+        frames["acceleration_m_s2"][:, 2], ACCELERATION_M_S2[:, 2], rtol=1e-6
+    )
+
+
 @pytest.mark.parametrize("quantity", UNITS)
 def test_units_have_the_factors_of_the_standards(quantity):
     for unit, factor in UNITS[quantity].items():

@@ -41,7 +41,7 @@ class Numbers:
 
     def __call__(self, cell: Cell) -> float | None:
         """Return the number of a cell."""
-        if self._plain and type(cell) is str:
+        if self._plain and isinstance(cell, str | float | int):
             try:
                 return float(cell)
             except ValueError:
@@ -49,9 +49,9 @@ class Numbers:
         text = text_of(cell)
         if text.lower() in self._missing:
             return None
-        seconds = seconds_of(cell)
-        if seconds is not None:
-            return seconds
+        found = float(cell) if isinstance(cell, float | int) else seconds_of(cell)
+        if found is not None:
+            return found
         if self._thousands:
             return float(text.replace(self._thousands, "").replace(",", "."))
         if "," not in text or "." in text:
