@@ -43,12 +43,10 @@ def read_session(path: str | Path) -> RecordedSession:
     try:
         return import_session(path)
     except InputError as error:
-        clauses = str(error).split("; ")
-        said = [clause for clause in clauses if "--" not in clause]  # options of the import alone
-        if len(said) == len(clauses):
+        if "--" not in str(error):
             raise
-        first = f"{path}: it cannot be read as it stands, import it first: mmt session import"
-        raise InputError("; ".join([first, *said])) from error
+        import_first = "to give such options, import it first: mmt session import"
+        raise InputError(f"{error}; {import_first}") from error
 
 
 def import_session(
