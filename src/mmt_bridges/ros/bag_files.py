@@ -79,7 +79,7 @@ def _raw_messages(path: Path, notes: list[str]) -> Iterator[_Raw]:
     described = any(file.name == "metadata.yaml" for file in inside)
     others = [file for file in inside if file.suffix.lower() in {".db3", ".bag", ".zstd"}]
     if path.is_dir() and not stored and not others:
-        raise InputError("there is no .mcap or .db3 file in this folder")
+        raise InputError("this is not a ROS bag: there is no .mcap or .db3 file in this folder")
     if stored and not others:
         for file in stored:
             yield from _of_mcap(file, notes)

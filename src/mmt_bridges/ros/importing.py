@@ -11,11 +11,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from mmt.core.errors import InputError, brief
+from mmt.core.errors import InputError
 from mmt.core.extras import require
 from mmt.core.frames import FIELD_OF_CHANNEL
 from mmt.session.data import JsonObject
-from mmt.session.importing.columns import Columns
+from mmt.session.importing.columns import Columns, reading
 from mmt.session.importing.options import ImportOptions
 from mmt_bridges.ros.bag_files import decoded_messages
 from mmt_bridges.ros.clocks import Stamped, choose_clock
@@ -62,12 +62,9 @@ def read_bag(path: Path, wanted: Callable[[str], bool], options: ImportOptions) 
         raise InputError(f"{origin}: No such file or directory")
     notes: list[str] = []
     gathered = _Gathered(wanted)
-    try:
+    with reading(origin, "a ROS bag that can be read"):
         for decoded in decoded_messages(path, notes):
             gathered.add(decoded)
-    except Exception as error:  # damage reaches every part of the library
-        said = f"this is not a ROS bag that can be read: {brief(error)}"
-        raise InputError(f"{origin}: {said}") from error
     if not gathered.names and notes:
         raise InputError(f"{origin}: this is not a ROS bag that can be read: {notes[0]}")
     return gathered.columns(origin, options, notes)
