@@ -118,13 +118,9 @@ class ImportOptions:
             )
 
     def arguments(self) -> list[str]:
-        """Return the options of the command that say the same."""
+        """Return the options of the command that say the same of a single file."""
         parts: list[str] = []
-        for option, pairs in (
-            ("--map", self.columns),
-            ("--unit", self.units),
-            ("--offset", self.offsets),
-        ):
+        for option, pairs in (("--map", self.columns), ("--unit", self.units)):
             for name, value in pairs.items():
                 parts += [option, f"{name}={value}"]
         named = {"columns", "units", "offsets"}
