@@ -16,6 +16,7 @@ from mmt.session import import_session
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.proposal import propose, try_proposal
 from mmt.session.importing.recording import import_recording
+from mmt.session.importing.table import read_table
 from mmt.session.importing.units import unit_factor, unit_in_name
 
 ROWS = 300
@@ -471,6 +472,22 @@ def test_rows_of_several_files_are_called_by_their_own_lines(blank, fault, rows)
             options = ImportOptions(columns, blanks_as_gaps=True, offsets={"a.csv": offset})
             with pytest.raises(InputError, match=rf"a\.csv: .* in line {fault + 4}, after"):
                 import_recording(paths, options)
+
+
+def test_a_file_is_read_twice_for_a_proposal_once_for_its_names(tmp_path, monkeypatch):
+    force_n = np.where(np.arange(ROWS) == 9, np.nan, FORCE_N[:, 2])
+    path = rows_of(tmp_path / "a.csv", ["t (us)", "Fz"], [1e6 * TIME_S, force_n])
+    read = []
+
+    def noting(*arguments):
+        read.append(arguments[0])
+        return read_table(*arguments)
+
+    monkeypatch.setattr("mmt.session.importing.text_file.read_table", noting)
+    proposal, report, error = try_proposal(path, propose(path))
+    assert (error, len(read)) == (None, 2)
+    assert report.channels[0].rows == ROWS - 1
+    assert proposal.options.blanks_as_gaps
 
 
 @given(

@@ -13,9 +13,9 @@ import numpy as np
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
 from mmt.session.importing.checks import ImportReport, unit_by_gravity
-from mmt.session.importing.columns import MESSAGE_PARTS, STANDARD_NAMES, wanted_names
+from mmt.session.importing.columns import MESSAGE_PARTS, STANDARD_NAMES, Columns, wanted_names
 from mmt.session.importing.options import ImportOptions
-from mmt.session.importing.recording import import_recording, read_columns
+from mmt.session.importing.recording import check_kinds, import_columns, read_columns
 from mmt.session.importing.units import unit_factor, unit_in_name
 
 _WORDS: Final = {
@@ -44,6 +44,8 @@ class Proposal:
     """What the names say of them."""
     lacking: tuple[str, ...]
     """Targets for which no column was found: "time" or channels."""
+    columns: Columns
+    """What the options take of the file."""
 
     def weighed(self, report: ImportReport) -> "Proposal":
         """Return it with the unit of acceleration that a report of it asks about by gravity."""
@@ -74,20 +76,21 @@ def propose(path: str | Path, options: ImportOptions | None = None) -> Proposal:
         The file is missing, of another kind or not valid.
     """
     path, options = Path(path), options or ImportOptions()
+    check_kinds([path], options)
     read = read_columns(path, lambda _: False, options)
     names = read.names
-    columns = {**_guess(names), **options.columns}
-    units = dict(options.units)
-    if "time" in columns or STANDARD_NAMES["time"] in names:
-        units |= _time_unit(path, replace(options, columns=columns))
-    found = set(columns) | {target for target, name in STANDARD_NAMES.items() if name in names}
-    of_messages = bool(columns) and any(text.startswith("/") for text in columns.values())
+    mapped = {**_guess(names), **options.columns}
+    options = replace(options, columns=mapped)
+    columns = read_columns(path, wanted_names(options), options)
+    options = replace(options, units={**options.units, **_time_unit(columns, options)})
+    found = set(mapped) | {target for target, name in STANDARD_NAMES.items() if name in names}
+    of_messages = any(text.startswith("/") for text in mapped.values())
     timed = "time" in found or of_messages or bool(read.times) or options.rate_hz is not None
     lacking = [] if timed else ["time"]
     if "speed" in found:
         found.add("position")
     lacking += [channel for channel in CHANNELS if not {channel, f"{channel}_x"} & found]
-    return Proposal(names, replace(options, columns=columns, units=units), tuple(lacking))
+    return Proposal(names, options, tuple(lacking), columns)
 
 
 def try_proposal(
@@ -102,7 +105,7 @@ def try_proposal(
     for blanks in dict.fromkeys((options.blanks_as_gaps, True)):
         tried = replace(proposal, options=replace(options, blanks_as_gaps=blanks))
         try:
-            report = import_recording(path, tried.options)[1]
+            report = import_columns([proposal.columns], [path], tried.options)[1]
         except InputError as error:
             refused = refused or error
             continue
@@ -163,9 +166,8 @@ def _target(name: str) -> str | None:
     return None
 
 
-def _time_unit(path: Path, options: ImportOptions) -> dict[str, str]:
+def _time_unit(columns: Columns, options: ImportOptions) -> dict[str, str]:
     """Return the unit of time where its steps tell it, and neither file nor person."""
-    columns = read_columns(path, wanted_names(options), options)
     name = options.columns.get("time", STANDARD_NAMES["time"])
     time = columns.values.get(name, np.zeros(0))
     told = "time" in options.units or name in columns.units

@@ -42,13 +42,38 @@ def import_recording(
     """
     files = [Path(p) for p in ([paths] if isinstance(paths, str | Path) else paths)]
     options = options or ImportOptions()
+    check_kinds(files, options)
+    each = options_of_each(options, files) if len(files) > 1 else [options]
+    read = [read_columns(f, wanted_names(o), o) for f, o in zip(files, each, strict=True)]
+    return import_columns(read, files, options)
+
+
+def check_kinds(files: Sequence[Path], options: ImportOptions) -> None:
+    """Refuse options of other kinds of files than these.
+
+    Raises
+    ------
+    InputError
+        There is one.
+    """
     for name, known in _KINDS_OF_OPTIONS.items():
         if getattr(options, name) and not any(file.suffix.lower() in known for file in files):
             raise InputError(f"--{name} is for {', '.join(known)}: leave it out")
     if options.offsets and len(files) == 1:
         raise InputError("--offset is for several files of one recording: leave it out")
+
+
+def import_columns(
+    read: Sequence[Columns], files: Sequence[Path], options: ImportOptions
+) -> tuple[RecordedSession, ImportReport]:
+    """Import the columns that were read of files as `import_recording` does.
+
+    Raises
+    ------
+    InputError
+        See `mmt.session.import_session`.
+    """
     each = options_of_each(options, files) if len(files) > 1 else [options]
-    read = [read_columns(f, wanted_names(o), o) for f, o in zip(files, each, strict=True)]
     columns = read[0]
     of_mmt = len(read) == 1 and options == ImportOptions(episode=options.episode)
     if columns.frames is not None and of_mmt:
