@@ -12,12 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mmt.core.errors import InputError
+from mmt.core.units import unit_factor, unit_in_name
 from mmt.session import import_session
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.proposal import propose, try_proposal
 from mmt.session.importing.recording import import_recording
 from mmt.session.importing.table import read_table
-from mmt.session.importing.units import unit_factor, unit_in_name
 
 ROWS = 300
 TIME_S = np.arange(ROWS) / 1000

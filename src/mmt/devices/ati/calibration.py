@@ -1,9 +1,9 @@
 """Options of a force sensor by ATI, and the contents of its calibration."""
 
 from dataclasses import dataclass
-from typing import Final
 
 from mmt.core.errors import InputError
+from mmt.core.units import unit_factor
 from mmt.devices.protocols import Vector
 from mmt.devices.wrench import Positive, WrenchOptions
 
@@ -21,28 +21,6 @@ class AtiOptions(WrenchOptions):
     """Calibrated range of Fx, Fy, Fz (N) that the device must have."""
 
 
-_FORCES_N: Final = {
-    "n": 1.0,
-    "newton": 1.0,
-    "kn": 1e3,
-    "lbf": 4.4482216152605,
-    "lb": 4.4482216152605,
-    "klbf": 4448.2216152605,
-    "klb": 4448.2216152605,
-    "kgf": 9.80665,
-    "kg": 9.80665,
-    "gf": 9.80665e-3,
-    "g": 9.80665e-3,
-}
-_LENGTHS_MM: Final = {
-    "mm": 1.0,
-    "cm": 10.0,
-    "m": 1000.0,
-    "in": 25.4,
-    "ft": 304.8,
-}
-
-
 def force_in_newton(unit: str, device: str) -> float:
     """Return how many newton one of the unit is.
 
@@ -51,7 +29,7 @@ def force_in_newton(unit: str, device: str) -> float:
     InputError
         The unit is not known.
     """
-    factor = _FORCES_N.get(unit.strip().lower())
+    factor = unit_factor("force", unit)
     if factor is None:
         raise InputError(
             f"{device}: the unit of force {unit!r} is not known; set it to N in the device"
@@ -68,10 +46,10 @@ def torque_in_newton_mm(unit: str, device: str) -> float:
         The unit is not known.
     """
     name = unit.strip().lower().replace("-", "").replace("*", "").replace(" ", "")
-    for length, millimetres in _LENGTHS_MM.items():
-        force = name.removesuffix(length)
-        if force != name and force in _FORCES_N:
-            return _FORCES_N[force] * millimetres
+    for length in ("mm", "cm", "m", "in", "ft"):
+        newton = unit_factor("force", name.removesuffix(length))
+        if name.endswith(length) and newton is not None:
+            return newton * length_in_mm(length, device)
     raise InputError(
         f"{device}: the unit of torque {unit!r} is not known; set it to N-m or N-mm in the device"
     )
@@ -85,7 +63,7 @@ def length_in_mm(unit: str, device: str) -> float:
     InputError
         The unit is not known.
     """
-    factor = _LENGTHS_MM.get(unit.strip().lower())
+    factor = unit_factor("position", unit)
     if factor is None:
         raise InputError(f"{device}: the unit of length {unit!r} is not known")
     return factor

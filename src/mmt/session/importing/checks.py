@@ -5,12 +5,12 @@ The bounds are those of a hand that strokes a surface with a tool; they are wide
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.frames import FIELD_OF_CHANNEL, Channel
+from mmt.core.units import GRAVITY_M_S2
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.samples import Samples
 from mmt.session.importing.stamps import Stamps
@@ -20,7 +20,6 @@ _FASTEST_MM_S = 2000.0
 _SLOWEST_MM_S = 2.0
 _LARGEST_FORCE_N = 50.0
 _SMALLEST_FORCE_N = 0.05
-_GRAVITY_M_S2: Final = 9.80665
 _LEAST_VIBRATION_M_S2 = 0.05
 _LOWEST_RATE_HZ = 700.0
 _LONGEST_HELD_S = 0.05
@@ -216,7 +215,7 @@ def _of_acceleration(
     about = f"acceleration: its mean is {mean:.3g} m/s2 long; gravity is 9.81, and none is 0"
     if unit := unit_by_gravity(mean):
         sentences.append(f"{about}: {_other_unit('acceleration', unit, options)}")
-    elif mean > 2.0 and not 0.8 < mean / _GRAVITY_M_S2 < 1.2:
+    elif mean > 2.0 and not 0.8 < mean / GRAVITY_M_S2 < 1.2:
         sentences.append(
             f"{about}: its offset or its scale is wrong; counts become m/s2 by a factor, as in "
             "--map acceleration_x=NAME*0.0006"

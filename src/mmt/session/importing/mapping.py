@@ -10,6 +10,7 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, Channel
+from mmt.core.units import DATE, QUANTITIES, unit_factor, unit_in_name
 from mmt.session.importing.columns import (
     MESSAGE_PARTS,
     SHOWN_COLUMNS,
@@ -19,7 +20,6 @@ from mmt.session.importing.columns import (
 )
 from mmt.session.importing.options import ImportOptions, Source
 from mmt.session.importing.samples import Samples, continued
-from mmt.session.importing.units import DATE, QUANTITIES, unit_factor, unit_in_name
 
 
 def to_samples(columns: Columns, options: ImportOptions) -> Samples:

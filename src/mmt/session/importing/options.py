@@ -7,8 +7,8 @@ from typing import Final
 
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
+from mmt.core.units import QUANTITIES, unit_factor
 from mmt.session.importing.stamps import StampChoice
-from mmt.session.importing.units import QUANTITIES, unit_factor
 
 _AXES = "xyz"
 

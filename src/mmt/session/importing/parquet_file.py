@@ -11,10 +11,10 @@ from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.core.extras import require
 from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, frame_dtype
+from mmt.core.units import DATE
 from mmt.session.data import axis_columns
 from mmt.session.importing.columns import Columns, parsed_events, parsed_scene, reading
 from mmt.session.importing.options import ImportOptions
-from mmt.session.importing.units import DATE
 
 _TICKS: Final = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 

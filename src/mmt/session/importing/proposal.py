@@ -12,11 +12,11 @@ import numpy as np
 
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
+from mmt.core.units import unit_factor, unit_in_name
 from mmt.session.importing.checks import ImportReport, unit_by_gravity
 from mmt.session.importing.columns import MESSAGE_PARTS, STANDARD_NAMES, Columns, wanted_names
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.recording import check_kinds, import_columns, read_columns
-from mmt.session.importing.units import unit_factor, unit_in_name
 
 _WORDS: Final = {
     "position": "p|pos|position|tip|tcp|pen|stylus|tool",

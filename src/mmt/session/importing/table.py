@@ -10,10 +10,10 @@ from typing import Final
 import numpy as np
 
 from mmt.core.errors import InputError
+from mmt.core.units import DATE, is_unit
 from mmt.session.importing.cells import MISSING, Cell, Numbers, seconds_of, text_of
 from mmt.session.importing.columns import Columns, distinct
 from mmt.session.importing.options import ImportOptions
-from mmt.session.importing.units import DATE, is_unit
 
 _LOOKED_AT = 200
 """Rows by which it is told whether another is the first of the numbers."""

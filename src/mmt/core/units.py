@@ -21,21 +21,22 @@ QUANTITIES: Final[Mapping[str, str]] = {
 
 DATE: Final = "date"
 """The unit of times that were dates or times of day: seconds, whatever a person says."""
-_GRAVITY_M_S2: Final = 9.80665
-_POUND_N: Final = 0.45359237 * _GRAVITY_M_S2
+GRAVITY_M_S2: Final = 9.80665
+"""Standard gravity."""
+_POUND_N: Final = 0.45359237 * GRAVITY_M_S2
 _PREFIXES: Final = {"": 1.0, "n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "d": 1e-1, "k": 1e3}
 _LONG_PREFIXES: Final = {"": "", "nano": "n", "micro": "u", "milli": "m", "centi": "c", "kilo": "k"}
 _METRIC: Final = {
     "time": {"s": 1.0, "sec": 1.0, "secs": 1.0},
     "position": {"m": 1e3},
-    "force": {"N": 1.0, "gf": _GRAVITY_M_S2 / 1e3, "g": _GRAVITY_M_S2 / 1e3, "dyn": 1e-5},
-    "acceleration": {"g": _GRAVITY_M_S2, "gn": _GRAVITY_M_S2, "Gal": 0.01},
+    "force": {"N": 1.0, "gf": GRAVITY_M_S2 / 1e3, "g": GRAVITY_M_S2 / 1e3, "dyn": 1e-5},
+    "acceleration": {"g": GRAVITY_M_S2, "gn": GRAVITY_M_S2, "Gal": 0.01},
 }
 """Symbols that take a prefix. A mass as a force is its weight."""
 _WORDS: Final = {
     "time": {"second": 1.0},
     "position": {"meter": 1e3, "metre": 1e3},
-    "force": {"newton": 1.0, "gram": _GRAVITY_M_S2 / 1e3, "dyne": 1e-5},
+    "force": {"newton": 1.0, "gram": GRAVITY_M_S2 / 1e3, "dyne": 1e-5},
 }
 """Words that take a prefix in full, and a plural."""
 _OTHERS: Final = {
@@ -53,11 +54,12 @@ _OTHERS: Final = {
     },
     "force": {
         **dict.fromkeys(("lbf", "lb", "lbs", "pound", "pounds"), _POUND_N),
+        **dict.fromkeys(("klbf", "klb"), 1e3 * _POUND_N),
         **dict.fromkeys(("ozf", "oz", "ounce", "ounces"), _POUND_N / 16),
-        **dict.fromkeys(("kp", "kilopond"), _GRAVITY_M_S2),
+        **dict.fromkeys(("kp", "kilopond"), GRAVITY_M_S2),
         "MN": 1e6,
     },
-    "acceleration": {"g0": _GRAVITY_M_S2, "g_n": _GRAVITY_M_S2, "gee": _GRAVITY_M_S2},
+    "acceleration": {"g0": GRAVITY_M_S2, "g_n": GRAVITY_M_S2, "gee": GRAVITY_M_S2},
 }
 _RATE: Final = re.compile(r"(?P<length>.+?)(?P<per>[/_]?)(?P<time>s|sec|min|h)(?P<power>-?[12])?")
 """A length per time, once or twice."""
