@@ -6,6 +6,7 @@ What `mmt_bridges.ros.export_bag` has written has the names of an exported sessi
 import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -105,7 +106,7 @@ class _Gathered:
         header = _members(members.get("header"))
         frame = str(header.get("frame_id", members.get("frame_id", "")) or "")
         key = (topic, decoded.source, frame)
-        source = self._sources.setdefault(key, _Source(topic, frame))
+        source = self._sources.get(key) or self._sources.setdefault(key, _Source(topic, frame))
         row = source.stamp(decoded.received_ns, _stamp_ns(header) or _stamp_ns(members))
         for field, value in _numbers("", message):
             source.names.add(field)
@@ -193,13 +194,14 @@ def _members(message: Any) -> Mapping[str, Any]:
     """Return the members of a message by name, none of what is no message."""
     if isinstance(message, dict):
         return message
-    if not is_dataclass(message):
-        return {}
-    return {
-        field.name: getattr(message, field.name)
-        for field in fields(message)
-        if not field.name.startswith("_")
-    }
+    return {name: getattr(message, name) for name in _names_in(message.__class__)}
+
+
+@lru_cache
+def _names_in(kind: type) -> list[str]:
+    """Return the names of a type's members; a bag has few types, and many messages."""
+    found = fields(kind) if is_dataclass(kind) else ()
+    return [field.name for field in found if not field.name.startswith("_")]
 
 
 def _stamp_ns(members: Mapping[str, Any]) -> int:
