@@ -480,6 +480,16 @@ def test_lists_of_several_lengths_are_refused(tmp_path, values, said):
         import_session(tmp_path / "mine.parquet", columns={"time": "t", "position": "p"})
 
 
+def test_a_table_with_a_sessions_columns_and_a_text_is_read(tmp_path):
+    count = 50
+    columns = {"sequence": np.arange(count), "time_ns": np.arange(count) * 1_000_000}
+    columns |= {"time_s": np.arange(count) / 1000, "trial": ["warm-up"] * count}
+    columns |= {f"force_{axis}_n": np.arange(count) / 10.0 for axis in "xyz"}
+    pq.write_table(pa.table(columns), tmp_path / "a.parquet")
+    frames = import_session(tmp_path / "a.parquet").frames
+    np.testing.assert_allclose(frames["force_n"][:, 1], columns["force_y_n"], rtol=1e-6)
+
+
 def test_what_is_no_parquet_file_is_said(tmp_path):
     (tmp_path / "mine.parquet").write_bytes(b"nothing")
     with pytest.raises(InputError, match="this is not a Parquet file"):

@@ -16,6 +16,7 @@ from mmt.session.data import axis_columns
 from mmt.session.importing.columns import Columns, parsed_events, parsed_scene, reading
 from mmt.session.importing.options import ImportOptions
 
+_OF_FRAMES: Final = {"sequence", "time_ns", *(n for c in CHANNELS for n in axis_columns(c))}
 _TICKS: Final = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
 
@@ -33,6 +34,7 @@ def read_parquet(path: Path, wanted: Callable[[str], bool], _options: ImportOpti
     origin = f"import {path}"
     names, metadata, dated = read_schema(path, origin)
     values = read_numbers([path], [name for name in names if wanted(name)], origin)
+    own = _OF_FRAMES & set(names) if _is_session(names) else ()
     return Columns(
         origin=origin,
         values={name: column.astype(np.float64) for name, column in values.items()},
@@ -41,7 +43,7 @@ def read_parquet(path: Path, wanted: Callable[[str], bool], _options: ImportOpti
         scene=parsed_scene(metadata.get(b"mmt.scene"), "mmt.scene", origin),
         annotations=metadata.get(b"mmt.annotations", b""),
         events=parsed_events(metadata.get(b"mmt.events"), "mmt.events", origin),
-        frames=_frames(read_numbers([path], names, origin)) if _is_session(names) else None,
+        frames=_frames(read_numbers([path], own, origin)) if own else None,
     )
 
 
