@@ -1,7 +1,6 @@
 """``mmt session inspect`` and ``mmt session import``: recordings of other programs."""
 
 from dataclasses import asdict
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,6 +14,7 @@ from mmt.core.existing_files import require_absent
 from mmt.core.frames import CHANNELS
 from mmt.core.printable import printable
 from mmt.session.data import axis_columns
+from mmt.session.importing.stamps import StampChoice
 
 if TYPE_CHECKING:
     from mmt.session.importing.checks import ImportReport
@@ -25,16 +25,6 @@ _SHOWN_NAMES = 40
 SourceFile = Annotated[
     Path, typer.Argument(metavar="FILE", help="A file, bag or data set of another program.")
 ]
-
-
-class Stamps(StrEnum):
-    """Which times the rows get."""
-
-    AUTO = "auto"
-    REGULAR = "regular"
-    KEPT = "kept"
-    HEADER = "header"
-    RECEIPT = "receipt"
 
 
 Columns = Annotated[
@@ -65,8 +55,8 @@ Blanks = Annotated[
 Gap = Annotated[
     float | None, typer.Option(help="Seconds over which is interpolated; five intervals if absent.")
 ]
-StampsChoice = Annotated[
-    Stamps,
+Stamps = Annotated[
+    StampChoice,
     typer.Option(
         help="Rows at the stamps as they are (kept), at the times of the clock behind them "
         "(regular), or whichever fits the motion better (auto). Of messages: by the clock of their "
@@ -96,7 +86,7 @@ def inspect_file(
     rate: Rate = None,
     blanks_as_gaps: Blanks = False,
     longest_gap: Gap = None,
-    stamps: StampsChoice = Stamps.AUTO,
+    stamps: Stamps = "auto",
     episode: Episode = None,
     header: Header = None,
     sheet: Sheet = None,
@@ -142,7 +132,7 @@ def import_file(
     rate: Rate = None,
     blanks_as_gaps: Blanks = False,
     longest_gap: Gap = None,
-    stamps: StampsChoice = Stamps.AUTO,
+    stamps: Stamps = "auto",
     episode: Episode = None,
     header: Header = None,
     sheet: Sheet = None,
@@ -183,13 +173,12 @@ def _options(given: dict[str, Any]) -> "ImportOptions":
     """Return the options of a command by its arguments."""
     from mmt.session.importing.options import ImportOptions, assignments
 
-    same = ("blanks_as_gaps", "episode", "header", "sheet", "separator", "decimal")
+    same = ("blanks_as_gaps", "episode", "header", "sheet", "separator", "decimal", "stamps")
     return ImportOptions(
         columns=assignments(given["columns"] or [], "--map"),
         units=assignments(given["units"] or [], "--unit"),
         rate_hz=given["rate"],
         longest_gap_s=given["longest_gap"],
-        stamps=given["stamps"].value,
         missing=tuple(given["missing"] or ()),
         offsets=assignments(given.get("offsets") or [], "--offset"),
         **{name: given[name] for name in same},
