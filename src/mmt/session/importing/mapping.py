@@ -161,7 +161,8 @@ class _Mapping:
         asked = source or Source(STANDARD_NAMES[target])
         if asked.name in columns:
             return asked
-        doubled = [name for name in names if re.fullmatch(rf"{re.escape(asked.name)}\.\d+", name)]
+        dotted = f"{asked.name}."
+        doubled = [n for n in names if n.startswith(dotted) and n[len(dotted) :].isdecimal()]
         if len(doubled) > 1 and not set(doubled) - set(columns):
             raise InputError(
                 f"{self._origin}: {asked.name} stands in {len(doubled)} columns: which of "
