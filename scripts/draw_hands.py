@@ -2,9 +2,10 @@
 
 import asyncio
 import tempfile
+from collections.abc import Coroutine
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from image_files import write
@@ -12,6 +13,7 @@ from matplotlib.figure import Figure
 
 from mmt.cli.scene_services import run_services
 from mmt.core.arrays import FloatArray
+from mmt.core.errors import MmtError
 from mmt.core.palette import LIGHT, SERIES
 from mmt.evaluation.figures import make_plain
 from mmt.scene import Hand
@@ -21,6 +23,7 @@ from mmt.testing.simulation.hand import SimulatedHand
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt_share.client import ListenerClient
+from mmt_share.messages import shared_at
 from mmt_share.tables import Listening
 
 DURATION_S: Final = 18.0
@@ -47,6 +50,11 @@ class Listeners:
 
     models: dict[str, list[tuple[float, TextureModel]]] = field(default_factory=dict)
     tasks: list[asyncio.Task[None]] = field(default_factory=list)
+
+    def entering(self, sentence: str) -> Coroutine[Any, Any, str] | None:
+        """Return what lets them join when the model is shared; see `mmt.cli.guests.Guest`."""
+        url = shared_at(sentence)
+        return None if url is None else self.open(url)
 
     async def open(self, url: str) -> str:
         """Join."""
@@ -83,8 +91,10 @@ async def run(listeners: Listeners) -> RecordedSession:
     with tempfile.TemporaryDirectory() as directory:
         file = Path(directory) / "session.mcap"
         overrides = {"session.duration_s": DURATION_S, "recording.file": str(file)}
-        scene = load_scene(scene_file, overrides, share=True)
-        await run_services(scene_file, scene, DURATION_S, None, visitors=listeners)
+        scene = load_scene(scene_file, overrides, tables=["sharing"])
+        found = await run_services(scene_file, scene, DURATION_S, None, guests=[listeners])
+        if found.failed:
+            raise MmtError("; ".join(found.errors))
         for task in listeners.tasks:
             task.cancel()
         await asyncio.gather(*listeners.tasks, return_exceptions=True)

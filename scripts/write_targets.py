@@ -3,19 +3,19 @@
 import json
 import sys
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
-from write_measured import ROOT, replace
+from write_measured import ROOT, Row, replace
 
 BENCH: Final = ROOT / "docs" / "reference" / "bench.md"
 
 
 def main() -> None:
     """Replace what stands between the marks."""
-    stages = {}
+    stages: dict[str, Any] = {}
     for file in sys.argv[1:]:
         stages |= json.loads(Path(file).read_text(encoding="utf-8"))
-    rows = []
+    rows: list[Row] = []
     for name, stage in stages.items():
         for target in stage.get("targets", ()):
             met = {True: "", False: ", missed", None: ""}[target["met"]]
