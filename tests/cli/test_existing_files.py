@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from mmt.cli.common import run_app
 from mmt.cli.main import app
+from mmt.core.errors import InputError
 from mmt.core.existing_files import free_folder, free_path
 from mmt.session import read_session, write_session
 
@@ -93,6 +94,14 @@ def test_a_free_folder_holds_no_report_and_no_recording(tmp_path, name):
     assert free_folder(wanted) == wanted
     (wanted / name).touch()
     assert free_folder(wanted) == tmp_path / "run-2"
+
+
+@pytest.mark.parametrize("folder", [Path(), Path(".."), Path("/")])
+def test_a_folder_without_a_name_is_not_numbered(tmp_path, monkeypatch, folder):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(Path, "exists", lambda _: True)
+    with pytest.raises(InputError, match="a number goes behind the name"):
+        free_folder(folder)
 
 
 @pytest.mark.parametrize("command", [("calibrate", "adxl335-serial"), ("equalise",)])

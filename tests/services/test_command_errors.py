@@ -93,6 +93,8 @@ CASES = [
     ("mmt-follower demo --replay bare.mcap", "the session has no acceleration, which the scene"),
     # the demo
     ("mmt demo none.toml", "scene none.toml: no such file"),
+    ("mmt demo .", "scene .: no such file"),
+    ("mmt demo /", "scene /: no such file"),
     ("mmt demo --duration -1", "error: --duration: session.duration_s is -1.0"),
     ("mmt demo --replay none.mcap", "session none.mcap: No such file"),
     ("mmt demo --replay cut.mcap", CUT_OFF),
@@ -119,6 +121,9 @@ CASES = [
     ("mmt session export cut.mcap x.csv", CUT_OFF),
     ("mmt session export whole.mcap x.pdf", "session x.pdf: .pdf cannot be written"),
     ("mmt session export whole.mcap none/x.csv", "cannot write none/x.csv"),
+    ("mmt session simulate . --trials 2", ".: a number goes behind the name, and this is none"),
+    ("mmt session simulate .. --trials 2", "..: a number goes behind the name, and this is none"),
+    ("mmt session recover .", "session .: Is a directory"),
     ("mmt session recover none.mcap x.mcap", "session none.mcap: No such file"),
     ("mmt session recover text.mcap x.mcap", "session text.mcap: this is not an MCAP file"),
     ("mmt session recover whole.mcap whole.mcap", "name another file to write to"),

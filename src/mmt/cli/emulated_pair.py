@@ -1,5 +1,6 @@
 """A leader's and a follower's scene with every device emulated at its wire, for the demo."""
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -35,15 +36,10 @@ class Pair(NamedTuple):
 
 def pair_named(name: Path) -> Pair | None:
     """Return ``NAME-leader`` and ``NAME-follower``, None where there are none of these names."""
-    try:
-        return Pair(*(find_scene(name.with_name(f"{name.name}-{side}")) for side in Pair._fields))
-    except InputError:
-        try:
-            return Pair(
-                *(find_scene(name.with_name(f"{name.name}-{side}.toml")) for side in Pair._fields)
-            )
-        except InputError:
-            return None
+    for suffix in ("", ".toml"):
+        with suppress(InputError):
+            return Pair(*(find_scene(Path(f"{name}-{side}{suffix}")) for side in Pair._fields))
+    return None
 
 
 def hand_log(directory: Path) -> Path:

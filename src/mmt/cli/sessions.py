@@ -27,7 +27,7 @@ from mmt.cli.common import (
 from mmt.cli.exporting import export_file
 from mmt.cli.importing import import_file, inspect_file
 from mmt.core.errors import InputError
-from mmt.core.existing_files import free_path, require_absent
+from mmt.core.existing_files import free_path, require_absent, with_number
 from mmt.core.kernel_cache import compile_kernels
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
@@ -102,7 +102,7 @@ def _trial_files(target: Path, trials: int) -> list[Path]:
         return [target]
     digits = len(str(trials))
     numbers = (f"{number:0{digits}}" for number in range(1, trials + 1))
-    return [target.with_name(f"{target.stem}-{number}{target.suffix}") for number in numbers]
+    return [with_number(target, number) for number in numbers]
 
 
 @app.command()
@@ -194,7 +194,7 @@ def recover(
     from mmt.session.recover import recover as recover_session
 
     if target is None:
-        beside = source.with_name(f"{source.stem}.recovered{source.suffix}")
+        beside = source.parent / f"{source.stem}.recovered{source.suffix}"
         target = beside if force else free_path(beside)
     elif not _same_file(source, target):  # which is refused with or without --force
         require_absent(target, force=force)

@@ -50,7 +50,22 @@ def numbered(path: Path) -> Iterator[Path]:
     """Give `path`, then the same with a number from 2 behind its stem, without end."""
     yield path
     for number in count(2):
-        yield path.with_name(f"{path.stem}-{number}{path.suffix}")
+        yield with_number(path, str(number))
+
+
+def with_number(path: Path, number: str) -> Path:
+    """Return a path with a number behind its stem.
+
+    Raises
+    ------
+    InputError
+        It ends in no name, such as ``.``.
+    """
+    if path.name in {"", ".."}:
+        raise InputError(
+            f"{path}: a number goes behind the name, and this is none; name a file or a folder"
+        )
+    return path.with_name(f"{path.stem}-{number}{path.suffix}")
 
 
 @contextmanager
