@@ -9,6 +9,7 @@ from player_samples import flat_texture
 from typer.testing import CliRunner
 
 from mmt.cli.common import run_app
+from mmt.cli.emulated_pair import pair_named
 from mmt.cli.main import app
 from mmt.core.errors import InputError
 from mmt.core.existing_files import free_folder, free_path
@@ -86,14 +87,28 @@ def test_a_free_path_is_the_name_itself_or_the_least_number(tmp_path):
     assert free_path(wanted) == tmp_path / "session-4.mcap"
 
 
-@pytest.mark.parametrize("name", ["report.html", "session.mcap"])
-def test_a_free_folder_holds_no_report_and_no_recording(tmp_path, name):
+@pytest.mark.parametrize("name", ["report.html", "session.mcap", "model.npz"])
+def test_a_free_folder_holds_no_report_no_recording_and_no_model(tmp_path, name):
     wanted = tmp_path / "run"
     assert free_folder(wanted) == wanted
     wanted.mkdir()
     assert free_folder(wanted) == wanted
     (wanted / name).touch()
     assert free_folder(wanted) == tmp_path / "run-2"
+
+
+def test_a_demo_does_not_replace_the_scenes_that_it_emulates(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    pair = pair_named(Path("phantom-lab"))
+    assert pair is not None
+    for file in pair:
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    for more in ((), ("--force",)):
+        named = tmp_path / "phantom-lab"
+        code, said = run(["demo", named, "--output", ".", *more], capsys)
+        assert code == 2
+        assert "--output .: the scenes are there; name another folder" in " ".join(said.split())
+    assert all((tmp_path / file.name).read_bytes() == file.read_bytes() for file in pair)
 
 
 @pytest.mark.parametrize("folder", [Path(), Path(".."), Path("/")])

@@ -66,6 +66,8 @@ def write_emulated(pair: Pair, directory: Path) -> Pair:
     for file in pair:
         tables = _emulated(load_scene(file), directory.resolve())
         target = directory / file.name
+        if target.exists() and target.samefile(file):
+            raise InputError(f"--output {directory}: the scenes are there; name another folder")
         write_file(target, tomli_w.dumps(tables))
         written.append(target)
     return Pair(*written)

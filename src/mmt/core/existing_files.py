@@ -38,11 +38,11 @@ def free_path(path: Path) -> Path:
 
 
 def free_folder(folder: Path) -> Path:
-    """Return a folder, or the first of ``NAME-2``, ``NAME-3``, ... without recording or report."""
+    """Return a folder, or the first of ``NAME-2``, ``NAME-3``, ... that holds no run's files."""
     return next(
         each
         for each in numbered(folder)
-        if not any((each / name).exists() for name in ("session.mcap", "report.html"))
+        if not any((each / name).exists() for name in ("session.mcap", "report.html", "model.npz"))
     )
 
 
