@@ -1,5 +1,6 @@
 """No command replaces a file without --force."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from typer.testing import CliRunner
 from mmt.cli.common import run_app
 from mmt.cli.emulated_pair import pair_named
 from mmt.cli.main import app
+from mmt.cli.scene_services import DemoRun
 from mmt.core.errors import InputError
 from mmt.core.existing_files import free_folder, free_path
 from mmt.session import read_session, write_session
@@ -109,6 +111,32 @@ def test_a_demo_does_not_replace_the_scenes_that_it_emulates(tmp_path, monkeypat
         assert code == 2
         assert "--output .: the scenes are there; name another folder" in " ".join(said.split())
     assert all((tmp_path / file.name).read_bytes() == file.read_bytes() for file in pair)
+
+
+@pytest.mark.parametrize("earlier", [True, False])
+def test_a_demos_coil_is_that_of_its_own_run(tmp_path, monkeypatch, capsys, earlier):
+    """What cannot be read of it does not hold up the rest."""
+
+    def leave():
+        for name in ("hand.npz", "coil.npz"):
+            (tmp_path / name).write_bytes(b"cut off")
+
+    async def services(*_, **__):
+        if not earlier:
+            leave()
+        switch = {"mode": "synthesized", "time_s": 1.0}
+        vibration = {"switches": [switch], "actuator": {"latency_ms": 1.0}}
+        return DemoRun({"session": {"duration_s": 2.0}, "vibration": vibration})
+
+    if earlier:
+        leave()
+    monkeypatch.setattr("mmt.cli.demo.run_services", services)
+    figures = tmp_path / "figures.json"
+    command = ["demo", "--output", tmp_path, "--force", "--json", figures]
+    code, said = run(command, capsys)
+    assert code == (0 if earlier else 1)
+    assert ("hand.npz and coil.npz: this is not a .npz archive" in said) is not earlier
+    assert json.loads(figures.read_text()).keys() == {"leader"}
 
 
 @pytest.mark.parametrize("folder", [Path(), Path(".."), Path("/")])

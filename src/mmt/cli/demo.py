@@ -136,13 +136,13 @@ def _report(
         A service failed, or something could not be written; the rest is there nevertheless.
     """
     content: dict[str, Any] = run.tables()
-    coil = {} if pair is None else _coil(run, pair)
-    if coil:
-        content["coil"] = coil
+    problems: list[Exception] = []
+    with noting(problems, "what the emulated devices did"):
+        if pair is not None and (coil := _coil(run, pair)):
+            content["coil"] = coil
     if verbose:
         for name, table in content.items():
             output.print(summary_table(name, table))
-    problems: list[Exception] = []
     model: Path | None = None
     if run.leader.get("recording"):
         from mmt.cli.reporting import MODEL_NAME, report_recording
@@ -188,7 +188,10 @@ def _coil(run: DemoRun, pair: Pair) -> dict[str, Any]:
 
 
 def _check(scene: Scene, directory: Path) -> None:
-    """Find out what the services cannot use, and where nothing can be written, beforehand."""
+    """Find out beforehand what the services cannot use, and where nothing can be written.
+
+    What an earlier run's emulated devices have left there is removed.
+    """
     if scene.source is not None:
         build_source(scene).close()
     if scene.handle is not None:
@@ -197,5 +200,7 @@ def _check(scene: Scene, directory: Path) -> None:
         load_device(scene.actuator.driver, scene.actuator.options, role="actuator").close()
     try:
         directory.mkdir(parents=True, exist_ok=True)
+        for earlier in (hand_log(directory), coil_log(directory)):
+            earlier.unlink(missing_ok=True)
     except OSError as error:
         raise InputError(f"--output {directory}: {error.strerror or error}") from error

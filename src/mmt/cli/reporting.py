@@ -53,8 +53,10 @@ def report_recording(
         run=dict(run),
         more=more,
     )
+    model = directory / MODEL_NAME
+    model.unlink(missing_ok=True)  # an earlier run's
     if session.models:
-        write_file(directory / MODEL_NAME, session.models[-1][1])
+        write_file(model, session.models[-1][1])
     if len(evaluations) > 1:
         return evaluations_as_dict(evaluations)
     return evaluations[0].as_dict() if evaluations else {}

@@ -13,7 +13,9 @@ from typing import Any, Final
 import numpy as np
 from scipy import signal
 
+from mmt.core.archives import load_arrays
 from mmt.core.arrays import FloatArray
+from mmt.core.errors import InputError, MmtError
 from mmt.testing.emulated.coil import coil_acceleration_m_s2
 from mmt.testing.emulated.phantom import series_n_mm
 from mmt.testing.simulation.textures import get_surface
@@ -46,9 +48,16 @@ def coil_figures(
         How long before the end the vibration began to come from the model.
     latency_ms
         What the output states of its own.
+
+    Raises
+    ------
+    MmtError
+        A file cannot be read, such as one that was cut off.
     """
-    way = np.load(hand)["way"]
-    played = np.load(coil)
+    try:
+        way, played = load_arrays(hand)[0]["way"], load_arrays(coil)[0]
+    except InputError as error:
+        raise MmtError(f"{hand.name} and {coil.name}: {error}") from error
     rate_hz, start_s = float(played["rate_hz"]), float(played["start_s"])
     felt = coil_acceleration_m_s2(played["volts"].astype(np.float64), rate_hz)
     end_s = min(way[-1, 0], start_s + len(felt) / rate_hz)
