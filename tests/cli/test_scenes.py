@@ -4,14 +4,16 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 import tomli_w
+from rich.console import Console
 from typer.testing import CliRunner
 
+from mmt.cli import scene_services
 from mmt.cli.main import app
 from mmt.cli.scene import costs as scene_costs
 from mmt.cli.scene import runs as scene_runs
@@ -154,6 +156,47 @@ def test_a_run_that_does_not_end_well_is_no_measurement(
     monkeypatch.setattr(scene_runs, "run_services", run_services)
     with pytest.raises(error):
         SceneRunner(tmp_path, 2.0)(example("stream-only"))
+
+
+class EndedChild:
+    """A service that has been ready, and has ended."""
+
+    age_s, messages = 0.5, ""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    async def lines(self) -> AsyncIterator[dict[str, Any]]:
+        yield {"kind": "ready", "port": 8765}
+
+    async def wait(self) -> int:
+        return 0
+
+    async def kill(self) -> None:
+        """It has ended."""
+
+    def interrupt(self) -> None:
+        """It has ended."""
+
+
+@pytest.mark.parametrize("shows_monitor", [True, False])
+async def test_a_monitor_is_opened_for_a_person_alone(
+    shows_monitor: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def start(name: str, *_: object) -> EndedChild:
+        return EndedChild(name)
+
+    opened: list[str] = []
+    monkeypatch.setattr(scene_services.Child, "start", start)
+    monkeypatch.setattr(scene_services, "open_page", opened.append)
+    monkeypatch.setattr(scene_services, "stop_on_signals", lambda _: None)
+    scene = load_scene("demo", tables=["monitor"])
+    shown = {"shows_monitor": True} if shows_monitor else {}
+    run = await scene_services.run_services(
+        Path("demo"), scene, 1.0, None, console=Console(quiet=True), **shown
+    )
+    assert not run.failed
+    assert len(opened) == shows_monitor
 
 
 def test_real_services_tell_what_they_run_and_cost(tmp_path: Path) -> None:

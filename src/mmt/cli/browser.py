@@ -9,12 +9,12 @@ import webbrowser
 def open_page(url: str) -> bool:
     """Open a page in a browser, without waiting; return whether there is one to open it.
 
-    There is none where nobody looks at a terminal, or where the terminal is all there is.
+    There is none where the terminal is all there is.
     """
     has_screen = sys.platform in ("darwin", "win32") or bool(
         os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or os.environ.get("BROWSER")
     )
-    if not (has_screen and sys.stderr.isatty()):
+    if not has_screen:
         return False
     try:
         browser = webbrowser.get()

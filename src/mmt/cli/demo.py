@@ -1,6 +1,7 @@
 """``mmt demo``: leader and follower as two processes on loopback, then a report."""
 
 import asyncio
+import sys
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any
@@ -105,6 +106,7 @@ def demo(
                 guests=guests,
                 follower_file=None if pair is None else pair.follower,
                 verbose=verbose,
+                shows_monitor=sys.stderr.isatty(),
             )
         )
         _report(run, output_directory, recording, pair, json_file, verbose=verbose, play=monitor)

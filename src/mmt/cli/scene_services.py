@@ -57,6 +57,7 @@ async def run_services(
     on_link: Callable[[str], None] = lambda _: None,
     follower_file: Path | None = None,
     verbose: bool = False,
+    shows_monitor: bool = False,
 ) -> DemoRun:
     """Run the services of a scene as processes until both have ended.
 
@@ -80,102 +81,90 @@ async def run_services(
         The follower's own scene, if it is not the leader's.
     verbose
         Whether to print every event of both services.
+    shows_monitor
+        Whether to open the scene's monitor in a browser, which is to see the beginning.
     """
-    return await _Demo(
-        scene_file,
+    shared = ["--json-lines", *["--realtime"] * realtime]
+    if replay is not None:
+        shared += ["--replay", str(replay)]
+    return await _Services(
         scene,
-        duration_s,
-        replay,
-        console,
+        [str(scene_file), *shared, *_leader_options(scene, duration_s)],
+        [str(follower_file or scene_file), *shared],
         environment,
-        realtime=realtime,
-        guests=guests,
-        on_link=on_link,
-        follower_file=follower_file,
+        guests,
+        on_link,
+        StatusLine(console),
         verbose=verbose,
+        shows_monitor=shows_monitor,
     ).run()
 
 
-class _Demo:
-    def __init__(
-        self,
-        scene_file: Path,
-        scene: Scene,
-        duration_s: float | None,
-        replay: Path | None,
-        console: Console,
-        environment: Mapping[str, str] | None,
-        *,
-        realtime: bool,
-        guests: Sequence[Guest],
-        on_link: Callable[[str], None],
-        follower_file: Path | None,
-        verbose: bool,
-    ) -> None:
-        self._scene = scene
-        self._guests = guests
-        self._on_link = on_link
-        self._entering: list[asyncio.Task[None]] = []
-        self._environment = environment
-        self._run = DemoRun()
-        self._arguments = [str(scene_file), "--json-lines"]
-        self._follower_file = follower_file or scene_file
-        if realtime:
-            self._arguments += ["--realtime"]
-        if replay is not None:
-            self._arguments += ["--replay", str(replay)]
-        self._leader_arguments = list(self._arguments)
-        if duration_s is not None:
-            self._leader_arguments += ["--duration", str(duration_s)]
-        if scene.link is not None:
-            self._leader_arguments += ["--port", "0"]
-        if scene.monitor is not None:
-            self._leader_arguments += ["--monitor"]
-        for flag in added_flags("leader"):
-            if not flag.guest and {*flag.tables} <= {*scene.added}:
-                self._leader_arguments += [flag.name]
-        if scene.recording is not None:
-            self._leader_arguments += ["--record", str(scene.recording.file)]
-            if scene.recording.existing == "replace":
-                self._leader_arguments += ["--force"]
-        self._children: list[Child] = []
-        self._line = StatusLine(console)
-        self._verbose = verbose
-        self._begun = False
-        self._page_until_s = 0.0
+def _leader_options(scene: Scene, duration_s: float | None) -> list[str]:
+    options = [] if duration_s is None else ["--duration", str(duration_s)]
+    if scene.link is not None:
+        options += ["--port", "0"]
+    if scene.monitor is not None:
+        options += ["--monitor"]
+    for flag in added_flags("leader"):
+        if not flag.guest and {*flag.tables} <= {*scene.added}:
+            options += [flag.name]
+    if scene.recording is not None:
+        options += ["--record", str(scene.recording.file)]
+        if scene.recording.existing == "replace":
+            options += ["--force"]
+    return options
+
+
+@dataclass
+class _Services:
+    scene: Scene
+    leader_arguments: list[str]
+    follower_arguments: list[str]
+    environment: Mapping[str, str] | None
+    guests: Sequence[Guest]
+    on_link: Callable[[str], None]
+    line: StatusLine
+    verbose: bool
+    shows_monitor: bool
+    found: DemoRun = field(default_factory=DemoRun)
+    entering: list[asyncio.Task[None]] = field(default_factory=list)
+    children: list[Child] = field(default_factory=list)
+    begun: bool = False
+    page_until_s: float = 0.0
 
     async def run(self) -> DemoRun:
         stop_on_signals(self._interrupt)
         try:
-            self._line.show({}, "starting")
-            leader = await self._start("leader", self._leader_arguments)
+            self.line.show({}, "starting")
+            leader = await self._start("leader", self.leader_arguments)
             await self._watch_leader(leader)
-            if self._entering and not self._run.interrupted:
+            if self.entering and not self.found.interrupted:
                 # on a busy machine they may be ready after a short session
-                await asyncio.wait(self._entering, timeout=_LAST_SECONDS)
+                await asyncio.wait(self.entering, timeout=_LAST_SECONDS)
         finally:
-            self._line.clear()
-            for entering in self._entering:
+            self.line.clear()
+            for entering in self.entering:
                 entering.cancel()
-            await asyncio.gather(*(child.kill() for child in self._children))
-        return self._run
+            await asyncio.gather(*(child.kill() for child in self.children))
+        return self.found
 
     async def _start(self, name: str, arguments: list[str]) -> Child:
         child = await Child.start(
             name,
             "mmt.cli.child",
             [name, *arguments],
-            self._environment,
-            lambda sentence: self._line.say(f"{name}: {sentence}"),
+            self.environment,
+            lambda sentence: self.line.say(f"{name}: {sentence}"),
         )
-        self._children.append(child)
-        if self._run.interrupted:
+        self.children.append(child)
+        if self.found.interrupted:
             child.interrupt()
         return child
 
     def _interrupt(self) -> None:
-        self._run.interrupted = True
-        for child in self._children:
+        self.found.interrupted = True
+        for child in self.children:
             child.interrupt()
 
     async def _watch_leader(self, leader: Child) -> None:
@@ -184,16 +173,16 @@ class _Demo:
         async for line in leader.lines():
             self._take(leader, line)
             self._take_leader(line)
-            if line["kind"] == "ready" and self._scene.link is not None:
-                url = self._scene.link.url(line["port"])
-                self._on_link(url)
-                if self._scene.monitor is not None:
-                    self._line.say(f"monitor: {url}/monitor/")
-                    if open_page(f"{url}/monitor/"):
-                        self._page_until_s = leader.age_s + _LONGEST_OPENING_S
+            if line["kind"] == "ready" and self.scene.link is not None:
+                url = self.scene.link.url(line["port"])
+                self.on_link(url)
+                if self.scene.monitor is not None:
+                    self.line.say(f"monitor: {url}/monitor/")
+                    if self.shows_monitor and open_page(f"{url}/monitor/"):
+                        self.page_until_s = leader.age_s + _LONGEST_OPENING_S
             if url and follower is None and not self._awaits_page(leader, line):
                 follower = await self._start(
-                    "follower", [str(self._follower_file), *self._arguments[1:], "--leader", url]
+                    "follower", [*self.follower_arguments, "--leader", url]
                 )
                 following = asyncio.create_task(self._watch_follower(follower, leader))
         failed = await self._note_end(leader) != 0
@@ -206,46 +195,46 @@ class _Demo:
 
     def _awaits_page(self, leader: Child, line: Mapping[str, Any]) -> bool:
         """Return whether the browser is still opening the page, which is to see the beginning."""
-        return leader.age_s < self._page_until_s and not line.get("viewers")
+        return leader.age_s < self.page_until_s and not line.get("viewers")
 
     async def _watch_follower(self, follower: Child, leader: Child) -> None:
         async for line in follower.lines():
             self._take(follower, line)
-            if line["kind"] == "event" and self._verbose:
-                self._line.say(f"follower: {line['event']}")
+            if line["kind"] == "event" and self.verbose:
+                self.line.say(f"follower: {line['event']}")
             elif line["kind"] == "summary":
-                self._run.follower = {key: v for key, v in line.items() if key != "kind"}
+                self.found.follower = {key: v for key, v in line.items() if key != "kind"}
         if await self._note_end(follower) != 0:
             leader.interrupt()  # else it would wait for a follower that has ended
 
     async def _note_end(self, child: Child) -> int:
         code = await child.wait()
         if code != 0:
-            self._run.failed = True
-            self._run.errors.append(f"{child.name} ended with exit code {code}: {child.messages}")
+            self.found.failed = True
+            self.found.errors.append(f"{child.name} ended with exit code {code}: {child.messages}")
         return code
 
     def _take(self, child: Child, line: dict[str, Any]) -> None:
         if line["kind"] == "ready":
-            self._run.start_s[child.name] = child.age_s
+            self.found.start_s[child.name] = child.age_s
         elif line["kind"] == "inventory":
-            self._run.inventories[child.name] = {k: v for k, v in line.items() if k != "kind"}
+            self.found.inventories[child.name] = {k: v for k, v in line.items() if k != "kind"}
 
     async def _let_in(self, entering: Coroutine[Any, Any, str]) -> None:
-        self._line.say(await entering)
+        self.line.say(await entering)
 
     def _take_leader(self, line: dict[str, Any]) -> None:
         kind = line["kind"]
         if kind == "status":
-            self._line.show(line["verdict"])
+            self.line.show(line["verdict"])
         elif kind == "event":
-            if self._verbose or not self._begun:  # such as that something is compiled
-                self._line.say(f"leader: {line['event']}")
-            for guest in self._guests:
+            if self.verbose or not self.begun:  # such as that something is compiled
+                self.line.say(f"leader: {line['event']}")
+            for guest in self.guests:
                 entering = guest.entering(line["event"])
                 if entering is not None:
-                    self._entering.append(asyncio.create_task(self._let_in(entering)))
+                    self.entering.append(asyncio.create_task(self._let_in(entering)))
         elif kind == "ready":
-            self._begun = True
+            self.begun = True
         elif kind == "summary":
-            self._run.leader = {key: value for key, value in line.items() if key != "kind"}
+            self.found.leader = {key: value for key, value in line.items() if key != "kind"}
