@@ -1,9 +1,6 @@
 """``mmt session``: make, convert, view and recover sessions."""
 
 import asyncio
-import os
-import sys
-import webbrowser
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
@@ -13,6 +10,7 @@ from typing import Annotated, Any, Final
 import typer
 from rich.table import Table
 
+from mmt.cli.browser import open_page
 from mmt.cli.commands import command_group
 from mmt.cli.common import (
     Force,
@@ -232,17 +230,3 @@ def view_file(path: Path, *, port: int, show: bool) -> None:
         await server.run(ready)
 
     asyncio.run(serve())
-
-
-def open_page(url: str) -> bool:
-    """Open a page in a browser with a window; say whether there was one.
-
-    A browser in the terminal would take the place of what the command prints.
-    """
-    windows = sys.platform in ("win32", "darwin")
-    if not windows and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        return False
-    try:
-        return webbrowser.open(url)
-    except webbrowser.Error:
-        return False
