@@ -261,10 +261,7 @@ class Follower:
             session={"id": self.session_id},
             link=asdict(self.client.statistics),
             ticks=asdict(self.ticker.statistics),
-            process={
-                "core_share": round(cost.core_share, 3),
-                "memory_mb": round(cost.memory_mb, 1),
-            },
+            process=cost.as_dict(),
             backfill=self.client.backfill,
             **self._guarded.summary,
         )

@@ -80,7 +80,6 @@ def summarise(
 ) -> LeaderSummary:
     """Gather the summary of a run that has ended, from every part."""
     log, remote = session.log, session.remote
-    cost = log.meter.read()
     tables: dict[str, dict[str, Any]] = {
         "session": {
             "name": session.scene.session.name,
@@ -88,11 +87,7 @@ def summarise(
             "duration_s": round(duration_s, 3),
         },
         "ticks": asdict(ticks),
-        "process": {
-            "ready_s": log.ready_s,
-            "core_share": round(cost.core_share, 3),
-            "memory_mb": round(cost.memory_mb, 1),
-        },
+        "process": {"ready_s": log.ready_s, **log.meter.read().as_dict()},
     }
     if remote is not None:
         tables["link"] = asdict(remote.statistics) if remote.statistics is not None else {}
