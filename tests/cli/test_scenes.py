@@ -158,6 +158,25 @@ def test_a_run_that_does_not_end_well_is_no_measurement(
         SceneRunner(tmp_path, 2.0)(example("stream-only"))
 
 
+@pytest.mark.parametrize("modelling", [None, {"core_share": 0.25, "memory_mb": 180.0}])
+def test_a_leaders_cost_is_with_that_of_the_process_that_models(
+    modelling: dict[str, float] | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    leader = {
+        "session": {"duration_s": 2.0},
+        "process": {"core_share": 0.5, "memory_mb": 100.0},
+        "texture": {"process": modelling},
+    }
+    inventory = {"looks": 8, "modules": [], "tasks": {}, "threads": {}, "system_threads": 3}
+
+    async def run_services(*_: object, **__: object) -> DemoRun:
+        return DemoRun(leader, start_s={"leader": 1.0}, inventories={"leader": inventory})
+
+    monkeypatch.setattr(scene_runs, "run_services", run_services)
+    found = SceneRunner(tmp_path, 2.0)(example("demo")).services["leader"]
+    assert (found.core_share, found.memory_mb) == ((0.75, 280.0) if modelling else (0.5, 100.0))
+
+
 class EndedChild:
     """A service that has been ready, and has ended."""
 

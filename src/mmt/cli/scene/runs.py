@@ -121,10 +121,11 @@ def _service_run(
     summary: Mapping[str, Any], start_s: float, inventory: Mapping[str, Any]
 ) -> ServiceRun:
     looks = max(1, inventory["looks"])
+    modelling = (summary.get("texture") or {}).get("process") or {}  # the leader's own process
     return ServiceRun(
         start_s=start_s,
-        core_share=summary["process"]["core_share"],
-        memory_mb=summary["process"]["memory_mb"],
+        core_share=summary["process"]["core_share"] + modelling.get("core_share", 0.0),
+        memory_mb=summary["process"]["memory_mb"] + modelling.get("memory_mb", 0.0),
         modules=tuple(inventory["modules"]),
         tasks={name: seen / looks for name, seen in inventory["tasks"].items()},
         threads={name: seen / looks for name, seen in inventory["threads"].items()},
