@@ -124,7 +124,7 @@ def good(duration_s=600.0):
     generator = np.random.default_rng(0)
     times = np.arange(1000.0, 1000.0 + duration_s, 0.2)
     samples = tuple(
-        Sample(float(t), 200.0 + generator.standard_normal(), 70.0, 200 * i, i)
+        Sample(float(t), 200.0 + generator.standard_normal(), 180.0, 70.0, 200 * i, i)
         for i, t in enumerate(times)
     )
     killed = Happened(Fault(RESTART, 100.0, 0.5), 1100.0, 1100.5)
@@ -187,6 +187,7 @@ def test_each_flaw_is_a_row_that_does_not_hold(what, change):
     ("what", "grown"),
     [
         ("leader's memory (MB)", lambda s, share: replace(s, leader_mb=s.leader_mb + 40 * share)),
+        ("modelling's memory (MB)", lambda s, share: replace(s, modelling_mb=180.0 + 40 * share)),
         ("follower's memory (MB)", lambda s, share: replace(s, follower_mb=70.0 + 20 * share)),
         (
             "leader's ticks over 1 ms late (%)",
@@ -240,7 +241,7 @@ def test_an_hour_of_frequent_faults_tells_whether_anything_grows():
 def test_a_long_run_that_cannot_tell_does_not_hold():
     observed, readback = good()
     always = Happened(Fault(CUT, 0.0, 600.0), 1000.0, 1600.0)
-    assert len(broken(replace(observed, faults=(*observed.faults, always)), readback)) == 5
+    assert len(broken(replace(observed, faults=(*observed.faults, always)), readback)) == 6
 
 
 # --- the command

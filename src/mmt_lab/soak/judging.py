@@ -47,11 +47,13 @@ class Happened:
 class Sample:
     """What was seen of the services at a moment of the monotonic clock.
 
-    ``ticks`` and ``late_ticks`` are the leader's counts since its start.
+    ``modelling_mb`` is held by the process that models for the leader; ``ticks`` and
+    ``late_ticks`` are the leader's counts since its start.
     """
 
     time_s: float
     leader_mb: float | None
+    modelling_mb: float | None
     follower_mb: float | None
     ticks: int
     late_ticks: int
@@ -167,12 +169,14 @@ def _drifts(observed: Observed, readback: Readback, recovery_s: float) -> list[C
         return drift(*by_window(times_s, values, _window_s(times_s), figure))
 
     leader = _series([(s.time_s, s.leader_mb) for s in observed.samples])
+    modelling = _series([(s.time_s, s.modelling_mb) for s in observed.samples])
     follower = _longest_life(observed)
     hours = max(1.0, span_s / 3600.0)  # a recording's index grows with it
     latency = np.stack([readback.arrival_s, readback.latency_ms])
     must = span_s >= _TELLING_S
     return [
         _flat("leader's memory (MB)", watched(leader, _median), 5.0, 0.05, must, hours),
+        _flat("modelling's memory (MB)", watched(modelling, _median), 5.0, 0.05, must, hours),
         _flat("follower's memory (MB)", watched(follower, _median), 5.0, 0.05, must, hours),
         _flat("frames, one way, p50 (ms)", watched(latency, _median), 0.2, 0.5, must),
         _flat("frames, one way, p99 (ms)", watched(latency, _p99), 2.0, 1.0, must),

@@ -190,6 +190,7 @@ class SoakServices:
                 Sample(
                     time_s=time.monotonic(),
                     leader_mb=_memory_mb(leader),
+                    modelling_mb=_memory_mb(leader, of_its_own=True),
                     follower_mb=_memory_mb(self._follower),
                     ticks=status["ticks"],
                     late_ticks=status["late_ticks"],
@@ -198,9 +199,13 @@ class SoakServices:
         self._on_status(status)
 
 
-def _memory_mb(child: Child | None) -> float | None:
-    """Return the memory that a process holds, None where it has ended."""
+def _memory_mb(child: Child | None, *, of_its_own: bool = False) -> float | None:
+    """Return the memory that a process, or those that it has started, hold; None for none."""
+    if child is None:
+        return None
     try:
-        return None if child is None else psutil.Process(child.pid).memory_info().rss / 1e6
+        process = psutil.Process(child.pid)
+        processes = process.children() if of_its_own else [process]
+        return sum(each.memory_info().rss for each in processes) / 1e6 if processes else None
     except psutil.Error:
         return None
