@@ -144,6 +144,17 @@ def test_what_is_unusual_is_named(key: str, value: Any, sentence: str) -> None:
     assert found.state == ("failed" if key == "recording" else "degraded")
 
 
+@pytest.mark.parametrize("modelled_s", [0.0, 17.0, 18.0])
+@pytest.mark.parametrize("sessions", [0, 1, 2])
+def test_a_fault_of_the_signals_is_told_once(modelled_s: float, sessions: int) -> None:
+    """The leader's sentence ends with its last update, that of the evaluation with the session."""
+    told = leader(texture__faults=SignalFaults(constant_s=modelled_s).as_dict())
+    session = {**EVALUATION, "faults": SignalFaults(constant_s=18.0).as_dict()}
+    faults = run_verdict({"leader": told}, {"sessions": [session] * sessions}).faults
+    assert len(faults) == (1 if sessions or modelled_s else 0)
+    assert all(("18 s" in fault) == bool(sessions or modelled_s == 18.0) for fault in faults)
+
+
 @pytest.mark.parametrize("texture", [None, {}, {"faults": None}])
 def test_a_leader_without_a_model_has_no_faults_of_its_signals(texture: Any) -> None:
     assert unusual("leader", {**LEADER, "texture": texture}) == []

@@ -46,6 +46,8 @@ _FAULTS: Final = (
     _Fault("devices.*.clock_jumps", "jump of the {name}'s clock", "jumps of the {name}'s clock"),
 )
 
+_NOT_MEASURED: Final = "not measured: "
+
 
 def run_verdict(
     summaries: Mapping[str, Mapping[str, Any]], evaluation: Mapping[str, Any] | None = None
@@ -71,8 +73,14 @@ def run_verdict(
         key: _middle(each.get(key) for each in sessions) for key in ("start_s", "stop_s")
     }
     readiness, completion = _completion(texture, sessions)
-    faults = [sentence for name, table in summaries.items() for sentence in unusual(name, table)]
-    faults += sorted({text for each in sessions if (text := _signal_faults(each))} - {*faults})
+    signal_faults = sorted({text for each in sessions if (text := _signal_faults(each))})
+    faults = [
+        sentence
+        for name, table in summaries.items()
+        for sentence in unusual(name, table)
+        if not (signal_faults and _NOT_MEASURED in sentence)  # the leader's end before
+    ]
+    faults += signal_faults
     recording = leader.get("recording", {})
     outcome = main.get("outcome", "completed")
     if recording.get("error") and not has_failed(outcome):
@@ -97,7 +105,7 @@ def run_verdict(
 def unusual(name: str, summary: Mapping[str, Any]) -> list[str]:
     """Return a sentence for each thing in a service's summary that a good run does not have."""
     filled = "filled" in summary.get("backfill", {})
-    told = {"link.lost"} if filled else set()  # the line of the frames has what became of them
+    told = {"link.lost"} if filled else set()  # those that were never filled in are told
     recording = summary.get("recording", {})
     error = recording.get("error")
     told |= {"recording.dropped"} if error else set()
@@ -109,7 +117,7 @@ def unusual(name: str, summary: Mapping[str, Any]) -> list[str]:
         if count
     ]
     if signal_faults := ((summary.get("texture") or {}).get("faults") or {}).get("text"):
-        found.append(f"not measured: {signal_faults}")
+        found.append(f"{_NOT_MEASURED}{signal_faults}")
     if generator_fault := summary.get("generator", {}).get("fault"):
         found.append(f"{generator_fault}; our model was rendered in its place")
     late = summary.get("ticks", {}).get("late_share_1ms") or 0.0
@@ -171,7 +179,7 @@ def _criterion(method: str) -> str:
 
 def _signal_faults(session: Mapping[str, Any]) -> str:
     text = session.get("faults", {}).get("text")
-    return f"not measured: {text}" if text else ""
+    return f"{_NOT_MEASURED}{text}" if text else ""
 
 
 def _middle(values: Iterable[float | None]) -> float | None:
