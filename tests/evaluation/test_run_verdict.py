@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from mmt.core.verdict import has_failed
+from mmt.evaluation.headlines import headlines
 from mmt.evaluation.run_verdict import run_verdict, unusual
 from mmt.texture.signals.faults import SignalFaults
 
@@ -98,6 +99,19 @@ def test_of_several_surfaces_the_medians_are_told() -> None:
         for error in errors
     ]
     assert run_verdict({"leader": LEADER}, {"sessions": sessions}).error == "0.9 dB"
+
+
+@pytest.mark.parametrize("complete", range(6))
+def test_verdict_and_headlines_agree_on_whether_sessions_were_complete(complete: int) -> None:
+    stops_s = [9.0] * complete + [None] * (5 - complete)
+    sessions = [{**EVALUATION, "stop_s": stop_s} for stop_s in stops_s]
+    (headline,) = (
+        each
+        for each in headlines({"sessions": sessions}, {"sessions": [EVALUATION]})
+        if each.title == "complete at (s)"
+    )
+    told = "complete at 9.0 s" in run_verdict({}, {"sessions": sessions}).now
+    assert told == (headline.left == "9.0") == (complete > 2)
 
 
 def test_a_follower_alone_says_how_it_ended() -> None:

@@ -3,11 +3,10 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from statistics import median
 from typing import Any, Final
 
 from mmt.evaluation.document import Table
-from mmt.evaluation.run_verdict import run_verdict
+from mmt.evaluation.run_verdict import final_of, median_of_most, run_verdict
 from mmt.evaluation.texts import number, seconds, share
 
 _SESSION: Final = (
@@ -78,13 +77,10 @@ def _verdict(data: Mapping[str, Any]) -> str:
 
 def _of_sessions(data: Mapping[str, Any], key: str) -> float | None:
     """Return the median over the sessions that have a figure; None if most were never ready."""
-    sessions = data.get("sessions") or []
-    values = []
-    for session in sessions:
-        score = session.get("at_stop") or session.get("at_end") or {}
-        values.append(session[key] if key in session else score.get(key))
-    known = [value for value in values if value is not None]
-    return median(known) if 2 * len(known) > len(values) else None
+    return median_of_most(
+        session[key] if key in session else final_of(session).get(key)
+        for session in data.get("sessions") or []
+    )
 
 
 def _said(values: Sequence[float | None], text: object, less_is_better: bool) -> str:

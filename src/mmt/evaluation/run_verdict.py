@@ -67,10 +67,10 @@ def run_verdict(
     main = leader or summaries.get("follower", {})
     evaluation = evaluation or {}
     sessions = evaluation.get("sessions") or ([evaluation] if evaluation else [])
-    scores = [each.get("at_stop") or each.get("at_end") or {} for each in sessions]
+    scores = [final_of(each) for each in sessions]
     texture = leader.get("texture") or {}
     timed = texture or {
-        key: _middle(each.get(key) for each in sessions) for key in ("start_s", "stop_s")
+        key: median_of_most(each.get(key) for each in sessions) for key in ("start_s", "stop_s")
     }
     readiness, completion = _completion(texture, sessions)
     signal_faults = sorted({text for each in sessions if (text := _signal_faults(each))})
@@ -95,7 +95,7 @@ def run_verdict(
             models=bool(texture or sessions),
             readiness=readiness,
             completion=completion,
-            error_db=_middle(score.get("power_error_db") for score in scores),
+            error_db=median_of_most(score.get("power_error_db") for score in scores),
             jnd_db=JND_DB,
             faults=faults,
         )
@@ -162,9 +162,9 @@ def _completion(
     if progress := texture.get("completion"):
         known = [(progress.get("criterion"), progress.get("value"))]
     else:
-        finals = [(each, each.get("at_stop") or each.get("at_end") or {}) for each in sessions]
         known = [
-            (_criterion(each.get("method", "")), score.get("completion")) for each, score in finals
+            (_criterion(each.get("method", "")), final_of(each).get("completion"))
+            for each in sessions
         ]
     values = [value for name, value in known if name == "uncertainty" and value is not None]
     if values:
@@ -182,6 +182,13 @@ def _signal_faults(session: Mapping[str, Any]) -> str:
     return f"{_NOT_MEASURED}{text}" if text else ""
 
 
-def _middle(values: Iterable[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return median(known) if known else None
+def final_of(session: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the last score of an evaluated session, as ``--json`` has it; empty if it has none."""
+    return session.get("at_stop") or session.get("at_end") or {}
+
+
+def median_of_most(values: Iterable[float | None]) -> float | None:
+    """Return the median over sessions; None if most have no value, such as a time never reached."""
+    every = list(values)
+    known = [value for value in every if value is not None]
+    return median(known) if 2 * len(known) > len(every) else None

@@ -1,12 +1,11 @@
 """What a report answers at a glance: the verdict in four tiles, and a sentence."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from statistics import median
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from mmt.evaluation.document import Block, Paragraph, Tile, Tiles
 from mmt.evaluation.results import Evaluation, evaluations_as_dict
-from mmt.evaluation.run_verdict import run_verdict
+from mmt.evaluation.run_verdict import median_of_most, run_verdict
 from mmt.evaluation.texts import share
 
 
@@ -28,21 +27,16 @@ def at_a_glance(evaluations: Sequence[Evaluation], run: Mapping[str, Any]) -> li
 def _sentence(evaluations: Sequence[Evaluation]) -> str:
     is_known = evaluations[0].basis == "truth"
     reference = "known texture" if is_known else "held-out segments"
-    right = _middle(each.final.within_jnd for each in evaluations)
+    right = median_of_most(each.final.within_jnd for each in evaluations)
     if right is None:
         return f"There is no model to compare with the {reference}."
     sentence = (
         f"Against the {reference} the level is right, within one just noticeable difference, on "
         f"{share(right)} of {'the strokes that were made' if is_known else 'their strokes'}"
     )
-    plane = _middle(each.final.plane_within_jnd for each in evaluations)
+    plane = median_of_most(each.final.plane_within_jnd for each in evaluations)
     return (
         f"{sentence}."
         if plane is None
         else f"{sentence}, and on {share(plane)} of the whole plane."
     )
-
-
-def _middle(values: Iterable[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return median(known) if known else None
