@@ -233,10 +233,7 @@ def scene_from_tables(
     InputError
         A key, a value or a combination is not allowed.
     """
-    try:
-        return Scene.model_validate(_resolved(tables, overrides or {}))
-    except ValidationError as error:
-        raise InputError(f"{origin}: {explain_problems(error, Scene)}") from error
+    return validated(Scene, origin, tables, Overrides(dict(overrides or {}), {}))
 
 
 def _resolved(tables: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
