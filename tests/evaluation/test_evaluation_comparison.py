@@ -94,6 +94,17 @@ def test_a_part_that_only_one_has_is_a_sentence(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.parametrize("about", ["environment", "machine"])
+def test_what_was_found_stands_before_what_it_was_found_with(tmp_path: Path, about: str) -> None:
+    a, b = (
+        report(tmp_path / name, {about: {"numpy": version}, "order": {"time_ms": time_ms}})
+        for name, version, time_ms in (("a", "2.1", 1.0), ("b", "2.2", 1.1))
+    )
+    found, settings = compare_reports(a, b).answers
+    assert [row[:2] for row in found.rows] == [("order", "time ms")]
+    assert settings.rows == [(about, "numpy", "2.1", "2.2")]
+
+
 def test_headlines_say_which_is_better_and_settings_stand_apart(tmp_path: Path) -> None:
     def one(name: str, start_s: float | None, right: float, order: int) -> Path:
         data = evaluation(start_s=start_s, at_end={"within_jnd": right}, settings={"order": order})

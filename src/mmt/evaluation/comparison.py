@@ -20,8 +20,8 @@ DATA_NAMES: Final = ("summary.json", "bench.json")
 _NAMES: Final = ("session", "surface", "name", "method", "case", "title", "part", "knob", "time_s")
 """What tells the items of a list from each other, by the first that all have."""
 _WITHIN: Final = " / "
-_SETTINGS: Final = ("scene", "settings")
-"""Tables of what was set, not found."""
+_SETTINGS: Final = ("scene", "settings", "environment", "machine")
+"""Tables of what was set or used, not found."""
 _LARGEST: Final = 10
 """Most figures that are told where there are no headlines."""
 _LARGEST_BYTES: Final = 1 << 28
@@ -44,7 +44,7 @@ class Difference:
 
     @property
     def is_setting(self) -> bool:
-        """Whether it was set, not found."""
+        """Whether it was set or used, not found."""
         return any(name in _SETTINGS for name in self.section.split(_WITHIN))
 
     @property
