@@ -12,18 +12,12 @@ from mmt.scene import Scene
 from mmt.scene.files import find_scene, load_scene
 
 _EMULATED: Final = {
-    "openhaptics": "virtual-phantom",
-    "ati-net-ft": "virtual-net-ft",
-    "adxl335-serial": "virtual-adxl335",
-    "haptuator-sound": "virtual-haptuator-sound",
+    "openhaptics": ("virtual-phantom", {"library", "device"}),
+    "ati-net-ft": ("virtual-net-ft", {"host", "rdt_port", "http_port"}),
+    "adxl335-serial": ("virtual-adxl335", {"port", "baud_rate", "serial"}),
+    "haptuator-sound": ("virtual-haptuator-sound", {"device"}),
 }
-_ADDRESSES: Final = {
-    "openhaptics": {"library", "device"},
-    "ati-net-ft": {"host", "rdt_port", "http_port"},
-    "adxl335-serial": {"port", "baud_rate", "serial"},
-    "haptuator-sound": {"device"},
-}
-"""Options that say where a device is: an emulated one is elsewhere."""
+"""By driver: the emulated one, and options that say where the device is; that one is elsewhere."""
 _NETWORK: Final = {"profile": "wan"}
 
 
@@ -96,5 +90,6 @@ def _device(table: dict[str, Any]) -> dict[str, Any]:
         raise InputError(
             f"the driver {driver} has no emulated device here; {', '.join(_EMULATED)} have one"
         )
-    left = {key: value for key, value in table.items() if key not in _ADDRESSES[driver]}
-    return {**left, "driver": _EMULATED[driver]}
+    emulated, places = _EMULATED[driver]
+    left = {key: value for key, value in table.items() if key not in places}
+    return {**left, "driver": emulated}
