@@ -10,8 +10,8 @@ from mmt.evaluation.run_verdict import final_of, median_of_most, run_verdict
 from mmt.evaluation.texts import number, seconds, share
 
 _SESSION: Final = (
-    ("from the model since (s)", "start_s", "less", seconds),
-    ("complete at (s)", "stop_s", "less", seconds),
+    ("from the model since (s)", "start_s", "sooner", seconds),
+    ("complete at (s)", "stop_s", "sooner", seconds),
     ("error, strokes made (dB)", "power_error_db", "less", lambda value: number(value, 2)),
     ("within JND, strokes made", "within_jnd", "more", share),
     ("error, whole plane (dB)", "plane_power_error_db", "less", lambda value: number(value, 2)),
@@ -19,7 +19,10 @@ _SESSION: Final = (
     ("GFC, held-out segments", "gfc", "more", lambda value: number(value, 3)),
     ("spectrum (dB)", "truth_log_spectral_db", "less", lambda value: number(value, 2)),
 )
-"""Title, key of a session or of its score at the stop criterion, what is better, and as text."""
+"""Title, key of a session or of its score at the stop criterion, what is better, and as text.
+
+Of a time that is better sooner, none is never.
+"""
 
 _RUN: Final = (
     ("latency p99 (ms)", "link", "latency_p99_ms", lambda value: number(value, 1)),
@@ -48,15 +51,15 @@ def headlines(left: Mapping[str, Any], right: Mapping[str, Any]) -> list[Headlin
     found = []
     for title, key, better, text in _SESSION:
         values = [_of_sessions(data, key) for data in (left, right)]
-        found.append((title, values, better == "less", text))
+        found.append((title, values, better, text))
     for title, part, key, text in _RUN:
         leaders = [data.get("run", {}).get("leader", {}) for data in (left, right)]
-        found.append((title, [each.get(part, {}).get(key) for each in leaders], True, text))
+        found.append((title, [each.get(part, {}).get(key) for each in leaders], "less", text))
     told = [_verdict(data) for data in (left, right)]
     verdicts = [Headline("verdict", told[0], told[1], "")] if all(told) else []
     return verdicts + [
-        Headline(title, text(values[0]), text(values[1]), _said(values, text, less_is_better))
-        for title, values, less_is_better, text in found
+        Headline(title, text(values[0]), text(values[1]), _said(values, better))
+        for title, values, better, text in found
         if any(value is not None for value in values)
     ]
 
@@ -83,11 +86,11 @@ def _of_sessions(data: Mapping[str, Any], key: str) -> float | None:
     )
 
 
-def _said(values: Sequence[float | None], text: object, less_is_better: bool) -> str:
-    never = math.inf if text is seconds else None
+def _said(values: Sequence[float | None], better: str) -> str:
+    never = math.inf if better == "sooner" else None
     left, right = (never if value is None else value for value in values)
     if left == right:
         return "equal"
     if left is None or right is None:
         return ""
-    return "better" if (right < left) == less_is_better else "worse"
+    return "better" if (right < left) == (better != "more") else "worse"
