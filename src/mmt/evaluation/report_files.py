@@ -5,7 +5,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from mmt.core.errors import InputError
 from mmt.core.existing_files import write_file
 from mmt.evaluation.document import Block, Folded, Picture, SideBySide, to_markdown
 from mmt.evaluation.document_html import to_html
@@ -54,14 +53,10 @@ def write_report_files(
 
     Raises
     ------
-    InputError
-        The directory cannot be written.
+    InputError, MmtError
+        See `mmt.core.existing_files.replacing`.
     """
     page = directory / "report.html"
-    try:
-        (directory / FIGURES).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"report {directory}: {error.strerror or error}") from error
     for shown in _pictures(blocks):
         write_file(directory / shown.source, shown.png)
     write_file(directory / "report.md", to_markdown(blocks))
