@@ -59,7 +59,7 @@ def demo(
     ] = False,
     force: Force = False,
     verbose: Annotated[
-        bool, typer.Option("--verbose", help="Show all counters at the end.")
+        bool, typer.Option("--verbose", help="Show every event, and all counters at the end.")
     ] = False,
 ) -> None:
     """Run leader and follower on loopback, then report what was modelled.

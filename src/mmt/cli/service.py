@@ -51,7 +51,7 @@ LogLevel: TypeAlias = Annotated[
     typer.Option(metavar="LEVEL", help="Least level of the log: debug, info, warning or error."),
 ]
 Verbose: TypeAlias = Annotated[
-    bool, typer.Option("--verbose", help="Show all counters at the end.")
+    bool, typer.Option("--verbose", help="Show what runs, and all counters at the end.")
 ]
 RealTime: TypeAlias = Annotated[
     bool, typer.Option("--realtime", help="Tick by real-time scheduling (Linux).")
