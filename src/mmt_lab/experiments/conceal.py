@@ -33,7 +33,6 @@ _PIECE: Final = 64
 _FADE: Final = 5
 _DELAY_MS: Final = 4
 _FELT_M_S2: Final = 0.3
-_MS_NS: Final = 1_000_000
 _TIMED: Final = 40
 _NANOSECONDS_PER_US: Final = 1e3
 
