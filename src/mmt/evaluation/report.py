@@ -81,9 +81,9 @@ def write_report(
     InputError
         The directory cannot be written.
     """
-    made = datetime.now(UTC)
+    made, figures = datetime.now(UTC), evaluations_as_dict(evaluations)
     blocks: list[Block] = [Heading(title, 1), Paragraph(f"{made:%Y-%m-%d, %H:%M} UTC")]
-    blocks += at_a_glance(evaluations, run or {})
+    blocks += at_a_glance(evaluations, figures, run or {})
     # figures of a single session are not named after it, so that those of two reports match
     alone = len(evaluations) == 1
     prefixes = [
@@ -100,7 +100,7 @@ def write_report(
     if run:
         blocks.append(Folded("Counters of the run", tables.run_blocks(run)))
     blocks += _appendix(scene, with_scores=bool(evaluations))
-    summary = {**evaluations_as_dict(evaluations), "environment": environment()}
+    summary = {**figures, "environment": environment()}
     summary |= {"scene": scene} if scene is not None else {}
     summary |= {"run": run} if run is not None else {}
     return write_report_files(directory, title, blocks, "summary.json", summary)

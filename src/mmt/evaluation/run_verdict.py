@@ -66,7 +66,7 @@ def run_verdict(
     leader = summaries.get("leader", {})
     main = leader or summaries.get("follower", {})
     evaluation = evaluation or {}
-    sessions = evaluation.get("sessions") or ([evaluation] if evaluation else [])
+    sessions = evaluation.get("sessions", [evaluation] if evaluation else [])
     scores = [final_of(each) for each in sessions]
     texture = leader.get("texture") or {}
     timed = texture or {

@@ -4,15 +4,20 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from mmt.evaluation.document import Block, Paragraph, Tile, Tiles
-from mmt.evaluation.results import Evaluation, evaluations_as_dict
+from mmt.evaluation.results import Evaluation
 from mmt.evaluation.run_verdict import median_of_most, run_verdict
 from mmt.evaluation.texts import share
 
 
-def at_a_glance(evaluations: Sequence[Evaluation], run: Mapping[str, Any]) -> list[Block]:
-    """Return what a report begins with; of several sessions the medians."""
+def at_a_glance(
+    evaluations: Sequence[Evaluation], figures: Mapping[str, Any], run: Mapping[str, Any]
+) -> list[Block]:
+    """Return what a report begins with; of several sessions the medians.
+
+    `figures` are those of the evaluations, as `evaluations_as_dict` gives them.
+    """
     services = {name: run[name] for name in ("leader", "follower") if name in run}
-    found = run_verdict(services, evaluations_as_dict(evaluations) if evaluations else None)
+    found = run_verdict(services, figures)
     first, *others = found.faults or ("all well",)
     tiles = [
         Tile("vibration", found.now),
