@@ -11,7 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rich.console import Console
+from typer.testing import CliRunner
 
+from mmt.cli.main import app
 from mmt.core.errors import InputError
 from mmt.core.frames import empty_frames
 from mmt.evaluation import figures, growth, tables
@@ -29,7 +31,7 @@ from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.report import environment, write_report
 from mmt.evaluation.table import evaluation_table, step_table
 from mmt.scene import Hand, Scene
-from mmt.session import RecordedSession
+from mmt.session import RecordedSession, write_session
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.settings import ModellingSettings
 
@@ -249,3 +251,18 @@ def test_evaluating_draws_nothing_and_opens_no_window():
         "assert 'matplotlib.pyplot' not in sys.modules\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+
+
+@pytest.mark.parametrize("wanted", [False, True])
+def test_surfaces_are_drawn_for_a_report_alone(
+    evaluations, stroked_session, tmp_path, monkeypatch, wanted
+):
+    drawn = []
+    found = [evaluations[0]], object()
+    monkeypatch.setattr("mmt.evaluation.evaluate.evaluate_surfaces", lambda *_, **__: found)
+    monkeypatch.setattr("mmt.cli.reporting.surface_section", lambda parts: drawn.append(1) or [])
+    write_session(tmp_path / "one.mcap", stroked_session.frames)
+    report = ["--report", str(tmp_path / "report")] if wanted else []
+    ended = CliRunner().invoke(app, ["evaluate", str(tmp_path / "one.mcap"), *report])
+    assert ended.exit_code == 0, ended.output
+    assert len(drawn) == wanted

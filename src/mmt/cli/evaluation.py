@@ -53,7 +53,8 @@ def evaluate(
         scene = scene_of(session, scene_file)
         found, parts = evaluate_surfaces(session, scene, step_s=step, seed=seed)
         evaluations += found
-        more += surface_section(parts)
+        if report is not None:
+            more += surface_section(parts)
         scenes += [scene.dump()] * len(found)
     _show(evaluations)
     write_json(json_file, evaluations_as_dict(evaluations))

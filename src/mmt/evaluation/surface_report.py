@@ -13,8 +13,6 @@ from mmt.evaluation.report_files import picture
 
 def surface_blocks(parts: SurfaceParts, duration_s: float) -> list[Block]:
     """Return a report's section on the surfaces that the tool was on, and when."""
-    from mmt.evaluation.surface_report import surfaces_over_time
-
     caption = "Found: the surface that the leader took the tool to be on, by its number."
     if parts.course is not None:
         caption += " Shade: the known texture that was under it."
