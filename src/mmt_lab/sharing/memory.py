@@ -7,7 +7,7 @@ from typing import Final, Literal
 import numpy as np
 import psutil
 
-from mmt_lab.soak.drift import by_window, drift
+from mmt_lab.soak.drift import by_window, drift, median
 
 _EVERY_S: Final = 1.0
 _SETTLED_SHARE: Final = 0.3
@@ -64,10 +64,6 @@ class Memory:
             return Growth(0.0, None, None, None)
         times_s, values = seen.T
         span_s = float(times_s[-1] - times_s[0])
-        found = drift(*by_window(times_s, values, max(1.0, span_s / 20.0), _median))
+        found = drift(*by_window(times_s, values, max(1.0, span_s / 20.0), median))
         slope = None if found.growth is None else found.growth / span_s * 3600.0
         return Growth(span_s, found.typical, slope, found.least_growth)
-
-
-def _median(values: np.ndarray) -> float:
-    return float(np.median(values))

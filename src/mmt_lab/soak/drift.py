@@ -42,7 +42,12 @@ def drift(times_s: FloatArray, values: FloatArray) -> Drift:
         return Drift(len(values), None, None, None)
     slope, _, low, _ = theilslopes(values, times_s, 0.95)
     span_s = float(times_s[-1] - times_s[0])
-    return Drift(len(values), float(np.median(values)), float(slope) * span_s, float(low) * span_s)
+    return Drift(len(values), median(values), float(slope) * span_s, float(low) * span_s)
+
+
+def median(values: FloatArray) -> float:
+    """Return the median."""
+    return float(np.median(values))
 
 
 def by_window(

@@ -9,7 +9,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.evaluation.document import Table
-from mmt_lab.soak.drift import Drift, by_window, drift, outside
+from mmt_lab.soak.drift import Drift, by_window, drift, median, outside
 from mmt_lab.soak.faults import RESTART, Fault
 from mmt_lab.soak.recorded import Gap, Readback
 
@@ -175,10 +175,10 @@ def _drifts(observed: Observed, readback: Readback, recovery_s: float) -> list[C
     latency = np.stack([readback.arrival_s, readback.latency_ms])
     must = span_s >= _TELLING_S
     return [
-        _flat("leader's memory (MB)", watched(leader, _median), 5.0, 0.05, must, hours),
-        _flat("modelling's memory (MB)", watched(modelling, _median), 5.0, 0.05, must, hours),
-        _flat("follower's memory (MB)", watched(follower, _median), 5.0, 0.05, must, hours),
-        _flat("frames, one way, p50 (ms)", watched(latency, _median), 0.2, 0.5, must),
+        _flat("leader's memory (MB)", watched(leader, median), 5.0, 0.05, must, hours),
+        _flat("modelling's memory (MB)", watched(modelling, median), 5.0, 0.05, must, hours),
+        _flat("follower's memory (MB)", watched(follower, median), 5.0, 0.05, must, hours),
+        _flat("frames, one way, p50 (ms)", watched(latency, median), 0.2, 0.5, must),
         _flat("frames, one way, p99 (ms)", watched(latency, _p99), 2.0, 1.0, must),
         _flat("leader's ticks over 1 ms late (%)", watched(_late(observed), _mean), 2.0, 1.0, must),
     ]
@@ -188,10 +188,6 @@ def _window_s(times_s: FloatArray) -> float:
     """Return a window's length: a hundredth of what was watched, within bounds."""
     span_s = float(np.ptp(times_s)) if len(times_s) else 0.0
     return min(max(span_s / _WINDOWS, _SHORTEST_WINDOW_S), _LONGEST_WINDOW_S)
-
-
-def _median(values: FloatArray) -> float:
-    return float(np.median(values))
 
 
 def _p99(values: FloatArray) -> float:
