@@ -90,14 +90,28 @@ def test_a_free_path_is_the_name_itself_or_the_least_number(tmp_path):
     assert free_path(wanted) == tmp_path / "session-4.mcap"
 
 
-@pytest.mark.parametrize("name", ["report.html", "session.mcap", "model.npz"])
-def test_a_free_folder_holds_no_report_no_recording_and_no_model(tmp_path, name):
+@pytest.mark.parametrize("name", ["report.html", "session.mcap"])
+def test_a_free_folder_holds_no_report_and_no_recording(tmp_path, name):
     wanted = tmp_path / "run"
     assert free_folder(wanted) == wanted
     wanted.mkdir()
     assert free_folder(wanted) == wanted
     (wanted / name).touch()
     assert free_folder(wanted) == tmp_path / "run-2"
+
+
+@pytest.mark.parametrize("name", ["report.html", "session.mcap", "model.npz"])
+def test_a_demo_writes_beside_what_an_earlier_one_has_left(tmp_path, monkeypatch, capsys, name):
+    async def services(*_, **__):
+        return DemoRun()
+
+    monkeypatch.setattr("mmt.cli.demo.run_services", services)
+    wanted = tmp_path / "run"
+    wanted.mkdir()
+    (wanted / name).write_bytes(KEPT)
+    assert run(["demo", "--output", wanted], capsys)[0] == 0
+    assert [path.name for path in wanted.iterdir()] == [name]
+    assert (tmp_path / "run-2").is_dir()
 
 
 def test_a_demo_does_not_replace_the_scenes_that_it_emulates(tmp_path, monkeypatch, capsys):

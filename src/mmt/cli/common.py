@@ -32,6 +32,9 @@ Result = TypeVar("Result")
 STANDARD_OUTPUT: Final = Path("-")
 """What a person gives for a file to have the result on standard output."""
 
+MODEL_NAME: Final = "model.npz"
+"""The newest model of a run, beside its report."""
+
 Force: TypeAlias = Annotated[bool, typer.Option("--force", help="Replace files that exist.")]
 """Without it no command replaces a file, see `mmt.core.existing_files`."""
 

@@ -10,6 +10,7 @@ import typer
 
 from mmt.cli.commands import GROUP as COMMANDS
 from mmt.cli.common import (
+    MODEL_NAME,
     OPTIONS,
     Force,
     json_option,
@@ -69,7 +70,7 @@ def demo(
     if realtime:
         require_real_time()
     if not force:  # what is there already stays
-        output_directory = free_folder(output_directory)
+        output_directory = free_folder(output_directory, MODEL_NAME)
     pair = pair_named(scene_file)
     if pair is not None:
         pair = write_emulated(pair, output_directory)
@@ -147,7 +148,7 @@ def _report(
             output.print(summary_table(name, table))
     model: Path | None = None
     if run.leader.get("recording"):
-        from mmt.cli.reporting import MODEL_NAME, report_recording
+        from mmt.cli.reporting import report_recording
 
         with noting(problems, "the report"):
             content["evaluation"] = report_recording(

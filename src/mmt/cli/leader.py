@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from mmt.cli.common import OPTIONS, Force, run_app, write_line
+from mmt.cli.common import MODEL_NAME, OPTIONS, Force, run_app, write_line
 from mmt.cli.guests import StayingGuest, invite, with_flags
 from mmt.cli.service import (
     JsonFile,
@@ -94,7 +94,7 @@ def leader(
         raise InputError("--report needs a recording: give --record FILE or add [recording]")
     if report is not None:
         require("matplotlib")
-        report = report if force else free_folder(report)
+        report = report if force else free_folder(report, MODEL_NAME)
     options = ServiceOptions(json_file, json_lines, log, log_level, realtime, verbose)
     LeaderRun(scene, options, report, guests).run()
 

@@ -3,9 +3,9 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
-from mmt.cli.common import output
+from mmt.cli.common import MODEL_NAME, output
 from mmt.core.existing_files import write_file
 from mmt.evaluation.document import Block
 from mmt.evaluation.evaluate import evaluate_surfaces, recorded_scene
@@ -18,9 +18,6 @@ from mmt.scene.files import load_scene
 from mmt.session.mcap_reader import scanned_session
 from mmt.session.mcap_scan import scan_mcap
 from mmt.session.stream import Recording
-
-MODEL_NAME: Final = "model.npz"
-"""The newest model of a run, beside its report."""
 
 
 def report_recording(

@@ -37,12 +37,14 @@ def free_path(path: Path) -> Path:
     return next(each for each in numbered(path) if not each.exists())
 
 
-def free_folder(folder: Path) -> Path:
-    """Return a folder, or the first of ``NAME-2``, ``NAME-3``, ... that holds no run's files."""
+def free_folder(folder: Path, *also: str) -> Path:
+    """Return a folder, or the first of ``NAME-2``, ``NAME-3``, ... without recording or report.
+
+    `also` names further files that it may not have.
+    """
+    names = ("session.mcap", "report.html", *also)
     return next(
-        each
-        for each in numbered(folder)
-        if not any((each / name).exists() for name in ("session.mcap", "report.html", "model.npz"))
+        each for each in numbered(folder) if not any((each / name).exists() for name in names)
     )
 
 
