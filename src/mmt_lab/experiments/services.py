@@ -85,8 +85,9 @@ def measure(duration_s: float) -> Findings:
         process = summary["process"]
         rows[f"{name}_core"] = (f"{name}, share of a core", process["core_share"], "at most", 0.6)
         rows[f"{name}_mb"] = (f"{name}, memory (MB)", process["memory_mb"], "at most", megabytes)
+    modelling = texture["process"] or {}  # unknown if it ended before the session
     for key, what in (("core_share", "share of a core"), ("memory_mb", "memory (MB)")):
-        rows[f"modelling_{key}"] = (f"leader's modelling process, {what}", texture["process"][key])
+        rows[f"modelling_{key}"] = (f"leader's modelling process, {what}", modelling.get(key))
     rows |= _beside_modelling(duration_s)
     about = (
         f"Leader and follower as two processes, {duration_s:g} s: the demo's scene, and for ticks "
