@@ -95,7 +95,7 @@ def run_verdict(
             models=bool(texture or sessions),
             readiness=readiness,
             completion=completion,
-            error_db=median_of_most(score.get("power_error_db") for score in scores),
+            error_db=median_of_known(score.get("power_error_db") for score in scores),
             jnd_db=JND_DB,
             faults=faults,
         )
@@ -187,8 +187,13 @@ def final_of(session: Mapping[str, Any]) -> Mapping[str, Any]:
     return session.get("at_stop") or session.get("at_end") or {}
 
 
+def median_of_known(values: Iterable[float | None]) -> float | None:
+    """Return the median of the values that are not None, None where all are."""
+    known = [value for value in values if value is not None]
+    return median(known) if known else None
+
+
 def median_of_most(values: Iterable[float | None]) -> float | None:
     """Return the median over sessions; None if most have no value, such as a time never reached."""
     every = list(values)
-    known = [value for value in every if value is not None]
-    return median(known) if 2 * len(known) > len(every) else None
+    return median_of_known(every) if 2 * every.count(None) < len(every) else None

@@ -5,7 +5,7 @@ from typing import Any
 
 from mmt.evaluation.document import Block, Paragraph, Tile, Tiles
 from mmt.evaluation.results import Evaluation
-from mmt.evaluation.run_verdict import median_of_most, run_verdict
+from mmt.evaluation.run_verdict import median_of_known, run_verdict
 from mmt.evaluation.texts import share
 
 
@@ -32,14 +32,14 @@ def at_a_glance(
 def _sentence(evaluations: Sequence[Evaluation]) -> str:
     is_known = evaluations[0].basis == "truth"
     reference = "known texture" if is_known else "held-out segments"
-    right = median_of_most(each.final.within_jnd for each in evaluations)
+    right = median_of_known(each.final.within_jnd for each in evaluations)
     if right is None:
         return f"There is no model to compare with the {reference}."
     sentence = (
         f"Against the {reference} the level is right, within one just noticeable difference, on "
         f"{share(right)} of {'the strokes that were made' if is_known else 'their strokes'}"
     )
-    plane = median_of_most(each.final.plane_within_jnd for each in evaluations)
+    plane = median_of_known(each.final.plane_within_jnd for each in evaluations)
     return (
         f"{sentence}."
         if plane is None

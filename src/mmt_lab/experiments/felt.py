@@ -19,6 +19,7 @@ from mmt.core.palette import SERIES
 from mmt.evaluation.document import Table
 from mmt.evaluation.figures import make_plain
 from mmt.evaluation.report_files import picture
+from mmt.evaluation.run_verdict import median_of_known
 from mmt.evaluation.texts import number
 from mmt.scene import PROFILES, Network
 from mmt.testing.simulation import RATE_HZ
@@ -43,7 +44,7 @@ from mmt_lab.harness.experiment import (
     chosen_textures,
     hand_of,
 )
-from mmt_lab.harness.findings import Findings, median_of_known
+from mmt_lab.harness.findings import Findings
 from mmt_lab.harness.processes import each
 
 NETWORKS: Final = ("lan", "wifi", "wan", "bad")

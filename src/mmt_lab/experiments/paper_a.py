@@ -19,6 +19,7 @@ from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.growth import model_growth
 from mmt.evaluation.held_out import HELD_OUT
 from mmt.evaluation.results import Evaluation
+from mmt.evaluation.run_verdict import median_of_known
 from mmt.evaluation.texts import number
 from mmt.scene import Hand, Scene
 from mmt.session import RecordedSession
@@ -35,7 +36,7 @@ from mmt.texture.settings import (
 )
 from mmt.texture.signals.amplitude_spectra import Spectra
 from mmt_lab.harness.experiment import Experiment, Seed, Seeds, SpectraOption
-from mmt_lab.harness.findings import Findings, Target, median_of_known
+from mmt_lab.harness.findings import Findings, Target
 
 DURATION_S: Final = 18.0
 STEP_S: Final = 2.5

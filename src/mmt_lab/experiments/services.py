@@ -18,11 +18,12 @@ from mmt.cli.scene_services import DemoRun
 from mmt.core.children import python_command
 from mmt.core.errors import InputError
 from mmt.core.realtime import require_real_time
+from mmt.evaluation.run_verdict import median_of_known
 from mmt_lab.bench import strangers as disturbing
 from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.harness.demo_services import run_demo_services
 from mmt_lab.harness.experiment import Duration, Experiment, RealTime
-from mmt_lab.harness.findings import Findings, Records, median_of_known
+from mmt_lab.harness.findings import Findings, Records
 from mmt_lab.harness.processes import spawn_context
 
 ROUND_S: Final = 5.0

@@ -1,8 +1,7 @@
 """What an experiment has found: plain values for tables, plots, reports and JSON."""
 
 import math
-import statistics
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, Final, Literal, Self
 
@@ -235,12 +234,6 @@ class Findings:
 
 TIME_US: Final = Axis("time (µs)", "µs")
 MICROSECONDS: Final = 1e6
-
-
-def median_of_known(values: Iterable[float | None]) -> float | None:
-    """Return the median of the values that are not None, None where all are."""
-    known = [value for value in values if value is not None]
-    return statistics.median(known) if known else None
 
 
 def _spread(value: Spread | float) -> Spread:
