@@ -52,7 +52,7 @@ def measure_losses(duration_s: float) -> Findings:
         left_out.append(LeftOut("TCP", str(error), "run it on Linux, as root"))
     for name, title, retransmit in (
         ("retransmitted", "Emulated, what is lost is sent again", "true"),
-        ("datagrams", "Emulated datagrams", "false"),
+        ("datagrams", "Emulated, what is lost stays lost", "false"),
     ):
         rows = []
         for loss in LOSSES:

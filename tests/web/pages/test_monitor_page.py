@@ -239,7 +239,7 @@ async def test_another_leader_at_the_address_is_shown_with_nothing_of_the_last(
             await shows(page, "#control-text", "The leader's hand moves the robot.")
             await api.expect(page.locator("#network")).to_have_value("lan")
         async with Leading(unused_tcp_port, more={"network": {"profile": "wifi"}}):
-            await api.expect(page.locator("#network")).to_have_value("wifi", timeout=LONGEST_MS)
+            await api.expect(page.locator("#network")).to_have_value("wifi")
             await api.expect(page.locator("#control")).to_be_hidden()
             await api.expect(page.locator("#listeners-panel")).to_be_hidden()
         assert problems == []
