@@ -165,12 +165,10 @@ def test_progress_that_cannot_be_written_ends_no_session(tmp_path: Path) -> None
 
 
 def test_a_report_that_fails_leaves_the_closing_lines_and_the_json(tmp_path: Path) -> None:
-    blocked = tmp_path / "demo" / "figures"
-    blocked.parent.mkdir()
-    blocked.write_text("a file where the report's figures would be")
+    (tmp_path / "demo" / "report.md").mkdir(parents=True)  # a folder where a file would be
     arguments = ("--duration", 1, "--output", "demo", "--json", "all.json")
     with Service("main", "demo", scene("stream-only"), *arguments, cwd=tmp_path) as demo:
-        assert demo.end() == 2
-    assert "error: report demo: File exists" in demo.stderr
+        assert demo.end() == 1
+    assert "error: writing demo/report.md failed: Is a directory" in demo.stderr
     assert demo.stdout.startswith("mmt demo  1.0 s")
     assert json.loads((tmp_path / "all.json").read_text())["leader"]["outcome"] == "completed"
