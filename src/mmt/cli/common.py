@@ -24,6 +24,7 @@ from mmt.core.inventory import Inventory
 from mmt.core.labels import label
 from mmt.core.printable import printable
 from mmt.core.queued_output import finish_output, hurry_output, queue_output
+from mmt.core.tables import plain_table
 from mmt.core.version import __version__
 from mmt.scene import Scene, Service
 
@@ -240,7 +241,7 @@ def stop_on_signals(stop: Callable[[], None]) -> None:
 
 def summary_table(title: str, summary: Mapping[str, Any]) -> Table:
     """Return a summary's nested tables as rows of part, figure, value."""
-    table = Table(title=title, title_justify="left", show_header=False, pad_edge=False)
+    table = plain_table(title, header=False)
     table.add_column("part", style="bold")
     table.add_column("figure")
     table.add_column("value")

@@ -7,6 +7,7 @@ from rich.table import Table
 
 from mmt.cli.common import output, write_json
 from mmt.core.errors import MmtError
+from mmt.core.tables import plain_table
 from mmt.devices import discovery
 from mmt.devices.drivers import ROLE_NAMES
 
@@ -51,7 +52,7 @@ def list_all(json_file: Path | None) -> None:
 
 
 def _driver_table(drivers: "list[discovery.FoundDriver]") -> Table:
-    table = _table("drivers", "name", "is", "package", "state")
+    table = plain_table("drivers", "name", "is", "package", "state")
     for driver in drivers:
         roles = " or ".join(ROLE_NAMES[role] for role in driver.roles) or "does not tell"
         state = "see below" if driver.problem else "ready"
@@ -63,15 +64,8 @@ def _print_ports(title: str, ports: "list[discovery.FoundPort]") -> None:
     if not ports:
         output.print(f"{title}: none found")
         return
-    table = _table(title, "address", "what", "serial number", "state")
+    table = plain_table(title, "address", "what", "serial number", "state")
     for port in ports:
         state = "see below" if port.problem else "accessible"
         table.add_row(port.address, port.what, port.serial or "-", state)
     output.print(table)
-
-
-def _table(title: str, *columns: str) -> Table:
-    table = Table(title=title, title_justify="left", pad_edge=False)
-    for column in columns:
-        table.add_column(column, overflow="fold")
-    return table

@@ -5,14 +5,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.box import SIMPLE_HEAD
-from rich.table import Table
 from rich.text import Text
 
 from mmt.cli.common import Force, json_option, messages, output, write_json
 from mmt.core.existing_files import require_absent
 from mmt.core.frames import CHANNELS
 from mmt.core.printable import printable
+from mmt.core.tables import plain_table
 from mmt.session.data import axis_columns
 from mmt.session.importing.stamps import StampChoice
 
@@ -187,7 +186,7 @@ def _options(given: dict[str, Any]) -> "ImportOptions":
 
 def print_report(title: str, report: "ImportReport") -> None:
     """Print what was found in a recording, and what looks wrong."""
-    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False, padding=0)
+    table = plain_table(title, padding=0)
     table.add_column("column", no_wrap=True)
     for name in ("rows", "Hz", "jitter ms", "missing", "mean", "lowest", "highest"):
         table.add_column(name, justify="right", no_wrap="jitter" not in name, min_width=6)

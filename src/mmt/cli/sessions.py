@@ -27,6 +27,7 @@ from mmt.cli.importing import import_file, inspect_file
 from mmt.core.errors import InputError
 from mmt.core.existing_files import free_path, require_absent, with_number
 from mmt.core.kernel_cache import compile_kernels
+from mmt.core.tables import plain_table
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
 from mmt.session import write_session
@@ -148,7 +149,7 @@ _LISTENER_COLUMNS: Final = {
 
 def _listener_table(listeners: Sequence[Mapping[str, Any]]) -> Table:
     """Return who listened, for how long, how far behind, and what they were sent."""
-    table = Table(title="listeners", title_justify="left", pad_edge=False)
+    table = plain_table("listeners")
     for name, title in _LISTENER_COLUMNS.items():
         is_text = name in {"name", "why"}
         table.add_column(title, justify="left" if is_text else "right", no_wrap=not is_text)

@@ -3,10 +3,9 @@
 import io
 from collections.abc import Sequence
 
-import rich.box
 import rich.console
-import rich.table
 
+from mmt.core.tables import plain_table
 from mmt.evaluation import document, tables
 from mmt.evaluation.results import Evaluation
 
@@ -41,11 +40,7 @@ def as_rich(table: document.Table) -> rich.console.Group:
 
     The words of a heading are on lines of their own. Numbers are not broken, texts are.
     """
-    result = rich.table.Table(
-        box=rich.box.SIMPLE_HEAD,
-        padding=0,
-        pad_edge=False,
-    )
+    result = plain_table(padding=0)
     numeric_columns = document.numeric_columns(table)
     for place, (name, numeric) in enumerate(zip(table.columns, numeric_columns, strict=True)):
         result.add_column(

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 from typer.core import TyperGroup
 
 from mmt.cli.common import json_option, messages, output, print_error, report_option, write_json
 from mmt.cli.plain_help import made_plain
 from mmt.core.errors import InputError
+from mmt.core.tables import plain_table
 from mmt_lab.harness.experiment import Experiment, listed, load
 from mmt_lab.harness.findings import Findings
 
@@ -46,9 +46,7 @@ def print_list() -> None:
     """Print every experiment with what it shows and how long it takes."""
     output.print("Usage: mmt lab EXPERIMENT [OPTIONS]   (--help after a name tells its options)\n")
     for group, title in (("lab", "Experiments"), ("bench", "Error against run time (mmt bench)")):
-        table = Table(title=title, title_justify="left", box=None, pad_edge=False)
-        for column in ("experiment", "shows", "takes"):
-            table.add_column(column, overflow="fold")
+        table = plain_table(title, "experiment", "shows", "takes")
         rows = [(one.name, one.shows, one.duration) for one in listed() if one.group == group]
         for row in rows:
             table.add_row(*row)

@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.table import Table
 
 from mmt.cli.common import (
     Force,
@@ -16,6 +15,7 @@ from mmt.cli.common import (
 from mmt.cli.models import SUFFIX
 from mmt.core.errors import InputError
 from mmt.core.existing_files import require_absent
+from mmt.core.tables import plain_table
 
 if TYPE_CHECKING:
     from mmt_share.store.client import RemoteStore
@@ -43,7 +43,7 @@ def list_models(
         _list_store(store, json_file)
         return
     figures = {}
-    table = Table("name", "inputs", "samples", "order", "bytes")
+    table = plain_table("", "name", "inputs", "samples", "order", "bytes")
     for name, path in shipped_models().items():
         samples = unpack(path.read_bytes()).samples
         figures[name] = {
@@ -60,7 +60,9 @@ def list_models(
 def _list_store(url: str, json_file: Path | None) -> None:
     """Print what a store has, the newest first."""
     entries = _remote(url).entries()
-    table = Table("name", "hash", "made", "who", "licence", "samples", "error (dB)", "note")
+    table = plain_table(
+        "", "name", "hash", "made", "who", "licence", "samples", "error (dB)", "note"
+    )
     for entry in entries:
         error = "" if entry.error_db is None else f"{entry.error_db:.2f}"
         table.add_row(

@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
-from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from mmt.cli.scene.costs import FIGURES, Difference, SceneCosts
@@ -13,6 +12,7 @@ from mmt.cli.scene.results import (
     measured_bytes_per_s,
     service_figures,
 )
+from mmt.core.tables import plain_table
 from mmt.scene import Scene
 
 _AT_TIMES: Final = 0.3
@@ -22,7 +22,7 @@ _LABELS: Final = {"start_s": "start (s)", "core_share": "core share", "memory_mb
 
 def parts_table(description: SceneDescription) -> Table:
     """Return which parts run in which service, and which are left out."""
-    table = _table("Parts")
+    table = plain_table("Parts")
     for name in ("service", "runs", "tasks", "left out"):
         table.add_column(name, ratio=None if name == "service" else 1)
     for name, side in (("leader", description.leader), ("follower", description.follower)):
@@ -41,7 +41,7 @@ def _sides(side: SideParts | None) -> tuple[str, str, str]:
 
 def wire_table(description: SceneDescription, costs: SceneCosts | None) -> Table:
     """Return what goes each way: by the layout, and as the link counted it."""
-    table = _table("On the wire")
+    table = plain_table("On the wire")
     table.add_column("way")
     table.add_column("carries", ratio=1)
     for name in ("bytes each", "message bytes", "messages /s", "kB /s"):
@@ -70,7 +70,7 @@ def _carried(stream: Stream) -> str:
 def whole_table(costs: SceneCosts, scene: Scene) -> Table:
     """Return what each service of the whole scene costs, runs and imports."""
     runs, duration_s = len(costs.whole), scene.session.duration_s
-    table = _table(f"The whole scene: mean of {runs} runs of {duration_s:g} s, least and most")
+    table = plain_table(f"The whole scene: mean of {runs} runs of {duration_s:g} s, least and most")
     table.add_column("")
     figures = {service: service_figures(costs, service) for service in costs.services}
     for service in figures:
@@ -114,7 +114,7 @@ def part_tables(costs: SceneCosts, scene: Scene) -> Iterable[Table]:
 
 
 def _part_table(costs: SceneCosts, service: str, added: Mapping[str, float]) -> Table:
-    table = _table(f"What a part costs the {service}: with it less without it")
+    table = plain_table(f"What a part costs the {service}: with it less without it")
     table.add_column("part", ratio=1, vertical="bottom")
     for figure in FIGURES:
         table.add_column(_stacked(_LABELS[figure]), justify="right", vertical="bottom")
@@ -136,17 +136,6 @@ def _part_table(costs: SceneCosts, service: str, added: Mapping[str, float]) -> 
 def _difference(difference: Difference, digits: int) -> str:
     value = f"{difference.value:.{digits}f}" if difference.told_apart else "≈0"
     return f"{value} ±{difference.half_width:.{digits}f}"
-
-
-def _table(title: str) -> Table:
-    return Table(
-        title=title,
-        title_justify="left",
-        title_style="bold",
-        box=SIMPLE_HEAD,
-        pad_edge=False,
-        padding=(0, 1),
-    )
 
 
 def _stacked(name: str) -> str:
