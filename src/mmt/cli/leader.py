@@ -131,10 +131,12 @@ class LeaderRun(ServiceRun["Leader"]):
         """Compile the numerics at the first start, and run the leader; see `ServiceRun.run`."""
         queue_output()
         try:
+            others: list[str] = []
             if self._modelling is not None:
-                self._modelling.start()  # imports and compiles while this process does
+                self._modelling.launch()  # it imports while this process does
+                others = self._modelling.numerics
             if numerics := numerics_of(self.scene):
-                compile_kernels(numerics, super().on_event)
+                compile_kernels(numerics, super().on_event, others)
             super().run()
         finally:
             if self._modelling is not None:

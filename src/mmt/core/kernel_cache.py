@@ -20,7 +20,9 @@ compile_share(*json.loads(sys.argv[1]))
 """
 
 
-def compile_kernels(modules: Sequence[str], on_start: Callable[[str], None]) -> None:
+def compile_kernels(
+    modules: Sequence[str], on_start: Callable[[str], None], others: Sequence[str] = ()
+) -> None:
     """Import modules and compile their kernels, in a process for each processor.
 
     What is in the cache is loaded. Kernels of modules that are imported later are compiled when
@@ -32,6 +34,8 @@ def compile_kernels(modules: Sequence[str], on_start: Callable[[str], None]) -> 
         Names of modules.
     on_start
         Called with a sentence for a person if there is anything to compile.
+    others
+        Names of modules that another process imports; their kernels are compiled along.
 
     Raises
     ------
@@ -46,7 +50,7 @@ def compile_kernels(modules: Sequence[str], on_start: Callable[[str], None]) -> 
         on_start(
             "compiling the numerics, at the first start only (5 to 15 s, on a busy machine longer)"
         )
-        _compile_beside(modules)
+        _compile_beside([*modules, *others])
     compile_collected(kernels)  # after a process that failed it compiles them
 
 

@@ -28,7 +28,7 @@ class LeaderParts(Parts):
     """Is set by what another package adds."""
     force_feedback: "ForceFeedbackPart | None" = None
     modelling_process: "ModellingProcess | None" = None
-    """Is set where it was started before."""
+    """Is set where it was launched before."""
     modelling: "Modelling | None" = None
     synthesizing: "SynthesizingPart | None" = None
     generating: "OtherGenerator | None" = None

@@ -132,7 +132,7 @@ def build_parts(
     names
         Which ones; None for all that the scene needs.
     modelling
-        The process that is to model, where it was started before.
+        The process that is to model, where it was launched before.
 
     Raises
     ------

@@ -41,7 +41,7 @@ class Leader:
     on_event
         Called with a sentence whenever something happens that a person wants to know.
     modelling
-        The process that is to model, where it was started before; else it is when parts connect.
+        The process that is to model, where it was launched before; else it is when parts connect.
 
     Raises
     ------

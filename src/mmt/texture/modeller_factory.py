@@ -32,6 +32,13 @@ class ModellerFactory:
             check_frames = round(SURFACE_CHECK_S * settings.rate_hz)
             self.frames_at_once = min(self._update_frames, check_frames)
 
+    @property
+    def numerics(self) -> list[str]:
+        """Names of the modules with compiled kernels that a modeller imports."""
+        several, field = self._settings.surfaces is not None, self._settings.method == "field"
+        modeller = "mmt.texture.surfaces.modeller" if several else "mmt.texture.online.modeller"
+        return [modeller, *(["mmt.texture.completion.uncertainty"] if field else [])]
+
     def make(self, said: "Iterable[SaidSurface]" = ()) -> "OnlineModeller | SurfaceModeller":
         """Return one that has seen nothing yet.
 

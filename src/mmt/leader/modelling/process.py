@@ -21,6 +21,7 @@ from mmt.core.children import python_command
 from mmt.core.end_signals import handle_end_signals
 from mmt.core.errors import MmtError
 from mmt.core.process import ProcessMeter, release_compiler, step_back
+from mmt.texture.modeller_factory import ModellerFactory
 
 if TYPE_CHECKING:
     from mmt.core.process import ProcessCost
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
 class ModellingProcess:
     """Start the process, and call `Stages` in it, one call after the other.
 
-    Nothing is started before `start`, and calls wait for it. A thread waits for the answers; the
+    Calls wait for `start`. A thread waits for the answers; the
     event loop never does.
 
     Parameters
@@ -42,6 +43,8 @@ class ModellingProcess:
 
     def __init__(self, settings: "ModellingSettings", period_s: float) -> None:
         self._setup = settings, period_s
+        self.numerics = ModellerFactory(settings, period_s).numerics
+        """Names of the modules with compiled kernels that the process imports."""
         self._waiting: list[tuple[object, ...]] = []
         self._process: subprocess.Popen[bytes] | None = None
         self._meter: ProcessMeter | None = None
@@ -60,8 +63,18 @@ class ModellingProcess:
             return None
         return cls(texture.settings(float(scene.session.rate_hz)), texture.update_period_s)
 
+    def launch(self) -> None:
+        """Launch the process, unless it is: it imports what it needs, and waits for `start`."""
+        if self._process is None:
+            self._process = subprocess.Popen(  # noqa: S603 - our own module
+                python_command("-m", __name__, *self.numerics),
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                start_new_session=sys.platform != "win32",
+            )
+
     def start(self) -> Future[None]:
-        """Start the process, unless it is; return what is done when it can model."""
+        """Have it begin, launched before or not; return what is done when it can model."""
         if self.started is None:
             self.started = self._worker.submit(self._start)
             for call in self._waiting:
@@ -101,16 +114,12 @@ class ModellingProcess:
     def _start(self) -> None:
         if self._closed.is_set():
             return
-        self._process = process = subprocess.Popen(  # noqa: S603 - our own module
-            python_command("-m", __name__),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            start_new_session=sys.platform != "win32",
-        )
+        self.launch()
+        assert self._process is not None  # noqa: S101 - it was launched
         if self._closed.is_set():
-            process.kill()
+            self._process.kill()
         self._exchange(self._setup)
-        self._meter = ProcessMeter(process.pid)
+        self._meter = ProcessMeter(self._process.pid)
 
     def _exchange(self, message: object) -> Any:
         process = self._process
@@ -150,8 +159,14 @@ def main() -> None:
 
 
 def _answer(answers: IO[bytes]) -> None:
+    from mmt.core.compiled import are_cached, collect_kernels, compile_collected
+
+    kernels = collect_kernels(sys.argv[1:])
+    if are_cached(kernels):
+        compile_collected(kernels)
     calls = sys.stdin.buffer
     setup = pickle.load(calls)  # noqa: S301 - from the leader
+    compile_collected(kernels)  # at the first start the leader has had them compiled meanwhile
     from mmt.leader.modelling.stages import Stages
 
     stages = Stages(*setup)
