@@ -784,6 +784,9 @@ const SMOOTHING_MS = 12;
 const FASTEST_MM_S = 5000;
 const [SHORTEST_HOLD_MS, LONGEST_HOLD_MS] = [20, 50];
 
+/** Return what is left of a velocity so long after its report: held until the next is overdue, it then decays. */
+export const heldShare = (holdMs, passedMs) => (passedMs > holdMs ? Math.exp((holdMs - passedMs) / SMOOTHING_MS) : 1);
+
 /** Velocity and force of one pointer from touch-down to lift-off. */
 export class PointerMotion {
   constructor() {
@@ -866,11 +869,10 @@ export class LiveRenderer {
     this.counted += output.length;
   }
 
-  /** Return the next sample: the velocity is held until the next report is overdue, and then decays. */
   #sample(synthesizer, sounds, stepMs) {
     const { hand } = this;
     this.idleMs += stepMs;
-    const left = this.idleMs > hand.holdMs ? Math.exp((hand.holdMs - this.idleMs) / SMOOTHING_MS) : 1;
+    const left = heldShare(hand.holdMs, this.idleMs);
     const touches = sounds && hand.touches;
     const vx = left * hand.vx, vy = left * hand.vy;
     if (synthesizer.model.dimensions === 2) return synthesizer.live(Math.hypot(vx, vy), hand.force, 0, touches);
@@ -959,6 +961,193 @@ export class TextureNode {
   disconnect() {
     this.node.disconnect();
   }
+}
+
+// ---- What a page of ours is made of: the sound, and the hand on an element
+
+const STARTS_WITHIN_MS = 3000;
+const REMEMBERED = 200; // reports of the hand, for the middle of their delays
+
+/** A page's sound: begins with a person's first touch, rests while the page is hidden, tells how late it follows the hand. */
+export class Sound {
+  #delivered = new Map(); // when a report of the hand was delivered, by its number
+  #sent = 0;
+  #starting = false;
+
+  /** `onReport(rms)`: what was played (m/s2); `onState(state, sentence)`: waiting, running, or degraded and why. */
+  constructor(onReport, onState) {
+    Object.assign(this, { onReport, onState, model: null, hand: { touches: false }, volume: 0.2, delays: [], conversionMs: 0 });
+    document.addEventListener("visibilitychange", () => (document.hidden ? this.context?.suspend() : this.context?.resume()));
+  }
+
+  #start() {
+    if (document.hidden) return;
+    this.context?.resume(); // a finger is a person's act to the browser when it is lifted
+    if (this.#starting) return;
+    this.#starting = true;
+    this.onState("waiting", "starting the sound");
+    this.#begin().then(() => this.onState("running", ""), (error) => {
+      this.#starting = false;
+      this.onState("degraded", `No sound: ${error.message}. Connect headphones or an actuator, then touch again.`);
+    });
+  }
+
+  async #begin() {
+    this.context ??= new AudioContext({ latencyHint: 0 });
+    let late;
+    const tooLong = new Promise((_, reject) => { late = setTimeout(() => reject(new Error("the browser finds no sound device")), STARTS_WITHIN_MS); });
+    try {
+      await Promise.race([this.context.resume(), tooLong]);
+    } finally {
+      clearTimeout(late);
+    }
+    const node = await new TextureNode(this.context, (report) => this.#report(report)).ready;
+    this.gain = new GainNode(this.context, { gain: this.volume });
+    node.connect(this.gain).connect(this.context.destination);
+    node.setModel(this.model);
+    this.node = node;
+    this.move(this.hand);
+  }
+
+  setModel(model) {
+    if (model === this.model) return;
+    this.model = model;
+    this.node?.setModel(model);
+  }
+
+  setVolume(volume) {
+    this.volume = volume;
+    this.gain?.gain.setTargetAtTime(volume, this.context.currentTime, 0.01);
+  }
+
+  /** Take what the hand does now. */
+  move(hand) {
+    const { vx, vy, force, touches, holdMs } = hand;
+    if (touches !== this.hand.touches) this.#start();
+    this.hand = { vx, vy, force, touches, holdMs };
+    if (this.node === undefined) return;
+    this.#delivered.set(++this.#sent, performance.now());
+    this.node.setMotion(vx, vy, force, { touches, holdMs, number: this.#sent });
+  }
+
+  #report({ rms, number, delayS }) {
+    if (delayS !== undefined) this.conversionMs = 1e3 * delayS;
+    const at = this.#delivered.get(number);
+    if (at !== undefined) this.delays.push(performance.now() - at);
+    if (this.delays.length > REMEMBERED) this.delays.shift();
+    for (const old of this.#delivered.keys()) if (old <= number) this.#delivered.delete(old);
+    this.onReport(rms);
+  }
+
+  /** What passes between the hand and the sound, in ms; null before the sound has begun. */
+  figures() {
+    if (this.node === undefined) return null;
+    const output = 1e3 * ((this.context.baseLatency || 0) + (this.context.outputLatency || 0));
+    return { delays: [...this.delays], conversion: this.conversionMs, output, by: this.node.by, rate: this.context.sampleRate };
+  }
+
+  /** The same in words; empty before the first report. */
+  latency() {
+    if (!this.delays.length) return "";
+    const { delays, conversion, output, by } = this.figures();
+    const page = delays.sort((a, b) => a - b)[delays.length >> 1];
+    const script = by === "script" ? " (no worklet here: open by https or from disk)" : "";
+    return `hand to sound ${(page + conversion + output).toFixed(0)} ms: page ${page.toFixed(1)}, conversion ${conversion.toFixed(1)}, device ${output.toFixed(1)}${script}`;
+  }
+}
+
+const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+const NO_PRESSURE = [0, 0.5, 1]; // what devices report that do not measure it
+const EDGE_PX = 8; // where a stroke by keys turns round
+
+/** The hand on an element: mouse, finger or pen, or arrow keys that stroke what has the focus to and fro. */
+export class Hand extends PointerMotion {
+  #pointer = null;
+  #keys = new Set();
+  #stroke = null;
+
+  /** `settings()` gives `mmPerPx`, `force` (N) and the keys' `speed` (mm/s); `onMotion()` is called at each change. */
+  constructor(node, settings, onMotion) {
+    super();
+    Object.assign(this, { node, settings, onMotion, left: 0, top: 0, presses: false });
+    const events = ["pointerdown", "pointermove", "pointerup", "pointercancel", "lostpointercapture", "contextmenu", "keydown"];
+    for (const name of events) node.addEventListener(name, this);
+    for (const name of ["keyup", "blur"]) addEventListener(name, this);
+    document.addEventListener("visibilitychange", this);
+  }
+
+  handleEvent(event) {
+    if (event.type === "contextmenu") event.preventDefault();
+    else if (event.type === "pointerdown") this.#down(event);
+    else if (event.type === "keydown") this.#press(event);
+    else if (event.type === "keyup") this.#release(event.key);
+    else if (event.type === "pointermove") event.pointerId === this.#pointer && this.#follow(event);
+    else if (event.pointerId === undefined || event.pointerId === this.#pointer) this.#away();
+  }
+
+  #away() {
+    this.#pointer = this.#stroke = null;
+    this.#keys.clear();
+    this.lift();
+    this.onMotion();
+  }
+
+  #down(event) {
+    if (this.#pointer !== null || event.button !== 0) return;
+    this.#away();
+    this.#pointer = event.pointerId;
+    this.node.setPointerCapture(event.pointerId);
+    this.#follow(event);
+  }
+
+  /** Add a pointer's reports; a pen's pressure is a share of the force that is set. */
+  #follow(event) {
+    const { mmPerPx, force } = this.settings(), each = event.getCoalescedEvents?.() ?? [];
+    for (const one of each.length ? each : [event]) {
+      const measures = one.pointerType !== "mouse";
+      if (measures && !NO_PRESSURE.includes(one.pressure)) this.presses = true;
+      this.add(one.timeStamp, one.clientX * mmPerPx, -one.clientY * mmPerPx, force * (measures && this.presses ? one.pressure : 1));
+    }
+    Object.assign(this, { left: event.clientX, top: event.clientY });
+    this.onMotion();
+  }
+
+  #press(event) {
+    if (!(event.key in ARROWS) || this.#pointer !== null) return;
+    event.preventDefault();
+    this.#keys.add(event.key);
+    if (this.#stroke?.target === event.target) return;
+    const box = event.target.getBoundingClientRect();
+    Object.assign(this, { left: box.left + box.width / 2, top: box.top + box.height / 2 });
+    this.#stroke = { target: event.target, box, side: [1, 1], at: performance.now() };
+    this.#go(this.#stroke);
+  }
+
+  #release(key) {
+    if (this.#keys.delete(key) && this.#keys.size === 0) this.#away();
+  }
+
+  /** Move on by the keys, at each picture of the screen. */
+  #go(stroke) {
+    if (stroke !== this.#stroke) return;
+    const { mmPerPx, force, speed } = this.settings(), { box, side } = stroke, way = [0, 0], now = performance.now();
+    for (const key of this.#keys) ARROWS[key].forEach((part, axis) => { way[axis] += part * side[axis]; });
+    const each = speed / (Math.hypot(...way) || 1), px = (Math.min(now - stroke.at, 50) * 1e-3) / mmPerPx;
+    stroke.at = now;
+    Object.assign(this, { touches: true, vx: way[0] * each, vy: way[1] * each, force, holdMs: Infinity });
+    this.left = turned(this.left + this.vx * px, box.left, box.right, side, 0);
+    this.top = turned(this.top - this.vy * px, box.top, box.bottom, side, 1);
+    Object.assign(this, { x: this.left * mmPerPx, y: -this.top * mmPerPx });
+    this.onMotion();
+    requestAnimationFrame(() => this.#go(stroke));
+  }
+}
+
+/** Keep a coordinate within bounds, and turn round at them. */
+function turned(value, low, high, side, axis) {
+  const kept = Math.min(Math.max(value, low + EDGE_PX), high - EDGE_PX);
+  if (kept !== value) side[axis] = -side[axis];
+  return kept;
 }
 
 // ---- <mmt-texture src="oak.json" volume="0.2" force="1">: a surface to stroke, in anyone's page

@@ -1,16 +1,13 @@
 // The page of one file: strokes its textures; all that it needs is in the page itself.
 
 const source = document.getElementById("module").textContent;
-const { FULL_SCALE_M_S2, MOST_BYTES, ModelError, PointerMotion, TextureNode, filterAt, parseModel, render } =
+const { FULL_SCALE_M_S2, Hand, MOST_BYTES, ModelError, Sound, filterAt, parseModel, render } =
   await import(`data:text/javascript;base64,${btoa(source)}`); // from disk, Chromium takes no Blob for a worklet
 
 const BAR_MM = 50;
 const MAP = 36; // cells along each edge
 const DECIBELS = 30;
 const SHOW_EVERY_MS = 100;
-const STARTS_WITHIN_MS = 3000;
-const NO_PRESSURE = [0, 0.5, 1]; // what devices report that do not measure it
-const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 
 const $ = (id) => document.getElementById(id);
 const text = (id, value) => { const node = $(id); if (node.textContent !== value) node.textContent = value; };
@@ -19,20 +16,12 @@ const colour = (name) => getComputedStyle(document.body).getPropertyValue(`--${n
 
 const models = [];
 let model = null;
-let texture = null; // the source in the audio graph
-let context, gain, analyser, starting;
+let analyser;
 let mmPerPx = 25.4 / 96;
-let pressing = false; // a pen has told its pressure
-let pointerId = null;
-let sent = 0;
 let rms = 0;
-let conversion = 0; // delay of the newest samples by the conversion to the device's rate, in ms
 let shownAt = 0;
-const pointer = new PointerMotion();
-const keys = new Set();
-const hand = { vx: 0, vy: 0, force: 0 };
-const delivered = new Map(); // when a hand's report was delivered, by its number
-const delays = [];
+const sound = new Sound(report, sounds);
+const hand = new Hand($("surface"), () => ({ mmPerPx, force: number("force"), speed: number("speed") }), moved);
 
 function say(state, sentence) {
   text("state", sentence);
@@ -68,7 +57,7 @@ function choose(at) {
   [...$("choice").children].forEach((button, index) => button.setAttribute("aria-checked", String(index === at)));
   text("name", model.name);
   document.title = `${model.name} · mmt texture`;
-  texture?.setModel(model);
+  sound.setModel(model);
   requestAnimationFrame(draw);
 }
 
@@ -83,49 +72,19 @@ async function open(file) {
   if (models.length > before) choose(before);
 }
 
-// ---- Sound
+// ---- Sound and hand
 
-/** Begin, at a person's first touch; say so where there is no sound. */
-function start() {
-  starting ??= begin().catch((error) => {
-    starting = undefined;
-    say("degraded", "no sound");
-    problem(`No sound: ${error.message}. Connect headphones or an actuator, then touch again.`);
-  });
-  return starting;
-}
-
-async function begin() {
-  problem("");
-  say("waiting", "starting the sound");
-  context ??= new AudioContext({ latencyHint: 0 });
-  let late;
-  const tooLong = new Promise((_, reject) => { late = setTimeout(() => reject(new Error("the browser finds no sound device")), STARTS_WITHIN_MS); });
-  try {
-    await Promise.race([context.resume(), tooLong]);
-  } finally {
-    clearTimeout(late);
-  }
-  const node = await new TextureNode(context, report).ready;
-  gain = new GainNode(context, { gain: number("volume") / 100 });
-  analyser = new AnalyserNode(context, { fftSize: 4096 });
-  node.connect(gain).connect(context.destination);
-  node.connect(analyser);
-  node.setModel(model);
-  texture = node;
-  say("running", "plays here, without a network");
-  send();
+/** Show whether there is sound; when it begins, show what is played as well. */
+function sounds(state, sentence) {
+  say(state, { waiting: sentence, running: "plays here, without a network", degraded: "no sound" }[state]);
+  problem(state === "degraded" ? sentence : "");
+  if (state !== "running") return;
+  analyser = new AnalyserNode(sound.context, { fftSize: 4096 });
+  sound.node.connect(analyser);
 }
 
 function report(played) {
-  rms = played.rms;
-  conversion = 1e3 * played.delayS;
-  const at = delivered.get(played.number);
-  if (at !== undefined) {
-    delays.push(performance.now() - at);
-    if (delays.length > 200) delays.shift();
-  }
-  for (const old of delivered.keys()) if (old <= played.number) delivered.delete(old);
+  rms = played;
   const now = performance.now();
   if (now - shownAt > SHOW_EVERY_MS) {
     shownAt = now;
@@ -133,84 +92,13 @@ function report(played) {
   }
 }
 
-const middle = (values) => [...values].sort((a, b) => a - b)[values.length >> 1];
-
-/** What passes between the hand and the sound, in ms. */
-function figures() {
-  if (texture === null) return null;
-  const output = 1e3 * ((context.baseLatency || 0) + (context.outputLatency || 0));
-  return { delays: [...delays], conversion, output, by: texture.by, rate: context.sampleRate };
+function moved() {
+  sound.move(hand);
+  if (hand.presses) text("force-name", "Force at full pressure");
+  const surface = $("surface"), box = surface.getBoundingClientRect();
+  surface.classList.toggle("touched", hand.touches);
+  surface.lastElementChild.style.transform = `translate(${hand.left - box.left}px, ${hand.top - box.top}px)`;
 }
-
-// ---- The hand
-
-/** Tell the renderer what the hand does now. */
-function send() {
-  const moved = keys.size > 0 ? byKeys() : { vx: pointer.vx, vy: pointer.vy, force: pointer.force, touches: pointer.touches, holdMs: pointer.holdMs };
-  Object.assign(hand, moved);
-  $("surface").classList.toggle("touched", moved.touches);
-  if (texture === null) return;
-  delivered.set(++sent, performance.now());
-  texture.setMotion(moved.vx, moved.vy, moved.force, { touches: moved.touches, holdMs: moved.holdMs, number: sent });
-}
-
-function byKeys() {
-  const way = [0, 0];
-  for (const key of keys) ARROWS[key].forEach((part, axis) => { way[axis] += part; });
-  const speed = number("speed") / (Math.hypot(...way) || 1);
-  return { vx: way[0] * speed, vy: way[1] * speed, force: number("force"), touches: true, holdMs: Infinity };
-}
-
-function lift() {
-  pointerId = null;
-  keys.clear();
-  pointer.lift();
-  send();
-}
-
-/** Add a pointer's reports; a pen's pressure is a share of the force that is set. */
-function follow(event) {
-  const each = event.getCoalescedEvents?.() ?? [];
-  for (const one of each.length ? each : [event]) {
-    if (one.pointerType !== "mouse" && one.pressure > 0 && !NO_PRESSURE.includes(one.pressure)) pressing = true;
-    const share = pressing && one.pointerType !== "mouse" ? one.pressure : 1;
-    pointer.add(one.timeStamp, one.clientX * mmPerPx, -one.clientY * mmPerPx, number("force") * share);
-  }
-  const box = $("surface").getBoundingClientRect();
-  $("surface").lastElementChild.style.transform = `translate(${event.clientX - box.left}px, ${event.clientY - box.top}px)`;
-  send();
-}
-
-$("surface").addEventListener("pointerdown", (event) => {
-  if (pointerId !== null || event.button !== 0) return;
-  lift();
-  pointerId = event.pointerId;
-  $("surface").setPointerCapture(pointerId);
-  start();
-  follow(event);
-});
-$("surface").addEventListener("pointermove", (event) => { if (event.pointerId === pointerId) follow(event); });
-for (const name of ["pointerup", "pointercancel", "lostpointercapture"]) {
-  $("surface").addEventListener(name, (event) => { if (event.pointerId === pointerId) lift(); });
-}
-$("surface").addEventListener("contextmenu", (event) => event.preventDefault());
-$("surface").addEventListener("keydown", (event) => {
-  if (!(event.key in ARROWS) || pointerId !== null) return;
-  event.preventDefault();
-  if (keys.has(event.key)) return;
-  keys.add(event.key);
-  start();
-  send();
-});
-addEventListener("keyup", (event) => {
-  if (!keys.delete(event.key)) return;
-  keys.size > 0 ? send() : lift();
-});
-addEventListener("blur", lift);
-document.addEventListener("visibilitychange", () => {
-  if (document.hidden) lift();
-  document.hidden ? context?.suspend() : context?.resume();
-});
 
 // ---- Pictures
 
@@ -301,7 +189,7 @@ function drawPlayed() {
   const most = samples.reduce((largest, value) => Math.max(largest, Math.abs(value)), 1e-3);
   const shown = Array.from({ length: 512 }, (_, i) => 0.5 + (0.48 * samples[8 * i]) / most);
   curve(pen, shown, width, height, "synthesized");
-  const seconds = analyser ? `${((1e3 * 4096) / context.sampleRate).toFixed(0)} ms, ` : "";
+  const seconds = analyser ? `${((1e3 * 4096) / sound.context.sampleRate).toFixed(0)} ms, ` : "";
   const moved = hand.vx || hand.vy ? `${Math.hypot(hand.vx, hand.vy).toFixed(0)} mm/s, ${hand.force.toFixed(2)} N` : "at rest";
   text("played-title", `Played: ${seconds}level ${rms.toFixed(2)} m/s², ±${(most * FULL_SCALE_M_S2).toFixed(1)} m/s²; hand ${moved}`);
 }
@@ -312,25 +200,19 @@ function draw() {
   drawSpectrum();
   drawPlayed();
   for (const id of ["plane", "spectrum", "played"]) $(id).setAttribute("aria-label", $(`${id}-title`).textContent);
-  const shown = figures();
-  if (shown === null || !delays.length) return;
-  const block = shown.by === "script" ? " (no worklet here: open by https or from disk)" : "";
-  const total = middle(delays) + shown.conversion + shown.output;
-  text("latency", `hand to sound ${total.toFixed(0)} ms: page ${middle(delays).toFixed(1)}, conversion ${shown.conversion.toFixed(1)}, device ${shown.output.toFixed(1)}${block}`);
+  text("latency", sound.latency());
 }
 
 // ---- Settings
 
 function settings() {
   const volume = number("volume") / 100;
-  gain?.gain.setTargetAtTime(volume, context.currentTime, 0.01);
+  sound.setVolume(volume);
   text("volume-text", `${$("volume").value} %`);
   text("force-text", `${number("force").toFixed(1)} N`);
   text("speed-text", `${$("speed").value} mm/s`);
-  text("force-name", pressing ? "Force at full pressure" : "Force");
   const full = volume > 0 ? `an amplitude of 1 is ${(FULL_SCALE_M_S2 / volume).toFixed(0)} m/s²` : "nothing is played";
   text("scale-text", `At this volume ${full} at the sound output, at full volume ${FULL_SCALE_M_S2} m/s²; what is above is cut off. Hear it, or drive a voice coil by the headphone jack.`);
-  if (keys.size > 0) send();
 }
 for (const id of ["volume", "force", "speed"]) $(id).addEventListener("input", settings);
 function setScale(px) {
@@ -356,5 +238,5 @@ window.mmtTexture = {
     choose(at);
   },
   names: () => models.map((each) => each.name),
-  figures,
+  figures: () => sound.figures(),
 };
