@@ -33,6 +33,7 @@ SCHEMES: Final = ("light", "dark")
 REACHED: Final = "parseFloat(document.querySelector('#time').textContent) >= {}"
 MET: Final = "document.querySelector('#completion-text').textContent.includes('start met')"
 LOST: Final = "document.body.classList.contains('lost')"
+PAINTED: Final = "[...document.querySelectorAll('#grid canvas')].every((one) => one.width > 1)"
 SHOWS: Final = "document.querySelector('header').textContent.includes('{}')"
 
 
@@ -172,7 +173,7 @@ async def picture_recording(browser: Any, url: str) -> None:
 async def picture_player(browser: Any, url: str) -> None:
     """Take the player's grid, while a texture is stroked."""
     page = await a_page(browser, url, PLAYER, "light")
-    await page.click("#start")
+    await page.wait_for_function(PAINTED)
     box = await page.locator("#grid > *").nth(4).bounding_box()
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     await page.mouse.move(x - 60, y)

@@ -269,7 +269,8 @@ class ListenerClient:
     def _take_end(self, message: object = None, *_: object) -> None:
         outcome = message.get("outcome") if isinstance(message, Mapping) else None
         self._on_message(END, message)
-        self._on_event(f"the shared session has ended: {peer_text(str(outcome))}")
+        ended = f"the shared session has ended: {peer_text(str(outcome))}"
+        self._on_event(f"{ended}: the last state stays")
 
     def _answer(self, time_s: float, now_ns: int) -> None:
         """Say what is here, at a low rate."""

@@ -21,8 +21,6 @@ from mmt_share.player.server import PlayerServer
 
 NAMES = ("cork", "linen", "slate")
 RMS_M_S2 = (1.0, 2.0, 4.0)
-RATE_HZ = 48_000
-STEP = RATE_HZ // 200
 LONGEST_S = 60.0
 
 
@@ -70,14 +68,12 @@ def address(server: PlayerServer, path: str = "/player/") -> str:
 
 
 class Browserless:
-    """A page that does what it is told, in its own time."""
+    """A page that does what it is told."""
 
     def __init__(self, socket: aiohttp.ClientWebSocketResponse) -> None:
         self.socket = socket
         self.number = 0
-        self.now_ms = 0.0
-        self.received = 0
-        self.others: list[dict[str, Any]] = []
+        self.x_mm = 0.0
 
     async def say(self, **message: Any) -> None:
         await self.socket.send_str(json.dumps(message))
@@ -89,55 +85,29 @@ class Browserless:
                 message = unpack(await self.socket.receive_bytes())
                 if message["kind"] == kind:
                     return message
-                self.others.append(message)
 
     async def order(self, **order: Any) -> dict[str, Any]:
         self.number += 1
         await self.say(id=self.number, **order)
         return await self.until("answer")
 
-    async def open(self) -> dict[str, Any]:
-        await self.say(do="open", rate_hz=RATE_HZ)
-        return await self.until("opened")
+    async def model(self) -> dict[str, Any]:
+        """Return the JSON form of the next model that comes."""
+        form: dict[str, Any] = json.loads((await self.until("model"))["form"])
+        return form
 
-    async def play(
-        self, tile: int | None, points: list[list[float]] | None = None, lead: int = STEP
-    ) -> np.ndarray:
-        """Ask for what is next, as if all that came had been played."""
-        self.number += 1
-        await self.say(
-            do="play", number=self.number, now_ms=self.now_ms, played=self.received, lead=lead,
-            tile=tile, points=points or [],
-        )  # fmt: skip
-        message = await self.until("sound")
-        assert (message["number"], message["first"]) == (self.number, self.received)
-        sound = message["arrays"]["sound"]
-        self.received += len(sound)
-        return sound
+    async def stroke(self, tile: int, seconds: float, speed_mm_s: float = 120.0) -> None:
+        """Stroke at 1 N in steps of 10 ms, in as much time as that takes."""
+        for _ in range(round(seconds * 10)):
+            await asyncio.sleep(0.1)
+            steps = []
+            for _ in range(10):
+                self.x_mm += speed_mm_s * 0.01
+                steps.append([10, self.x_mm, 0.0, speed_mm_s, 0.0, 1.0])
+            await self.say(do="stroke", tile=tile, steps=steps)
 
-    async def step(self, tile: int | None, points: list[list[float]]) -> np.ndarray:
-        """Have 5 ms of sound, which may come no faster than a sound card plays it."""
-        self.now_ms += 5.0
-        sound = await self.play(tile, points, lead=STEP)
-        while len(sound) < STEP:
-            await asyncio.sleep(0.01)
-            more = await self.play(tile, [], lead=STEP - len(sound))
-            sound = np.concatenate([sound, more])
-        return sound
-
-    async def rest(self, seconds: float) -> np.ndarray:
-        """Touch nothing."""
-        return np.concatenate([await self.step(None, []) for _ in range(round(seconds * 200))])
-
-    async def stroke(self, tile: int, seconds: float, speed_mm_s: float = 120.0) -> np.ndarray:
-        """Stroke to and fro over 20 mm, with 200 reports a second of the page's own time."""
-        sounds, x_mm, way = [], 0.0, 1.0
-        for _ in range(round(seconds * 200)):
-            x_mm += way * speed_mm_s * 0.005
-            if abs(x_mm) > 10.0:
-                way = -way
-            sounds.append(await self.step(tile, [[self.now_ms + 5.0, x_mm, 0.0, 1.0]]))
-        return np.concatenate(sounds)
+    async def lift(self) -> None:
+        await self.say(do="stroke", tile=None)
 
 
 @asynccontextmanager

@@ -19,7 +19,6 @@ from mmt_share.client import ListenerClient
 from mmt_share.messages import STATE, STATE_DTYPE, About
 from mmt_share.operator import OperatorClient
 from mmt_share.player.following import SharedTexture
-from mmt_share.player.player import Player
 from mmt_share.player.results import ResultsFile
 from mmt_share.player.server import PlayerServer
 from mmt_share.publishing import ModelPublisher
@@ -29,6 +28,7 @@ from mmt_share.tables import Listening, Sharing
 
 LONGEST_S = 30.0
 LISTENS = "mmt_share.commands.listener"
+ENDED = "the shared session has ended: completed: the last state stays"
 WELCOME = {"session_id": "abc", "name": "a table", "rate_hz": 1000}
 
 
@@ -79,8 +79,15 @@ class Shared:
     def offer(self, model: TextureModel, said: About) -> None:
         self.relay.offer_model(*self.publisher.publish(model, said))
 
-    def offer_state(self, time_s: float, force_n: float = 0.0, speed_mm_s: float = 0.0) -> None:
+    def offer_state(
+        self,
+        time_s: float,
+        force_n: float = 0.0,
+        speed_mm_s: float = 0.0,
+        position_mm: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> None:
         state = np.zeros(1, STATE_DTYPE)
+        state["position_mm"] = position_mm
         state["velocity_mm_s"][0, 0] = speed_mm_s
         state["time_s"], state["force_n"], state["contact"] = time_s, force_n, force_n > 0.0
         message = encode_event(STATE, state.tobytes())
@@ -109,11 +116,9 @@ async def shared(**settings: object) -> AsyncIterator[Shared]:
 
 @asynccontextmanager
 async def playing_shared(sharing: Shared, directory: Path) -> AsyncIterator[PlayerServer]:
-    """Serve the page that plays what is shared, as soon as there is a model."""
+    """Serve the page that plays what is shared."""
     texture = SharedTexture(Listening(url=sharing.url), sharing.said.append)
-    model = await texture.first()
-    results = ResultsFile(directory / "results.csv")
-    player = Player([texture.name], [model], results=results, scenarios=False)
+    player = await texture.connect(ResultsFile(directory / "results.csv"))
     following = asyncio.create_task(texture.follow(player))
     server = PlayerServer(player, several=True)
     await server.start("127.0.0.1", 0)

@@ -10,7 +10,7 @@ from dataclasses import replace
 import pytest
 import socketio
 from hub_samples import RedisServer, free_port, hub_process, needs_redis, redis_server, serving
-from sharing_samples import Heard, about, listening, model_of, shared, until
+from sharing_samples import ENDED, Heard, about, listening, model_of, shared, until
 
 from mmt.core.errors import InputError, MmtError
 from mmt.texture.model.file import arrays_of
@@ -69,7 +69,7 @@ async def test_a_hub_gives_its_listeners_what_the_leader_shares(alone: RedisServ
                 await until(lambda: is_model_of(late, 14))
                 assert (late.client.wholes, late.client.changes) == (1, 0)
             leader.relay.finish("completed")
-            await until(lambda: "the shared session has ended: completed" in heard.said)
+            await until(lambda: ENDED in heard.said)
         assert len(leader.server._connected) == 1
 
 
@@ -173,8 +173,7 @@ async def test_another_session_of_the_leader_is_followed(redis: RedisServer) -> 
                 await until(lambda each=each: each.client.replica.about == other_about(20))
                 assert each.client.session["session_id"] == "def"
             again.relay.finish("completed")
-            ends = "the shared session has ended: completed"
-            await until(lambda: all(each.said.count(ends) == 2 for each in heard))
+            await until(lambda: all(each.said.count(ENDED) == 2 for each in heard))
 
 
 async def test_hubs_go_on_alone_while_redis_is_lost_and_together_when_it_is_back(

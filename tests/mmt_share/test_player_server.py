@@ -2,70 +2,116 @@
 
 import asyncio
 import csv
+import json
 from pathlib import Path
 
 import aiohttp
 import numpy as np
 import pytest
-from player_samples import NAMES, RATE_HZ, RMS_M_S2, address, playing, visiting
+from player_samples import (
+    LONGEST_S,
+    NAMES,
+    RMS_M_S2,
+    address,
+    flat_texture,
+    playing,
+    textures,
+    visiting,
+)
 
 from mmt.core.errors import InputError
 from mmt.evaluation.evaluate import evaluate_session
 from mmt.session import read_session
 from mmt.session.data import missing_frames
 from mmt.session.info import info
+from mmt.texture.model.json_form import model_json
 from mmt.texture.model.texture_model import TextureModel
 from mmt_share.player.server import TAKEN_OVER
 
 
-async def test_a_page_hears_the_texture_that_it_strokes(tmp_path: Path) -> None:
+async def test_a_page_gets_the_models_in_their_json_form(tmp_path: Path) -> None:
     async with playing(tmp_path) as server, visiting(server) as page:
         hello = await page.until("hello")
-        assert hello["names"] == list(NAMES)
-        assert hello["arrays"]["pictures"].shape[0] == 3
-        assert (await page.open())["delay_ms"] == pytest.approx(8.0, abs=0.1)
-        for tile in (2, 0):
-            await page.stroke(tile, 0.2)
-            heard = await page.stroke(tile, 1.0)
-            assert np.sqrt(np.mean(heard**2)) == pytest.approx(RMS_M_S2[tile], rel=0.25)
-        end = await page.rest(0.2)
-        assert np.abs(end[: RATE_HZ // 100]).max() > 0.1
-        assert np.abs(end[-RATE_HZ // 20 :]).max() < 1e-3
+        assert (hello["names"], hello["scenarios"]) == (list(NAMES), True)
+        for number, (name, texture) in enumerate(zip(NAMES, textures(), strict=True)):
+            message = await page.until("model")
+            assert message["texture"] == number
+            assert message["form"] == model_json(texture, name)
+            assert message["arrays"]["picture"].shape == (96, 96)
+
+
+async def test_a_model_that_has_grown_is_sent_again_and_one_too_large_is_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with playing(tmp_path, count=1) as server, visiting(server) as page:
+        before = await page.model()
+        grown = flat_texture(7.0)
+        server.player.use([grown])
+        after = await page.model()
+        assert after == json.loads(model_json(grown, NAMES[0])) != before
+        monkeypatch.setattr("mmt.texture.model.json_form.MOST_ROWS", 3)
+        sent = server.player.model_messages
+        with pytest.raises(InputError, match="select fewer samples"):
+            server.player.use([flat_texture(1.0)])
+        assert server.player.model_messages is sent
 
 
 async def test_what_makes_no_sense_is_counted_and_the_page_goes_on(tmp_path: Path) -> None:
     async with playing(tmp_path) as server, visiting(server) as page:
-        for text in ("", "[]", "null", '{"do": 3}', '{"do": "play"}', '{"do": "jump", "id": 4}'):
+        for text in ("", "[]", "null", '{"do": 3}', '{"do": "stroke", "tile": 0}'):
             await page.socket.send_str(text)
+        await page.socket.send_str('{"do": "jump", "id": 4}')
         assert (await page.until("answer"))["text"] == "begin a scenario first"
         assert not (await page.order(do="begin", scenario="none", participant="P"))["ok"]
         assert not (await page.order(do="begin", scenario="matching", participant=" "))["ok"]
-        await page.open()
-        assert len(await page.play(0, [[1.0, 0.0, 0.0, 1.0]])) == 240
+        assert (await page.order(do="begin", scenario="matching", participant="P"))["ok"]
         while (await page.until("status"))["rejected"] < 5:
             pass
 
 
-async def test_the_newest_page_plays(tmp_path: Path) -> None:
+async def test_no_stroke_is_longer_than_the_time_that_has_passed(tmp_path: Path) -> None:
+    record = tmp_path / "touch.mcap"
+    async with playing(tmp_path, record=record, count=1) as server, visiting(server) as page:
+        steps = [[1000, 0.0, 0.0, 100.0, 0.0, 1.0]] * 4
+        for _ in range(20):
+            await page.say(do="stroke", tile=0, steps=steps, id=9)
+        assert "longer than the time" in (await page.until("answer"))["text"]
+        while (status := await page.until("status"))["rejected"] < 20:
+            pass
+        assert status["recorded_s"] <= 4.0
+
+
+async def test_a_page_that_floods_is_closed(tmp_path: Path) -> None:
+    async with playing(tmp_path) as server, visiting(server) as page:
+        async with asyncio.timeout(LONGEST_S):
+            for _ in range(300):
+                await page.lift()
+            while (await page.socket.receive()).type is not aiohttp.WSMsgType.CLOSE:
+                pass
+        assert page.socket.close_code == 1008
+        async with visiting(server) as another:
+            assert await another.model()
+
+
+async def test_the_newest_page_is_connected(tmp_path: Path) -> None:
     async with playing(tmp_path) as server, visiting(server) as first:
-        await first.open()
+        await first.model()
         async with visiting(server) as second:
-            await second.open()
+            assert await second.model()
             async with asyncio.timeout(60):
                 while (await first.socket.receive()).type is not aiohttp.WSMsgType.CLOSE:
                     pass
             assert first.socket.close_code == TAKEN_OVER
-            assert len(await second.play(None)) == 240
 
 
-async def test_a_page_without_the_token_hears_nothing(tmp_path: Path) -> None:
+async def test_a_page_without_the_token_gets_nothing(tmp_path: Path) -> None:
     token = "a token that nobody guesses"
     async with playing(tmp_path, token=token) as server:
         async with visiting(server, "another one") as page:
             async with asyncio.timeout(60):
-                assert (await page.socket.receive()).data == 4401
+                assert (await page.socket.receive()).data == 4401  # and no message before
         async with visiting(server, token) as page:
-            assert (await page.open())["rate_hz"] == RATE_HZ
+            assert await page.model()
 
 
 async def test_pages_of_other_sites_are_refused(tmp_path: Path) -> None:
@@ -84,7 +130,6 @@ async def test_nobody_else_reaches_the_player_unless_that_is_allowed(tmp_path: P
 async def test_a_scenario_outlasts_its_page(tmp_path: Path) -> None:
     async with playing(tmp_path) as server:
         async with visiting(server) as page:
-            await page.open()
             assert (await page.order(do="begin", scenario="exploration", participant="P7"))["ok"]
             assert not (await page.order(do="rate", rating=4))["ok"]
             await page.stroke(server.player.study.order[0], 1.2)  # type: ignore[union-attr]
@@ -99,12 +144,13 @@ async def test_a_scenario_outlasts_its_page(tmp_path: Path) -> None:
 async def test_touches_are_recorded_as_sessions_that_can_be_evaluated(tmp_path: Path) -> None:
     record = tmp_path / "touch.mcap"
     async with playing(tmp_path, record=record) as server, visiting(server) as page:
-        await page.open()
         await page.stroke(1, 1.0, 60.0)
-        await page.play(None)
+        await page.lift()
         for speed_mm_s in (100.0, 180.0):
             await page.stroke(1, 1.0, speed_mm_s)
         await page.stroke(0, 0.3)
+        while (await page.until("status"))["recorded_s"] < 3.3:
+            pass
     session = read_session(tmp_path / "touch-linen.mcap")
     frames = session.frames
     assert missing_frames(frames) == 1  # the pointer was lifted once
@@ -123,11 +169,30 @@ async def test_touches_are_recorded_as_sessions_that_can_be_evaluated(tmp_path: 
     assert result.at_end.samples > 0
 
 
+async def test_a_tile_that_a_scenario_disables_is_not_recorded_and_does_not_count(
+    tmp_path: Path,
+) -> None:
+    record = tmp_path / "touch.mcap"
+    async with playing(tmp_path, record=record) as server, visiting(server) as page:
+        await page.order(do="begin", scenario="exploration", participant="P8")
+        study = server.player.study
+        assert study is not None
+        asked = study.order[0]
+        assert study.state()["textures"] == [t if t == asked else None for t in range(3)]
+        await page.stroke((asked + 1) % 3, 1.2)
+        assert not (await page.order(do="rate", rating=4))["ok"]
+        await page.stroke(asked, 0.5)
+        await page.stroke(asked, 0.8, speed_mm_s=1.0)  # held still
+        assert not (await page.order(do="rate", rating=4))["ok"]
+        await page.stroke(asked, 0.6)
+        assert (await page.order(do="rate", rating=4))["ok"]
+    assert [path.name for path in tmp_path.glob("*.mcap")] == [f"touch-{NAMES[asked]}.mcap"]
+
+
 async def test_a_recording_that_cannot_be_made_is_told(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     record = tmp_path / "file" / "t.mcap"
     async with playing(tmp_path, record=record, count=1) as server, visiting(server) as page:
-        await page.open()
         await page.stroke(0, 0.1)
         while (problem := (await page.until("status"))["problem"]) is None:
             pass

@@ -72,7 +72,7 @@ def test_matching_counts_the_matches_and_hides_until_then(tmp_path: Path) -> Non
     right = {texture: tile for tile, texture in under.items()}
     assert sorted(right) == list(range(9))
     assert study.hidden
-    assert study.state()["textures"] is None
+    assert study.state()["hidden"]
     for sample in range(9):
         study.answer(sample, right[sample])
     study.answer(0, right[1])  # takes it from 1

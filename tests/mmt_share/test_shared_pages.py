@@ -1,42 +1,78 @@
 """Pages that play a shared model: several at once, and each change of it."""
 
-import asyncio
+import json
 from pathlib import Path
+from typing import Any
 
-import numpy as np
 import pytest
-from player_samples import flat_texture, visiting
-from sharing_samples import Shared, about, playing_shared, shared, until
+from player_samples import Browserless, flat_texture, visiting
+from sharing_samples import about, playing_shared, shared
+
+from mmt.texture.model.json_form import model_json
+from mmt.texture.model.texture_model import TextureModel
 
 
-def rms(sound: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(sound**2)))
+def form(model: TextureModel) -> Any:
+    return json.loads(model_json(model, "a table"))
 
 
-async def become_ready(sharing: Shared) -> None:
-    """Share a model that is ready after the page has said that it is not."""
-    sharing.offer(flat_texture(1.0), about(49, ready=False))
-    await until(lambda: any("not ready yet" in text for text in sharing.said))
-    sharing.offer(flat_texture(1.0), about(49))
+async def said(page: Browserless, sentence: str) -> None:
+    while sentence not in (await page.until("status"))["said"]:
+        pass
 
 
-async def test_two_pages_feel_one_surface_and_what_becomes_of_it(tmp_path: Path) -> None:
-    async with shared() as sharing:
-        becoming = asyncio.create_task(become_ready(sharing))
-        async with playing_shared(sharing, tmp_path) as server:
-            await becoming
-            player = server.player
-            (model,) = player.models
-            assert player.names == ("a table",)
-            async with visiting(server) as one, visiting(server) as other:
-                for page in (one, other):
-                    await page.open()
-                    await page.stroke(0, 0.2)
-                    assert rms(await page.stroke(0, 1.0)) == pytest.approx(1.0, rel=0.25)
-                sharing.offer(flat_texture(4.0), about(49))
-                await until(lambda: player.models[0] is not model)
-                for page in (one, other):
-                    await page.stroke(0, 0.2)
-                    assert rms(await page.stroke(0, 1.0)) == pytest.approx(4.0, rel=0.25)
-                refused = await one.order(do="begin", scenario="matching", participant="P")
-                assert refused["text"] == "this page plays a shared surface: it has no scenarios"
+async def test_pages_get_one_surface_and_what_becomes_of_it(tmp_path: Path) -> None:
+    async with (
+        shared() as sharing,
+        playing_shared(sharing, tmp_path) as server,
+        visiting(server) as one,
+        visiting(server) as other,
+    ):
+        hello = await one.until("hello")
+        assert hello["names"] == ["a table"]
+        assert not hello["scenarios"]
+        sharing.offer(flat_texture(2.0), about(20, ready=False))
+        await said(one, "listening to a table")
+        assert server.player.model_messages == ()  # it is not ready
+        for rms_m_s2 in (1.0, 4.0):
+            model = flat_texture(rms_m_s2)
+            sharing.offer(model, about(49))
+            for page in (one, other):
+                assert await page.model() == form(model)
+        refused = await one.order(do="begin", scenario="matching", participant="P")
+        assert refused["text"] == "this page plays a shared surface: it has no scenarios"
+        sharing.relay.finish("done")
+        await said(other, "the shared session has ended: done: the last state stays")
+
+
+async def test_a_model_that_no_page_can_render_is_told_and_the_last_one_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with (
+        shared() as sharing,
+        playing_shared(sharing, tmp_path) as server,
+        visiting(server) as page,
+    ):
+        sharing.offer(flat_texture(1.0), about(49))
+        first = await page.model()
+        with monkeypatch.context() as patch:
+            patch.setattr("mmt.texture.model.json_form.MOST_ROWS", 3)
+            sharing.offer(flat_texture(2.0), about(49))
+            await said(page, "select fewer samples")
+        sharing.offer(flat_texture(4.0), about(49))
+        assert await page.model() == form(flat_texture(4.0)) != first
+
+
+async def test_pages_see_the_leaders_hand(tmp_path: Path) -> None:
+    async with (
+        shared() as sharing,
+        playing_shared(sharing, tmp_path) as server,
+        visiting(server) as page,
+    ):
+        sharing.publish(6)
+        await page.model()
+        for step in range(4):
+            sharing.offer_state(0.1 * step, force_n=float(step % 2), position_mm=(step, -2.0, 9.0))
+            hand = await page.until("hand")
+            assert (hand["x_mm"], hand["y_mm"]) == (step, -2.0)
+            assert hand["touches"] is bool(step % 2)

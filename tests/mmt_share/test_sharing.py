@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import socketio
-from sharing_samples import LONGEST_S, about, listening, model_of, shared, until
+from sharing_samples import ENDED, LONGEST_S, about, listening, model_of, shared, until
 
 from mmt.core.errors import InputError, MmtError
 from mmt.link.protocol import encode_event
@@ -117,7 +117,7 @@ async def test_the_end_is_told() -> None:
     async with shared() as sharing, listening(sharing.url) as heard:
         await until(lambda: heard.client.session)
         sharing.relay.finish("completed")
-        await until(lambda: "the shared session has ended: completed" in heard.said)
+        await until(lambda: ENDED in heard.said)
 
 
 def test_a_slow_listener_gets_what_is_newest_and_nothing_waits_for_it() -> None:

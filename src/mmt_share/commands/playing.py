@@ -40,7 +40,7 @@ def play(
     record: Annotated[
         Path | None, typer.Option(help="Record touches into this MCAP file, one a texture.")
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the orders and the excitation.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the orders, and of recordings.")] = 0,
     host: Annotated[str, typer.Option(help="Listen on this address.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="Listen on this port; 0 takes any free one.")] = 8770,
     token_file: Annotated[Path | None, typer.Option(help="A file with the token.")] = None,
@@ -64,7 +64,7 @@ def play(
     from mmt_share.player.server import PlayerServer
 
     if shared is not None:
-        asyncio.run(_serve_shared(shared, ResultsFile(results), seed, link, everyone))
+        asyncio.run(_serve_shared(shared, ResultsFile(results), link, everyone))
         return
     files = [find_model(source) for source in sources or []] or list(shipped_models().values())
     names = [file.stem for file in files]
@@ -82,20 +82,16 @@ def play(
     asyncio.run(_serve(PlayerServer(player, Access.of(link)), link, everyone))
 
 
-async def _serve_shared(
-    url: str, results: "ResultsFile", seed: int, link: Link, everyone: bool
-) -> None:
+async def _serve_shared(url: str, results: "ResultsFile", link: Link, everyone: bool) -> None:
     """Serve pages with the surface that a leader shares, as many as come."""
     from mmt_share.player.following import SharedTexture
-    from mmt_share.player.player import Player
     from mmt_share.player.server import PlayerServer
 
     table = table_from(Listening, "listening", {"url": url, "name": "player"})
     texture = SharedTexture(table, lambda text: messages.print(text, highlight=False))
     following: asyncio.Task[None] | None = None
     try:
-        model = await texture.first()
-        player = Player([texture.name], [model], results=results, seed=seed, scenarios=False)
+        player = await texture.connect(results)
         following = asyncio.create_task(texture.follow(player))
         await _serve(PlayerServer(player, Access.of(link), several=True), link, everyone)
     finally:

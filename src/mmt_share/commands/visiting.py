@@ -33,7 +33,7 @@ _ELSEWHERE: Final = ("192.0.2.1", 9)  # an address that nobody has (RFC 5737); n
 
 
 class VisitorsPage:
-    """Serve the page from the moment that there is a model, until `close`.
+    """Serve the page from the moment that a model is shared, until `close`.
 
     Parameters
     ----------

@@ -2,11 +2,17 @@
 
 import asyncio
 from collections.abc import Callable
+from typing import Any, Final
 
-from mmt.texture.model.texture_model import TextureModel
+from mmt.core.arrays import RecordArray
+from mmt.core.errors import InputError
 from mmt_share.client import ListenerClient
+from mmt_share.messages import WELCOME
 from mmt_share.player.player import Player
+from mmt_share.player.results import ResultsFile
 from mmt_share.tables import Listening
+
+_HAND_HZ: Final = 10.0
 
 
 class SharedTexture:
@@ -26,16 +32,20 @@ class SharedTexture:
     """
 
     def __init__(self, settings: Listening, on_event: Callable[[str], None]) -> None:
-        self._client = ListenerClient(settings, on_event=on_event)
+        self._client = ListenerClient(
+            settings,
+            on_event=self._say,
+            on_state=self._take_hand,
+            on_message=self._take,
+            states_hz=_HAND_HZ,
+        )
         self._on_event = on_event
+        self._welcomed = asyncio.Event()
+        self._said = ""
+        self._player: Player | None = None
 
-    @property
-    def name(self) -> str:
-        """What the leader calls its session."""
-        return self._client.session.get("name") or "shared"
-
-    async def first(self) -> TextureModel:
-        """Connect, and wait until there is a model that can be rendered.
+    async def connect(self, results: ResultsFile) -> Player:
+        """Connect, and return a player of the surface; `follow` gives it the model.
 
         Raises
         ------
@@ -43,19 +53,38 @@ class SharedTexture:
             Nobody shares a model there.
         """
         await self._client.connect()
-        while True:
-            _, model = await self._client.next_state()
-            if model is not None:
-                return model
-            self._on_event("the model is not ready yet: the surface is still being touched")
+        await self._welcomed.wait()
+        name = self._client.session.get("name") or "shared"
+        self._player = Player([name], [], results=results, scenarios=False)
+        self._player.said = self._said
+        return self._player
 
     async def follow(self, player: Player) -> None:
         """Let the player have each new state of the model, until cancelled."""
         while True:
             _, model = await self._client.next_state()
-            if model is not None:
+            if model is None:
+                continue
+            try:
                 await asyncio.to_thread(player.use, [model])
+            except InputError as error:
+                self._say(str(error))
 
     async def close(self) -> None:
         """Leave."""
         await self._client.close()
+
+    def _say(self, sentence: str) -> None:
+        self._said = sentence
+        if self._player is not None:
+            self._player.said = sentence
+        self._on_event(sentence)
+
+    def _take(self, event: str, _: Any) -> None:
+        if event == WELCOME:
+            self._welcomed.set()
+
+    def _take_hand(self, state: RecordArray) -> None:
+        if self._player is not None:
+            x_mm, y_mm, _ = (float(at) for at in state["position_mm"])
+            self._player.hand = (x_mm, y_mm, bool(state["contact"]))

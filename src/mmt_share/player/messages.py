@@ -5,42 +5,35 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from mmt.core.errors import InputError
-from mmt_share.player.motion import Point
 
-MOST_POINTS: Final = 256
-"""Most reports of a pointer in one request: a second at the fastest screens."""
-LARGEST_MM: Final = 10_000.0
-LARGEST_N: Final = 100.0
-_LARGEST_MS: Final = 1e12
-_LARGEST_COUNT: Final = 2**50
+MOST_STEPS: Final = 64
+"""Most steps of a stroke in one message; a page sends some ten."""
+LONGEST_STEP_MS: Final = 1000
+_LARGEST_MM: Final = 10_000.0
+_LARGEST_MM_S: Final = 10_000.0
+_LARGEST_N: Final = 100.0
 
 
 @dataclass(frozen=True)
-class PlayRequest:
-    """A page asks for samples.
+class Step:
+    """A short time of a stroke, in which the page rendered one velocity and force.
 
     Attributes
     ----------
-    number
-        Number of the request.
-    now_ms
-        Time by the page's clock (ms).
-    played
-        Samples that it has played since the stream began.
-    lead
-        Samples that it wants to have beyond these.
-    tile
-        Tile under the pointer, None where it is on no tile or up.
-    points
-        Reports of the pointer since the last request.
+    duration_ms
+        How long it lasted.
+    position_mm
+        Where the hand is, x to the right and y upwards.
+    velocity_mm_s
+        Along x and y.
+    force_n
+        Along the surface's normal.
     """
 
-    number: int
-    now_ms: float
-    played: int
-    lead: int
-    tile: int | None
-    points: tuple[Point, ...]
+    duration_ms: int
+    position_mm: tuple[float, float]
+    velocity_mm_s: tuple[float, float]
+    force_n: float
 
 
 def parse(text: str) -> dict[str, Any]:
@@ -60,28 +53,18 @@ def parse(text: str) -> dict[str, Any]:
     return message
 
 
-def play_request(message: dict[str, Any], tiles: int) -> PlayRequest:
-    """Return the request of a message, for a grid with this number of tiles.
+def steps_of(message: dict[str, Any]) -> tuple[Step, ...]:
+    """Return the steps of a message about a stroke.
 
     Raises
     ------
     InputError
-        Something in it is out of its range, or of another type.
+        Something in them is out of its range, or of another type.
     """
-    tile = message.get("tile")
-    if tile is not None:
-        tile = whole(message, "tile", tiles - 1)
-    points = message.get("points")
-    if not isinstance(points, list) or len(points) > MOST_POINTS:
-        raise InputError(f"points is a list of {MOST_POINTS} at most")
-    return PlayRequest(
-        number=whole(message, "number", _LARGEST_COUNT),
-        now_ms=_finite(message.get("now_ms"), 0.0, _LARGEST_MS, "now_ms"),
-        played=whole(message, "played", _LARGEST_COUNT),
-        lead=whole(message, "lead", _LARGEST_COUNT),
-        tile=tile,
-        points=tuple(_point(point) for point in points),
-    )
+    steps = message.get("steps")
+    if not isinstance(steps, list) or len(steps) > MOST_STEPS:
+        raise InputError(f"steps is a list of {MOST_STEPS} at most")
+    return tuple(_step(step) for step in steps)
 
 
 def whole(message: dict[str, Any], name: str, largest: int, least: int = 0) -> int:
@@ -113,14 +96,16 @@ def line(message: dict[str, Any], name: str, longest: int = 40) -> str:
     return text
 
 
-def _point(value: object) -> Point:
-    if not isinstance(value, list) or len(value) != 4:
-        raise InputError("a point is time, x, y and force")
-    return (
-        _finite(value[0], 0.0, _LARGEST_MS, "a point's time"),
-        _finite(value[1], -LARGEST_MM, LARGEST_MM, "a point's x"),
-        _finite(value[2], -LARGEST_MM, LARGEST_MM, "a point's y"),
-        _finite(value[3], 0.0, LARGEST_N, "a point's force"),
+def _step(value: object) -> Step:
+    if not isinstance(value, list) or len(value) != 6:
+        raise InputError("a step is duration, x, y, velocity x, velocity y and force")
+    x_mm, y_mm = (_finite(at, -_LARGEST_MM, _LARGEST_MM, "a position") for at in value[1:3])
+    x_mm_s, y_mm_s = (_finite(v, -_LARGEST_MM_S, _LARGEST_MM_S, "a velocity") for v in value[3:5])
+    return Step(
+        int(_finite(value[0], 1.0, LONGEST_STEP_MS, "a step's duration")),
+        (x_mm, y_mm),
+        (x_mm_s, y_mm_s),
+        _finite(value[5], 0.0, _LARGEST_N, "a force"),
     )
 
 

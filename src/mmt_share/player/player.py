@@ -1,5 +1,6 @@
 """The texture player: its textures with their pictures, the scenario that runs, the recording."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
@@ -8,15 +9,15 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
+from mmt.texture.model.json_form import model_json
 from mmt.texture.model.texture_model import TextureModel
 from mmt.web.binary_messages import pack
-from mmt_share.player.motion import PointerMotion
+from mmt_share.player.messages import Step
 from mmt_share.player.recording import TouchRecorder
 from mmt_share.player.results import ResultsFile
 from mmt_share.player.study import BEST, MOST_TILES, SCENARIOS, Study
 
-FULL_SCALE_M_S2: Final = 30.0
-"""Acceleration that the page turns into a sound card's full scale, at full volume."""
+_SLOWEST_STROKE_MM_S: Final = 5.0
 
 SIZE: Final = 96
 """Pixels along each edge."""
@@ -32,8 +33,10 @@ class Player:
 
     Parameters
     ----------
-    names, models
+    names
         The textures, 1 to 26.
+    models
+        Their models; none of a shared surface that has none yet.
     results
         Receives the scenarios' rows.
     record
@@ -48,7 +51,16 @@ class Player:
     Raises
     ------
     InputError
-        There are too many textures, or none.
+        There are too many textures, or none, or a page cannot render one of them.
+
+    Attributes
+    ----------
+    model_messages
+        Messages to a page: each texture with its picture.
+    hand
+        The hand that strokes a shared surface: x and y (mm), and whether it touches. None without.
+    said
+        What was said last of a shared surface.
     """
 
     def __init__(
@@ -62,19 +74,19 @@ class Player:
         seed: int = 0,
         scenarios: bool = True,
     ) -> None:
-        if not 1 <= len(models) <= MOST_TILES:
-            raise InputError(f"{len(models)} textures: allowed are 1 to {MOST_TILES}")
+        if not 1 <= len(names) <= MOST_TILES:
+            raise InputError(f"{len(names)} textures: allowed are 1 to {MOST_TILES}")
         self.names = tuple(names)
-        self.models = tuple(models)
-        self.seed = seed
+        self._seed = seed
         self._scenarios = scenarios
         self.study: Study | None = None
         self.results = results
         self._recorder = None
         if record is not None:
-            rate_hz = max(model.rate_hz for model in models)
-            self._recorder = TouchRecorder(record, names, models, rate_hz, replace=replace)
-        self._pictures = _pictures(models)
+            self._recorder = TouchRecorder(record, names, models, seed=seed, replace=replace)
+        self.hand: tuple[float, float, bool] | None = None
+        self.said = ""
+        self.use(models)
 
     def close(self) -> list[tuple[Path, float]]:
         """End the scenario and the recordings; return each recording with its seconds."""
@@ -83,14 +95,31 @@ class Player:
         return recorded
 
     def use(self, models: Sequence[TextureModel]) -> None:
-        """Go on with other models of the same textures."""
-        self.models = tuple(models)
-        self._pictures = _pictures(models)
+        """Go on with other models of the same textures.
+
+        Raises
+        ------
+        InputError
+            A page cannot render one of them; all stay what they were.
+        """
+        self.model_messages = tuple(
+            pack(
+                "model",
+                {"texture": number, "form": model_json(model, name)},
+                {"picture": picture(model, number)},
+            )
+            for number, (name, model) in enumerate(zip(self.names, models, strict=False))
+        )
 
     def hello(self) -> bytes:
-        """Return the first message to a page: the textures with their pictures."""
-        header = {"names": self.names, "full_scale_m_s2": FULL_SCALE_M_S2, "best": BEST}
-        return pack("hello", header, {"pictures": self._pictures})
+        """Return the first message to a page."""
+        header = {
+            "names": self.names,
+            "best": BEST,
+            "scenarios": self._scenarios,
+            "records": self._recorder is not None,
+        }
+        return pack("hello", header, {})
 
     @property
     def recording_problem(self) -> str | None:
@@ -98,22 +127,26 @@ class Player:
         return None if self._recorder is None else self._recorder.problem
 
     def status(self) -> dict[str, object]:
-        """Return the status of recording and results."""
+        """Return the status of recording, results and a shared surface."""
         recorder = self._recorder
         return {
             "recorded_s": None if recorder is None else round(recorder.seconds, 1),
             "problem": self.recording_problem,
             "rows": self.results.rows,
+            "said": self.said,
         }
 
-    def texture(self, tile: int) -> int | None:
-        """Return the texture under a tile, None where the scenario disables it now."""
-        return tile if self.study is None else self.study.texture(tile)
-
-    def record(self, texture: int, motion: PointerMotion, vibration_m_s2: FloatArray) -> None:
-        """Record a touch, if recording is on."""
-        if self._recorder is not None and len(vibration_m_s2):
-            self._recorder.record(texture, motion, vibration_m_s2)
+    def stroke(self, tile: int, steps: Sequence[Step]) -> None:
+        """Take a part of a stroke over a tile: it counts for the scenario, and is recorded."""
+        texture = tile if self.study is None else self.study.texture(tile)
+        if texture is None:
+            self.lift()
+            return
+        if self.study is not None:
+            moved = (s for s in steps if math.hypot(*s.velocity_mm_s) >= _SLOWEST_STROKE_MM_S)
+            self.study.stroked(tile, 1e-3 * sum(step.duration_ms for step in moved))
+        if self._recorder is not None:
+            self._recorder.record(texture, steps)
 
     def lift(self) -> None:
         """End the touch."""
@@ -135,7 +168,7 @@ class Player:
         if scenario not in SCENARIOS:
             raise InputError(f"scenario {scenario}: allowed are {', '.join(SCENARIOS)}")
         self.leave()
-        self.study = SCENARIOS[scenario](self.names, participant, self.seed, self.results.write)
+        self.study = SCENARIOS[scenario](self.names, participant, self._seed, self.results.write)
         return f"{scenario} of {participant} begins"
 
     def leave(self) -> str:
@@ -144,11 +177,6 @@ class Player:
         if study is not None:
             study.leave()
         return "all textures may be felt"
-
-
-def _pictures(models: Sequence[TextureModel]) -> FloatArray:
-    """Return the relief of each, shape (n, 96, 96)."""
-    return np.stack([picture(model, number) for number, model in enumerate(models)])
 
 
 def picture(model: TextureModel, seed: int = 0) -> FloatArray:

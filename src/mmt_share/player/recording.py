@@ -1,7 +1,8 @@
-"""Record a pointer's touches as sessions that the evaluation reads, one for each texture.
+"""Record strokes on the page as sessions that the evaluation reads, one for each texture.
 
-A session's time is that of touching its texture. Where the pointer is put down anew, one frame's
-number is left out, so that filters start anew there, as between trials.
+The page tells its motion; the vibration is what the model renders of that, with an excitation of
+its own. A session's time is that of touching its texture. Where the hand is put down anew, one
+frame's number is left out, so that filters start anew there, as between trials.
 """
 
 from collections.abc import Sequence
@@ -14,16 +15,19 @@ from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.core.existing_files import require_absent
 from mmt.core.frames import CHANNELS, empty_frames
-from mmt.rendering.rate import RateConverter
+from mmt.rendering import close, open_textures, render, touch
 from mmt.session.data import FRAME_PERIOD_NS
 from mmt.session.recorder import Existing, McapRecorder
 from mmt.texture.model.texture_model import TextureModel
-from mmt_share.player.motion import PointerMotion
+from mmt_share.player.messages import Step
 
 _FRAME_S: Final = FRAME_PERIOD_NS / 1e9
 _RETURN_S: Final = 1.0
 """Time constant by which the recorded path, which is the integral of the velocity that was
-rendered, returns to the pointer."""
+rendered, returns to the hand."""
+_ESTIMATE_HZ: Final = 200.0
+_SILENCE: Final = 100
+"""Frames in which the vibration of one stroke has faded before the next one's."""
 
 
 class TouchRecorder:
@@ -35,8 +39,8 @@ class TouchRecorder:
         The file; with several textures, each one's name is put behind the stem.
     names, models
         The textures.
-    render_hz
-        Sampling rate (Hz) of the vibration given to `record`.
+    seed
+        Seed of the excitation.
     replace
         Whether files that exist are replaced.
 
@@ -51,18 +55,19 @@ class TouchRecorder:
         path: str | Path,
         names: Sequence[str],
         models: Sequence[TextureModel],
-        render_hz: float,
         *,
+        seed: int = 0,
         replace: bool = False,
     ) -> None:
         self._path = Path(path)
         self._names = tuple(names)
         self._models = tuple(models)
         self._files: dict[int, _TextureFile] = {}
-        self._render_hz = render_hz
         self._down: _TextureFile | None = None
         self._refusal: str | None = None
-        self._converter = RateConverter(render_hz, 1.0 / _FRAME_S)
+        self._textures = open_textures(
+            models, output_hz=1.0 / _FRAME_S, estimate_hz=_ESTIMATE_HZ, seed=seed
+        )
         self._existing: Existing = "replace" if replace else "refuse"
         for texture in range(len(names)):
             require_absent(self.path_of(texture), force=replace)
@@ -90,14 +95,17 @@ class TouchRecorder:
 
     def lift(self) -> None:
         """End the touch: the next one starts anew."""
-        self._down = None
+        if self._down is not None:
+            self._down = None
+            touch(self._textures, None)
+            render(self._textures, _SILENCE)
 
-    def record(self, texture: int, motion: PointerMotion, vibration_m_s2: FloatArray) -> None:
-        """Record the touch of a texture for as long as these samples (n,) last.
+    def record(self, texture: int, steps: Sequence[Step]) -> None:
+        """Record a part of a stroke over a texture.
 
         If a file cannot be created, `problem` says so, and nothing more is recorded.
         """
-        if self._refusal is not None:
+        if self._refusal is not None or not steps:
             return
         file = self._files.get(texture)
         if file is None:
@@ -107,13 +115,16 @@ class TouchRecorder:
                 self._refusal = str(error)
                 return
         if file is not self._down:
+            self.lift()
             self._down = file
-            file.begin(motion)
-            self._converter = RateConverter(self._render_hz, 1.0 / _FRAME_S)
-        file.write(motion, self._converter.convert(vibration_m_s2))
+            file.begin(steps[0])
+        for step in steps:
+            touch(self._textures, texture, *step.velocity_mm_s, step.force_n)
+            file.write(step, render(self._textures, step.duration_ms))
 
     def close(self) -> list[tuple[Path, float]]:
         """End the files; return each with its seconds."""
+        close(self._textures)
         for file in self._files.values():
             file.recorder.close()
         return [(file.recorder.path, file.frames * _FRAME_S) for file in self._files.values()]
@@ -135,21 +146,21 @@ class _TextureFile:
         self._sequence = -1
         self._path_mm = np.zeros(2)
 
-    def begin(self, motion: PointerMotion) -> None:
-        """Begin another touch, from where the pointer is."""
+    def begin(self, step: Step) -> None:
+        """Begin another touch, from where the hand is."""
         self._sequence += 1
-        self._path_mm = np.array(motion.position_mm)
+        self._path_mm = np.array(step.position_mm)
 
-    def write(self, motion: PointerMotion, vibration_m_s2: FloatArray) -> None:
+    def write(self, step: Step, vibration_m_s2: FloatArray) -> None:
         count = len(vibration_m_s2)
         frames = empty_frames(count)
         frames["sequence"] = self._sequence + np.arange(count)
         frames["time_ns"] = frames["sequence"].astype(np.int64) * FRAME_PERIOD_NS
-        back = (np.array(motion.position_mm) - self._path_mm) / _RETURN_S
-        step_mm = (np.array(motion.velocity_mm_s) + back) * _FRAME_S
-        steps = np.arange(1, count + 1)[:, None]
-        frames["position_mm"][:, :2] = self._path_mm + steps * step_mm
-        frames["force_n"][:, 2] = motion.force_n
+        back = (np.array(step.position_mm) - self._path_mm) / _RETURN_S
+        step_mm = (np.array(step.velocity_mm_s) + back) * _FRAME_S
+        counted = np.arange(1, count + 1)[:, None]
+        frames["position_mm"][:, :2] = self._path_mm + counted * step_mm
+        frames["force_n"][:, 2] = step.force_n
         frames["acceleration_m_s2"][:, 2] = vibration_m_s2
         self._path_mm = self._path_mm + count * step_mm
         self._sequence += count

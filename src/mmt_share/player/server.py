@@ -1,6 +1,11 @@
-"""The texture player's server: its page, and the page's connection; one page plays at a time."""
+"""The texture player's server: its page, and the page's connection.
+
+The page renders: it gets the models, and again those that have grown. What it sends are strokes,
+for a recording and for how long a texture was felt, and a participant's answers.
+"""
 
 import asyncio
+import itertools
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -14,15 +19,13 @@ from mmt.link.access import TOKEN_VARIABLE, Access, Entrance
 from mmt.link.http import Listener
 from mmt.web.binary_messages import pack
 from mmt.web.page_server import add_page, open_socket, page_files
-from mmt_share.player.messages import PlayRequest, line, parse, play_request, whole
-from mmt_share.player.motion import PointerMotion
+from mmt_share.player.messages import line, parse, steps_of, whole
 from mmt_share.player.player import Player
-from mmt_share.player.stream import FASTEST_HZ, Stream
 from mmt_share.player.study import BEST
 
 _PAGES: Final = Path(__file__).parents[1] / "pages" / "player"
 TAKEN_OVER: Final = 4409
-"""Close code: another page plays now."""
+"""Close code: another page is connected now."""
 _MOST_BYTES: Final = 32_768
 _PLAYERS: Final = Entrance(
     "the player",
@@ -30,12 +33,16 @@ _PLAYERS: Final = Entrance(
     f"set a token ({TOKEN_VARIABLE} or --token-file), or allow everyone by --open",
 )
 
-_STATUS_S: Final = 1.0
+_NEWS_S: Final = 0.1
+_NEWS_A_STATUS: Final = 10
 _MOST_ORDERS: Final = 8
-_MOST_MESSAGES: Final = 2000
-"""In a second; a page sends some 190."""
+_MOST_MESSAGES: Final = 200
+"""In a second; a page sends some ten."""
 _FLOODED: Final = 1008
-_SLOWEST_STROKE_MM_S: Final = 5.0
+_MOST_HELD_MS: Final = 10_000.0
+"""Longest stroke that a slow network may hold back and deliver at once."""
+_FASTER: Final = 1.05
+"""How much faster than this machine's clock a page's may be."""
 
 
 class PlayerServer:
@@ -48,7 +55,7 @@ class PlayerServer:
     access
         What is required of a page that connects.
     several
-        Whether several pages may play at once; otherwise the newest one does.
+        Whether several pages may be connected at once; otherwise the newest one is.
     """
 
     def __init__(
@@ -61,7 +68,8 @@ class PlayerServer:
         application = web.Application()
         application.router.add_get("/", self._redirect)
         application.router.add_get("/player/socket", self._receive)
-        add_page(application, "/player", page_files(_PAGES, {}))
+        vendored = {"mmt-texture.js": "texture/mmt-texture.js"}
+        add_page(application, "/player", page_files(_PAGES, vendored))
         self._listener = Listener(application, _PLAYERS)
 
     @property
@@ -115,7 +123,7 @@ class PlayerServer:
 
 
 class PageConnection:
-    """The connection of one page: it asks for samples and sends orders, until it leaves.
+    """The connection of one page: it gets models, sends strokes and orders, until it leaves.
 
     Parameters
     ----------
@@ -128,21 +136,20 @@ class PageConnection:
     def __init__(self, player: Player, socket: web.WebSocketResponse) -> None:
         self._player = player
         self.socket = socket
-        self._stream: Stream | None = None
-        self._models = player.models
-        self._motion = PointerMotion()
+        self._models: tuple[bytes, ...] = ()
+        self._hand: tuple[float, float, bool] | None = None
         self._orders: set[asyncio.Task[None]] = set()
         self._order_lock = asyncio.Lock()
         self._shown: dict[str, Any] | None = None
         self._rejected = 0
         self._received = 0
-        self._since_s = time.monotonic()
+        self._since_s = self._then_s = time.monotonic()
+        self._earned_ms = 1000.0
 
     async def serve(self) -> None:
         """Answer the page's messages."""
         await self.socket.send_bytes(self._player.hello())
-        await self._show_study()
-        reporting = asyncio.create_task(self._send_status())
+        reporting = asyncio.create_task(self._send_news())
         try:
             async for message in self.socket:
                 if message.type is not WSMsgType.TEXT or self._is_flooding():
@@ -156,17 +163,13 @@ class PageConnection:
                 task.cancel()
             await asyncio.gather(reporting, *self._orders, return_exceptions=True)
             self._player.lift()
-            if self._stream is not None:
-                self._stream.close()
 
     async def _handle(self, text: str) -> None:
         message: dict[str, Any] = {}
         try:
             message = parse(text)
-            if message["do"] == "play":
-                await self._play(play_request(message, len(self._player.names)))
-            elif message["do"] == "open":
-                await self._open(whole(message, "rate_hz", FASTEST_HZ))
+            if message["do"] == "stroke":
+                self._stroke(message)
             elif len(self._orders) >= _MOST_ORDERS:
                 raise InputError("too many orders at once")
             else:
@@ -177,42 +180,21 @@ class PageConnection:
             self._rejected += 1
             await self._answer(message, str(error), good=False)
 
-    async def _open(self, rate_hz: int) -> None:
-        """Begin the sound, or begin it anew."""
-        self._models = self._player.models
-        stream = Stream(self._models, rate_hz, seed=self._player.seed)
-        if self._stream is not None:
-            self._stream.close()
-        self._stream = stream
-        self._motion.lift()
-        self._player.lift()
-        header = {"rate_hz": rate_hz, "delay_ms": 1e3 * stream.delay_s}
-        await self.socket.send_bytes(pack("opened", header, {}))
-
-    async def _play(self, request: PlayRequest) -> None:
-        stream, motion, player = self._stream, self._motion, self._player
-        if stream is None:
-            raise InputError("open the sound first")
-        if self._models is not player.models:
-            self._models = player.models
-            stream.use(self._models)
-        tile = request.tile
-        if tile is None:
-            motion.lift()
-        else:
-            motion.follow(request.points, request.now_ms)
-        texture = player.texture(tile) if tile is not None and motion.touches else None
-        block = stream.next(request, motion, texture)
-        if texture is None or tile is None:
+    def _stroke(self, message: dict[str, Any]) -> None:
+        """Take a part of a stroke, or with a null tile its end."""
+        player = self._player
+        if message.get("tile") is None:
             player.lift()
-        else:
-            player.record(texture, motion, block.vibration_m_s2)
-            x_mm_s, y_mm_s = motion.velocity_mm_s
-            if x_mm_s**2 + y_mm_s**2 >= _SLOWEST_STROKE_MM_S**2 and player.study is not None:
-                player.study.stroked(tile, len(block.sound_m_s2) / stream.rate_hz)
-                await self._show_study()
-        header = {"number": request.number, "first": stream.sent - len(block.sound_m_s2)}
-        await self.socket.send_bytes(pack("sound", header, {"sound": block.sound_m_s2}))
+            return
+        tile, steps = whole(message, "tile", len(player.names) - 1), steps_of(message)
+        now_s = time.monotonic()
+        earned_ms = self._earned_ms + _FASTER * 1e3 * (now_s - self._then_s)
+        self._earned_ms, self._then_s = min(earned_ms, _MOST_HELD_MS), now_s
+        lasted_ms = sum(step.duration_ms for step in steps)
+        if lasted_ms > self._earned_ms:
+            raise InputError("a stroke cannot be longer than the time that has passed")
+        self._earned_ms -= lasted_ms
+        player.stroke(tile, steps)
 
     async def _order(self, message: dict[str, Any]) -> None:
         """Carry out an order; rows are on the disk before it is answered."""
@@ -260,12 +242,23 @@ class PageConnection:
             self._shown = state
             await self.socket.send_bytes(pack("study", state, {}))
 
-    async def _send_status(self) -> None:
-        """Send the status once a second, which also keeps the connection alive."""
-        while True:
-            status = {**self._player.status(), "rejected": self._rejected}
-            await self.socket.send_bytes(pack("status", status, {}))
-            await asyncio.sleep(_STATUS_S)
+    async def _send_news(self) -> None:
+        """Send what has changed, and once a second the status, which keeps the connection alive."""
+        player = self._player
+        for turn in itertools.count():
+            if self._models is not player.model_messages:
+                self._models = player.model_messages
+                for model in self._models:
+                    await self.socket.send_bytes(model)
+            await self._show_study()
+            if player.hand is not None and player.hand != self._hand:
+                self._hand = x_mm, y_mm, touches = player.hand
+                hand = {"x_mm": x_mm, "y_mm": y_mm, "touches": touches}
+                await self.socket.send_bytes(pack("hand", hand, {}))
+            if turn % _NEWS_A_STATUS == 0:
+                status = {**player.status(), "rejected": self._rejected}
+                await self.socket.send_bytes(pack("status", status, {}))
+            await asyncio.sleep(_NEWS_S)
 
     def _is_flooding(self) -> bool:
         now_s = time.monotonic()

@@ -130,7 +130,7 @@ class Study(ABC):
 
     @abstractmethod
     def state(self) -> dict[str, Any]:
-        """Return what the page shows."""
+        """Return what the page shows; where it is `hidden`, the page plays `textures` unnamed."""
 
     def _row(self, event: str, **values: Value) -> None:
         self._write(
@@ -152,6 +152,7 @@ class Study(ABC):
             "participant": self.participant,
             "hidden": self.hidden,
             "done": self.done,
+            "textures": [self.texture(tile) for tile in range(len(self.names))],
         }
 
 
@@ -269,13 +270,12 @@ class Matching(Study):
         return "thank you"
 
     def state(self) -> dict[str, Any]:
-        """Return what the page shows; what a tile is, only where nothing is hidden."""
+        """Return what the page shows."""
         return {
             **self._common(),
             "samples": self.order,
             "tiles": {str(sample): tile for sample, tile in self.tiles.items()},
             "matches": self.matches,
-            "textures": None if self.hidden else self._shuffled,
             "rates": self.matches is not None and not self.done,
         }
 

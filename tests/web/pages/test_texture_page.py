@@ -1,6 +1,7 @@
 """The page of one file in a real browser, opened from disk without a network."""
 
 import asyncio
+import base64
 import json
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -26,7 +27,6 @@ pytestmark = MARKS
 
 PHONE = (390, 844)
 RENDER = "([inputs, excitation]) => [...window.mmtTexture.render(...inputs, excitation)]"
-PLAYED = "document.querySelector('#played-title').textContent"
 PLAYED = "document.querySelector('#played-title').textContent"
 LEVEL = f"Number.parseFloat(/level ([\\d.]+)/.exec({PLAYED})?.[1] ?? '0')"
 
@@ -187,6 +187,79 @@ async def test_the_element_plays_in_anothers_page(browser) -> None:
         assert await page.evaluate(f"{first}.texture.by") == "worklet"
         await page.mouse.up()
         await until(page, "window.rms === 0")
+        assert problems == []
+
+
+FOLLOW = """async ([source, strokes]) => {
+    const { PointerMotion, heldShare } = await import(`data:text/javascript;base64,${source}`);
+    const told = ({ vx, vy, force, touches, holdMs }) =>
+        [vx, vy, force, touches, holdMs, heldShare(holdMs, 20), heldShare(holdMs, 300)];
+    return strokes.map((points) => {
+        const motion = new PointerMotion();
+        return points.map((point) => {
+            if (point === null) motion.lift();
+            else motion.add(...point);
+            return told(motion);
+        });
+    });
+}"""
+"""What each report of a pointer, or null for its lift, makes of velocity and force."""
+
+
+async def followed(page: Any, *strokes: list[tuple[float, float, float, float] | None]) -> Any:
+    source = base64.b64encode(MODULE.read_bytes()).decode()
+    return await page.evaluate(FOLLOW, [source, strokes])
+
+
+async def test_what_velocity_and_force_a_pointer_is_taken_to_have(browser, tmp_path) -> None:
+    intervals = [4.0, 8.3, 16.7, 33.3]
+    steady = [[(t, 0.15 * t, -0.15 * t, 1.5) for t in np.arange(40) * each] for each in intervals]
+    moved = [*steady[2], None, (5000.0, 900.0, 900.0, 2.0)]
+    random = np.random.default_rng(5)
+    least, largest = [0.0, -1e4, -1e4, 0.0], [1e6, 1e4, 1e4, 100.0]
+    wild = random.uniform(least, largest, (200, 20, 4)).tolist()
+    close = [(1.0, 0.0, 0.0, 1.0), (1.0, 50.0, 0.0, 1.0), (1.02, 50.0, 0.0, 1.0)]
+    async with a_file(browser, tmp_path, {"one": model()}) as (page, problems):
+        for told in await followed(page, *steady):
+            vx, vy, force, touches, _, held, left = told[-1]
+            assert (vx, vy) == pytest.approx((150.0, -150.0), rel=1e-3)
+            assert force == pytest.approx(1.5)
+            assert touches
+            assert held == 1.0  # between two reports
+            assert left < 1e-7  # after the last one
+        ((*_, lifted, elsewhere),) = await followed(page, moved)
+        assert lifted[:4] == [0.0, 0.0, 0.0, False]
+        assert elsewhere[:4] == [0.0, 0.0, 2.0, True]  # it has not moved there
+        for told in await followed(page, close, *wild):
+            for vx, vy, force, touches, hold_ms, *_ in told:
+                assert np.hypot(vx, vy) <= 5000.0 * (1 + 1e-9)
+                assert 0.0 <= force <= 100.0 * (1 + 1e-9)
+                assert touches
+                assert 20.0 <= hold_ms <= 50.0
+        assert problems == []
+
+
+async def test_keys_stroke_to_and_fro_within_the_surface(browser, tmp_path) -> None:
+    async with a_file(browser, tmp_path, {"one": model()}, PHONE) as (page, problems):
+        await page.fill("#speed", "300")
+        await page.focus("#surface")
+        await page.keyboard.down("ArrowRight")
+        await page.evaluate(
+            """() => {
+                window.places = [];
+                const box = document.querySelector("#surface"), dot = box.lastElementChild;
+                const look = () => {
+                    const at = dot.getBoundingClientRect(), edge = box.getBoundingClientRect();
+                    if (at.width) window.places.push((at.x + at.width / 2 - edge.x) / edge.width);
+                    requestAnimationFrame(look);
+                };
+                look();
+            }"""
+        )
+        await until(page, "Math.max(...window.places) > 0.9")
+        await until(page, "Math.min(...window.places) < 0.1")
+        await page.keyboard.up("ArrowRight")
+        assert await page.evaluate("window.places.every((place) => place > 0 && place < 1)")
         assert problems == []
 
 

@@ -3,9 +3,8 @@
 const letter = (tile) => String.fromCharCode(65 + tile);
 
 export class Grid {
-  /** `onChoose(tile)` is told which tile was touched or focused last. */
-  constructor(node, onChoose) {
-    Object.assign(this, { node, onChoose });
+  constructor(node) {
+    this.node = node;
     this.tiles = [];
     this.chosen = null;
     this.pointed = null;
@@ -16,33 +15,49 @@ export class Grid {
   }
 
   /** Make a tile for each texture; those that are there already stay, and what is done on them. */
-  make(names, pictures) {
+  make(names) {
     if (JSON.stringify(names) === JSON.stringify(this.names)) return;
     this.names = names;
     this.moved();
-    this.pictures = names.map((_, index) => painted(index, pictures, names.length));
+    this.pictures = [];
+    this.shown = null;
     this.tiles = names.map((_, tile) => this.#tile(tile));
     this.node.replaceChildren(...this.tiles);
-    this.shown = undefined;
     this.show(names.map((_, index) => index));
+  }
+
+  /** Show a texture's picture on the tile that has it. */
+  paint(texture, relief) {
+    this.pictures[texture] = painted(relief);
+    this.tiles.forEach((_, tile) => { if (this.shown[tile] === texture) this.#paint(tile); });
+  }
+
+  /** Say something across a tile, until it is touched. */
+  caption(tile, sentence) {
+    const node = this.tiles[tile].querySelector("p");
+    node.replaceChildren();
+    if (sentence) node.append(Object.assign(document.createElement("span"), { textContent: sentence }));
   }
 
   /** Show which texture each tile is; null hides it. */
   show(textures) {
-    const key = JSON.stringify(textures);
-    if (key === this.shown) return;
-    this.shown = key;
+    if (JSON.stringify(textures) === JSON.stringify(this.shown)) return;
+    this.shown = textures;
     this.tiles.forEach((node, tile) => {
-      const texture = textures?.[tile] ?? null;
+      const texture = textures[tile];
       const name = texture === null ? letter(tile) : `${letter(tile)} ${this.names[texture]}`;
       node.classList.toggle("hidden", texture === null);
       node.setAttribute("aria-label", texture === null ? `hidden texture ${name}` : name);
       node.querySelector("b").textContent = name;
-      const canvas = node.querySelector("canvas");
-      canvas.getContext("2d").clearRect(0, 0, canvas.width, canvas.height);
-      if (texture !== null) canvas.getContext("2d").putImageData(this.pictures[texture], 0, 0);
+      this.#paint(tile);
     });
     this.choose(null);
+  }
+
+  #paint(tile) {
+    const canvas = this.tiles[tile].querySelector("canvas"), picture = this.pictures[this.shown[tile]];
+    canvas.width = canvas.height = picture?.width ?? 1; // which clears it
+    if (picture !== undefined) canvas.getContext("2d").putImageData(picture, 0, 0);
   }
 
   /** Mark tiles by classes: `marks(tile)` gives those that hold. */
@@ -57,7 +72,6 @@ export class Grid {
     if (tile === this.chosen) return;
     this.chosen = tile;
     this.tiles.forEach((node, index) => node.classList.toggle("chosen", index === tile));
-    this.onChoose(tile);
   }
 
   focus(tile) {
@@ -65,8 +79,7 @@ export class Grid {
   }
 
   focused() {
-    const tile = this.tiles.indexOf(document.activeElement);
-    return tile < 0 ? null : tile;
+    return this.tiles.includes(document.activeElement);
   }
 
   at(x, y) {
@@ -105,8 +118,18 @@ export class Grid {
       this.pointed = tile;
     }
     if (tile === null) return;
-    const box = this.box(tile), dot = this.tiles[tile].lastChild;
-    dot.style.transform = `translate(${this.pointer.x - box.left}px, ${this.pointer.y - box.top}px)`;
+    const box = this.box(tile);
+    this.#place(tile, "own", this.pointer.x - box.left, this.pointer.y - box.top);
+  }
+
+  /** Show where the leader's hand strokes the first tile, as shares of its width and height; null where it does not. */
+  lead(place) {
+    this.tiles[0]?.classList.toggle("led", place !== null);
+    if (place !== null) this.#place(0, "leader", place[0] * this.box(0).width, place[1] * this.box(0).height);
+  }
+
+  #place(tile, whose, x, y) {
+    this.tiles[tile].querySelector(`.${whose}`).style.transform = `translate(${x}px, ${y}px)`;
   }
 
   #tile(tile) {
@@ -114,22 +137,17 @@ export class Grid {
     node.className = "tile";
     node.tabIndex = 0;
     node.setAttribute("role", "button");
-    const canvas = document.createElement("canvas");
-    canvas.width = canvas.height = this.pictures[tile].width;
-    node.append(canvas, document.createElement("b"), document.createElement("i"));
+    node.append(...["canvas", "b", "p", "i", "i"].map((name) => document.createElement(name)));
+    [...node.querySelectorAll("i")].forEach((dot, index) => { dot.className = ["leader", "own"][index]; });
     node.addEventListener("focus", () => this.choose(tile));
     return node;
   }
 }
 
 /** Paint a relief in grey: colours have a meaning. */
-function painted(index, pictures, count) {
-  const size = Math.round(Math.sqrt(pictures.length / count));
+function painted(relief) {
+  const size = Math.sqrt(relief.length);
   const image = new ImageData(size, size);
-  for (let i = 0; i < size * size; i++) {
-    const share = Math.min(1, Math.max(0, 0.5 + pictures[index * size * size + i] / 5));
-    image.data.set([0, 1, 2].map(() => 40 + 180 * share), 4 * i);
-    image.data[4 * i + 3] = 255;
-  }
+  relief.forEach((height, i) => image.data.set([...Array(3).fill(40 + 180 * Math.min(1, Math.max(0, 0.5 + height / 5))), 255], 4 * i));
   return image;
 }

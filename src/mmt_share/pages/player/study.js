@@ -38,6 +38,7 @@ export class Study {
     const runs = state.scenario !== null, matches = state.scenario === "matching";
     $("begin-form").hidden = runs;
     $("leave").hidden = !runs;
+    if (runs) $("study").open = true;
     $("leave").textContent = state.done ? "Done" : "Leave";
     $("ratings").hidden = !runs || state.done || (matches && state.matches === null);
     for (const button of $("rating-buttons").children) button.disabled = !state.rates;
@@ -45,7 +46,7 @@ export class Study {
     $("samples").hidden = $("answer-tile").hidden = !asks;
     const all = asks && Object.keys(state.tiles).length === this.names.length;
     $("finish").hidden = !all;
-    this.grid.show(matches ? state.textures : this.names.map((_, index) => index));
+    this.grid.show(this.names.map((_, tile) => (state.hidden ? null : matches ? state.textures[tile] : tile)));
     this.grid.mark((tile) => this.#marks(tile));
     if (asks) this.#samples();
     $("prompt").textContent = this.#prompt();
