@@ -15,13 +15,17 @@ import socketio
 from sharing_samples import ENDED, LONGEST_S, about, listening, model_of, shared, until
 
 from mmt.core.errors import InputError, MmtError
+from mmt.leader.part import Session
 from mmt.link.protocol import encode_event
 from mmt.link.socket_client import SocketClient
+from mmt.scene import Scene
 from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt_share import relay as relay_module
 from mmt_share.messages import SHARING_VERSION, STATE, Hello
+from mmt_share.parts.sharing import SharingPart
 from mmt_share.publishing import ModelPublisher
 from mmt_share.relay import ListenerFeed, Relay
+from mmt_share.tables import Sharing
 
 TOKEN = "0123456789abcdef0123"
 
@@ -102,6 +106,28 @@ async def test_states_are_waited_for_and_the_newest_is_given(
         monkeypatch.undo()
         sharing.publish(15)
         assert (await waiting).about == about(15)
+
+
+@pytest.mark.parametrize("more", [0, 1])
+async def test_the_last_growth_comes_before_the_end(more: int) -> None:
+    """Whether it is being sent when the session ends, or has only just come."""
+    model: Any = SimpleNamespace(newest=model_of(10), takes_over=True)
+    session = Session(Scene())
+    part = SharingPart(session, Sharing(port=0), model)
+    running = asyncio.create_task(part.tasks()["sharing"])
+    await until(lambda: part.port is not None)
+    async with listening(f"http://127.0.0.1:{part.port}") as heard:
+        await until(lambda: heard.models == [1])
+        model.newest = model_of(200)
+        if more:
+            await until(lambda: part.publishing is not None and not part.publishing.done())
+        running.cancel()
+        session.ending.stop("completed")
+        await part.stop()
+        await until(lambda: ENDED in heard.said)
+        assert heard.client.replica.about is not None
+        assert heard.client.replica.about.samples == 200
+    part.close()
 
 
 async def test_states_of_the_hand_arrive() -> None:

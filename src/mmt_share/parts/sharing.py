@@ -17,7 +17,7 @@ from mmt.leader.part import Part, Session, Tick
 from mmt.link.protocol import encode_event
 from mmt_share.messages import STATE, STATE_DTYPE, About
 from mmt_share.parts.listeners import Listeners
-from mmt_share.publishing import ModelPublisher
+from mmt_share.publishing import ModelPublisher, Published
 from mmt_share.store.store import Entry, ModelStore
 from mmt_share.tables import Control, Sharing
 
@@ -60,6 +60,8 @@ class SharingPart(Part):
         """States of the model that were handed on."""
         self.listeners = Listeners()
         self._reading: asyncio.Task[None] | None = None
+        self.publishing: asyncio.Future[Published] | None = None
+        """Makes the messages of a state of the model; None before the first."""
         self.port: int | None = None
         """The port that listeners connect to, None before there is one."""
         self.on_control: Callable[[dict[str, Any]], None] = lambda _: None
@@ -84,6 +86,10 @@ class SharingPart(Part):
         process = self._process
         if process is None or process.stdin is None:
             return
+        if self.publishing is not None:
+            await asyncio.wait([self.publishing])
+        if self.port is not None:
+            await self._hand_on_model()
         self._write({"end": self._session.ending.outcome})
         process.stdin.close()
         try:
@@ -199,11 +205,17 @@ class SharingPart(Part):
         state = self._packed_state(time_s)
         if state is not None:
             self._write({"state": [encode_event(STATE, state), time_s, time.monotonic_ns()]})
+        await self._hand_on_model()
+
+    async def _hand_on_model(self) -> None:
+        """Hand on a model that is new; it is made whole, also if this is cancelled meanwhile."""
         now = self._now()
         if now is None or now == self._shared:
             return
+        publish = asyncio.to_thread(self._publisher.publish, *now)
+        self.publishing = asyncio.ensure_future(publish)
+        published = await asyncio.shield(self.publishing)
         self._shared = now
-        published = await asyncio.to_thread(self._publisher.publish, *now)
         self._write({"model": list(published)})
         self.models += 1
 
