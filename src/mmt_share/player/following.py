@@ -62,7 +62,8 @@ class SharedTexture:
     async def follow(self, player: Player) -> None:
         """Let the player have each new state of the model, until cancelled."""
         while True:
-            _, model = await self._client.next_state()
+            about, model = await self._client.next_state()
+            player.completion = about.completion
             if model is None:
                 continue
             try:

@@ -61,6 +61,8 @@ class Player:
         The hand that strokes a shared surface: x and y (mm), and whether it touches. None without.
     said
         What was said last of a shared surface.
+    completion
+        How far the model of a shared surface is, in words; "" before it is known.
     """
 
     def __init__(
@@ -85,7 +87,7 @@ class Player:
         if record is not None:
             self._recorder = TouchRecorder(record, names, models, seed=seed, replace=replace)
         self.hand: tuple[float, float, bool] | None = None
-        self.said = ""
+        self.said = self.completion = ""
         self.use(models)
 
     def close(self) -> list[tuple[Path, float]]:
@@ -134,6 +136,7 @@ class Player:
             "problem": self.recording_problem,
             "rows": self.results.rows,
             "said": self.said,
+            "completion": self.completion,
         }
 
     def stroke(self, tile: int, steps: Sequence[Step]) -> None:

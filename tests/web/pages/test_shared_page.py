@@ -21,7 +21,9 @@ async def test_a_visitor_feels_the_model_as_it_becomes_and_after_its_end(
     async with shared() as sharing, a_page(browser, PHONE) as (page, problems):
         async with playing_shared(sharing, tmp_path) as server:
             await page.goto(address(server))
-            await shows(page, ".tile", "not ready yet")
+            await shows(page, ".tile", "not ready yet: the leader still explores the surface")
+            sharing.publish(40, ready=False)
+            await shows(page, ".tile", "not ready yet: completion sum 5.00")
             for hidden in ("#study", "#help", "#controls"):
                 await api.expect(page.locator(hidden)).to_be_hidden()
             sharing.offer(flat_texture(1.0), about(49))

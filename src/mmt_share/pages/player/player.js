@@ -27,6 +27,7 @@ let steps = [];
 let then = 0;
 let shownAt = 0;
 let level = { square: 0, counted: 0 };
+let completion = ""; // how far a shared model is
 let reach = null; // how far the leader's hand has been: least x, y, largest x, y
 
 const grid = new Grid($("grid"));
@@ -72,6 +73,9 @@ const take = {
     const said = [message.problem ?? (records ? `recorded ${message.recorded_s.toFixed(1)} s` : "")];
     said.push(message.rows ? `${message.rows} rows of results` : "", message.said);
     text("recording", said.filter(Boolean).join(", "));
+    if (completion === message.completion) return;
+    ({ completion } = message);
+    captions();
   },
 };
 
@@ -79,7 +83,7 @@ const take = {
 const modelOf = (at) => models[study.state.scenario === null ? at : study.state.textures[at]] ?? null;
 
 function captions() {
-  if (names.length === 1) grid.caption(0, models.length ? "touch to feel" : "not ready yet: the leader still explores the surface");
+  if (names.length === 1) grid.caption(0, models.length ? "touch to feel" : `not ready yet: ${completion || "the leader still explores the surface"}`);
 }
 
 /** Say that the page plays on without its server. */
