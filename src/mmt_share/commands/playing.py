@@ -1,6 +1,7 @@
 """``mmt play``: the texture player's page."""
 
 import asyncio
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -79,7 +80,7 @@ def play(
         replace=force,
         seed=seed,
     )
-    asyncio.run(_serve(PlayerServer(player, Access.of(link)), link, everyone))
+    asyncio.run(serve_until_ended(PlayerServer(player, Access.of(link)), link, everyone=everyone))
 
 
 async def _serve_shared(url: str, results: "ResultsFile", link: Link, everyone: bool) -> None:
@@ -93,18 +94,41 @@ async def _serve_shared(url: str, results: "ResultsFile", link: Link, everyone: 
     try:
         player = await texture.connect(results)
         following = asyncio.create_task(texture.follow(player))
-        await _serve(PlayerServer(player, Access.of(link), several=True), link, everyone)
+        server = PlayerServer(player, Access.of(link), several=True)
+        await serve_until_ended(server, link, everyone=everyone)
     finally:
         if following is not None:
             following.cancel()
         await texture.close()
 
 
-async def _serve(server: "PlayerServer", link: Link, everyone: bool) -> None:
+async def serve_until_ended(
+    server: "PlayerServer",
+    link: Link,
+    *,
+    everyone: bool = False,
+    on_page: Callable[[str], object] = lambda _: None,
+) -> None:
+    """Serve pages until a signal, and tell what was recorded.
+
+    Parameters
+    ----------
+    server, link, everyone
+        What is served, and as of `PlayerServer.start`.
+    on_page
+        Called with the page's address.
+
+    Raises
+    ------
+    MmtError
+        The port cannot be had, or a recording stopped.
+    """
     ended, player = asyncio.Event(), server.player
     await server.start(link.host, link.port, everyone=everyone)
     stop_on_signals(ended.set)
-    messages.print(f"player:   {reachable_url(link, server.port)}/player/", highlight=False)
+    url = f"{reachable_url(link, server.port)}/player/"
+    messages.print(f"player:   {url}", highlight=False)
+    on_page(url)
     try:
         await ended.wait()
     finally:

@@ -1,0 +1,128 @@
+"""``mmt try``: a recording of another program, modelled and played at once."""
+
+import asyncio
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mmt.cli.browser import open_page
+from mmt.cli.common import Force, messages, output
+from mmt.cli.importing import Columns, Rate, SourceFile, Units, print_report
+from mmt.core.errors import InputError, MmtError
+from mmt.core.existing_files import require_absent
+from mmt.core.kernel_cache import compile_kernels
+from mmt.link.access import Access
+from mmt.scene import Link
+from mmt_share.commands.playing import serve_until_ended
+
+if TYPE_CHECKING:
+    from mmt.core.arrays import RecordArray
+    from mmt.session.importing.options import ImportOptions
+    from mmt.session.importing.proposal import Proposal
+    from mmt.texture.model.texture_model import TextureModel
+
+
+def try_recording(
+    source: SourceFile,
+    columns: Columns = None,
+    units: Units = None,
+    rate: Rate = None,
+    port: Annotated[int, typer.Option(help="Listen on this port; 0 takes any free one.")] = 8770,
+    force: Force = False,
+) -> None:
+    """Import a recording of one surface, build its model and play it; ask what is not clear."""
+    target = Path(f"{source.stem}.npz")
+    require_absent(target, force=force)
+    compile_kernels(["mmt.texture.online.modeller", "mmt_share.player.player"], messages.print)
+    from mmt.session.importing.options import ImportOptions, assignments
+    from mmt_share.player.player import Player
+    from mmt_share.player.results import ResultsFile
+    from mmt_share.player.server import PlayerServer
+
+    options = ImportOptions(
+        columns=assignments(columns or [], "--map"),
+        units=assignments(units or [], "--unit"),
+        rate_hz=rate,
+    )
+    model = _modelled(source, options)
+    model.save(target)
+    messages.print(f"model:    {target}", highlight=False)
+    link = Link(port=port)
+    player = Player([source.stem], [model], results=ResultsFile("mmt-play.csv"), scenarios=False)
+    server = PlayerServer(player, Access.of(link))
+    asyncio.run(serve_until_ended(server, link, on_page=open_page))
+
+
+def _modelled(source: Path, options: "ImportOptions") -> "TextureModel":
+    """Return the model of a recording at the stop criterion, or at the end.
+
+    Raises
+    ------
+    MmtError
+        It cannot be imported, or has too few steady strokes.
+    """
+    from mmt.session import read_session
+    from mmt.texture.online.history import build_model
+
+    frames = None
+    if source.suffix.lower() == ".mcap":
+        with suppress(InputError):  # it is no session of mmt
+            frames = read_session(source).frames
+    history = build_model(_imported(source, options) if frames is None else frames)
+    stop_s = history.updates[-1].time_s if history.stop_s is None else history.stop_s
+    model = history.model_at(stop_s)
+    if model is None:
+        raise MmtError(f"{source}: it has too few steady strokes to be modelled")
+    share = history.updates[history.number(stop_s)].progress.value
+    messages.print(f"{100.0 * share:.0f} % of strokes should feel right", highlight=False)
+    return model
+
+
+def _imported(source: Path, options: "ImportOptions") -> "RecordArray":
+    """Import another program's recording, and show what was found."""
+    from mmt.session.importing.proposal import try_proposal
+    from mmt.session.importing.recording import import_recording
+
+    proposal, report, error = try_proposal(source, _completed(source, options))
+    if report is None:
+        raise error or InputError(f"{source}: it cannot be imported")
+    print_report(source.name, report)
+    output.print(f"imported as by: {proposal.command(source)}", highlight=False, soft_wrap=True)
+    return import_recording([source], proposal.options)[0].frames
+
+
+def _completed(source: Path, options: "ImportOptions") -> "Proposal":
+    """Return how a file may be imported, asking a person for what its columns do not tell."""
+    from mmt.session.importing.proposal import propose
+
+    proposal = propose(source, options)
+    for target in proposal.lacking:
+        if not sys.stdin.isatty():
+            option = "--rate HZ" if target == "time" else f"--map {target}_z=NAME"
+            raise InputError(f"{source}: no column was found for {target}; say it by {option}")
+        options = _asked(target, proposal.names, options)
+    return propose(source, options) if proposal.lacking else proposal
+
+
+def _asked(target: str, names: Sequence[str], options: "ImportOptions") -> "ImportOptions":
+    """Ask for the rows a second, or for the columns of a channel."""
+    if target == "time":
+        hertz = typer.prompt("No column tells the time. Rows a second (Hz)", type=float, err=True)
+        return replace(options, rate_hz=hertz)
+    messages.print(f"columns: {', '.join(names)}", highlight=False)
+    question = f"Which are the {target} along x, y and z? Three, one of three elements, or z alone"
+    answer = typer.prompt(question, err=True).replace(",", " ").split()
+    if len(answer) == 3:
+        told = {f"{target}_{axis}": name for axis, name in zip("xyz", answer, strict=True)}
+    elif len(answer) != 1:
+        raise InputError(f"{target}: {len(answer)} columns were named, it must be one or three")
+    elif f"{answer[0]}[0]" in names:
+        told = {target: answer[0]}
+    else:
+        told = {f"{target}_x": "0", f"{target}_y": "0", f"{target}_z": answer[0]}
+    return replace(options, columns={**options.columns, **told})

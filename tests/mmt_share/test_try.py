@@ -1,0 +1,127 @@
+"""``mmt try``: from a table of another program to a page that plays it."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import urllib.request
+from pathlib import Path
+from unittest.mock import AsyncMock
+
+import numpy as np
+import pytest
+from service_processes import LONGEST_S, Service
+from typer.testing import CliRunner
+
+import mmt
+from mmt.cli.main import app
+from mmt.session import write_session
+from mmt_share.commands import trying
+
+NAMES = ("position_mm", "force_n", "acceleration_m_s2")
+
+
+@pytest.fixture(scope="module")
+def measured() -> np.ndarray:
+    """Time, position, force and acceleration of a stroked surface, (n, 10)."""
+    frames, _ = mmt.simulate_session(mmt.Scene(), surface="wood", duration_s=8.0)
+    return np.column_stack([frames["sequence"] / 1000.0, *(frames[name] for name in NAMES)])
+
+
+def write(path: Path, header: str, values: np.ndarray) -> Path:
+    np.savetxt(path, values, delimiter=",", header=header, comments="", fmt="%.6f")
+    return path
+
+
+def test_a_table_whose_columns_tell_all_is_played(
+    tmp_path: Path, measured: np.ndarray, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "mine.csv", "t,px_mm,py_mm,pz_mm,fx,fy,fz,ax,ay,az", measured)
+    with Service("main", "try", "mine.csv", "--port", 0, cwd=tmp_path) as trying:
+        trying.wait_for(lambda: "/player/" in trying.stderr)
+        (url,) = re.findall(r"http://\S+", trying.stderr)
+        with urllib.request.urlopen(url, timeout=LONGEST_S) as answer:
+            assert b"mmt texture player" in answer.read()
+        trying.signal(signal.SIGINT)
+        assert trying.end() == 0
+    assert "imported as by: mmt session import mine.csv mine.mcap" in trying.stdout
+    (share,) = re.findall(r"(\d+) % of strokes should feel right", trying.stderr)
+    assert 50 < int(share) <= 100
+    model = mmt.load_model(tmp_path / "mine.npz")
+    assert len(model.samples) > 5
+    again = CliRunner().invoke(app, ["try", "mine.csv"])
+    assert "mine.npz" in str(again.exception)
+    assert "--force" in str(again.exception)
+
+
+def test_a_session_of_mmt_is_taken_as_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(trying, "serve_until_ended", served := AsyncMock())
+    frames, _ = mmt.simulate_session(mmt.Scene(), surface="wood", duration_s=6.0)
+    write_session(tmp_path / "run.mcap", frames)
+    result = CliRunner().invoke(app, ["try", "run.mcap"])
+    assert result.exit_code == 0, result.output
+    served.assert_awaited_once()
+    history = mmt.build_model(frames)
+    expected = history.model_at(history.stop_s or 6.0)
+    assert expected is not None
+    assert mmt.load_model(tmp_path / "run.npz").to_bytes() == expected.to_bytes()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="there are no pseudo-terminals")
+def test_what_the_columns_do_not_tell_is_asked(tmp_path: Path, measured: np.ndarray) -> None:
+    path = write(tmp_path / "odd.csv", "one,two,three,four", measured[:, [1, 2, 6, 9]])
+    person, terminal = os.openpty()
+    with subprocess.Popen(
+        [sys.executable, "-m", "mmt.cli.entry", "main", "try", str(path), "--port", "0"],
+        cwd=tmp_path,
+        stdin=terminal,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as trying:
+        os.write(person, b"1000\none two 0\nthree\nfour\n")
+        assert trying.stderr is not None
+        said = ""
+        while "/player/" not in said and (line := trying.stderr.readline()):
+            said += line
+        trying.send_signal(signal.SIGINT)
+        trying.stderr.read()
+        assert trying.wait(LONGEST_S) == 0, said
+    for each in (person, terminal):
+        os.close(each)
+    for asked in ("Rows a second (Hz)", "position along", "force along", "acceleration along"):
+        assert asked in said
+    samples = mmt.load_model(tmp_path / "odd.npz").samples
+    assert samples.speed_mm_s.max() > 50.0
+
+
+@pytest.mark.parametrize(
+    ("header", "columns", "said"),
+    [
+        ("one,two,three,four", [1, 2, 6, 9], "no column was found for time; say it by --rate HZ"),
+        ("t,px,py,az", [0, 1, 2, 9], "no column was found for force; say it by --map force_z=NAME"),
+    ],
+)
+def test_without_a_person_it_says_what_is_missing(
+    tmp_path: Path, measured: np.ndarray, header: str, columns: list[int], said: str
+) -> None:
+    path = write(tmp_path / "odd.csv", header, measured[:, columns])
+    result = CliRunner().invoke(app, ["try", str(path)])
+    assert said in str(result.exception)
+
+
+def test_too_few_strokes_are_said(
+    tmp_path: Path, measured: np.ndarray, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    still = measured[:300].copy()
+    still[:, 1:7] = 0.0
+    path = write(tmp_path / "still.csv", "t,px_mm,py_mm,pz_mm,fx,fy,fz,ax,ay,az", still)
+    result = CliRunner().invoke(app, ["try", str(path)])
+    assert "too few steady strokes" in str(result.exception)
+    assert not (tmp_path / "still.npz").exists()
