@@ -1,7 +1,7 @@
 """``mmt model``: texture models as files."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -11,7 +11,7 @@ from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError, MmtError
 from mmt.core.existing_files import require_absent
 from mmt.core.kernel_cache import compile_kernels
-from mmt.scene import Texture
+from mmt.scene import Scene, Texture
 from mmt.session import RecordedSession
 
 if TYPE_CHECKING:
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from mmt.session.stream import Recording
     from mmt.texture.model.texture_model import TextureModel
     from mmt.texture.online.history import ModelHistory
+    from mmt.texture.online.work import ModelUpdate
     from mmt.texture.settings import ModellingSettings
 
 SUFFIX = ".npz"
@@ -54,22 +55,10 @@ def build_model(
     compile_kernels(["mmt.cli.reporting"], messages.print)
     from mmt.cli.reporting import scene_of
     from mmt.session.stream import open_recording
-    from mmt.texture.online.history import build
 
     recordings = [open_recording(source) for source in sources]
     scene = scene_of(recordings[0], scene_file)
-    texture = scene.texture or Texture()
-    settings = texture.settings(float(scene.session.rate_hz))
-    period_frames = max(1, round(texture.update_period_s * settings.rate_hz))
-    history = build(_blocks(recordings, settings, surface, period_frames), settings)
-    if not history.updates:
-        raise _no_frames(sources[0])
-    model = _chosen(history, whole=whole or len(recordings) > 1)
-    if model is None:
-        raise MmtError(
-            f"session {', '.join(map(str, sources))}: too few steady strokes. "
-            f"{_remark(recordings[0], settings)}"
-        )
+    model, _, history = built(recordings, scene, surface, whole=whole)
     save(model, target)
     figures = {
         "sessions": [str(source) for source in sources],
@@ -80,6 +69,60 @@ def build_model(
     output.print(summary_table(target.name, {"model": figures}))
     write_json(json_file, figures)
     messages.print(f"model: {target}", highlight=False)
+
+
+class Built(NamedTuple):
+    """A model that was built of recordings, the update that it is of, and all updates."""
+
+    model: "TextureModel"
+    update: "ModelUpdate"
+    history: "ModelHistory"
+
+
+def built(
+    recordings: "Sequence[Recording]",
+    scene: Scene,
+    surface: int | None = None,
+    *,
+    whole: bool = False,
+) -> Built:
+    """Build the model of recordings as the live leader does, to the stop criterion.
+
+    Parameters
+    ----------
+    recordings
+        At least one.
+    scene
+        How to model.
+    surface
+        The number of the surface, if there are several.
+    whole
+        Whether to continue past the criterion, as is done with several recordings.
+
+    Raises
+    ------
+    InputError
+        A recording holds no frames, or goes over several surfaces.
+    MmtError
+        There are too few steady strokes.
+    """
+    from mmt.texture.online.history import build
+
+    texture = scene.texture or Texture()
+    settings = texture.settings(float(scene.session.rate_hz))
+    period_frames = max(1, round(texture.update_period_s * settings.rate_hz))
+    history = build(_blocks(recordings, settings, surface, period_frames), settings)
+    if not history.updates:
+        raise _no_frames(recordings[0].path)
+    number = len(history.updates) - 1
+    if history.stop_s is not None and not whole and len(recordings) == 1:
+        number = history.number(history.stop_s)
+    model = history.model(number)
+    if model is None:
+        named = ", ".join(str(each.path) for each in recordings)
+        remark = _remark(recordings[0], settings)
+        raise MmtError(f"session {named}: too few steady strokes. {remark}")
+    return Built(model, history.updates[number], history)
 
 
 @app.command()
@@ -172,13 +215,6 @@ def _on_surface(
             "choose one with --surface"
         )
     return found[surface]
-
-
-def _chosen(history: "ModelHistory", *, whole: bool) -> "TextureModel | None":
-    """Return the model at the stop criterion, or at the end."""
-    if whole or history.stop_s is None:
-        return history.model(len(history.updates) - 1)
-    return history.model(history.number(history.stop_s))
 
 
 def _remark(recording: "Recording", settings: "ModellingSettings") -> str:

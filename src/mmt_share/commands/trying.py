@@ -13,7 +13,8 @@ import typer
 from mmt.cli.browser import open_page
 from mmt.cli.common import Force, messages, output
 from mmt.cli.importing import Columns, Rate, SourceFile, Units, print_report
-from mmt.core.errors import InputError, MmtError
+from mmt.cli.models import SUFFIX, built, save
+from mmt.core.errors import InputError
 from mmt.core.existing_files import require_absent
 from mmt.core.kernel_cache import compile_kernels
 from mmt.link.access import Access
@@ -21,10 +22,9 @@ from mmt.scene import Link
 from mmt_share.commands.playing import serve_until_ended
 
 if TYPE_CHECKING:
-    from mmt.core.arrays import RecordArray
+    from mmt.session import RecordedSession
     from mmt.session.importing.options import ImportOptions
     from mmt.session.importing.proposal import Proposal
-    from mmt.texture.model.texture_model import TextureModel
 
 
 def try_recording(
@@ -36,9 +36,10 @@ def try_recording(
     force: Force = False,
 ) -> None:
     """Import a recording of one surface, build its model and play it; ask what is not clear."""
-    target = Path(f"{source.stem}.npz")
+    target = Path(source.stem + SUFFIX)
     require_absent(target, force=force)
-    compile_kernels(["mmt.texture.online.modeller", "mmt_share.player.player"], messages.print)
+    compile_kernels(["mmt.cli.reporting", "mmt_share.player.player"], messages.print)
+    from mmt.cli.reporting import scene_of
     from mmt.session.importing.options import ImportOptions, assignments
     from mmt_share.player.player import Player
     from mmt_share.player.results import ResultsFile
@@ -49,51 +50,33 @@ def try_recording(
         units=assignments(units or [], "--unit"),
         rate_hz=rate,
     )
-    model = _modelled(source, options)
-    model.save(target)
-    messages.print(f"model:    {target}", highlight=False)
+    session = _session(source, options)
+    model, update, _ = built([session], scene_of(session))
+    save(model, target)
+    progress = update.progress
+    said = f"{100.0 * progress.value:.0f} % of strokes should feel right"
+    messages.print(f"model:    {target}, {said if progress.scale.rises else progress}")
     link = Link(port=port)
     player = Player([source.stem], [model], results=ResultsFile("mmt-play.csv"), scenarios=False)
     server = PlayerServer(player, Access.of(link))
     asyncio.run(serve_until_ended(server, link, on_page=open_page))
 
 
-def _modelled(source: Path, options: "ImportOptions") -> "TextureModel":
-    """Return the model of a recording at the stop criterion, or at the end.
-
-    Raises
-    ------
-    MmtError
-        It cannot be imported, or has too few steady strokes.
-    """
+def _session(source: Path, options: "ImportOptions") -> "RecordedSession":
+    """Return a session of mmt as it is; import any other file, and show what was found."""
     from mmt.session import read_session
-    from mmt.texture.online.history import build_model
-
-    frames = None
-    if source.suffix.lower() == ".mcap":
-        with suppress(InputError):  # it is no session of mmt
-            frames = read_session(source).frames
-    history = build_model(_imported(source, options) if frames is None else frames)
-    stop_s = history.updates[-1].time_s if history.stop_s is None else history.stop_s
-    model = history.model_at(stop_s)
-    if model is None:
-        raise MmtError(f"{source}: it has too few steady strokes to be modelled")
-    share = history.updates[history.number(stop_s)].progress.value
-    messages.print(f"{100.0 * share:.0f} % of strokes should feel right", highlight=False)
-    return model
-
-
-def _imported(source: Path, options: "ImportOptions") -> "RecordArray":
-    """Import another program's recording, and show what was found."""
     from mmt.session.importing.proposal import try_proposal
-    from mmt.session.importing.recording import import_recording
+    from mmt.session.importing.recording import import_columns
 
+    if source.suffix.lower() == ".mcap":
+        with suppress(InputError):  # it is another program's
+            return read_session(source)
     proposal, report, error = try_proposal(source, _completed(source, options))
     if report is None:
         raise error or InputError(f"{source}: it cannot be imported")
     print_report(source.name, report)
     output.print(f"imported as by: {proposal.command(source)}", highlight=False, soft_wrap=True)
-    return import_recording([source], proposal.options)[0].frames
+    return import_columns([proposal.columns], [source], proposal.options)[0]
 
 
 def _completed(source: Path, options: "ImportOptions") -> "Proposal":
