@@ -4,6 +4,7 @@ import asyncio
 import os
 import signal
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import pytest
 from service_runs import LONGEST_S, Together, small_scene
 
 from mmt.core.children import python_command
-from mmt.core.errors import MmtError
+from mmt.core.errors import InputError, MmtError
 from mmt.leader.modelling.process import ModellingProcess
 from mmt.texture.settings import ModellingSettings
 
@@ -65,6 +66,18 @@ async def test_what_fails_in_it_is_told_in_a_sentence() -> None:
     with pytest.raises(MmtError, match="the process that models has ended with code 1"):
         await made.call("begin")
     made.close()
+
+
+@pytest.mark.parametrize("package", ["numba", "scipy"])
+def test_it_is_not_launched_without_its_packages(
+    package: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    made = ModellingProcess(ModellingSettings(), 1.0)
+    with pytest.raises(InputError, match=f"the numerics need {package}, which is not installed"):
+        made.launch()
+    made.close()
+    assert not modelling_children()
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")

@@ -20,6 +20,7 @@ from typing import IO, TYPE_CHECKING, Any, Self
 from mmt.core.children import python_command
 from mmt.core.end_signals import handle_end_signals
 from mmt.core.errors import MmtError
+from mmt.core.extras import require
 from mmt.core.process import ProcessMeter, release_compiler, step_back
 from mmt.texture.modeller_factory import ModellerFactory
 
@@ -32,8 +33,7 @@ if TYPE_CHECKING:
 class ModellingProcess:
     """Start the process, and call `Stages` in it, one call after the other.
 
-    Calls wait for `start`. A thread waits for the answers; the
-    event loop never does.
+    Calls wait for `start`. A thread waits for the answers; the event loop never does.
 
     Parameters
     ----------
@@ -64,8 +64,16 @@ class ModellingProcess:
         return cls(texture.settings(float(scene.session.rate_hz)), texture.update_period_s)
 
     def launch(self) -> None:
-        """Launch the process, unless it is: it imports what it needs, and waits for `start`."""
+        """Launch the process, unless it is: it imports what it needs, and waits for `start`.
+
+        Raises
+        ------
+        InputError
+            A package that it needs is not installed.
+        """
         if self._process is None:
+            for package in ("numba", "scipy"):
+                require(package)  # else it would end with a traceback
             self._process = subprocess.Popen(  # noqa: S603 - our own module
                 python_command("-m", __name__, *self.numerics),
                 stdin=subprocess.PIPE,
