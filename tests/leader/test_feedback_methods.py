@@ -35,7 +35,7 @@ class Handle:
         pass
 
     def read(self, elapsed_ticks: int) -> InterfaceState:
-        raise NotImplementedError
+        raise AssertionError("a display is not read")
 
     def write(self, force_n: Vector) -> None:
         self.force_n = force_n

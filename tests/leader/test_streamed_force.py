@@ -24,7 +24,7 @@ class Handle:
     def close(self) -> None: ...
 
     def read(self, elapsed_ticks: int) -> InterfaceState:
-        raise NotImplementedError
+        raise AssertionError("a display is not read")
 
     def write(self, force_n: Vector) -> None:
         self.forces.append(force_n)

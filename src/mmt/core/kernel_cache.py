@@ -74,7 +74,7 @@ def _compile_beside(modules: Sequence[str]) -> None:
                 process.kill()
 
 
-def compile_share(modules: Sequence[str], share: int = 0, shares: int = 1) -> None:
+def compile_share(modules: Sequence[str], share: int, shares: int) -> None:
     """Compile kernels into the cache, in a process of its own beside others.
 
     Every process compiles all that it does not find in the cache, each beginning elsewhere, so

@@ -1,5 +1,6 @@
 """Drivers of the virtual lab: the real ones, at the addresses of emulated devices."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final, Generic, TypeAlias, TypeVar
 
@@ -126,7 +127,7 @@ class VirtualRobot:
         return self._robot
 
 
-class VirtualDevice(Generic[AnyDevice]):
+class VirtualDevice(ABC, Generic[AnyDevice]):
     """A real driver at the address of a lab's emulated device.
 
     Parameters
@@ -197,9 +198,9 @@ class VirtualDevice(Generic[AnyDevice]):
             self._device.close()
         self._lab.leave(self)
 
+    @abstractmethod
     def _enter(self) -> dict[str, Any]:
         """Start the lab; return the options by which the driver finds its device."""
-        raise NotImplementedError
 
     def _connected(self) -> AnyDevice:
         if self._device is None:
