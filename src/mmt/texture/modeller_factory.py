@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from mmt.texture.settings import SURFACE_CHECK_S, ModellingSettings
+from mmt.texture.settings import ModellingSettings, surface_check_frames
 
 if TYPE_CHECKING:
     from mmt.texture.online.modeller import OnlineModeller
@@ -29,7 +29,7 @@ class ModellerFactory:
         self.frames_at_once = self._update_frames
         """How many frames a modeller wants at a time."""
         if settings.surfaces is not None:
-            check_frames = round(SURFACE_CHECK_S * settings.rate_hz)
+            check_frames = surface_check_frames(settings.rate_hz)
             self.frames_at_once = min(self._update_frames, check_frames)
 
     @property

@@ -96,8 +96,9 @@ class CriterionScale:
         return value >= threshold if self.rises else value <= threshold
 
 
-SURFACE_CHECK_S: Final = 0.05
-"""Time between two checks of the stream for another surface."""
+def surface_check_frames(rate_hz: float) -> int:
+    """Return the frames between two checks of the stream for another surface, 50 ms."""
+    return max(1, round(0.05 * rate_hz))
 
 
 @dataclass(frozen=True)

@@ -16,14 +16,14 @@ from mmt.session import read_session
 from mmt.testing.simulation.course import SurfaceCourse, course_from_annotations
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import SURFACES, get_surface
-from mmt.texture.settings import SURFACE_CHECK_S, Inputs, ModellingSettings, SurfaceSettings
+from mmt.texture.settings import Inputs, ModellingSettings, SurfaceSettings, surface_check_frames
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.surfaces.tracking import SurfaceTracker
 from mmt_lab.harness.experiment import hand_of
 from mmt_lab.harness.processes import each
 from mmt_lab.surfaces.scoring import Found, SurfaceScore, score
 
-LOOK_FRAMES: Final = round(1000 * SURFACE_CHECK_S)
+LOOK_FRAMES: Final = surface_check_frames(1000.0)
 """Frames that the tracker gets at a time, as in the leader."""
 
 COUNTS: Final = (2, 3, 4, 5, 6)

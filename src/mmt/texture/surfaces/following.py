@@ -5,7 +5,7 @@ from typing import Literal, NamedTuple
 
 from mmt.core.arrays import RecordArray
 from mmt.texture.online.surface_changes import SaidSurface, SurfaceChange
-from mmt.texture.settings import SURFACE_CHECK_S, ModellingSettings, SurfaceSettings
+from mmt.texture.settings import ModellingSettings, SurfaceSettings, surface_check_frames
 from mmt.texture.signals.numbering import StreamNumbering
 from mmt.texture.surfaces.tracking import SurfaceTracker
 
@@ -69,7 +69,7 @@ def surface_changes(
     tracker = SurfaceTracker(settings, settings.surfaces or SurfaceSettings())
     for word in said:
         tracker.say(word)
-    look = max(1, round(SURFACE_CHECK_S * settings.rate_hz))
+    look = surface_check_frames(settings.rate_hz)
     numbering = StreamNumbering()
     for start in range(0, len(frames), look):
         yield from tracker.update(numbering.number(frames[start : start + look]))

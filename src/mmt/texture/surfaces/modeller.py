@@ -16,7 +16,7 @@ from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.modeller import OnlineModeller, carry_out
 from mmt.texture.online.surface_changes import SaidSurface, SurfaceChange
 from mmt.texture.online.work import ModelUpdate, Work
-from mmt.texture.settings import SURFACE_CHECK_S, ModellingSettings, SurfaceSettings
+from mmt.texture.settings import ModellingSettings, SurfaceSettings, surface_check_frames
 from mmt.texture.surfaces.tracking import NAMED_S, SurfaceTracker
 
 REMEMBERED_S: Final = NAMED_S + 26.0
@@ -42,7 +42,7 @@ class SurfaceModeller:
     def __init__(self, settings: ModellingSettings, period_frames: int) -> None:
         self._settings = settings
         self._period_frames = period_frames
-        self._look_frames = max(1, round(SURFACE_CHECK_S * settings.rate_hz))
+        self._look_frames = surface_check_frames(settings.rate_hz)
         self._tracker = SurfaceTracker(settings, settings.surfaces or SurfaceSettings())
         self._modellers = {self._tracker.surface: OnlineModeller(settings)}
         self._recent: list[RecordArray] = []
