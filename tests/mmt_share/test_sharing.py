@@ -4,6 +4,8 @@ import asyncio
 import re
 import subprocess
 import sys
+import threading
+import time
 from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
@@ -23,7 +25,7 @@ from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt_share import relay as relay_module
 from mmt_share.messages import SHARING_VERSION, STATE, Hello
 from mmt_share.parts.sharing import SharingPart
-from mmt_share.publishing import ModelPublisher
+from mmt_share.publishing import ModelPublisher, Published
 from mmt_share.relay import ListenerFeed, Relay
 from mmt_share.tables import Sharing
 
@@ -108,9 +110,19 @@ async def test_states_are_waited_for_and_the_newest_is_given(
         assert (await waiting).about == about(15)
 
 
-@pytest.mark.parametrize("more", [0, 1])
-async def test_the_last_growth_comes_before_the_end(more: int) -> None:
+@pytest.mark.parametrize("is_sent", [False, True])
+async def test_the_last_growth_comes_before_the_end(
+    is_sent: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Whether it is being sent when the session ends, or has only just come."""
+    publish, begun = ModelPublisher.publish, threading.Event()
+
+    def slow(self: ModelPublisher, *given: Any) -> Published:
+        begun.set()
+        time.sleep(0.2)
+        return publish(self, *given)
+
+    monkeypatch.setattr(ModelPublisher, "publish", slow)
     model: Any = SimpleNamespace(newest=model_of(10), takes_over=True)
     session = Session(Scene())
     part = SharingPart(session, Sharing(port=0), model)
@@ -118,9 +130,10 @@ async def test_the_last_growth_comes_before_the_end(more: int) -> None:
     await until(lambda: part.port is not None)
     async with listening(f"http://127.0.0.1:{part.port}") as heard:
         await until(lambda: heard.models == [1])
+        begun.clear()
         model.newest = model_of(200)
-        if more:
-            await until(lambda: part.publishing is not None and not part.publishing.done())
+        if is_sent:
+            await until(begun.is_set)
         running.cancel()
         session.ending.stop("completed")
         await part.stop()

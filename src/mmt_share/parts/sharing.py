@@ -60,8 +60,7 @@ class SharingPart(Part):
         """States of the model that were handed on."""
         self.listeners = Listeners()
         self._reading: asyncio.Task[None] | None = None
-        self.publishing: asyncio.Future[Published] | None = None
-        """Makes the messages of a state of the model; None before the first."""
+        self._publishing: asyncio.Future[Published] | None = None
         self.port: int | None = None
         """The port that listeners connect to, None before there is one."""
         self.on_control: Callable[[dict[str, Any]], None] = lambda _: None
@@ -86,8 +85,8 @@ class SharingPart(Part):
         process = self._process
         if process is None or process.stdin is None:
             return
-        if self.publishing is not None:
-            await asyncio.wait([self.publishing])
+        if self._publishing is not None:
+            await asyncio.wait([self._publishing])
         if self.port is not None:
             await self._hand_on_model()
         self._write({"end": self._session.ending.outcome})
@@ -213,8 +212,8 @@ class SharingPart(Part):
         if now is None or now == self._shared:
             return
         publish = asyncio.to_thread(self._publisher.publish, *now)
-        self.publishing = asyncio.ensure_future(publish)
-        published = await asyncio.shield(self.publishing)
+        self._publishing = asyncio.ensure_future(publish)
+        published = await asyncio.shield(self._publishing)
         self._shared = now
         self._write({"model": list(published)})
         self.models += 1
