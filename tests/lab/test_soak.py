@@ -17,10 +17,10 @@ from mmt.core.frames import frame_dtype
 from mmt.scene import Network
 from mmt.session import write_session
 from mmt_lab.experiments import soak
+from mmt_lab.harness.proxy import Proxy
 from mmt_lab.soak.drift import by_window, drift, outside
 from mmt_lab.soak.faults import CUT, LENGTHS_S, NETWORKS, RESTART, Fault, plan_faults
 from mmt_lab.soak.judging import Happened, Observed, Sample, judge, table
-from mmt_lab.soak.proxy import Proxy
 from mmt_lab.soak.recorded import Gap, Readback, find_gaps, read_back
 
 # --- faults

@@ -12,7 +12,7 @@ from sharing_samples import listening, model_of, shared, until
 
 from mmt.evaluation.levels import BAND_EDGES_HZ, band_errors_db
 from mmt.scene import Network
-from mmt_lab.sharing.distant import DistantProxy
+from mmt_lab.harness.proxy import Proxy
 from mmt_lab.sharing.felt import STEP_NS, Spectra, listen, pairs, states
 from mmt_lab.sharing.memory import Memory
 from mmt_lab.sharing.troubled import STEADY, Troubled
@@ -20,7 +20,7 @@ from mmt_lab.sharing.troubled import STEADY, Troubled
 INPUTS = np.array([[50.0, 0.5], [150.0, 1.5], [250.0, 2.5]])
 
 
-async def echoed(proxy: DistantProxy, parts: list[bytes]) -> tuple[bytes, list[float]]:
+async def echoed(proxy: Proxy, parts: list[bytes]) -> tuple[bytes, list[float]]:
     """Send parts through a proxy to a server that echoes; return what came, and each way's ms."""
     reader, writer = await asyncio.open_connection("127.0.0.1", proxy.port)
     received, times_ms = b"", []
@@ -51,7 +51,7 @@ async def test_a_distant_proxy_delays_and_loses_nothing(
     server = await asyncio.start_server(echo, "127.0.0.1", 0)
     port = server.sockets[0].getsockname()[1]
     parts = [bytes([k]) * 1000 for k in range(20)]
-    async with DistantProxy(port, Network.model_validate(settings)) as proxy:
+    async with Proxy(port, Network.model_validate(settings)) as proxy:
         received, times_ms = await echoed(proxy, parts)
     server.close()
     assert received == b"".join(parts)

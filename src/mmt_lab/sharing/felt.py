@@ -22,7 +22,7 @@ from mmt.core.arrays import FloatArray, RecordArray
 from mmt.evaluation.levels import BAND_EDGES_HZ, band_errors_db
 from mmt.scene import Network
 from mmt.texture.model.texture_model import TextureModel
-from mmt_lab.sharing.distant import DistantProxy
+from mmt_lab.harness.proxy import Proxy
 from mmt_share.client import STATES_HZ, ListenerClient
 from mmt_share.tables import Listening
 
@@ -146,7 +146,7 @@ async def listen(url: str, count: int, longest_s: float, profile: str) -> dict[s
     asyncio.get_running_loop().call_later(longest_s, ended.set)
     settings = Network.model_validate({"profile": profile})
     async with AsyncExitStack() as stack:
-        proxy = await stack.enter_async_context(DistantProxy(int(url.rpartition(":")[2]), settings))
+        proxy = await stack.enter_async_context(Proxy(int(url.rpartition(":")[2]), settings))
         operator = Ear(url, ended.set, keeps=True)
         distant = [Ear(f"http://127.0.0.1:{proxy.port}", lambda: None) for _ in range(count)]
         for ear in (operator, *distant):

@@ -16,7 +16,7 @@ import aiohttp
 import socketio
 
 from mmt.core.errors import MmtError
-from mmt_lab.soak.proxy import Proxy
+from mmt_lab.harness.proxy import Proxy
 from mmt_share.client import ListenerClient
 from mmt_share.messages import SHARING_VERSION
 from mmt_share.tables import Listening

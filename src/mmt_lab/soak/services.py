@@ -13,8 +13,8 @@ import psutil
 
 from mmt.cli.child import Child
 from mmt.core.errors import MmtError
+from mmt_lab.harness.proxy import Proxy
 from mmt_lab.soak.judging import PATIENCE_S, Sample
-from mmt_lab.soak.proxy import Proxy
 
 _SCENE: Final = "demo"
 _LONGEST_SESSION_S: Final = "86400"
