@@ -13,7 +13,7 @@ from sharing_samples import listening, model_of, shared, until
 from mmt.evaluation.levels import BAND_EDGES_HZ, band_errors_db
 from mmt.scene import Network
 from mmt_lab.harness.proxy import Proxy
-from mmt_lab.sharing.felt import STEP_NS, Spectra, listen, pairs, states
+from mmt_lab.sharing.felt import STEP_NS, ModelSpectra, listen, pairs, states
 from mmt_lab.sharing.memory import Memory
 from mmt_lab.sharing.troubled import STEADY, Troubled
 
@@ -73,7 +73,7 @@ def test_moments_are_counted_by_what_both_render() -> None:
 
 def test_the_error_is_that_of_the_spectra_by_bands() -> None:
     models = {1: model_of(6), 2: model_of(40)}
-    found = Spectra(models, INPUTS).errors_db({(1, 1): 3, (2, 1): 2, (7, 1): 4})
+    found = ModelSpectra(models, INPUTS).errors_db({(1, 1): 3, (2, 1): 2, (7, 1): 4})
     frequencies = np.arange(BAND_EDGES_HZ[0], BAND_EDGES_HZ[-1] + 1.0)
     old, new = (models[n].spectrum(*INPUTS.T, frequencies_hz=frequencies) for n in (1, 2))
     expected = np.sqrt(np.mean(band_errors_db(old, new, frequencies) ** 2))
@@ -130,10 +130,11 @@ def test_memory_that_grows_is_told(slope_mb_h: float) -> None:
         noise_mb = 0.1 * rng.standard_normal()
         memory.add("leader", float(second), 190.0 + slope_mb_h / 3600.0 * second + noise_mb)
     grown = memory.growth("leader")
-    assert grown.slope_mb_h == pytest.approx(slope_mb_h, abs=2.0)
-    assert grown.least_mb is not None
-    assert (grown.least_mb > 1.0) == (slope_mb_h > 0.0)
-    assert memory.growth("sharing").typical_mb is None
+    assert grown.growth is not None
+    assert 3600.0 * grown.growth / grown.span_s == pytest.approx(slope_mb_h, abs=2.0)
+    assert grown.least_growth is not None
+    assert (grown.least_growth > 1.0) == (slope_mb_h > 0.0)
+    assert memory.growth("sharing").typical is None
 
 
 async def test_trouble_for_nobody_leaves_no_session_open(caplog: pytest.LogCaptureFixture) -> None:

@@ -11,8 +11,6 @@ listeners join and leave, vanish, stall, and send what makes no sense.
 """
 
 import asyncio
-import os
-from collections.abc import Coroutine
 from statistics import median
 from typing import Annotated, Any, Final, Literal
 
@@ -22,61 +20,16 @@ import typer
 from mmt.core.errors import InputError, MmtError
 from mmt.core.extras import require
 from mmt_lab.bench.measuring import Figure, single_figures
-from mmt_lab.harness.demo_services import run_demo_services
 from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import Findings
 from mmt_lab.sharing.hubs import findings
-from mmt_lab.sharing.lasting import (
-    LAST_S,
-    behind_network,
-    lasting,
-    printed_by,
-    start_listeners,
-)
-from mmt_share.messages import shared_at
-
-
-class _Crowd:
-    """Listeners in a process of their own, who join when the model is ready."""
-
-    def __init__(self, count: int, longest_s: float) -> None:
-        self._arguments = (str(count), str(longest_s))
-        self._process: asyncio.subprocess.Process | None = None
-
-    def entering(self, sentence: str) -> Coroutine[Any, Any, str] | None:
-        """Return what starts the process when the model is shared; see `mmt.cli.guests.Guest`."""
-        url = shared_at(sentence)
-        return None if url is None else self._open(url)
-
-    async def _open(self, url: str) -> str:
-        self._process = await start_listeners("mmt_lab.sharing.crowd", url, *self._arguments)
-        return f"listeners who wait for the model: {self._arguments[0]}"
-
-    async def found(self) -> list[dict[str, Any]]:
-        """Return what each has found, after the session."""
-        if self._process is None:
-            raise MmtError("no session was shared")
-        found: list[dict[str, Any]] = await printed_by(self._process)
-        return found
-
-    async def close(self) -> None:
-        """End the process, if it has not ended."""
-        if self._process is not None and self._process.returncode is None:
-            self._process.kill()
-            await self._process.wait()
+from mmt_lab.sharing.lasting import behind_network, lasting
+from mmt_lab.sharing.session import listened_to
 
 
 async def _session(duration_s: float, count: int) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """Run one session with a crowd; return the leader's summary and what the crowd has found."""
-    environment = {**os.environ, "MMT_SHARING__PORT": "0"}
-    crowd = _Crowd(count, duration_s + LAST_S)
-    try:
-        run = await run_demo_services(
-            duration_s, environment=environment, guests=[crowd], tables=["sharing"]
-        )
-        return run.leader, await crowd.found()
-    finally:
-        await crowd.close()
+    return await listened_to(duration_s, ("crowd", str(count)), 1)
 
 
 _FORMS: Final = {

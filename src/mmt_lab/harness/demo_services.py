@@ -1,11 +1,10 @@
 """The demo's services as processes, for the experiments that measure them."""
 
 import tempfile
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from mmt.cli.guests import Guest
 from mmt.cli.scene_services import DemoRun, run_services
 from mmt.core.errors import MmtError
 from mmt.scene.files import example_scenes, load_scene
@@ -17,8 +16,6 @@ async def run_demo_services(
     *,
     realtime: bool = False,
     environment: Mapping[str, str] | None = None,
-    guests: Sequence[Guest] = (),
-    tables: Iterable[str] = (),
     on_link: Callable[[str], None] = lambda _: None,
 ) -> DemoRun:
     """Run the services of an example scene, which record to a temporary file.
@@ -31,10 +28,6 @@ async def run_demo_services(
         Name of the scene.
     realtime, environment, on_link
         See `mmt.cli.scene_services.run_services`.
-    guests
-        Are let in at the leader's events.
-    tables
-        What the scene has beside its own tables; see `mmt.scene.files.load_scene`.
 
     Raises
     ------
@@ -47,7 +40,7 @@ async def run_demo_services(
             "session.duration_s": duration_s,
             "recording.file": str(Path(directory) / "session.mcap"),
         }
-        scene = load_scene(scene_file, overrides, tables=tables)
+        scene = load_scene(scene_file, overrides)
         run = await run_services(
             scene_file,
             scene,
@@ -55,7 +48,6 @@ async def run_demo_services(
             None,
             environment=environment,
             realtime=realtime,
-            guests=guests,
             on_link=on_link,
         )
     if run.failed:

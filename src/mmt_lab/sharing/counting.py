@@ -1,6 +1,6 @@
 """Listeners that count what comes and keep no model, many in one process.
 
-``python -m mmt_lab.sharing.counting URL COUNT SECONDS`` lets so many join, ten at a time, prints
+``python -m mmt_lab.sharing.counting URL SECONDS COUNT`` lets so many join, ten at a time, prints
 ``{"joined_s": ...}`` as soon as all are there, and at the end of the leader's session, or after so
 many seconds, what each has found.
 """
@@ -88,6 +88,10 @@ class Count:
 
     Attributes
     ----------
+    first_s
+        Seconds from its first attempt to connect to its first model.
+    building_s
+        Of `first_s` what building took, None where nothing was built.
     lags_ms
         From the making of each change of the model until it was there, by one clock.
     number, digest
@@ -98,6 +102,8 @@ class Count:
         Why it could not connect, or did not stay; empty where it did.
     """
 
+    first_s: float | None = None
+    building_s: float | None = None
     lags_ms: list[float] = field(default_factory=list)
     number: int = 0
     digest: str = ""
@@ -123,8 +129,7 @@ class Counter:
         self.replica = CountingReplica()
         self.ended = asyncio.Event()
         self.found = Count()
-        self.first_s: float | None = None
-        """When its first model was there, by the monotonic clock, None before."""
+        self._begun_s = 0.0
         self._url, self._auth = url, auth
         self._asked = False
         self._answers, self._answering = 0, PeriodLimit(ANSWER_PERIOD_S)
@@ -132,6 +137,7 @@ class Counter:
 
     async def join(self) -> None:
         """Connect."""
+        self._begun_s = time.monotonic()
         self.found.problem = await self._socket.open(self._url, self._auth, _PATIENCE_S)
         if self.found.problem:
             self.ended.set()
@@ -159,8 +165,8 @@ class Counter:
             self._asked = False
             self.found.wholes += 1
             self.replica.take_whole(argument)
-            if self.first_s is None:
-                self.first_s = time.monotonic()
+            if self.found.first_s is None:
+                self.found.first_s = time.monotonic() - self._begun_s
             self._note_lag()
         elif event == WELCOME:
             self._ask()
@@ -233,7 +239,7 @@ async def count(url: str, listeners: int, longest_s: float) -> list[Count]:
 
 def main() -> None:
     """Run the listeners of the command line."""
-    url, listeners, longest_s = sys.argv[1], int(sys.argv[2]), float(sys.argv[3])
+    url, longest_s, listeners = sys.argv[1], float(sys.argv[2]), int(sys.argv[3])
     print(json.dumps([asdict(each) for each in asyncio.run(count(url, listeners, longest_s))]))
 
 

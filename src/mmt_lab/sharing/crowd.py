@@ -1,6 +1,6 @@
 """Many listeners in one process, which take a shared model and render nothing.
 
-``python -m mmt_lab.sharing.crowd URL COUNT SECONDS`` waits until the model is ready, lets so many
+``python -m mmt_lab.sharing.crowd URL SECONDS COUNT`` waits until the model is ready, lets so many
 join within one second, listens until the leader ends its session, or for so long in all, and prints
 as JSON what each has found.
 
@@ -13,13 +13,13 @@ import asyncio
 import json
 import sys
 import time
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from statistics import median
 from typing import Final
 
 from mmt.core.errors import MmtError
 from mmt.core.process import step_back
-from mmt_lab.sharing.counting import Counter, auth_of
+from mmt_lab.sharing.counting import Count, Counter, auth_of
 from mmt_share.client import STATES_HZ, ListenerClient
 from mmt_share.tables import Listening
 
@@ -27,35 +27,9 @@ _BUILDERS: Final = 10
 """Listeners that are a user's client and build the model."""
 
 
-@dataclass
-class Found:
-    """What one listener has found.
-
-    Attributes
-    ----------
-    first_s
-        Seconds from its first attempt to connect to a model that is ready, built from what came.
-    lags_ms
-        From the making of each later state of the model until it was there, by one clock.
-    building_s
-        Of `first_s` what building took, None where nothing was built.
-    number, rejected
-        Number of its last state, and messages that did not fit.
-    problem
-        Why it could not connect, empty where it could.
-    """
-
-    first_s: float | None = None
-    lags_ms: list[float] = field(default_factory=list)
-    building_s: float | None = None
-    number: int = 0
-    rejected: int = 0
-    problem: str = ""
-
-
-async def listen(url: str, after_s: float, ended: asyncio.Event, building: asyncio.Lock) -> Found:
+async def listen(url: str, after_s: float, ended: asyncio.Event, building: asyncio.Lock) -> Count:
     """Join after some seconds, and listen until the end."""
-    found, ready = Found(), asyncio.Event()
+    found, ready = Count(), asyncio.Event()
 
     def take() -> None:
         replica = client.replica
@@ -92,19 +66,16 @@ async def listen(url: str, after_s: float, ended: asyncio.Event, building: async
     return found
 
 
-async def _count(url: str, after_s: float, ended: asyncio.Event) -> Found:
+async def _count(url: str, after_s: float, ended: asyncio.Event) -> Count:
     """Join after some seconds, and count what comes until the end."""
     counter = Counter(url, auth_of(url, STATES_HZ))
     await asyncio.sleep(after_s)
-    begun_s = time.monotonic()
     await counter.join()
     stopping = [asyncio.create_task(each.wait()) for each in (counter.ended, ended)]
     await asyncio.wait(stopping, return_when=asyncio.FIRST_COMPLETED)
     for task in stopping:
         task.cancel()
-    count = await counter.leave()
-    first_s = None if counter.first_s is None else counter.first_s - begun_s
-    return Found(first_s, count.lags_ms, None, count.number, count.rejected, count.problem)
+    return await counter.leave()
 
 
 async def wait_until_ready(url: str) -> None:
@@ -142,7 +113,7 @@ def _is_end(text: str) -> bool:
     return "has ended" in text or "cut off" in text
 
 
-async def crowd(url: str, count: int, longest_s: float) -> list[Found]:
+async def crowd(url: str, count: int, longest_s: float) -> list[Count]:
     """Let listeners join within one second; return what each has found."""
     ended, building = asyncio.Event(), asyncio.Lock()
     asyncio.get_running_loop().call_later(longest_s, ended.set)
@@ -162,7 +133,7 @@ async def crowd(url: str, count: int, longest_s: float) -> list[Found]:
     return found
 
 
-async def waiting_crowd(url: str, count: int, longest_s: float) -> list[Found]:
+async def waiting_crowd(url: str, count: int, longest_s: float) -> list[Count]:
     """Let the crowd join when the model is ready; if it never is, that is the problem of each."""
     begun_s = time.monotonic()
     try:
@@ -170,14 +141,14 @@ async def waiting_crowd(url: str, count: int, longest_s: float) -> list[Found]:
             await wait_until_ready(url)
     except (MmtError, TimeoutError) as error:
         problem = str(error) or f"no model was ready within {longest_s:g} s"
-        return [Found(problem=problem) for _ in range(count)]
+        return [Count(problem=problem) for _ in range(count)]
     return await crowd(url, count, longest_s - (time.monotonic() - begun_s))
 
 
 def main() -> None:
     """Run the crowd of the command line, which stands for other machines: it steps back."""
     step_back()
-    url, count, longest_s = sys.argv[1], int(sys.argv[2]), float(sys.argv[3])
+    url, longest_s, count = sys.argv[1], float(sys.argv[2]), int(sys.argv[3])
     found = asyncio.run(waiting_crowd(url, count, longest_s))
     print(json.dumps([asdict(each) for each in found]))
 

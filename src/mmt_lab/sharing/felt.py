@@ -1,6 +1,6 @@
 """What listeners behind a network feel, against what the operator feels at the same motion.
 
-``python -m mmt_lab.sharing.felt URL COUNT SECONDS PROFILE`` lets one listener take the model on
+``python -m mmt_lab.sharing.felt URL SECONDS COUNT PROFILE`` lets one listener take the model on
 this machine, and so many behind an emulated network, until the leader ends its session or for so
 long, and prints as JSON what is found. Listeners render to the sample what the leader does at the
 same motion with the same model; so what differs is which state of the model each has, moment by
@@ -52,7 +52,7 @@ def pairs(operator: Course, listener: Course, end_ns: int) -> Counter[Pair]:
     return Counter(zip(states(operator, times), states(listener, times), strict=True))
 
 
-class Spectra:
+class ModelSpectra:
     """Densities of a model's states at some inputs, each computed once.
 
     Parameters
@@ -174,7 +174,7 @@ def judged(
     delayed = pairs(operator.made, [(at + delay_ns, n) for at, n in operator.made], end_ns)
     moments = sum(total.values())
     same = sum(n for (own, heard), n in total.items() if own == heard)
-    spectra = Spectra(models, inputs)
+    spectra = ModelSpectra(models, inputs)
     lags = [1e-6 * (had - made) for ear in distant for (had, _), (made, _) in _both(ear)]
     return {
         "listeners": sum(bool(ear.had) for ear in distant),
@@ -199,7 +199,7 @@ def _last(ear: Ear) -> int:
 
 def main() -> None:
     """Listen as the command line says."""
-    url, count, longest_s, profile = sys.argv[1:5]
+    url, longest_s, count, profile = sys.argv[1:5]
     print(json.dumps(asyncio.run(listen(url, int(count), float(longest_s), profile))))
 
 

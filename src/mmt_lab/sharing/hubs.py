@@ -1,26 +1,23 @@
 """One session that hubs share with many listeners, and what that takes."""
 
 import asyncio
-import json
-import os
 import shutil
 import socket
 from collections.abc import AsyncIterator
-from contextlib import AsyncExitStack, asynccontextmanager, suppress
+from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 import psutil
 
-from mmt.cli.child import KILL, Child, send
-from mmt.core.children import python_command
+from mmt.cli.child import KILL, send
 from mmt.core.errors import InputError, MmtError
 from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.harness.findings import Findings
 from mmt_lab.sharing.counting import Count, Counter, auth_of
+from mmt_lab.sharing.session import Service, SharedSession, printed_by, shared_session
 
-_SCENE: Final = "demo"
 _LATEST_S: Final = 60.0
 """How long anything of this may take beside the session."""
 _CROWD: Final = 500
@@ -47,10 +44,9 @@ class Used:
 
 
 @dataclass
-class Session:
-    """A session: the leader's summary, its own listener, the hubs and the listeners of all hubs."""
+class HubSession:
+    """A session: its leader's own listener, the hubs and the listeners of all hubs."""
 
-    leader: dict[str, Any]
     direct: Count
     hubs: list[dict[str, Any]]
     used: list[Used]
@@ -58,7 +54,7 @@ class Session:
     joined_s: float
 
 
-async def hold(hubs: int, listeners: int, duration_s: float) -> Session:
+async def hold(hubs: int, listeners: int, duration_s: float) -> HubSession:
     """Run Redis, the demo's leader, hubs, their listeners, and then the follower.
 
     Raises
@@ -68,40 +64,35 @@ async def hold(hubs: int, listeners: int, duration_s: float) -> Session:
     MmtError
         Something did not start.
     """
-    async with AsyncExitStack() as stack:
-        redis = await stack.enter_async_context(_redis())
-        lasting = ["--duration", str(duration_s)]
-        leader = await _child(
-            stack,
-            ["leader", _SCENE, "--json-lines", "--share", "--port", "0", *lasting],
-            MMT_SHARING__PORT="0",
-        )
-        told = leader.lines()
-        port = (await _line(leader, told, "ready"))["port"]
-        shared = (await _line(leader, told, "event", "shared at "))["event"]
-        url = shared.removeprefix("shared at ")
-        direct = Counter(url, auth_of(url))
+    async with _redis() as redis, shared_session(duration_s) as session:
+        direct = Counter(session.url, auth_of(session.url))
         await direct.join()
-        served = [await _hub(stack, url, redis, listeners) for _ in range(hubs)]
-        before = [_use(child) for child, _, _ in served]
-        crowds, joined_s = await _join(stack, [each[1] for each in served], listeners, duration_s)
-        follower = ["follower", _SCENE, "--json-lines", "--leader", f"http://127.0.0.1:{port}"]
-        idle = [_use(child) for child, _, _ in served]
-        await _child(stack, follower)
-        await _line(leader, told, "event", "follower")
+        options = ("--redis", redis, "--port", "0")
+        served = [
+            await session.start(
+                "main", "hub", session.url, *options, MMT_SHARING__MOST=str(listeners)
+            )
+            for _ in range(hubs)
+        ]
+        urls = [(await hub.line("ready"))["address"] for hub in served]
+        before = [_use(hub) for hub in served]
+        crowds, joined_s = await _join(session, urls, listeners, duration_s)
+        idle = [_use(hub) for hub in served]
+        await session.follow()
+        await session.leader.line("event", "^follower")
         begun_s = asyncio.get_running_loop().time()
-        summary = await _line(leader, told, "summary")
+        await session.leader.line("summary")
         seconds = asyncio.get_running_loop().time() - begun_s
-        after = [_use(child) for child, _, _ in served]
-        counts = [Count(**each) for crowd in crowds for each in await _printed(crowd)]
-        for child, _, _ in served:
-            child.interrupt()
-        summaries = [await _line(child, lines, "summary") for child, _, lines in served]
+        after = [_use(hub) for hub in served]
+        counts = [Count(**each) for crowd in crowds for each in await printed_by(crowd)]
+        for hub in served:
+            hub.child.interrupt()
+        summaries = [await hub.line("summary") for hub in served]
         used = [
             Used(end[0] - start[0], seconds, empty[1], end[1])
             for empty, start, end in zip(before, idle, after, strict=True)
         ]
-        return Session(summary, await direct.leave(), summaries, used, counts, joined_s)
+        return HubSession(await direct.leave(), summaries, used, counts, joined_s)
 
 
 def findings(hubs: int, listeners: int, duration_s: float) -> Findings:
@@ -182,66 +173,23 @@ async def _redis() -> AsyncIterator[str]:
         await process.wait()
 
 
-async def _child(stack: AsyncExitStack, command: list[str], **environment: str) -> Child:
-    child = await Child.start(command[0], "mmt.cli.child", command, {**os.environ, **environment})
-    stack.push_async_callback(child.kill)
-    return child
-
-
-async def _line(
-    child: Child, lines: AsyncIterator[dict[str, Any]], kind: str, beginning: str = ""
-) -> dict[str, Any]:
-    """Return the next line of a kind, and of an event that begins so."""
-    async for line in lines:
-        if line["kind"] == kind and str(line.get("event", "")).startswith(beginning):
-            return line
-    raise MmtError(f"the {child.name} has ended: {child.messages}")
-
-
-async def _hub(
-    stack: AsyncExitStack, url: str, redis: str, most: int
-) -> tuple[Child, str, AsyncIterator[dict[str, Any]]]:
-    child = await _child(
-        stack,
-        ["main", "hub", url, "--redis", redis, "--port", "0", "--json-lines"],
-        MMT_SHARING__MOST=str(most),
-    )
-    lines = child.lines()
-    return child, (await _line(child, lines, "ready"))["address"], lines
-
-
 async def _join(
-    stack: AsyncExitStack, urls: list[str], listeners: int, duration_s: float
+    session: SharedSession, urls: list[str], listeners: int, duration_s: float
 ) -> tuple[list[asyncio.subprocess.Process], float]:
     """Let the listeners join, the same number at each hub; return their processes and the time."""
     crowds = []
+    longest_s = str(duration_s + _LATEST_S)
     for number, url in enumerate(urls):
         there = listeners // len(urls) + (number < listeners % len(urls))
-        while there > 0:
-            count = min(there, _CROWD)
-            there -= count
-            crowd = await asyncio.create_subprocess_exec(
-                *python_command("-m", "mmt_lab.sharing.counting", url),
-                *(str(count), str(duration_s + _LATEST_S)),
-                stdout=asyncio.subprocess.PIPE,
-                limit=1 << 26,
-            )
-            stack.callback(send, crowd, KILL)
-            crowds.append(crowd)
-    joined = [await _printed(crowd) for crowd in crowds]
+        for first in range(0, there, _CROWD):
+            count = str(min(there - first, _CROWD))
+            crowds.append(await session.listen("counting", url, longest_s, count, apart=False))
+    joined = [await printed_by(crowd) for crowd in crowds]
     return crowds, max(each["joined_s"] for each in joined)
 
 
-async def _printed(crowd: asyncio.subprocess.Process) -> Any:
-    assert crowd.stdout is not None  # noqa: S101 - it was asked for
-    line = await crowd.stdout.readline()
-    if not line:
-        raise MmtError("the listeners' process has ended")
-    return json.loads(line)
-
-
-def _use(child: Child) -> tuple[float, float]:
+def _use(hub: Service) -> tuple[float, float]:
     """Return the processor time of a process (s) and its memory (MB)."""
-    process = psutil.Process(child.pid)
+    process = psutil.Process(hub.child.pid)
     times = process.cpu_times()
     return times.user + times.system, 1e-6 * process.memory_info().rss

@@ -1,33 +1,18 @@
 """Memory of a leader and of the process that serves its listeners, and whether it grows."""
 
 import time
-from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
 import psutil
 
-from mmt_lab.soak.drift import by_window, drift, median
+from mmt_lab.soak.drift import Drift, by_window, drift, median
 
 _EVERY_S: Final = 1.0
 _SETTLED_SHARE: Final = 0.3
 """Share of the run before the memory is looked at: the model still grows, and pools fill."""
 
 Who = Literal["leader", "sharing"]
-
-
-@dataclass(frozen=True)
-class Growth:
-    """How the memory of a process went: what it held, and what it grew by.
-
-    ``least_mb`` is the lower end of the growth's 95 % confidence interval; None with too little
-    to tell.
-    """
-
-    span_s: float
-    typical_mb: float | None
-    slope_mb_h: float | None
-    least_mb: float | None
 
 
 class Memory:
@@ -56,14 +41,9 @@ class Memory:
         """Note the memory of a process."""
         self._seen[who].append((time_s, memory_mb))
 
-    def growth(self, who: Who) -> Growth:
+    def growth(self, who: Who) -> Drift:
         """Return how it went after the first 30 % of the run."""
         seen = np.array(self._seen[who]).reshape(-1, 2)
-        seen = seen[int(_SETTLED_SHARE * len(seen)) :]
-        if len(seen) < 2:
-            return Growth(0.0, None, None, None)
-        times_s, values = seen.T
-        span_s = float(times_s[-1] - times_s[0])
-        found = drift(*by_window(times_s, values, max(1.0, span_s / 20.0), median))
-        slope = None if found.growth is None else found.growth / span_s * 3600.0
-        return Growth(span_s, found.typical, slope, found.least_growth)
+        times_s, values = seen[int(_SETTLED_SHARE * len(seen)) :].T
+        window_s = max(1.0, np.ptp(times_s) / 20.0) if len(times_s) else 1.0
+        return drift(*by_window(times_s, values, window_s, median))

@@ -17,16 +17,17 @@ LEAST_WINDOWS: Final = 5
 class Drift:
     """How a figure moved in a run.
 
-    ``typical`` is its median; ``growth`` what it grew by from the first window to the last,
-    by the median slope between any two (Theil and Sen); ``least_growth`` the lower end of that
-    slope's 95 % confidence interval, times the same span. All None where there were too few
-    windows.
+    ``span_s`` is the time from its first window to the last; ``typical`` is its median; ``growth``
+    what it grew by over that span, by the median slope between any two windows (Theil and Sen);
+    ``least_growth`` the lower end of that slope's 95 % confidence interval, times the same span.
+    These are None where there were too few windows.
     """
 
     windows: int
-    typical: float | None
-    growth: float | None
-    least_growth: float | None
+    span_s: float
+    typical: float | None = None
+    growth: float | None = None
+    least_growth: float | None = None
 
     def within(self, allowed: float) -> bool:
         """Say whether no growth beyond this is proven."""
@@ -38,11 +39,11 @@ def drift(times_s: FloatArray, values: FloatArray) -> Drift:
 
     A few windows that were disturbed do not move it: up to 29 % of them.
     """
+    span_s = float(np.ptp(times_s)) if len(times_s) else 0.0
     if len(values) < LEAST_WINDOWS:
-        return Drift(len(values), None, None, None)
+        return Drift(len(values), span_s)
     slope, _, low, _ = theilslopes(values, times_s, 0.95)
-    span_s = float(times_s[-1] - times_s[0])
-    return Drift(len(values), median(values), float(slope) * span_s, float(low) * span_s)
+    return Drift(len(values), span_s, median(values), float(slope) * span_s, float(low) * span_s)
 
 
 def median(values: FloatArray) -> float:

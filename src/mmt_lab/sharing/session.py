@@ -1,0 +1,185 @@
+"""A session of the demo's scene whose model is shared, and the processes beside it."""
+
+import asyncio
+import json
+import os
+import re
+from collections.abc import AsyncIterator, Callable
+from contextlib import AsyncExitStack, asynccontextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Final
+
+from mmt.cli.child import KILL, Child, send
+from mmt.core.children import python_command
+from mmt.core.errors import MmtError
+
+_SCENE: Final = "demo"
+LAST_S: Final = 30.0
+"""How long listeners may take to end after the session."""
+
+
+class Service:
+    """A service as a process, read line by line.
+
+    Parameters
+    ----------
+    child
+        The process.
+    watch
+        Called with its id at each line.
+    """
+
+    def __init__(self, child: Child, watch: Callable[[int], None]) -> None:
+        self.child, self._watch, self._lines = child, watch, child.lines()
+
+    async def line(self, kind: str, pattern: str = "") -> dict[str, Any]:
+        """Return the next line of a kind, and of an event in which a pattern is found.
+
+        Raises
+        ------
+        MmtError
+            It ends before.
+        """
+        async for line in self._lines:
+            self._watch(self.child.pid)
+            if line["kind"] == kind and re.search(pattern, str(line.get("event", ""))):
+                return line
+        raise MmtError(f"the {self.child.name} has ended: {self.child.messages}")
+
+
+class SharedSession:
+    """The demo's leader, which shares its model, and what is started beside it.
+
+    Parameters
+    ----------
+    stack
+        Ends every process that is started.
+    """
+
+    def __init__(self, stack: AsyncExitStack) -> None:
+        self._stack = stack
+        self.leader: Service
+        self.url = ""
+        """Where the model is shared."""
+        self._link = ""
+
+    async def lead(self, duration_s: float, watch: Callable[[int], None]) -> None:
+        """Start the leader, and wait until its model is shared."""
+        recording = Path(self._stack.enter_context(TemporaryDirectory())) / "session.mcap"
+        options = ["--share", "--port", "0", "--duration", str(duration_s)]
+        options += ["--record", str(recording)]
+        self.leader = await self.start(
+            "leader", _SCENE, *options, watch=watch, MMT_SHARING__PORT="0"
+        )
+        self._link = f"http://127.0.0.1:{(await self.leader.line('ready'))['port']}"
+        told = await self.leader.line("event", "^shared at ")
+        self.url = str(told["event"]).removeprefix("shared at ")
+
+    async def follow(self) -> None:
+        """Start the follower."""
+        await self.start("follower", _SCENE, "--leader", self._link)
+
+    async def start(
+        self, *command: str, watch: Callable[[int], None] = lambda _: None, **environment: str
+    ) -> Service:
+        """Start a command of `mmt.cli.child`."""
+        child = await Child.start(
+            command[0],
+            "mmt.cli.child",
+            [*command, "--json-lines"],
+            {**os.environ, **environment},
+        )
+        self._stack.push_async_callback(child.kill)
+        return Service(child, watch)
+
+    async def listen(
+        self, module: str, *arguments: str, apart: bool = True
+    ) -> asyncio.subprocess.Process:
+        """Start a module of this package that listens.
+
+        It is in a session of its own where it is `apart`, so that it may step back.
+        """
+        listeners = await asyncio.create_subprocess_exec(
+            *python_command("-m", f"mmt_lab.sharing.{module}", *arguments),
+            stdout=asyncio.subprocess.PIPE,
+            limit=1 << 26,
+            start_new_session=apart and os.name == "posix",
+        )
+        self._stack.push_async_callback(_end, listeners)
+        return listeners
+
+
+@asynccontextmanager
+async def shared_session(
+    duration_s: float, watch: Callable[[int], None] = lambda _: None
+) -> AsyncIterator[SharedSession]:
+    """Run a leader that shares its model; a follower has yet to come.
+
+    Parameters
+    ----------
+    duration_s
+        Of the session.
+    watch
+        Called with the leader's process id at each line that it writes.
+
+    Raises
+    ------
+    MmtError
+        It did not start.
+    """
+    async with AsyncExitStack() as stack:
+        session = SharedSession(stack)
+        await session.lead(duration_s, watch)
+        yield session
+
+
+async def listened_to(
+    duration_s: float,
+    listeners: tuple[str, ...],
+    first: int,
+    watch: Callable[[int], None] = lambda _: None,
+) -> tuple[dict[str, Any], Any]:
+    """Run one session with listeners; return the leader's summary and what they have found.
+
+    Parameters
+    ----------
+    duration_s, watch
+        As for `shared_session`.
+    listeners
+        Module that listens, and its arguments behind the address and the longest time.
+    first
+        How many must listen before the follower is started.
+    """
+    module, *arguments = listeners
+    async with shared_session(duration_s, watch) as session:
+        longest_s = str(duration_s + LAST_S)
+        process = await session.listen(module, session.url, longest_s, *arguments)
+        await session.leader.line("event", f", {first} listening")
+        await session.follow()
+        summary = await session.leader.line("summary")
+        return summary, await printed_by(process, LAST_S)
+
+
+async def printed_by(listeners: asyncio.subprocess.Process, longest_s: float | None = None) -> Any:
+    """Return the next line that the listeners' process prints.
+
+    Raises
+    ------
+    MmtError
+        It prints nothing, or does not end.
+    """
+    assert listeners.stdout is not None  # noqa: S101 - it was asked for
+    try:
+        async with asyncio.timeout(longest_s):
+            line = await listeners.stdout.readline()
+    except TimeoutError as error:
+        raise MmtError(f"the listeners had not ended {longest_s:g} s after the session") from error
+    if not line:
+        raise MmtError("the listeners' process has ended without a word")
+    return json.loads(line)
+
+
+async def _end(listeners: asyncio.subprocess.Process) -> None:
+    send(listeners, KILL)
+    await listeners.wait()
