@@ -107,11 +107,13 @@ def test_a_delay_that_is_known_is_found(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 @pytest.mark.parametrize("arm", [name for name in ARMS if name != "datagrams"])
-def test_each_is_read_and_commanded(arm: str) -> None:
+def test_each_is_read_and_commanded(arm: str, monkeypatch: pytest.MonkeyPatch) -> None:
     if ARMS[arm].package is not None and find_spec(ARMS[arm].package) is None:
         pytest.skip("ur-rtde is not installed: see docs/how-to/universal-robots.md")
-    plan = devices.Plan(set_ups=(), arms=(arm,), duration_s=0.5)
-    result = devices.measure(plan)
+    monkeypatch.setattr(devices, "SET_UPS", ())
+    monkeypatch.setattr(devices, "ARMS", {arm: ARMS[arm]})
+    monkeypatch.setattr(devices, "DURATION_S", 0.5)
+    result = devices.run()
     assert result.left_out == ()
     *_, positions, commands = (records.rows[0] for records in result.records if records.rows)
     assert positions["new positions"] > 50
@@ -128,7 +130,9 @@ def test_an_arm_whose_package_is_missing_is_a_row_with_the_command_that_installs
         raise InputError(f"arms need {package}; install it with: pip install x")
 
     monkeypatch.setattr(arm_times, "require", require)
-    result = devices.measure(devices.Plan(set_ups=(), arms=("ur",)))
+    monkeypatch.setattr(devices, "SET_UPS", ())
+    monkeypatch.setattr(devices, "ARMS", {"ur": ARMS["ur"]})
+    result = devices.run()
     (row,) = result.left_out
     assert row.name == "UR arm"
     assert row.reason == "arms need rtde_control; install it with: pip install x"

@@ -123,12 +123,13 @@ def test_a_child_that_fails_is_quoted() -> None:
 
 @pytest.mark.parametrize(("force", "acceleration"), [("net_ft", "adxl335"), ("bota", "iio")])
 def test_a_run_on_emulated_devices_finds_what_holds_on_any_machine(
-    force: str, acceleration: str
+    force: str, acceleration: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    plan = devices.Plan(
-        set_ups=(SetUp("both", force, acceleration),), arms=(), duration_s=1.0, stops=1
-    )
-    result = devices.measure(plan)
+    monkeypatch.setattr(devices, "SET_UPS", [SetUp("both", force, acceleration)])
+    monkeypatch.setattr(devices, "ARMS", {})
+    monkeypatch.setattr(devices, "DURATION_S", 1.0)
+    monkeypatch.setattr(devices, "STOPS", 1)
+    result = devices.run()
     assert result.left_out == ()
     (cost,), (times,), (frames,), (clocks,) = (records.rows for records in result.records)
     assert 0.0 < cost["share of a core"] < 1.0  # type: ignore[operator]
@@ -168,7 +169,9 @@ def test_targets_are_of_the_worst_set_up_and_what_cannot_run_is_left_out(
     names = ("good", "worse", "broken")
     set_ups = [SetUp(name, "net_ft", "u6") for name in names]
     set_ups.append(SetUp("slow", "bota", "iio", slow=True))
-    result = devices.measure(devices.Plan(tuple(set_ups), arms=()))
+    monkeypatch.setattr(devices, "SET_UPS", set_ups)
+    monkeypatch.setattr(devices, "ARMS", {})
+    result = devices.run()
     by_name = {target.what: target for target in result.targets}
     share = by_name["share of a core, without emulation"]
     assert share.measured == pytest.approx(0.25 + 1e-3)

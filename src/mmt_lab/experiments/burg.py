@@ -37,7 +37,7 @@ Fit = Callable[[FloatArray, int], FloatArray]
 
 
 @dataclass(frozen=True)
-class Method:
+class BurgFit:
     """One implementation: what is timed for one segment and for a batch, and its result.
 
     ``fit_batch`` is None where the package has no call for a batch: its time is that of its
@@ -50,21 +50,17 @@ class Method:
     fit_batch: Callable[[FloatArray, int], object] | None = None
 
 
-@dataclass(frozen=True)
-class Plan:
-    """What is measured; the defaults are what ``mmt bench burg`` does."""
-
-    orders: tuple[int, ...] = (8, 10, 16, 24, 40)
-    order: int = 16
-    lengths: tuple[int, ...] = (200, 400, 800, 1200)
-    batch: tuple[int, int] = (50, 1000)
-    rounds: int = 15
-    offsets: tuple[float, ...] = (1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6)
-    stiff: tuple[signals.StiffCase, ...] = signals.STIFF_CASES
+ORDERS: Final = (8, 10, 16, 24, 40)
+ORDER: Final = 16
+LENGTHS: Final = (200, 400, 800, 1200)
+BATCH: Final = (50, 1000)
+ROUNDS: Final = 15
+OFFSETS: Final = (1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6)
+STIFF: Final = signals.STIFF_CASES
 
 
 @peers.quiet()
-def measure(plan: Plan) -> Findings:
+def run() -> Findings:
     """Measure every implementation that is installed.
 
     Raises
@@ -73,12 +69,11 @@ def measure(plan: Plan) -> Findings:
         mpmath, the reference, is not installed.
     """
     methods, left_out = _find_methods()
-    single = _by_order(methods, plan)
-    batch = _by_batch(methods, plan)
-    stiff = _stiff(methods, plan)
-    loops, without_loops = burg_loops(((1, plan.lengths[0]), plan.batch), plan.orders, plan.rounds)
+    single = _by_order(methods)
+    batch = _by_batch(methods)
+    stiff = _stiff(methods)
+    loops, without_loops = burg_loops(((1, LENGTHS[0]), BATCH), ORDERS, ROUNDS)
     return Findings(
-        name="burg",
         title="Burg's method",
         about=(
             "Each package's own call on one segment, and on a batch (in one call where the "
@@ -90,25 +85,25 @@ def measure(plan: Plan) -> Findings:
             "coefficients that it returns, are below one in magnitude; residual is the "
             "prediction error that the filter leaves over what the reference leaves."
         ),
-        panels=(single, _by_length(methods, plan), batch, _by_offset(methods, plan)),
+        panels=(single, _by_length(methods), batch, _by_offset(methods)),
         records=(stiff, *loops),
         targets=(*_speed_targets(single, batch), *_stiff_targets(stiff)),
         left_out=(*left_out, *without_loops),
     )
 
 
-def _find_methods() -> tuple[list[Method], tuple[LeftOut, ...]]:
+def _find_methods() -> tuple[list[BurgFit], tuple[LeftOut, ...]]:
     """Return ours and those of the packages that are installed, and which are not."""
     modules, left_out = peers.find(("librosa", "memspectrum", "spectrum", "statsmodels"))
-    ours = Method(
+    ours = BurgFit(
         OURS, burg, lambda x, order: reflection_to_ar(burg(x, order).reflection), burg_batch
     )
     return [ours, *_peers(modules)], left_out
 
 
-def _peers(modules: Mapping[str, ModuleType]) -> list[Method]:
+def _peers(modules: Mapping[str, ModuleType]) -> list[BurgFit]:
     """Return the peers that are here, each as its own documentation has it called."""
-    makers: dict[str, Callable[[Any], list[Method]]] = {
+    makers: dict[str, Callable[[Any], list[BurgFit]]] = {
         "librosa": _librosa,
         "spectrum": lambda module: [
             _single("spectrum", lambda x, order: module.arburg(x, order)[0].real)
@@ -124,15 +119,15 @@ def _peers(modules: Mapping[str, ModuleType]) -> list[Method]:
     return [method for name, module in modules.items() for method in makers[name](module)]
 
 
-def _single(name: str, fit: Fit) -> Method:
-    return Method(name, fit, fit)
+def _single(name: str, fit: Fit) -> BurgFit:
+    return BurgFit(name, fit, fit)
 
 
-def _librosa(module: Any) -> list[Method]:
+def _librosa(module: Any) -> list[BurgFit]:
     def fit(x: FloatArray, order: int) -> FloatArray:
         return np.asarray(module.lpc(x, order=order)[1:], dtype=np.float64)
 
-    return [Method("librosa", fit, fit, lambda rows, order: module.lpc(rows, order=order))]
+    return [BurgFit("librosa", fit, fit, lambda rows, order: module.lpc(rows, order=order))]
 
 
 def _memspectrum(module: Any, kind: str) -> Fit:
@@ -144,14 +139,14 @@ def _memspectrum(module: Any, kind: str) -> Fit:
     return fit
 
 
-def _by_order(methods: Sequence[Method], plan: Plan) -> Panel:
-    length = plan.lengths[0]
+def _by_order(methods: Sequence[BurgFit]) -> Panel:
+    length = LENGTHS[0]
     x = signals.texture(length, seed=1)
     times = {
-        order: interleave({m.name: _call(m.fit, x, order) for m in methods}, plan.rounds)
-        for order in plan.orders
+        order: interleave({m.name: _call(m.fit, x, order) for m in methods}, ROUNDS)
+        for order in ORDERS
     }
-    errors = _errors(methods, x, plan.orders)
+    errors = _errors(methods, x, ORDERS)
     return Panel(
         "order",
         f"One segment of {length} samples, by order",
@@ -162,16 +157,16 @@ def _by_order(methods: Sequence[Method], plan: Plan) -> Panel:
     )
 
 
-def _by_length(methods: Sequence[Method], plan: Plan) -> Panel:
+def _by_length(methods: Sequence[BurgFit]) -> Panel:
     times, errors = {}, {}
-    for length in plan.lengths:
+    for length in LENGTHS:
         x = signals.texture(length, seed=2)
-        calls = {m.name: _call(m.fit, x, plan.order) for m in methods}
-        times[length] = interleave(calls, plan.rounds)
-        errors[length] = _errors(methods, x, (plan.order,))[plan.order]
+        calls = {m.name: _call(m.fit, x, ORDER) for m in methods}
+        times[length] = interleave(calls, ROUNDS)
+        errors[length] = _errors(methods, x, (ORDER,))[ORDER]
     return Panel(
         "length",
-        f"One segment, order {plan.order}, by its number of samples",
+        f"One segment, order {ORDER}, by its number of samples",
         "samples",
         TIME_US,
         ERROR,
@@ -179,16 +174,16 @@ def _by_length(methods: Sequence[Method], plan: Plan) -> Panel:
     )
 
 
-def _by_batch(methods: Sequence[Method], plan: Plan) -> Panel:
-    count, length = plan.batch
+def _by_batch(methods: Sequence[BurgFit]) -> Panel:
+    count, length = BATCH
     rows = np.array([signals.texture(length, seed=seed) for seed in range(count)])
     times = {}
-    for order in plan.orders:
+    for order in ORDERS:
         calls = {
             m.name: _call(m.fit_batch, rows, order) if m.fit_batch else _call(m.fit, rows[0], order)
             for m in methods
         }
-        spent = interleave(calls, plan.rounds)
+        spent = interleave(calls, ROUNDS)
         times[order] = {
             m.name: spent[m.name].times(1.0 / count if m.fit_batch else 1.0) for m in methods
         }
@@ -198,14 +193,14 @@ def _by_batch(methods: Sequence[Method], plan: Plan) -> Panel:
         "order",
         TIME_US,
         ERROR,
-        _curves(methods, times, _errors(methods, rows[0], plan.orders)),
+        _curves(methods, times, _errors(methods, rows[0], ORDERS)),
     )
 
 
-def _by_offset(methods: Sequence[Method], plan: Plan) -> Panel:
+def _by_offset(methods: Sequence[BurgFit]) -> Panel:
     """Return the errors on white noise that stands on an offset; nothing is timed."""
     curves = Curves()
-    for offset in plan.offsets:
+    for offset in OFFSETS:
         x = signals.offset_noise(offset)
         expected = references.step_up(references.burg(x, OFFSET_ORDER))
         for method in methods:
@@ -224,7 +219,7 @@ def _call(fit: Callable[[FloatArray, int], object], x: FloatArray, order: int) -
 
 
 def _errors(
-    methods: Sequence[Method], x: FloatArray, orders: Sequence[int]
+    methods: Sequence[BurgFit], x: FloatArray, orders: Sequence[int]
 ) -> dict[int, dict[str, float]]:
     reference = references.burg(x, max(orders))
     errors = {}
@@ -240,7 +235,7 @@ def _error(found: FloatArray, expected: Sequence[Any]) -> float:
 
 
 def _curves(
-    methods: Sequence[Method],
+    methods: Sequence[BurgFit],
     times: Mapping[int, Mapping[str, Spread]],
     errors: Mapping[int, Mapping[str, float]],
 ) -> tuple[Curve, ...]:
@@ -252,9 +247,9 @@ def _curves(
     return curves.done()
 
 
-def _stiff(methods: Sequence[Method], plan: Plan) -> Records:
+def _stiff(methods: Sequence[BurgFit]) -> Records:
     rows: list[dict[str, Any]] = []
-    for case in plan.stiff:
+    for case in STIFF:
         expected = references.step_up(references.burg(case.signal, case.order))
         least = references.residual(case.signal, expected)
         for method in methods:
@@ -264,7 +259,7 @@ def _stiff(methods: Sequence[Method], plan: Plan) -> Records:
 
 
 def _held(
-    method: Method, case: signals.StiffCase, expected: Sequence[Any], least: Any
+    method: BurgFit, case: signals.StiffCase, expected: Sequence[Any], least: Any
 ) -> dict[str, Any]:
     try:
         ar = method.coefficients(case.signal, case.order)
@@ -279,7 +274,7 @@ def _held(
     return {"stable": stable, "error": _error(ar, expected), "residual": ratio, "remark": ""}
 
 
-def _is_stable(method: Method, case: signals.StiffCase, ar: FloatArray) -> bool:
+def _is_stable(method: BurgFit, case: signals.StiffCase, ar: FloatArray) -> bool:
     if method.name == OURS:
         return bool((np.abs(burg(case.signal, case.order).reflection) < 1.0).all())
     return references.is_stable(ar)
@@ -307,11 +302,6 @@ def _stiff_targets(stiff: Records) -> list[Target]:
         Target(f"stiff cases of {cases} that mmt holds", held[OURS], "at least", cases),
         Target(f"stiff cases of {cases} that the best peer holds", most, "at most", cases - 1),
     ]
-
-
-def run() -> Findings:
-    """Measure every implementation that is installed."""
-    return measure(Plan())
 
 
 EXPERIMENT = Experiment(

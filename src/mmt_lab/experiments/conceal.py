@@ -36,18 +36,13 @@ _FELT_M_S2: Final = 0.3
 _TIMED: Final = 40
 _NANOSECONDS_PER_US: Final = 1e3
 
-
-@dataclass(frozen=True)
-class Plan:
-    """What is measured; the defaults are what ``mmt bench conceal`` does."""
-
-    surfaces: tuple[str, ...] = ("plastic", "mesh", "wood", "sandpaper")
-    duration_s: float = 60.0
-    gaps: tuple[int, ...] = (2, 5, 10, 20, 50, 100)
-    compared: tuple[int, ...] = (5, 10, 20, 50)
-    apart: int = 400
-    shifts: int = 2
-    timed_gaps: int = 1000
+SURFACES: Final = ("plastic", "mesh", "wood", "sandpaper")
+DURATION_S: Final = 60.0
+GAPS: Final = (2, 5, 10, 20, 50, 100)
+COMPARED: Final = (5, 10, 20, 50)
+APART: Final = 400
+SHIFTS: Final = 2
+TIMED_GAPS: Final = 1000
 
 
 @dataclass(frozen=True)
@@ -73,11 +68,11 @@ METHODS: Final[Mapping[str, Callable[[int, int], Concealment]]] = {
 """What bridges gaps of a length, with a seed, by name."""
 
 
-def measure(plan: Plan) -> Findings:
+def run() -> Findings:
     """Bridge gaps of every length on every texture by every method; time the samples."""
     found = {
-        (method, gap): [_errors(surface, gap, method, plan) for surface in plan.surfaces]
-        for gap in plan.gaps
+        (method, gap): [_errors(surface, gap, method) for surface in SURFACES]
+        for gap in GAPS
         for method in METHODS
     }
     spectrum, alone, step = Curves(), Curves(), Curves()
@@ -85,14 +80,13 @@ def measure(plan: Plan) -> Findings:
         spectrum.add(method, gap, gap, spread(np.array([e.spectrum_db for e in errors])))
         alone.add(method, gap, gap, spread(np.array([e.alone for e in errors])))
         step.add(method, gap, gap, spread(np.array([e.step for e in errors])))
-    times, first_us, next_us = _times(plan)
+    times, first_us, next_us = _times()
     return Findings(
-        name="conceal",
         title="Concealment of gaps",
         about=(
-            f"Sessions of {plan.duration_s:g} s on {', '.join(plan.surfaces)}, streamed through "
+            f"Sessions of {DURATION_S:g} s on {', '.join(SURFACES)}, streamed through "
             "the leader's filter and playout buffer with gaps of one length, "
-            f"{plan.apart} ms apart. Compared are {_WINDOW} ms around each gap with the same of "
+            f"{APART} ms apart. Compared are {_WINDOW} ms around each gap with the same of "
             "the whole stream, spectra by Welch's method in pieces of "
             f"{_PIECE} ms, 16 to 500 Hz, windows in which nothing is felt left out. The mean "
             "spectra over all gaps of a texture say what is felt around gaps; a single gap's "
@@ -109,22 +103,20 @@ def measure(plan: Plan) -> Findings:
             Panel("step", "Clicks", "ms", GAP, STEP, step.done()),
         ),
         records=(times,),
-        targets=_targets(found, first_us, next_us, plan),
+        targets=_targets(found, first_us, next_us),
     )
 
 
-def _errors(surface: str, gap: int, method: str, plan: Plan) -> Errors:
+def _errors(surface: str, gap: int, method: str) -> Errors:
     """Return the errors of a method on one texture."""
     whole, holed, steps = [], [], []
-    true, seed = _whole(surface, plan.duration_s), plan.shifts * plan.surfaces.index(surface)
+    true, seed = _whole(surface, DURATION_S), SHIFTS * SURFACES.index(surface)
     count = len(true)
-    for shift in range(plan.shifts):
-        starts = np.arange(
-            plan.apart + shift * plan.apart // plan.shifts, count - plan.apart, plan.apart
-        )
+    for shift in range(SHIFTS):
+        starts = np.arange(APART + shift * APART // SHIFTS, count - APART, APART)
         lost = np.zeros(count, dtype=bool)
         lost[(starts[:, np.newaxis] + np.arange(gap)).ravel()] = True
-        bridged = played(surface, plan.duration_s, lost, METHODS[method](gap, seed + shift))
+        bridged = played(surface, DURATION_S, lost, METHODS[method](gap, seed + shift))
         starts_out = starts + _DELAY_MS
         whole.append(_windows(true, starts_out + gap // 2))
         holed.append(_windows(bridged, starts_out + gap // 2))
@@ -181,15 +173,15 @@ def _steps(true: FloatArray, bridged: FloatArray, starts_out: IntArray, gap: int
     return ratio
 
 
-def _times(plan: Plan) -> tuple[Records, float, float]:
+def _times() -> tuple[Records, float, float]:
     """Time the first and the further samples of gaps, and samples that are there."""
-    values = _whole(plan.surfaces[0], plan.duration_s)[1000:1400].tolist()
+    values = _whole(SURFACES[0], DURATION_S)[1000:1400].tolist()
     rows: list[Mapping[str, Cell]] = []
     medians = {}
     for method, make in METHODS.items():
         if method == REPEATED:
             continue
-        first, further, there = _time_gaps(make(_TIMED, 1), values, plan.timed_gaps)
+        first, further, there = _time_gaps(make(_TIMED, 1), values, TIMED_GAPS)
         medians[method] = float(np.median(first)), float(np.median(further))
         rows.append(
             {
@@ -227,17 +219,17 @@ def _time_gaps(concealment: Concealment, values: list[float], count: int) -> Flo
 
 
 def _targets(
-    found: Mapping[tuple[str, int], list[Errors]], first_us: float, next_us: float, plan: Plan
+    found: Mapping[tuple[str, int], list[Errors]], first_us: float, next_us: float
 ) -> tuple[Target, ...]:
     def worst(other: str) -> float:
         """Return the largest ratio over lengths of the mean errors over textures."""
         means = {
             key: float(np.mean([e.spectrum_db for e in errors])) for key, errors in found.items()
         }
-        return max(means[MODEL, gap] / means[other, gap] for gap in plan.compared)
+        return max(means[MODEL, gap] / means[other, gap] for gap in COMPARED)
 
-    span = f"gaps of {plan.compared[0]} to {plan.compared[-1]} ms"
-    step = max(e.step for gap in plan.gaps for e in found[MODEL, gap])
+    span = f"gaps of {COMPARED[0]} to {COMPARED[-1]} ms"
+    step = max(e.step for gap in GAPS for e in found[MODEL, gap])
     return (
         *(
             Target(f"spectral error of the model over {other}, {span}", worst(other), "at most", 1)
@@ -247,11 +239,6 @@ def _targets(
         Target("first sample of a gap, model (µs)", first_us, "at most", 100),
         Target("further samples of a gap, model (µs)", next_us, "at most", 3),
     )
-
-
-def run() -> Findings:
-    """Bridge gaps of every length on every texture by every method; time the samples."""
-    return measure(Plan())
 
 
 EXPERIMENT = Experiment(

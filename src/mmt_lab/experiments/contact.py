@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 from typing import Final
@@ -46,33 +45,27 @@ _DIVERGED: Final = 10.0
 Run = Callable[[float], FloatArray]
 """From the height at the start (m) to the height at the end of every tick, (ticks,)."""
 
-
-@dataclass(frozen=True)
-class Plan:
-    """What is measured; the defaults are what ``mmt bench contact`` does."""
-
-    stiffnesses_n_m: tuple[float, ...] = (5_000.0, 50_000.0)
-    ticks: int = 40
-    divisions: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64, 128)
-    tolerances: tuple[float, ...] = (1e-3, 1e-5, 1e-7)
-    reference: float = 1e-11
-    rounds: int = 5
+STIFFNESSES_N_M: Final = (5_000.0, 50_000.0)
+TICKS: Final = 40
+DIVISIONS: Final = (1, 2, 4, 8, 16, 32, 64, 128)
+TOLERANCES: Final = (1e-3, 1e-5, 1e-7)
+REFERENCE: Final = 1e-11
+ROUNDS: Final = 5
 
 
-def measure(plan: Plan) -> Findings:
+def run() -> Findings:
     """Measure every integrator on an impact and the contact that follows."""
-    panels = [_panel(stiffness, plan) for stiffness in plan.stiffnesses_n_m]
+    panels = [_panel(stiffness) for stiffness in STIFFNESSES_N_M]
     rows = [row for panel in panels for curve in panel.curves for row in _rows(panel, curve)]
-    names = ", ".join(f"{stiffness / 1000:g}" for stiffness in plan.stiffnesses_n_m)
+    names = ", ".join(f"{stiffness / 1000:g}" for stiffness in STIFFNESSES_N_M)
     return Findings(
-        name="contact",
         title="Contact integration",
         about=(
             f"The simulated follower's tip comes at {SPEED_M_S:g} m/s onto walls of {names} "
             f"N/mm with a damping ratio of {DAMPING_RATIO:g}, and is held in contact: "
-            f"{plan.ticks} ms. The largest error at any millisecond, the mean over "
+            f"{TICKS} ms. The largest error at any millisecond, the mean over "
             f"{len(HEIGHTS_M)} heights that it comes from, against scipy's Radau with a "
-            f"relative tolerance of {plan.reference:g}. All in plain Python, as the follower "
+            f"relative tolerance of {REFERENCE:g}. All in plain Python, as the follower "
             "runs them."
         ),
         panels=tuple(panels),
@@ -82,27 +75,27 @@ def measure(plan: Plan) -> Findings:
     )
 
 
-def _panel(stiffness_n_m: float, plan: Plan) -> Panel:
+def _panel(stiffness_n_m: float) -> Panel:
     drive, _ = tip_drive(BANDWIDTH_HZ)
     law = ContactLaw(
         stiffness_n_m, damping_n_s_m=2 * DAMPING_RATIO * math.sqrt(stiffness_n_m * drive.mass_kg)
     )
-    references = [_radau(drive, law, height, plan.ticks, plan.reference) for height in HEIGHTS_M]
+    references = [_radau(drive, law, height, TICKS, REFERENCE) for height in HEIGHTS_M]
     runs: dict[tuple[str, float], Run] = {}
-    for division in plan.divisions:
+    for division in DIVISIONS:
         for name, way in INTEGRATORS.items():
             knob = TICK_S / division * MICROSECONDS
-            runs[name, knob] = _stepped(way.step, drive, law, plan.ticks, division)
-    for tolerance in plan.tolerances:
-        runs[RADAU, tolerance] = _solved(drive, law, plan.ticks, tolerance)
+            runs[name, knob] = _stepped(way.step, drive, law, TICKS, division)
+    for tolerance in TOLERANCES:
+        runs[RADAU, tolerance] = _solved(drive, law, TICKS, tolerance)
     curves = Curves()
     errors = {key: _error(run, references) for key, run in runs.items()}
     good = {key: error for key, error in errors.items() if error < _DIVERGED}
     tasks = {f"{name}/{knob}": partial(runs[name, knob], HEIGHTS_M[0]) for name, knob in good}
-    times = interleave(tasks, plan.rounds)
+    times = interleave(tasks, ROUNDS)
     for (name, knob), error in errors.items():
         if (name, knob) in good:
-            time = times[f"{name}/{knob}"].times(MICROSECONDS / plan.ticks)
+            time = times[f"{name}/{knob}"].times(MICROSECONDS / TICKS)
             curves.add(name, knob, time, error)
         else:
             curves.fail(name, knob, "diverges")
@@ -192,11 +185,6 @@ def _rows(panel: Panel, curve: Curve) -> list[dict[str, str | float | None]]:
             "diverges at (µs)": ", ".join(curve.failures) or "-",
         }
     ]
-
-
-def run() -> Findings:
-    """Measure every integrator on an impact and the contact that follows."""
-    return measure(Plan())
 
 
 EXPERIMENT = Experiment(

@@ -1,7 +1,6 @@
 """The device path: cost, latency and truth of frames, by the real drivers on emulated devices."""
 
 from collections.abc import Mapping, Sequence, Set
-from dataclasses import dataclass
 from typing import Final
 
 from mmt.core.errors import MmtError
@@ -28,52 +27,41 @@ SEEN_MS: Final = 20.0
 _REMEDY: Final = "see docs/reference/bench.md"
 
 
-@dataclass(frozen=True)
-class Plan:
-    """What is measured; the defaults are what ``mmt bench devices`` does."""
-
-    set_ups: tuple[SetUp, ...] = SET_UPS
-    arms: tuple[str, ...] = tuple(ARMS)
-    """Keys of `ARMS`."""
-    duration_s: float = 20.0
-    stops: int = 10
-    """How often each sensor stops."""
-    realtime: bool = False
-    """Whether the follower's part and the emulated devices run by real-time scheduling."""
+DURATION_S: Final = 20.0
+STOPS: Final = 10
+"""How often each sensor stops."""
 
 
-def measure(plan: Plan) -> Findings:
-    """Measure each set-up; one that cannot run here is left out.
+def run(realtime: RealTime = False) -> Findings:
+    """Measure cost, latency and truth of frames, by the real drivers on emulated devices.
+
+    A set-up that cannot run here is left out.
 
     Raises
     ------
     MmtError
         Real-time scheduling is not permitted.
     """
-    if plan.realtime:
+    if realtime:
         require_real_time()
     found: dict[str, Measured] = {}
     left_out = []
-    for set_up in plan.set_ups:
+    for set_up in SET_UPS:
         try:
-            found[set_up.name] = measure_set_up(
-                set_up, plan.duration_s, plan.stops, realtime=plan.realtime
-            )
+            found[set_up.name] = measure_set_up(set_up, DURATION_S, STOPS, realtime=realtime)
         except MmtError as error:
             left_out.append(LeftOut(set_up.name, str(error), _REMEDY))
     arms: dict[str, ArmTimes] = {}
-    for arm in plan.arms:
-        title = ARMS[arm].title
+    for arm, of in ARMS.items():
         try:
-            arms[title] = measure_arm(arm, plan.duration_s, realtime=plan.realtime)
+            arms[of.title] = measure_arm(arm, DURATION_S, realtime=realtime)
         except MmtError as error:
-            left_out.append(LeftOut(title, str(error), _REMEDY))
+            left_out.append(LeftOut(of.title, str(error), _REMEDY))
     return Findings(
-        name="devices",
         title="Devices",
         about=(
             "The follower's real drivers on emulated devices in another process, arm, force and "
-            f"acceleration at 1 kHz, {plan.duration_s:g} s. The emulated values turn 20 times a "
+            f"acceleration at 1 kHz, {DURATION_S:g} s. The emulated values turn 20 times a "
             "second, so that each tells when it was measured, by the clock that both processes "
             "have; noise is switched off. Share: all processor time of the process that reads "
             "and forms frames; of it what stands for an arm, or for the library of a U6 or an "
@@ -85,12 +73,12 @@ def measure(plan: Plan) -> Findings:
             "frame's time is from its median; apart: the instants of its two values. Ticks held "
             "up: those in pauses of more than 10 ms in which the process did not run, and no arm "
             "was read. Seen: from when a sensor stops to when the follower knows, the longest of "
-            f"{2 * plan.stops} times. A force sensor whose frames are a millisecond apart and come "
+            f"{2 * STOPS} times. A force sensor whose frames are a millisecond apart and come "
             "through a USB adapter cannot have the latency aimed at: its set-up is shown and not "
             "judged by it. Arms and handles are read and commanded at 1 kHz by themselves. "
             "Position: from its instant to the tick that reads it first; command: from a step to "
             "when the device is told of it; jitter: how far one is from the median."
-            + (" By real-time scheduling." if plan.realtime else "")
+            + (" By real-time scheduling." if realtime else "")
         ),
         records=tuple(
             Records(key, title, tuple({"set-up": name, **row(one)} for name, one in found.items()))
@@ -102,7 +90,7 @@ def measure(plan: Plan) -> Findings:
             )
         )
         + (_arms(arms) if arms else ()),
-        targets=_targets(found, {one.name for one in plan.set_ups if one.slow}),
+        targets=_targets(found, {one.name for one in SET_UPS if one.slow}),
         left_out=tuple(left_out),
     )
 
@@ -223,11 +211,6 @@ def _targets(found: Mapping[str, Measured], slow: Set[str]) -> tuple[Target, ...
             0,
         ),
     )
-
-
-def run(realtime: RealTime = False) -> Findings:
-    """Measure cost, latency and truth of frames, by the real drivers on emulated devices."""
-    return measure(Plan(realtime=realtime))
 
 
 EXPERIMENT = Experiment(

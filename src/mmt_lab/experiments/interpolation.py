@@ -1,7 +1,6 @@
 """Interpolation between samples: what it costs, and how far spectrum and level are off."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -34,47 +33,41 @@ TIME: Final = Axis("time of a point (µs)", "µs")
 SHAPE: Final = Axis("error of the spectrum (1 - GFC)", "1 - GFC")
 LEVEL: Final = Axis("error of the power (dB rms)", "dB")
 
-
-@dataclass(frozen=True)
-class Plan:
-    """What is measured; the defaults are what ``mmt bench interpolation`` does."""
-
-    surfaces: tuple[str, ...] = ("plastic", "mesh", "wood", "ribbed")
-    counts: tuple[int, ...] = (10, 20, 40, 80, 160)
-    table_count: int = 40
-    order: int = 16
-    draws: int = 3
-    rounds: int = 7
+SURFACES: Final = ("plastic", "mesh", "wood", "ribbed")
+COUNTS: Final = (10, 20, 40, 80, 160)
+TABLE_COUNT: Final = 40
+ORDER: Final = 16
+DRAWS: Final = 3
+ROUNDS: Final = 7
 
 
-def measure(plan: Plan) -> Findings:
+def run() -> Findings:
     """Measure what both methods make of the same samples."""
-    truths = [Truth(name) for name in plan.surfaces]
+    truths = [Truth(name) for name in SURFACES]
     shape, level = Curves(), Curves()
     rows = []
-    for count in plan.counts:
-        errors = [_errors(truth, count, plan) for truth in truths]
-        times = _times(truths[0], count, plan)
+    for count in COUNTS:
+        errors = [_errors(truth, count) for truth in truths]
+        times = _times(truths[0], count)
         for name, time in times.items():
             shape.add(name, count, time, _mean([of[name][0] for of in errors]))
             level.add(name, count, time, _mean([of[name][1] for of in errors]))
-        if count == plan.table_count:
-            rows = _rows(truths, errors, plan)
+        if count == TABLE_COUNT:
+            rows = _rows(truths, errors)
     return Findings(
-        name="interpolation",
         title="Interpolation in the speed-force plane",
         about=(
             f"Samples scattered at random over the plane, each with the exact filter of order "
-            f"{plan.order} and the exact power of the texture {', '.join(plan.surfaces)} there, "
+            f"{ORDER} and the exact power of the texture {', '.join(SURFACES)} there, "
             "so that no fit's scatter is in the errors. Errors against the texture itself at "
-            f"12 x 12 points, the mean over textures and {plan.draws} draws of samples. Time "
+            f"12 x 12 points, the mean over textures and {DRAWS} draws of samples. Time "
             "of one point out of 144."
         ),
         panels=(
             Panel("spectrum", "Spectrum, by the samples", "samples", TIME, SHAPE, shape.done()),
             Panel("power", "Power, by the samples", "samples", TIME, LEVEL, level.done()),
         ),
-        records=(Records("textures", f"By texture, {plan.table_count} samples", tuple(rows)),),
+        records=(Records("textures", f"By texture, {TABLE_COUNT} samples", tuple(rows)),),
     )
 
 
@@ -83,11 +76,11 @@ def _queries(samples: TextureSamples) -> dict[str, Query]:
     return {method: TextureModel(samples, method=method).at for method in METHODS}
 
 
-def _errors(truth: Truth, count: int, plan: Plan) -> dict[str, tuple[float, float]]:
+def _errors(truth: Truth, count: int) -> dict[str, tuple[float, float]]:
     """Return, by method, the mean errors over draws of samples."""
     found: dict[str, list[tuple[float, float]]] = {}
-    for seed in range(plan.draws):
-        samples = exact_samples(truth.surface, *scattered(count, seed), plan.order)
+    for seed in range(DRAWS):
+        samples = exact_samples(truth.surface, *scattered(count, seed), ORDER)
         for name, query in _queries(samples).items():
             errors = truth.errors(*query(truth.speed_mm_s, truth.force_n))
             found.setdefault(name, []).append(errors)
@@ -96,12 +89,12 @@ def _errors(truth: Truth, count: int, plan: Plan) -> dict[str, tuple[float, floa
     }
 
 
-def _times(truth: Truth, count: int, plan: Plan) -> dict[str, Spread]:
+def _times(truth: Truth, count: int) -> dict[str, Spread]:
     """Return the microseconds of one point, by method."""
-    samples = exact_samples(truth.surface, *scattered(count, 0), plan.order)
+    samples = exact_samples(truth.surface, *scattered(count, 0), ORDER)
     speed_mm_s, force_n = truth.speed_mm_s, truth.force_n
     tasks = {name: _bound(query, speed_mm_s, force_n) for name, query in _queries(samples).items()}
-    times = interleave(tasks, plan.rounds)
+    times = interleave(tasks, ROUNDS)
     return {name: time.times(MICROSECONDS / len(speed_mm_s)) for name, time in times.items()}
 
 
@@ -110,12 +103,12 @@ def _bound(query: Query, speed_mm_s: FloatArray, force_n: FloatArray) -> Callabl
 
 
 def _rows(
-    truths: Sequence[Truth], errors: Sequence[dict[str, tuple[float, float]]], plan: Plan
+    truths: Sequence[Truth], errors: Sequence[dict[str, tuple[float, float]]]
 ) -> list[dict[str, str | float]]:
     """Return a row for each texture and method, and one for the error of the order alone."""
     rows: list[dict[str, str | float]] = []
     for truth, of in zip(truths, errors, strict=True):
-        own = exact_samples(truth.surface, truth.speed_mm_s, truth.force_n, plan.order)
+        own = exact_samples(truth.surface, truth.speed_mm_s, truth.force_n, ORDER)
         for name, (shape, level) in {**of, FLOOR: truth.errors(own.lsf, own.variance)}.items():
             rows.append(
                 {
@@ -130,11 +123,6 @@ def _rows(
 
 def _mean(values: Sequence[float]) -> float:
     return float(np.mean(values))
-
-
-def run() -> Findings:
-    """Measure what both methods make of the same samples."""
-    return measure(Plan())
 
 
 EXPERIMENT = Experiment(

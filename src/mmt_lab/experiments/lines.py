@@ -43,21 +43,16 @@ _FINER: Final = (512, 16, 1e-12)
 Convert = Callable[[FloatArray], FloatArray]
 """From filters (n, m) to line spectral frequencies (n, m), or back."""
 
-
-@dataclass(frozen=True)
-class Plan:
-    """What is measured; the defaults are what ``mmt bench lines`` does."""
-
-    orders: tuple[int, ...] = (8, 10, 16, 24, 32, 40)
-    low_pass_orders: tuple[int, ...] = (8, 16, 24, LOW_PASS_ORDER, 40, LARGEST)
-    distances: tuple[float, ...] = (0.1, 0.01, 0.001, 0.0001)
-    batch: int = 50
-    looked_at: int = 5
-    rounds: int = 15
+ORDERS: Final = (8, 10, 16, 24, 32, 40)
+LOW_PASS_ORDERS: Final = (8, 16, 24, LOW_PASS_ORDER, 40, LARGEST)
+DISTANCES: Final = (0.1, 0.01, 0.001, 0.0001)
+BATCH: Final = 50
+LOOKED_AT: Final = 5
+ROUNDS: Final = 15
 
 
 @dataclass(frozen=True)
-class Method:
+class LsfMethod:
     """One implementation there and back; ``given`` names the form that it starts from."""
 
     name: str
@@ -75,7 +70,7 @@ class Method:
 
 
 @peers.quiet()
-def measure(plan: Plan) -> Findings:
+def run() -> Findings:
     """Measure every implementation that is installed.
 
     Raises
@@ -85,17 +80,16 @@ def measure(plan: Plan) -> Findings:
     """
     modules, left_out = peers.find((PEER, "spectrum"))
     methods = [*_ours(), *_peers(modules)]
-    spread = {order: signals.spread_filters(order, plan.batch) for order in plan.orders}
-    there = _timed(methods, spread, plan, trip=False)
-    low_pass = _low_pass(methods, plan)
-    largest = signals.spread_filters(LARGEST, plan.looked_at)
+    spread = {order: signals.spread_filters(order, BATCH) for order in ORDERS}
+    there = _timed(methods, spread, trip=False)
+    low_pass = _low_pass(methods)
+    largest = signals.spread_filters(LARGEST, LOOKED_AT)
     frequencies = {order: given.rounded_lsf for order, given in spread.items()}
-    loops, without_loops = lines_loops(frequencies, plan.rounds)
+    loops, without_loops = lines_loops(frequencies, ROUNDS)
     return Findings(
-        name="lines",
         title="Line spectral frequencies",
         about=(
-            f"Batches of {plan.batch} filters, time of one. Every form of a filter is rounded "
+            f"Batches of {BATCH} filters, time of one. Every form of a filter is rounded "
             f"from {references.DIGITS} digits. mmt starts from reflection coefficients, as "
             "Burg's method gives them, or from filter coefficients as the peers do. Errors "
             "are against the filter itself: what its coefficients lose by their rounding "
@@ -105,10 +99,10 @@ def measure(plan: Plan) -> Findings:
         ),
         panels=(
             there,
-            _timed(methods, spread, plan, trip=True),
-            _back(methods, {**spread, LARGEST: largest}, plan),
+            _timed(methods, spread, trip=True),
+            _back(methods, {**spread, LARGEST: largest}),
             low_pass,
-            _poles(methods, plan),
+            _poles(methods),
         ),
         records=(_ratios(there), *loops),
         targets=(*_targets(there, low_pass), _back_target(largest)),
@@ -116,14 +110,14 @@ def measure(plan: Plan) -> Findings:
     )
 
 
-def _ours() -> list[Method]:
+def _ours() -> list[LsfMethod]:
     return [
-        Method(OURS, reflection_to_lsf, lsf_to_reflection, "reflection"),
-        Method(OURS_AR, lambda ar: reflection_to_lsf(ar_to_reflection(ar)), lsf_to_ar),
+        LsfMethod(OURS, reflection_to_lsf, lsf_to_reflection, "reflection"),
+        LsfMethod(OURS_AR, lambda ar: reflection_to_lsf(ar_to_reflection(ar)), lsf_to_ar),
     ]
 
 
-def _peers(modules: Mapping[str, ModuleType]) -> list[Method]:
+def _peers(modules: Mapping[str, ModuleType]) -> list[LsfMethod]:
     methods = []
     if PEER in modules:
         sptk: Any = modules[PEER]
@@ -136,13 +130,13 @@ def _peers(modules: Mapping[str, ModuleType]) -> list[Method]:
             return np.asarray(sptk.lpc2lsp(_led(ar), points, steps, end))[:, 1:]
 
         methods += [
-            Method(PEER, lambda ar: sptk.lpc2lsp(_led(ar))[:, 1:], back),
-            Method(f"{PEER}, finer", finer, back),
+            LsfMethod(PEER, lambda ar: sptk.lpc2lsp(_led(ar))[:, 1:], back),
+            LsfMethod(f"{PEER}, finer", finer, back),
         ]
     if "spectrum" in modules:
         spectrum: Any = modules["spectrum"]
         methods.append(
-            Method(
+            LsfMethod(
                 "spectrum",
                 lambda ar: np.array([spectrum.poly2lsf(row) for row in _led(ar)]),
                 lambda lsf: np.array([spectrum.lsf2poly(list(row))[1:] for row in lsf]),
@@ -156,9 +150,7 @@ def _led(rows: FloatArray) -> FloatArray:
     return np.hstack([np.ones((len(rows), 1)), rows])
 
 
-def _timed(
-    methods: Sequence[Method], cases: Mapping[int, Filters], plan: Plan, *, trip: bool
-) -> Panel:
+def _timed(methods: Sequence[LsfMethod], cases: Mapping[int, Filters], *, trip: bool) -> Panel:
     curves = Curves()
     for order, given in cases.items():
         calls = {
@@ -167,12 +159,12 @@ def _timed(
         errors = {}
         for name, call in calls.items():
             try:
-                errors[name] = _error(call()[: plan.looked_at], given.lsf)
+                errors[name] = _error(call()[:LOOKED_AT], given.lsf)
             except peers.FAILURES as failure:
                 curves.fail(name, order, str(failure))
-        times = interleave({name: calls[name] for name in errors}, plan.rounds)
+        times = interleave({name: calls[name] for name in errors}, ROUNDS)
         for name, error in errors.items():
-            curves.add(name, order, times[name].times(MICROSECONDS / plan.batch), error)
+            curves.add(name, order, times[name].times(MICROSECONDS / BATCH), error)
     name, title = ("round_trip", "Round trip") if trip else ("to_lsf", "To the frequencies")
     return Panel(name, f"{title}, by order", "order", TIME_US, ERROR, curves.done())
 
@@ -186,25 +178,25 @@ def _error(found: FloatArray, expected: Sequence[Sequence[Any]]) -> float:
     return max(references.largest_error(np.asarray(row), exact) for row, exact in pairs)
 
 
-def _low_pass(methods: Sequence[Method], plan: Plan) -> Panel:
+def _low_pass(methods: Sequence[LsfMethod]) -> Panel:
     curves = Curves()
-    for order in plan.low_pass_orders:
+    for order in LOW_PASS_ORDERS:
         _add_errors(curves, methods, order, signals.low_pass_filter(order))
     title = "Filters that Burg's method finds in low-pass noise, by order"
     axis = Axis("order", "order", logarithmic=False)
     return Panel("low_pass", title, "order", axis, ERROR, curves.done())
 
 
-def _poles(methods: Sequence[Method], plan: Plan) -> Panel:
+def _poles(methods: Sequence[LsfMethod]) -> Panel:
     curves = Curves()
-    for distance in plan.distances:
+    for distance in DISTANCES:
         _add_errors(curves, methods, distance, signals.pole_pair_filter(distance))
     knob = "distance of the poles from the unit circle"
     title = f"{signals.POLE_PAIRS} pole pairs, by their distance from the unit circle"
     return Panel("poles", title, knob, Axis(knob, "distance"), ERROR, curves.done())
 
 
-def _add_errors(curves: Curves, methods: Sequence[Method], knob: float, given: Filters) -> None:
+def _add_errors(curves: Curves, methods: Sequence[LsfMethod], knob: float, given: Filters) -> None:
     """Add the error of one filter's conversion by every method, over the knob itself."""
     for method in methods:
         try:
@@ -215,15 +207,13 @@ def _add_errors(curves: Curves, methods: Sequence[Method], knob: float, given: F
             curves.fail(method.name, knob, str(error))
 
 
-def _back(methods: Sequence[Method], cases: Mapping[int, Filters], plan: Plan) -> Panel:
+def _back(methods: Sequence[LsfMethod], cases: Mapping[int, Filters]) -> Panel:
     curves = Curves()
     backward = {m.name: m.back for m in methods if m.given == "ar" and "finer" not in m.name}
     for order, given in cases.items():
-        lsf = np.resize(given.rounded_lsf, (plan.batch, order))
-        exact = [references.lsf_to_ar(row) for row in lsf[: plan.looked_at]]
-        times = interleave(
-            {name: _bound(call, lsf) for name, call in backward.items()}, plan.rounds
-        )
+        lsf = np.resize(given.rounded_lsf, (BATCH, order))
+        exact = [references.lsf_to_ar(row) for row in lsf[:LOOKED_AT]]
+        times = interleave({name: _bound(call, lsf) for name, call in backward.items()}, ROUNDS)
         for name, call in backward.items():
             error = _ar_error(call(lsf), exact)
             curves.add(name, order, times[name].times(MICROSECONDS / len(lsf)), error)
@@ -278,11 +268,6 @@ def _back_target(largest: Filters) -> Target:
     lsf = largest.rounded_lsf
     error = _ar_error(lsf_to_ar(lsf), [references.lsf_to_ar(row) for row in lsf])
     return Target(f"error back to coefficients at order {LARGEST}", error, "at most", 1e-12)
-
-
-def run() -> Findings:
-    """Measure every implementation that is installed."""
-    return measure(Plan())
 
 
 EXPERIMENT = Experiment(

@@ -1,7 +1,5 @@
 """The whole pipeline: how good the leader's model is, by session time and by processing time."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import product
 from typing import Final
 
@@ -22,7 +20,6 @@ from mmt_lab.harness.findings import (
     Findings,
     Panel,
     Records,
-    Spread,
 )
 
 SESSION: Final = Axis("session time (s)", "s", logarithmic=False)
@@ -38,47 +35,43 @@ MEASURES: Final = {
 METHODS: Final[tuple[Method, ...]] = ("field", "published")
 _MILLISECONDS: Final = 1e3
 
-
-@dataclass(frozen=True)
-class Plan:
-    """What is measured; the defaults are what ``mmt bench pipeline`` does."""
-
-    surfaces: tuple[str, ...] = ("plastic", "mesh", "wood", "sandpaper", "ribbed")
-    duration_s: float = 18.0
-    moments_s: tuple[float, ...] = (3.0, 4.0, 6.0, 8.0, 10.0, 12.0, 15.0, 18.0)
-    periods_s: tuple[float, ...] = (0.25, 0.5, 1.0, 2.0)
-    rounds: int = 3
+SURFACES: Final = ("plastic", "mesh", "wood", "sandpaper", "ribbed")
+DURATION_S: Final = 18.0
+MOMENTS_S: Final = (3.0, 4.0, 6.0, 8.0, 10.0, 12.0, 15.0, 18.0)
+PERIODS_S: Final = (0.25, 0.5, 1.0, 2.0)
+ROUNDS: Final = 3
 
 
-def measure(plan: Plan) -> Findings:
+def run() -> Findings:
     """Build every session's model as the leader does, and compare each state with the truth."""
-    sessions = [session(name, plan.duration_s) for name in plan.surfaces]
+    sessions = [session(name, DURATION_S) for name in SURFACES]
     by_session = {name: Curves() for name in MEASURES}
     by_processing = {name: Curves() for name in MEASURES}
     rows = []
-    for method, period_s in product(METHODS, plan.periods_s):
-        runs = [_Run(one, method, period_s, plan) for one in sessions]
+    for method, period_s in product(METHODS, PERIODS_S):
+        runs = [
+            ModelRun(one, ModellingSettings(method=method), period_s, ROUNDS) for one in sessions
+        ]
         curve = f"{method}, every {period_s:g} s"
-        for moment in plan.moments_s:
+        for moment in MOMENTS_S:
             found = [run.at(moment) for run in runs]
-            time = _time([run.spent_ms(moment) for run in runs])
+            time = spread(np.array([run.spent_ms(moment) for run in runs]))
             for index, name in enumerate(MEASURES):
                 value = float(np.mean([errors[index] for errors in found]))
                 by_session[name].add(curve, moment, moment, value)
                 if time.median > 0.0:  # not before the first update
                     by_processing[name].add(curve, moment, time, value)
-        rows += [_row(run, plan) for run in runs]
+        rows += [_row(run) for run in runs]
     return Findings(
-        name="pipeline",
         title="Whole pipeline",
         about=(
-            f"Simulated sessions of {plan.duration_s:g} s on {', '.join(plan.surfaces)}; an "
+            f"Simulated sessions of {DURATION_S:g} s on {', '.join(SURFACES)}; an "
             "update at several periods, every setting at its default but the method. The "
             "leader's model against the known texture over the plane, 12 x 12 points, the mean "
             "over textures: goodness of fit at the resolution of Welch's estimate, power, and "
             "the share of points whose power is within one just noticeable difference (1.36 "
             "dB). Processing time: filtering, segmenting, fitting and triangulating up to "
-            f"then; the least of {plan.rounds} runs, its quartiles over textures, and of an update "
+            f"then; the least of {ROUNDS} runs, its quartiles over textures, and of an update "
             "the mean and the longest of the session."
         ),
         panels=(
@@ -96,18 +89,22 @@ def _panels(kind: str, words: str, x: Axis, curves: dict[str, Curves]) -> list[P
     ]
 
 
-class _Run:
-    """One session, modelled a few times over, and its truth."""
+class ModelRun:
+    """One session, modelled a few times over, and its truth.
+
+    Of each update the least time of all `rounds` counts.
+    """
 
     def __init__(
-        self, recorded: RecordedSession, method: Method, period_s: float, plan: Plan
+        self, recorded: RecordedSession, settings: ModellingSettings, period_s: float, rounds: int
     ) -> None:
-        settings = ModellingSettings(method=method)
-        self.method, self.period_s = method, period_s
+        self.method, self.period_s = settings.method, period_s
         blocks = list(stream_blocks([recorded.frames], round(period_s * settings.rate_hz)))
-        histories = [build(blocks, settings, deferred=False) for _ in range(plan.rounds)]
+        histories = [build(blocks, settings, deferred=False) for _ in range(rounds)]
         self.history: ModelHistory = histories[0]
-        update_s = np.min([_durations(history) for history in histories], axis=0)
+        update_s = np.min(
+            [[update.spent_s for update in history.updates] for history in histories], axis=0
+        )
         self._spent_s = np.cumsum(update_s)
         self.update_ms = update_s * _MILLISECONDS
         truth, reason = known_texture(recorded.annotations, settings)
@@ -133,16 +130,8 @@ class _Run:
         return float(self._spent_s[number]) * _MILLISECONDS if number >= 0 else 0.0
 
 
-def _durations(history: ModelHistory) -> list[float]:
-    return [update.spent_s for update in history.updates]
-
-
-def _time(values: Sequence[float]) -> Spread:
-    return spread(np.array(values))
-
-
-def _row(run: _Run, plan: Plan) -> dict[str, str | float | None]:
-    shape, level, jnd = run.at(plan.duration_s)
+def _row(run: ModelRun) -> dict[str, str | float | None]:
+    shape, level, jnd = run.at(DURATION_S)
     return {
         "method": run.method,
         "update every (s)": run.period_s,
@@ -151,15 +140,10 @@ def _row(run: _Run, plan: Plan) -> dict[str, str | float | None]:
         "power error (dB)": level,
         "within JND": jnd,
         "complete after (s)": run.history.stop_s,
-        "processing (ms)": run.spent_ms(plan.duration_s),
+        "processing (ms)": run.spent_ms(DURATION_S),
         "an update (ms)": float(run.update_ms.mean()),
         "longest update (ms)": float(run.update_ms.max()),
     }
-
-
-def run() -> Findings:
-    """Build every session's model as the leader does, and compare each state with the truth."""
-    return measure(Plan())
 
 
 EXPERIMENT = Experiment(

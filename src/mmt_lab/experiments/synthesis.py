@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from functools import partial
 from itertools import cycle
 from typing import Final
@@ -44,49 +43,43 @@ _MICROSECOND: Final = 1e-6
 Motion = tuple[FloatArray, FloatArray]
 """Speed (mm/s) and normal force (N) at every sample, (n,)."""
 
-
-@dataclass(frozen=True)
-class Plan:
-    """What is measured; the defaults are what ``mmt bench synthesis`` does."""
-
-    surface: str = "wood"
-    samples: int = 40
-    order: int = 16
-    renewals: tuple[int, ...] = (1, 5, TARGET_RENEWAL, 50, 100)
-    duration_s: float = 18.0
-    timed_samples: int = 4000
-    calls: int = 10_000
-    rounds: int = 7
+SURFACE: Final = "wood"
+SAMPLES: Final = 40
+ORDER: Final = 16
+RENEWALS: Final = (1, 5, TARGET_RENEWAL, 50, 100)
+DURATION_S: Final = 18.0
+TIMED_SAMPLES: Final = 4000
+CALLS: Final = 10_000
+ROUNDS: Final = 7
 
 
-def measure(plan: Plan) -> Findings:
+def run() -> Findings:
     """Measure blocks at every renewal, one-sample calls, and the same loop in C."""
-    surface = get_surface(plan.surface)
-    samples = exact_samples(surface, *scattered(plan.samples, 0), plan.order)
+    surface = get_surface(SURFACE)
+    samples = exact_samples(surface, *scattered(SAMPLES, 0), ORDER)
     model = TextureModel(samples, method="published")
-    motion = _motion(plan)
+    motion = _motion()
     curves, rates = Curves(), {}
     reference = _render(model, motion, 1)
-    part = _stretch(motion, plan)
-    noise = np.random.default_rng(1).standard_normal(plan.timed_samples)
+    part = _stretch(motion)
+    noise = np.random.default_rng(1).standard_normal(TIMED_SAMPLES)
     direct = by_scipy(model, part, 1, noise)
     with c_loops.compiled() as loops:
-        for renewal in plan.renewals:
+        for renewal in RENEWALS:
             tasks = _tasks(model, part, renewal, noise, loops)
             own = _difference(_render(model, motion, renewal), reference)
             errors = {SCIPY: _difference(by_scipy(model, part, renewal, noise), direct)}
-            for name, time in interleave(tasks, plan.rounds).items():
-                one = time.times(_NANOSECONDS / plan.timed_samples)
+            for name, time in interleave(tasks, ROUNDS).items():
+                one = time.times(_NANOSECONDS / TIMED_SAMPLES)
                 rates[name, renewal] = _NANOSECONDS / one.median
                 if name != EXCITATION:
                     curves.add(name, renewal, one, errors.get(name, own))
-    calls, p99_us = _calls(model, motion, plan)
+    calls, p99_us = _calls(model, motion)
     return Findings(
-        name="synthesis",
         title="Synthesis",
         about=(
-            f"A model of {plan.samples} samples of order {plan.order} on the texture "
-            f"{plan.surface}, rendered for the {plan.duration_s:g} s course of speed and force "
+            f"A model of {SAMPLES} samples of order {ORDER} on the texture "
+            f"{SURFACE}, rendered for the {DURATION_S:g} s course of speed and force "
             "of a simulated hand, with the same excitation at every renewal. The error is "
             "against renewal at every sample, whose own error is zero and is drawn at the "
             "bottom. C: the same loop (-O3, this processor), to which the excitation is given. "
@@ -96,23 +89,23 @@ def measure(plan: Plan) -> Findings:
         panels=(
             Panel("renewal", "Blocks, by renewal", "samples a renewal", TIME, ERROR, curves.done()),
         ),
-        records=(_rates(rates, plan), calls),
+        records=(_rates(rates), calls),
         targets=_targets(rates, p99_us),
         left_out=(loops,) if isinstance(loops, LeftOut) else (),
     )
 
 
-def _motion(plan: Plan) -> Motion:
+def _motion() -> Motion:
     """Return speed and force of a simulated hand, as the modelling derives them."""
-    recorded = session(plan.surface, plan.duration_s)
+    recorded = session(SURFACE, DURATION_S)
     block = StreamFilter().process(recorded.frames)
     return np.array(block.speed_mm_s), np.array(block.normal_force_n)
 
 
-def _stretch(motion: Motion, plan: Plan) -> Motion:
+def _stretch(motion: Motion) -> Motion:
     """Return a stretch of the motion from its middle, for the clock."""
-    start = max(0, (len(motion[0]) - plan.timed_samples) // 2)
-    first, second = (np.resize(values[start:], plan.timed_samples) for values in motion)
+    start = max(0, (len(motion[0]) - TIMED_SAMPLES) // 2)
+    first, second = (np.resize(values[start:], TIMED_SAMPLES) for values in motion)
     return first, second
 
 
@@ -156,21 +149,21 @@ def by_scipy(model: TextureModel, motion: Motion, renewal: int, noise: FloatArra
     return output
 
 
-def _calls(model: TextureModel, motion: Motion, plan: Plan) -> tuple[Records, float]:
+def _calls(model: TextureModel, motion: Motion) -> tuple[Records, float]:
     """Return the times of one-sample calls, and the median over rounds of their p99 (us)."""
     ones = list(zip(*(values.reshape(-1, 1) for values in motion), strict=True))
     p50, p99 = [], []
-    for _ in range(plan.rounds):
+    for _ in range(ROUNDS):
         synthesizer = Synthesizer(model, seed=1)
         moments = cycle(ones)
-        times = call_times(partial(_render_next, synthesizer, moments), plan.calls)
+        times = call_times(partial(_render_next, synthesizer, moments), CALLS)
         p50.append(float(np.median(times)) / _MICROSECOND)
         p99.append(float(np.percentile(times, 99.0)) / _MICROSECOND)
     rows: list[Mapping[str, Cell]] = []
     for name, values in (("p50", p50), ("p99", p99)):
         of = spread(np.array(values))
         rows.append({"": name, "median (µs)": of.median, "from (µs)": of.low, "to (µs)": of.high})
-    title = f"Calls for one sample, renewed each: {plan.rounds} rounds of {plan.calls} calls"
+    title = f"Calls for one sample, renewed each: {ROUNDS} rounds of {CALLS} calls"
     return Records("calls", title, tuple(rows)), spread(np.array(p99)).median
 
 
@@ -178,9 +171,9 @@ def _render_next(synthesizer: Synthesizer, moments: Iterator[Motion]) -> FloatAr
     return synthesizer.render(*next(moments))
 
 
-def _rates(rates: dict[tuple[str, int], float], plan: Plan) -> Records:
+def _rates(rates: dict[tuple[str, int], float]) -> Records:
     rows = []
-    for renewal in plan.renewals:
+    for renewal in RENEWALS:
         ours = rates[OURS, renewal]
         row: dict[str, float | None] = {
             "samples a renewal": renewal,
@@ -203,11 +196,6 @@ def _targets(rates: dict[tuple[str, int], float], p99_us: float) -> tuple[Target
         Target("call for one sample, p99 (µs)", p99_us, "at most", 15.0),
         Target(what, None if rate is None else rate / 1e6, "at least", 5.0),
     )
-
-
-def run() -> Findings:
-    """Measure blocks at every renewal, one-sample calls, and the same loop in C."""
-    return measure(Plan())
 
 
 EXPERIMENT = Experiment(

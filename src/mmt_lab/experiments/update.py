@@ -3,7 +3,6 @@
 import copy
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
 
@@ -45,33 +44,27 @@ _PAST_FIXED_COSTS: Final = -3  # of the sizes: what does not grow would hide wha
 Points = list[tuple[FloatArray, FloatArray]]
 """Speed and force, (1,) each, of one call after the other."""
 
-
-@dataclass(frozen=True)
-class Plan:
-    """What is measured; the defaults are what ``mmt bench update`` does."""
-
-    surface: str = "wood"
-    counts: tuple[int, ...] = (10, 20, 50, 100, 200, 400)
-    order: int = 16
-    seconds: int = 12
-    first_second: int = 4
-    repeats: int = 3
-    calls: int = 2000
-    rounds: int = 7
+SURFACE: Final = "wood"
+COUNTS: Final = (10, 20, 50, 100, 200, 400)
+ORDER: Final = 16
+SECONDS: Final = 12
+FIRST_SECOND: Final = 4
+REPEATS: Final = 3
+CALLS: Final = 2000
+ROUNDS: Final = 7
 
 
-def measure(plan: Plan) -> Findings:
+def run() -> Findings:
     """Measure updates of models of every size, and calls for one sample from them."""
-    blocks = _blocks(plan)
-    stages = _stages(blocks, plan)
-    calls = _calls(plan)
+    blocks = _blocks()
+    stages = _stages(blocks)
+    calls = _calls()
     return Findings(
-        name="update",
         title="Model update",
         about=(
             "The newest second of a simulated session enters a model that already has that many "
             "samples, scattered over the plane. Every second of "
-            f"{plan.seconds - plan.first_second}, {plan.repeats} times, in turns; median and "
+            f"{SECONDS - FIRST_SECOND}, {REPEATS} times, in turns; median and "
             "quartiles over all. Filtering, segmenting and fitting concern the new second "
             "alone. The one-sample call renders along a hand's course, or jumps at random."
         ),
@@ -81,20 +74,20 @@ def measure(plan: Plan) -> Findings:
     )
 
 
-def _blocks(plan: Plan) -> list[RecordArray]:
-    frames = session(plan.surface, float(plan.seconds)).frames
+def _blocks() -> list[RecordArray]:
+    frames = session(SURFACE, float(SECONDS)).frames
     return [frames[i : i + _SECOND] for i in range(0, len(frames), _SECOND)]
 
 
-def _stages(blocks: Sequence[RecordArray], plan: Plan) -> Panel:
+def _stages(blocks: Sequence[RecordArray]) -> Panel:
     """Time updates of all sizes in turns."""
-    durations: dict[int, dict[str, list[float]]] = {count: {} for count in plan.counts}
-    extra = {count: _fits(count, plan) for count in plan.counts}
-    for _ in range(plan.repeats):
-        modeller = OnlineModeller(ModellingSettings(order=plan.order))
+    durations: dict[int, dict[str, list[float]]] = {count: {} for count in COUNTS}
+    extra = {count: _fits(count) for count in COUNTS}
+    for _ in range(REPEATS):
+        modeller = OnlineModeller(ModellingSettings(order=ORDER))
         for number, block in enumerate(blocks):
-            if number >= plan.first_second:
-                for count in plan.counts:
+            if number >= FIRST_SECOND:
+                for count in COUNTS:
                     grown = copy.deepcopy(modeller)
                     grown.fits.clear()
                     grown.fits.update(extra[count])
@@ -112,13 +105,13 @@ def _note(durations: dict[str, list[float]], laps: dict[str, float]) -> None:
         durations.setdefault(name, []).append(seconds)
 
 
-def _samples(count: int, plan: Plan) -> TextureSamples:
-    return exact_samples(get_surface(plan.surface), *scattered(count, 0), plan.order)
+def _samples(count: int) -> TextureSamples:
+    return exact_samples(get_surface(SURFACE), *scattered(count, 0), ORDER)
 
 
-def _fits(count: int, plan: Plan) -> dict[SampleRange, Fit]:
+def _fits(count: int) -> dict[SampleRange, Fit]:
     """Return samples as if they had been fitted long before the session."""
-    samples = _samples(count, plan)
+    samples = _samples(count)
     fits = {}
     for index in range(count):
         start = -_SECOND * (index + 2)
@@ -143,18 +136,18 @@ def _fits(count: int, plan: Plan) -> dict[SampleRange, Fit]:
     return fits
 
 
-def _calls(plan: Plan) -> Panel:
+def _calls() -> Panel:
     """Time calls for one sample from models of all sizes in turns."""
-    along, across = _course(plan), _jumps(plan)
+    along, across = _course(), _jumps()
     tasks = {}
-    for count in plan.counts:
-        model = TextureModel(_samples(count, plan))
+    for count in COUNTS:
+        model = TextureModel(_samples(count))
         for name, points in ((ONE_SAMPLE, along), (MOVING, across)):
             tasks[f"{name}/{count}"] = _render_all(model, points)
     curves = Curves()
-    for key, time in interleave(tasks, plan.rounds).items():
+    for key, time in interleave(tasks, ROUNDS).items():
         name, _, samples = key.rpartition("/")
-        curves.add(name, int(samples), int(samples), time.times(MICROSECONDS / plan.calls))
+        curves.add(name, int(samples), int(samples), time.times(MICROSECONDS / CALLS))
     return Panel("calls", "Rendering", "samples", SAMPLES, CALL, curves.done())
 
 
@@ -168,14 +161,14 @@ def _render_all(model: TextureModel, points: Points) -> Callable[[], None]:
     return render
 
 
-def _course(plan: Plan) -> Points:
+def _course() -> Points:
     """Return a hand's speed and force, sample by sample, which move continuously."""
-    phase = np.arange(plan.calls) * (2 * np.pi / 1000)
+    phase = np.arange(CALLS) * (2 * np.pi / 1000)
     return _ones(150.0 + 140.0 * np.sin(phase), 1.5 + 1.4 * np.sin(1.7 * phase))
 
 
-def _jumps(plan: Plan) -> Points:
-    return _ones(*scattered(plan.calls, 1))
+def _jumps() -> Points:
+    return _ones(*scattered(CALLS, 1))
 
 
 def _ones(speed_mm_s: FloatArray, force_n: FloatArray) -> Points:
@@ -223,11 +216,6 @@ def _targets(stages: Panel, calls: Panel) -> tuple[Target, ...]:
 
 def _n_log_n(samples: float) -> float:
     return samples * math.log(samples)
-
-
-def run() -> Findings:
-    """Measure updates of models of every size, and calls for one sample from them."""
-    return measure(Plan())
 
 
 EXPERIMENT = Experiment(
