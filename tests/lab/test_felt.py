@@ -13,7 +13,7 @@ from mmt.core.errors import InputError
 from mmt.scene import Network
 from mmt.testing.simulation.textures import SURFACES
 from mmt_lab.experiments import felt
-from mmt_lab.experiments.felt import Case, Outcome, by_second, feel, rows
+from mmt_lab.experiments.felt import Trial, TrialResult, by_second, feel, rows
 from mmt_lab.felt.judging import Reference
 from mmt_lab.felt.leading import (
     at_once,
@@ -111,13 +111,13 @@ def test_headings_are_unit_vectors_even_at_rest(far: Passage) -> None:
 
 def test_outcomes_are_gathered_by_network_and_method(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("mmt_lab.experiments.felt.DURATION_S", 3.0)
-    found: list[Outcome] = [
-        one for network in ("lan", "wan") for one in feel(Case("fabric", network, 5))
+    found: list[TrialResult] = [
+        one for network in ("lan", "wan") for one in feel(Trial("fabric", network, 5))
     ]
     table = rows(found)
-    assert [row.network for row in table] == ["lan"] * 4 + ["wan"] * 4
-    assert {row.sessions for row in table} == {1}
-    assert all(row.level_db[1:] == (None, None) for row in table)  # nothing behind 5 s
+    assert [row["network"] for row in table] == ["lan"] * 4 + ["wan"] * 4
+    assert {row["sessions"] for row in table} == {1}
+    assert all(row["level_db"][1:] == [None, None] for row in table)  # nothing behind 5 s
     assert len(by_second(found, "wan", "field")) <= 3
 
 
@@ -125,7 +125,7 @@ def test_the_command_prints_every_method_and_writes_a_report(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr("mmt_lab.experiments.felt.DURATION_S", 2.0)
-    outcomes = feel(Case("fabric", "wan", 5))
+    outcomes = feel(Trial("fabric", "wan", 5))
     monkeypatch.setattr(felt, "each", lambda *_, **__: [outcomes])
     arguments = ["lab", "felt", "--textures", "fabric", "--seeds", "1"]
     arguments += ["--json", str(tmp_path / "felt.json"), "--report", str(tmp_path / "report")]

@@ -7,7 +7,7 @@ heading; a realisation of the texture under the hand is the bound.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -18,6 +18,7 @@ from mmt.core.arrays import BoolArray, FloatArray
 from mmt.core.palette import SERIES
 from mmt.evaluation.document import Table
 from mmt.evaluation.figures import make_plain
+from mmt.evaluation.levels import root_mean_square
 from mmt.evaluation.report_files import picture
 from mmt.evaluation.run_verdict import median_of_known
 from mmt.evaluation.texts import number
@@ -26,7 +27,7 @@ from mmt.testing.simulation import RATE_HZ
 from mmt.testing.simulation.textures import get_surface
 from mmt_lab.compare.cases import DURATION_S, FIRST_SEED
 from mmt_lab.compare.judging import METHODS as METHODS_OF_MODELLING
-from mmt_lab.felt.judging import HOP, LEAST_RMS_M_S2, WINDOW, Course, Reference
+from mmt_lab.felt.judging import HOP, LEAST_RMS_M_S2, WINDOW, FeltErrors, Reference
 from mmt_lab.felt.leading import (
     at_once,
     led,
@@ -61,12 +62,14 @@ METHODS: Final[Mapping[str, Mapping[str, Any] | None]] = MappingProxyType(
 )
 """Keys of ``[texture]`` by the method's name; streaming has no model."""
 
+SHOWN: Final = (*METHODS, AT_ONCE)
+
 SPANS_S: Final = ((0.0, 5.0), (5.0, 10.0), (10.0, 1000.0))
 """Session times over which errors are gathered."""
 
 
 @dataclass(frozen=True)
-class Case:
+class Trial:
     """One session: a texture, a network's profile, a seed, a kind of hand."""
 
     texture: str
@@ -76,51 +79,26 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class TrialResult:
     """What one method let the hand feel in one session."""
 
-    case: Case
+    case: Trial
     method: str
     start_s: float | None
-    course: Course
+    course: FeltErrors
 
 
-@dataclass(frozen=True)
-class Row:
-    """One method over one network, all sessions together.
-
-    Attributes
-    ----------
-    level_db, bands_db
-        Root mean square over the moments of each of `SPANS_S`, then the median over sessions;
-        None where no session has a moment there.
-    onset_ms, offset_ms
-        Medians over all strokes; None without any.
-    start_s
-        Median over the sessions in which a model took over.
-    """
-
-    network: str
-    method: str
-    sessions: int
-    start_s: float | None
-    level_db: tuple[float | None, ...]
-    bands_db: tuple[float | None, ...]
-    onset_ms: float | None
-    offset_ms: float | None
-
-
-def cases(seeds: int, textures: Sequence[str], hand: str = "strokes") -> list[Case]:
+def cases(seeds: int, textures: Sequence[str], hand: str = "strokes") -> list[Trial]:
     """Return `seeds` sessions of each texture over each network, by a kind of hand."""
     return [
-        Case(texture, network, FIRST_SEED + seed, hand)
+        Trial(texture, network, FIRST_SEED + seed, hand)
         for network in NETWORKS
         for texture in textures
         for seed in range(seeds)
     ]
 
 
-def feel(case: Case) -> list[Outcome]:
+def feel(case: Trial) -> list[TrialResult]:
     """Run one session, let each method lead it, and judge them."""
     surface = get_surface(case.texture)
     ticks = round(DURATION_S * RATE_HZ)
@@ -140,22 +118,37 @@ def feel(case: Case) -> list[Outcome]:
             models = taking_over(local_updates(passage, settings_over(passage, keys)))
         felt[name] = led(passage, models, case.seed)
     return [
-        Outcome(case, name, own.start_s, reference.judge(own.vibration_m_s2))
+        TrialResult(case, name, own.start_s, reference.judge(own.vibration_m_s2))
         for name, own in felt.items()
     ]
 
 
-def rows(outcomes: Sequence[Outcome]) -> list[Row]:
-    """Gather outcomes by network and method."""
+def rows(outcomes: Sequence[TrialResult]) -> list[dict[str, Any]]:
+    """Return the figures of each method over each network, all sessions together.
+
+    ``level_db`` and ``bands_db`` are root mean squares over the moments of each of `SPANS_S`, then
+    medians over sessions, None where no session has a moment there; ``onset_ms`` and ``offset_ms``
+    medians over all strokes; ``start_s`` the median over sessions in which a model took over.
+    """
     return [
-        _row(network, method, found)
+        {
+            "network": network,
+            "method": method,
+            "sessions": len(found),
+            "start_s": median_of_known([one.start_s for one in found]),
+            "level_db": _by_span([(each, each.level_db) for each in courses]),
+            "bands_db": _by_span([(each, each.bands_db) for each in courses]),
+            "onset_ms": median_of_known(np.concatenate([c.onset_ms for c in courses]).tolist()),
+            "offset_ms": median_of_known(np.concatenate([c.offset_ms for c in courses]).tolist()),
+        }
         for network in NETWORKS
-        for method in (*METHODS, AT_ONCE)
+        for method in SHOWN
         if (found := _of(outcomes, network, method))
+        for courses in [[one.course for one in found]]
     ]
 
 
-def by_second(outcomes: Sequence[Outcome], network: str, method: str) -> FloatArray:
+def by_second(outcomes: Sequence[TrialResult], network: str, method: str) -> FloatArray:
     """Return the level's error in each second of session time, shape (s,), dB rms.
 
     The median over sessions; NaN where no session has a moment.
@@ -170,52 +163,37 @@ def by_second(outcomes: Sequence[Outcome], network: str, method: str) -> FloatAr
     return np.array([np.nan if value is None else value for value in medians])
 
 
-def as_dict(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+def as_dict(outcomes: Sequence[TrialResult]) -> dict[str, Any]:
     """Return everything for a program."""
     curves = {
         network: {
-            method: [
-                None if np.isnan(v) else float(v) for v in by_second(outcomes, network, method)
-            ]
-            for method in (*METHODS, AT_ONCE)
+            method: by_second(outcomes, network, method)
+            for method in SHOWN
             if _of(outcomes, network, method)
         }
         for network in NETWORKS
     }
-    return {"rows": [asdict(row) for row in rows(outcomes)], "level_db_by_second": curves}
+    return {"rows": rows(outcomes), "level_db_by_second": curves}
 
 
-def _of(outcomes: Sequence[Outcome], network: str, method: str) -> list[Outcome]:
+def _of(outcomes: Sequence[TrialResult], network: str, method: str) -> list[TrialResult]:
     return [one for one in outcomes if one.case.network == network and one.method == method]
 
 
-def _row(network: str, method: str, found: Sequence[Outcome]) -> Row:
-    courses = [one.course for one in found]
-    levels, bands = (
-        tuple(
-            median_of_known([_rms(getattr(c, name), _within(c, *span)) for c in courses])
-            for span in SPANS_S
-        )
-        for name in ("level_db", "bands_db")
-    )
-    return Row(
-        network=network,
-        method=method,
-        sessions=len(found),
-        start_s=median_of_known([one.start_s for one in found]),
-        level_db=levels,
-        bands_db=bands,
-        onset_ms=median_of_known(np.concatenate([c.onset_ms for c in courses]).tolist()),
-        offset_ms=median_of_known(np.concatenate([c.offset_ms for c in courses]).tolist()),
-    )
+def _by_span(errors: Sequence[tuple[FeltErrors, FloatArray]]) -> list[float | None]:
+    """Return the median of the sessions' errors in each of `SPANS_S`."""
+    return [
+        median_of_known([_rms(error_db, _within(of, *span)) for of, error_db in errors])
+        for span in SPANS_S
+    ]
 
 
-def _within(course: Course, first_s: float, stop_s: float) -> BoolArray:
+def _within(course: FeltErrors, first_s: float, stop_s: float) -> BoolArray:
     return np.asarray((course.time_s >= first_s) & (course.time_s < stop_s))
 
 
 def _rms(errors_db: FloatArray, chosen: BoolArray) -> float | None:
-    return float(np.sqrt(np.mean(np.square(errors_db[chosen])))) if chosen.any() else None
+    return root_mean_square(errors_db[chosen]) if chosen.any() else None
 
 
 TITLE: Final = "What the operator feels, end to end"
@@ -238,39 +216,35 @@ DEFINITIONS: Final = {
     "field": "the same with the default of [texture]",
 }
 
-_STYLES: Final = {"streaming": 0, "published": 1, "field": 2, AT_ONCE: 3}
 
-
-def felt_table(outcomes: Sequence[Outcome]) -> Table:
+def felt_table(outcomes: Sequence[TrialResult]) -> Table:
     """Return a row for each network and method."""
     spans = [f"{a:g}-{b:g} s" if b < 100 else f"from {a:g} s" for a, b in SPANS_S]
     columns = ["network", "method", *(f"level {span}" for span in spans)]
     columns += [f"bands {span}" for span in spans] + ["onset (ms)", "offset (ms)"]
     body = [
         [
-            row.network,
-            row.method,
-            *(number(value, 2) for value in (*row.level_db, *row.bands_db)),
-            number(row.onset_ms, 0),
-            number(row.offset_ms, 0),
+            *(row["network"], row["method"]),
+            *(number(value, 2) for value in (*row["level_db"], *row["bands_db"])),
+            *(number(row[key], 0) for key in ("onset_ms", "offset_ms")),
         ]
         for row in rows(outcomes)
     ]
     return Table(columns, body, "Errors in dB of what the hand feels, by session time.")
 
 
-def felt_figure(outcomes: Sequence[Outcome]) -> Figure:
+def felt_figure(outcomes: Sequence[TrialResult]) -> Figure:
     """Draw the level's error against session time, a panel for each network."""
     shown = [n for n in NETWORKS if any(one.case.network == n for one in outcomes)]
     figure = Figure(figsize=(2.55 * len(shown) + 0.6, 3.2), layout="constrained")
     panels = figure.subplots(1, len(shown), sharey=True, squeeze=False)[0]
     for axis, network in zip(panels, shown, strict=True):
-        for method in (*METHODS, AT_ONCE):
+        for method in SHOWN:
             error_db = by_second(outcomes, network, method)
             axis.plot(
                 np.arange(len(error_db)) + 0.5,
                 error_db,
-                color=SERIES[_STYLES[method]],
+                color=SERIES[SHOWN.index(method)],
                 linestyle=":" if method == AT_ONCE else "-",
                 linewidth=1.6,
                 label=method,

@@ -33,7 +33,7 @@ _BLOCK: Final = 500
 
 
 @dataclass(frozen=True)
-class Course:
+class FeltErrors:
     """Errors of one method over one session.
 
     Attributes
@@ -72,14 +72,14 @@ class Reference:
         self._begins = _changes(~stroking, REST_TICKS, STROKE_TICKS)
         self._ends = _changes(stroking, STROKE_TICKS, REST_TICKS)
 
-    def judge(self, vibration_m_s2: FloatArray) -> Course:
+    def judge(self, vibration_m_s2: FloatArray) -> FeltErrors:
         """Compare what was felt (n,) with it."""
         floor = LEAST_RMS_M_S2**2
         bands = _measured_bands(vibration_m_s2)
         power, wanted = bands.sum(axis=1), self._bands.sum(axis=1)
         counts = (power > floor) | (wanted > floor)
         middle = (np.arange(len(bands)) * HOP + WINDOW / 2.0) / RATE_HZ
-        return Course(
+        return FeltErrors(
             time_s=middle[counts],
             level_db=_ratio_db(power, wanted, floor)[counts],
             bands_db=_ratio_db(bands, self._bands, floor / BANDS)[counts],
