@@ -21,7 +21,6 @@ from mmt_lab.harness.findings import (
     Target,
 )
 from mmt_lab.harness.tables import (
-    narrow_panel_table,
     panel_table,
     records_table,
     tables_of,
@@ -60,32 +59,13 @@ def made_result():
     )
 
 
-def test_a_panel_has_a_row_for_time_and_for_error_and_a_column_for_each_setting():
-    table = panel_table(made_panel())
-    assert table.columns == ("method", "order", "8", "16")
-    assert table.rows == [
-        ("mmt", "µs", "2 ±5 %", "4"),
-        ("", "error", "1e-16", "0"),
-        ("peer", "µs", "40", "-"),
-        ("", "error", "1e-09", "-"),
-    ]
-    assert "peer at 16: raises: no" in table.caption
-
-
-def test_a_narrow_panel_has_a_row_for_each_setting():
-    assert narrow_panel_table(made_panel()).rows == [
+def test_a_panel_has_a_row_for_each_setting():
+    assert panel_table(made_panel()).rows == [
         ("mmt", "8", "2 ±5 %", "1e-16"),
         ("", "16", "4", "0"),
         ("peer", "8", "40", "1e-09"),
         ("", "16", "-", "raises: no"),
     ]
-
-
-def test_errors_over_the_knob_itself_need_no_row_for_it():
-    curves = Curves()
-    curves.add("mmt", 8, 8, 0.5)
-    panel = Panel("p", "P", "order", Axis("order", "order"), ERROR, curves.done())
-    assert panel_table(panel).rows == [("mmt", "error", "0.5")]
 
 
 def test_records_and_targets_are_said_in_words():
@@ -119,12 +99,12 @@ def test_a_report_that_cannot_be_written_is_said(tmp_path):
         write_bench_report(tmp_path / "file", [made_result()], {})
 
 
-def test_what_is_said_once_is_not_repeated_in_a_terminal():
+def test_what_is_said_once_is_not_repeated():
     curves = Curves()
     curves.add("mmt", 8, 8, 1e-16)
     curves.fail("mmt", 16, "raises: no")
     over_knob = Panel("p", "By order", "order", Axis("order", "order"), ERROR, curves.done())
-    table = narrow_panel_table(over_knob)
+    table = panel_table(over_knob)
     assert table.columns == ("method", "order", "error")
     assert table.rows == [("mmt", "8", "1e-16"), ("", "16", "raises: no")]
 

@@ -43,7 +43,8 @@ def test_a_case_that_raises_has_not_held() -> None:
 
 def test_a_row_can_be_read_by_a_program() -> None:
     figures = {"none": math.inf, "some": np.float64(2.5), "many": [np.int64(3), math.nan]}
-    found = json.loads(json.dumps(row(held=np.bool_(True), **figures).as_dict()))  # type: ignore[arg-type]
+    rows = [row(held=np.bool_(True), **figures)]  # type: ignore[arg-type]
+    (found,) = json.loads(json.dumps(findings_of(rows).as_dict()))["rows"]
     assert found["held"] is True
     assert found["figures"] == {"none": None, "some": 2.5, "many": [3, None]}
 

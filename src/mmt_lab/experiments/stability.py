@@ -7,6 +7,7 @@ The cases come in families. A family is a module of `mmt_lab.stability.families`
 """
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
 from typing import Any, Final
 
 from mmt.core.errors import InputError
@@ -108,7 +109,7 @@ def summary(rows: Sequence[Row]) -> dict[str, Any]:
         "cases": len(rows),
         "not_held": [row.what for row in broken(rows)],
         "seconds": round(sum(row.seconds for row in rows), 1),
-        "rows": [row.as_dict() for row in rows],
+        "rows": [asdict(row) | {"seconds": round(row.seconds, 3)} for row in rows],
         "environment": environment(),
     }
 

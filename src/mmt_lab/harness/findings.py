@@ -5,6 +5,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, Final, Literal, Self
 
+import numpy as np
+
 from mmt.evaluation.document import Block, Table
 
 Cell = str | float | int | bool | None
@@ -55,6 +57,11 @@ class Curve:
     method: str
     points: tuple[Point, ...]
     failures: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def over_knob(self) -> bool:
+        """Whether the knob itself stands along x, and not a time."""
+        return all(point.x.median == point.knob for point in self.points)
 
 
 class Curves:
@@ -215,10 +222,8 @@ class Findings:
     name: str = ""
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the findings for a program; a float that is not finite becomes None."""
+        """Return the findings for a program; a number that is not finite becomes None."""
         targets = [{**asdict(target), "met": target.met} for target in self.targets]
-        if self.data is not None:
-            return {**self.data, **({"judged": targets} if targets else {})}
         content: dict[str, Any] = {
             "name": self.name,
             "title": self.title,
@@ -229,6 +234,8 @@ class Findings:
             "left_out": [asdict(out) for out in self.left_out],
             "figures": dict(self.figures),
         }
+        if self.data is not None:
+            content = {**self.data, **({"judged": targets} if targets else {})}
         return {key: _plain(value) for key, value in content.items()}
 
 
@@ -243,8 +250,10 @@ def _spread(value: Spread | float) -> Spread:
 def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
+    if isinstance(value, (list, tuple, np.ndarray)):
         return [_plain(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value

@@ -69,7 +69,7 @@ def _draw(axis: Axes, panel: Panel, methods: Sequence[str]) -> None:
         _make_readable(axis.yaxis, along)
     else:
         axis.set_ylim(bottom=0.0)
-    if not _over_knob(panel):
+    if not all(curve.over_knob for curve in panel.curves):
         _name_knob(axis, panel, floor)
     axis.set_title(panel.title, fontsize=10)
     axis.set_xlabel(panel.x.label)
@@ -142,9 +142,3 @@ def _floor(panel: Panel) -> float:
     values = [point.y.median for curve in panel.curves for point in curve.points]
     positive = [value for value in values if value > 0.0]
     return 0.3 * min(positive) if positive else 1.0
-
-
-def _over_knob(panel: Panel) -> bool:
-    """Say whether the knob itself stands along x."""
-    points = [point for curve in panel.curves for point in curve.points]
-    return all(point.x.median == point.knob for point in points)

@@ -21,7 +21,7 @@ def print_findings(result: Findings) -> None:
     output.print(result.title, style="bold")
     if result.about:
         output.print(result.about, highlight=False)
-    for table in tables_of(result, narrow=True):
+    for table in tables_of(result):
         print_table(table)
     for sentence in result.sentences:
         output.print(sentence, highlight=False)

@@ -4,16 +4,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from mmt.evaluation.document import Table
-from mmt_lab.harness.findings import (
-    Cell,
-    Curve,
-    Findings,
-    Panel,
-    Point,
-    Records,
-    Spread,
-    Target,
-)
+from mmt_lab.harness.findings import Cell, Findings, Panel, Records, Spread, Target
 
 _NOTICEABLE: Final = 0.005
 
@@ -37,13 +28,9 @@ def missed_because(results: Sequence[Findings]) -> list[str]:
     return [f"not met: {', '.join(names)}: {reason}" for reason, names in missed.items()]
 
 
-def tables_of(result: Findings, *, narrow: bool = False) -> list[Table]:
-    """Return its own tables, then one for each panel, its records, and what was left out.
-
-    Narrow ones, for a terminal, have a row for each setting of a knob in place of a column.
-    """
-    lay_out = narrow_panel_table if narrow else panel_table
-    tables = [*result.tables, *(lay_out(panel) for panel in result.panels)]
+def tables_of(result: Findings) -> list[Table]:
+    """Return its own tables, then one for each panel, its records, and what was left out."""
+    tables = [*result.tables, *(panel_table(panel) for panel in result.panels)]
     tables += [records_table(records) for records in result.records if records.rows]
     if result.left_out:
         rows = [(out.name, out.reason, out.remedy) for out in result.left_out]
@@ -52,26 +39,8 @@ def tables_of(result: Findings, *, narrow: bool = False) -> list[Table]:
 
 
 def panel_table(panel: Panel) -> Table:
-    """Return a panel with two rows a method, x and y, and a column for each knob's setting."""
-    knobs = list(dict.fromkeys(point.knob for curve in panel.curves for point in curve.points))
-    rows, notes = [], []
-    for curve in panel.curves:
-        at = {point.knob: point for point in curve.points}
-        over_knob = _over_knob(curve)
-        if not over_knob:
-            cells = (_spread(at[knob].x) if knob in at else "-" for knob in knobs)
-            rows.append((curve.method, panel.x.short, *cells))
-        name = curve.method if over_knob else ""
-        rows.append((name, panel.y.short, *(_y(at.get(knob)) for knob in knobs)))
-        failed = [f"{knob}: {reason}" for knob, reason in curve.failures.items()]
-        notes += [f"{curve.method} at {text}" for text in failed]
-    columns = ("method", panel.knob, *(f"{knob:g}" for knob in knobs))
-    return Table(columns, rows, ". ".join([panel.title, *notes]))
-
-
-def narrow_panel_table(panel: Panel) -> Table:
     """Return a panel with a row for each point; x is left out where it is the knob itself."""
-    over_knob = all(_over_knob(curve) for curve in panel.curves)
+    over_knob = all(curve.over_knob for curve in panel.curves)
     rows = []
     for curve in panel.curves:
         for index, point in enumerate(curve.points):
@@ -98,19 +67,10 @@ def records_table(records: Records) -> Table:
     return Table(columns, rows, records.title)
 
 
-def _over_knob(curve: Curve) -> bool:
-    """Say whether the curve stands over its knob itself, and not over a time."""
-    return all(point.x.median == point.knob for point in curve.points)
-
-
 def _aim(target: Target) -> tuple[str, str]:
     met = {True: "yes", False: "no", None: "not measured"}[target.met]
     tolerance = f" ± {_number(target.tolerance)}" if target.tolerance else ""
     return f"{target.side} {_number(target.bound)}{tolerance}", met
-
-
-def _y(point: Point | None) -> str:
-    return "-" if point is None else _spread(point.y)
 
 
 def _spread(value: Spread) -> str:

@@ -1,12 +1,9 @@
 """Cases of the stability table: what is done, what is expected, and what came out."""
 
-import math
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
-
-import numpy as np
 
 from mmt.evaluation.document import Picture
 
@@ -72,31 +69,6 @@ class Row:
     held: bool
     seconds: float
     figures: Figures
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the row for a program."""
-        return {
-            "family": self.family,
-            "what": self.what,
-            "expected": self.expected,
-            "got": self.got,
-            "held": self.held,
-            "seconds": round(self.seconds, 3),
-            "figures": _for_json(self.figures),
-        }
-
-
-def _for_json(value: Any) -> Any:
-    """Return a figure with None for what is not finite, which JSON cannot write."""
-    if isinstance(value, Mapping):
-        return {name: _for_json(item) for name, item in value.items()}
-    if isinstance(value, Sequence) and not isinstance(value, str):
-        return [_for_json(item) for item in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 def run_case(family: str, case: Case) -> Row:
