@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from mmt.contact.passivity import ForcePort, PassivitySettings
-from mmt_lab.feedback.recorded import closest_passive, least_shown
+from mmt_lab.feedback.passive_bound import closest_passive, least_shown
 
 Series = list[tuple[float, float]]
 

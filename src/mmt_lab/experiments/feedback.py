@@ -5,15 +5,18 @@ that instability can show. On recordings the hand moves as it did without a dela
 displayed force is compared with that of the environment at the same instant.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final
 
+import numpy as np
 import typer
 
 from mmt.contact.estimation import ContactModel
 from mmt.evaluation.document import Table
+from mmt.evaluation.levels import root_mean_square
+from mmt.evaluation.texts import number
 from mmt_lab.feedback import recorded, simulated
 from mmt_lab.feedback.recorded import RecordedResult, evaluate_run, find_runs, model_table, read_run
 from mmt_lab.feedback.sides import METHODS, Method
@@ -48,46 +51,37 @@ DEFINITIONS: Final = {
 
 
 @dataclass(frozen=True)
-class Pooled:
-    """Root mean square over the runs that touched the same."""
-
-    contact: str
-    method: Method
-    delay_ms: int
-    force_error_n: float
-    ratio: float | None
-    """To the streamed force's; None where that has no error, as without a delay."""
-
-
-@dataclass(frozen=True)
 class FeedbackEvaluation:
     """Every cell of both parts; ``recorded`` is empty where no recording was named."""
 
     simulated: Sequence[CellResult]
     recorded: Sequence[RecordedResult]
 
-    def pooled(self) -> list[Pooled]:
-        """Return the recorded errors, pooled by what was touched."""
-        keys = dict.fromkeys((r.contact, r.delay_ms) for r in self.recorded if r.contact != FREE)
-        rows: list[Pooled] = []
-        for contact, delay_ms in keys:
-            errors = {m: self._pooled_n(contact, delay_ms, m) for m in METHODS}
-            base_n = errors["streamed"]
-            rows += [
-                Pooled(
-                    contact, m, delay_ms, error, error / base_n if base_n > _NO_ERROR_N else None
-                )
-                for m, error in errors.items()
-            ]
+    def pooled(self) -> list[dict[str, Any]]:
+        """Return the recorded errors, root mean squares over the runs that touched the same.
+
+        ``ratio`` is that to the streamed force's, None where that has no error, as without a delay.
+        """
+        errors: dict[tuple[str, int], dict[str, list[float]]] = {}
+        for one in self.recorded:
+            if one.contact != FREE:
+                methods = errors.setdefault((one.contact, one.delay_ms), {m: [] for m in METHODS})
+                methods[one.method].append(one.force_error_n)
+        rows: list[dict[str, Any]] = []
+        for (contact, delay_ms), methods in errors.items():
+            base_n = root_mean_square(np.array(methods["streamed"]))
+            for method, found in methods.items():
+                error_n = root_mean_square(np.array(found))
+                ratio = error_n / base_n if base_n > _NO_ERROR_N else None
+                cell = {"contact": contact, "method": method, "delay_ms": delay_ms}
+                rows.append({**cell, "force_error_n": error_n, "ratio": ratio})
         return rows
 
-    def _pooled_n(self, contact: str, delay_ms: int, method: Method) -> float:
-        squares = [
-            r.force_error_n**2
-            for r in self.recorded
-            if (r.contact, r.delay_ms, r.method) == (contact, delay_ms, method)
-        ]
-        return float((sum(squares) / len(squares)) ** 0.5)
+    def good(self, method: Method) -> tuple[list[CellResult], list[CellResult]]:
+        """Return the simulated cells in which a method was stable and passive, and the others."""
+        cells = [cell for cell in self.simulated if cell.method == method]
+        good = [cell for cell in cells if cell.stable and cell.passive]
+        return good, [cell for cell in cells if cell not in good]
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything for a program."""
@@ -104,7 +98,7 @@ class FeedbackEvaluation:
                 }
                 for result in self.recorded
             ],
-            "pooled": [asdict(row) for row in self.pooled()],
+            "pooled": self.pooled(),
             "definitions": DEFINITIONS,
         }
 
@@ -150,68 +144,70 @@ def evaluate_feedback(
 TITLE: Final = "Force feedback over a delay"
 
 
-def stability_table(cells: Sequence[CellResult]) -> Table:
-    """Return, for each wall and delay, whether each method was stable and what it injected."""
-    rows = []
-    for (wall, delay), methods in _by_cell(cells).items():
-        rows.append(
-            [f"{wall:g}", str(delay)]
-            + ["yes" if methods[m].stable else "NO" for m in METHODS]
-            + [f"{methods[m].injected_mj:.2f}" for m in METHODS]
-        )
-    columns = ["wall (N/mm)", "delay (ms)"]
-    columns += [f"{m} stable" for m in METHODS] + [f"{m} injected (mJ)" for m in METHODS]
-    return Table(columns, rows, caption="A light grip in a closed loop, delays with jitter.")
+def loop_tables(cells: Sequence[CellResult]) -> list[Table]:
+    """Return what each method gave on each wall over each delay: stability, then errors."""
+    by_cell: dict[tuple[float, int], dict[str, CellResult]] = {}
+    for cell in cells:
+        by_cell.setdefault((cell.wall_n_mm, cell.delay_ms), {})[cell.method] = cell
 
+    def table(caption: str, columns: Mapping[str, Callable[[CellResult], str]]) -> Table:
+        rows = [
+            [f"{wall:g}", str(delay), *(of(found[m]) for of in columns.values() for m in METHODS)]
+            for (wall, delay), found in by_cell.items()
+        ]
+        names = [f"{method} {name}" for name in columns for method in METHODS]
+        return Table(["wall (N/mm)", "delay (ms)", *names], rows, caption)
 
-def transparency_table(cells: Sequence[CellResult]) -> Table:
-    """Return, for each wall and delay, the errors of each method."""
-    rows = []
-    for (wall, delay), methods in _by_cell(cells).items():
-        rows.append(
-            [f"{wall:g}", str(delay)]
-            + [f"{methods[m].force_error_n:.2f}" for m in METHODS]
-            + [f"{methods[m].position_error_mm:.2f}" for m in METHODS]
-        )
-    columns = ["wall (N/mm)", "delay (ms)"]
-    columns += [f"{m} force (N)" for m in METHODS] + [f"{m} position (mm)" for m in METHODS]
-    return Table(columns, rows, caption="Errors from the second touch on.")
+    return [
+        table(
+            "A light grip in a closed loop, delays with jitter.",
+            {
+                "stable": lambda cell: "yes" if cell.stable else "NO",
+                "injected (mJ)": lambda cell: f"{cell.injected_mj:.2f}",
+            },
+        ),
+        table(
+            "Errors from the second touch on.",
+            {
+                "force (N)": lambda cell: f"{cell.force_error_n:.2f}",
+                "position (mm)": lambda cell: f"{cell.position_error_mm:.2f}",
+            },
+        ),
+    ]
 
 
 def pooled_table(evaluation: FeedbackEvaluation) -> Table:
     """Return the recorded errors by what was touched and by delay."""
     rows: dict[tuple[str, int], list[str]] = {}
     for row in evaluation.pooled():
-        cells = rows.setdefault((row.contact, row.delay_ms), [row.contact, str(row.delay_ms)])
-        cells.append(f"{row.force_error_n:.3f}")
-        if row.method == METHODS[-1]:
-            cells.append("-" if row.ratio is None else f"{row.ratio:.2f}")
+        key = row["contact"], row["delay_ms"]
+        cells = rows.setdefault(key, [key[0], str(key[1])])
+        cells.append(f"{row['force_error_n']:.3f}")
+        if row["method"] == METHODS[-1]:
+            cells.append(number(row["ratio"], 2))
     columns = ["contact", "delay (ms)", *(f"{m} error (N)" for m in METHODS), "model / streamed"]
     return Table(columns, list(rows.values()), caption="Recorded contacts, pooled over the runs.")
 
 
 def run_table(results: Sequence[RecordedResult]) -> Table:
     """Return each recorded run at the target's delay, with what was estimated."""
+    runs: dict[str, dict[str, RecordedResult]] = {}
+    for result in results:
+        if result.delay_ms == TARGET_DELAY_MS:
+            runs.setdefault(result.run, {})[result.method] = result
     rows = []
-    chosen = [r for r in results if r.delay_ms == TARGET_DELAY_MS]
-    streamed = {r.run: r.force_error_n for r in chosen if r.method == "streamed"}
-    passive = {r.run: r.force_error_n for r in chosen if r.method == "passive"}
-    for result in chosen:
-        if result.method != "model":
-            continue
-        base = streamed[result.run]
+    for name, methods in runs.items():
+        model, base = methods["model"], methods["streamed"].force_error_n
         rows.append(
             [
-                result.run,
-                f"{result.force_n:.2f}",
-                f"{base:.3f}",
-                f"{passive[result.run]:.3f}",
-                f"{result.force_error_n:.3f}",
-                f"{result.force_error_n / base:.2f}",
-                f"{result.least_error_n / base:.2f}",
-                *_estimate(result.surface),
-                *_estimate(result.felt)[:1],
-                "-" if result.settled_s is None else f"{result.settled_s:.2f}",
+                name,
+                f"{model.force_n:.2f}",
+                *(f"{methods[m].force_error_n:.3f}" for m in METHODS),
+                f"{model.force_error_n / base:.2f}",
+                f"{model.least_error_n / base:.2f}",
+                *_estimate(model.surface),
+                *_estimate(model.felt)[:1],
+                number(model.settled_s, 2),
             ]
         )
     columns = ["run", "force rms (N)", *(f"{m} (N)" for m in METHODS), "model / streamed"]
@@ -223,10 +219,9 @@ def remarks(evaluation: FeedbackEvaluation) -> list[str]:
     """Return in words in how many cells each method was stable and passive, and where not."""
     sentences = []
     for method in METHODS[1:]:
-        cells = [cell for cell in evaluation.simulated if cell.method == method]
-        bad = [cell for cell in cells if not (cell.stable and cell.passive)]
+        good, bad = evaluation.good(method)
         sentences.append(
-            f"{method}: stable and passive in {len(cells) - len(bad)} of {len(cells)} cells"
+            f"{method}: stable and passive in {len(good)} of {len(good) + len(bad)} cells"
             + "".join(f"; not at {c.wall_n_mm:g} N/mm, {c.delay_ms} ms" for c in bad)
         )
     return sentences
@@ -236,37 +231,29 @@ def targets(evaluation: FeedbackEvaluation) -> tuple[Target, ...]:
     """Return what the methods are to reach: every cell, and the model's error over the stream's."""
     found = []
     for method in METHODS[1:]:
-        cells = [cell for cell in evaluation.simulated if cell.method == method]
-        good = sum(cell.stable and cell.passive for cell in cells)
-        found.append(Target(f"{method}: cells stable and passive", good, "at least", len(cells)))
+        good, bad = map(len, evaluation.good(method))
+        found.append(Target(f"{method}: cells stable and passive", good, "at least", good + bad))
     found += [
         Target(
-            f"{row.contact} at {TARGET_DELAY_MS} ms: model's error over streamed",
-            row.ratio,
+            f"{row['contact']} at {TARGET_DELAY_MS} ms: model's error over streamed",
+            row["ratio"],
             "at most",
             TARGET_RATIO,
         )
         for row in evaluation.pooled()
-        if row.delay_ms == TARGET_DELAY_MS and row.method == "model"
+        if row["delay_ms"] == TARGET_DELAY_MS and row["method"] == "model"
     ]
     return tuple(found)
 
 
 def feedback_tables(evaluation: FeedbackEvaluation) -> list[Table]:
     """Return the tables that there is something for."""
-    tables = [stability_table(evaluation.simulated), transparency_table(evaluation.simulated)]
+    tables = loop_tables(evaluation.simulated)
     if evaluation.recorded:
         tables.append(pooled_table(evaluation))
         if any(result.delay_ms == TARGET_DELAY_MS for result in evaluation.recorded):
             tables.append(run_table(evaluation.recorded))
     return tables
-
-
-def _by_cell(cells: Sequence[CellResult]) -> dict[tuple[float, int], dict[str, CellResult]]:
-    found: dict[tuple[float, int], dict[str, CellResult]] = {}
-    for cell in cells:
-        found.setdefault((cell.wall_n_mm, cell.delay_ms), {})[cell.method] = cell
-    return found
 
 
 def _estimate(model: ContactModel | None) -> list[str]:

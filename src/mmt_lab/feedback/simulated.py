@@ -25,6 +25,7 @@ from mmt.contact.normal import Drive
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.frames import empty_frames
 from mmt.devices.protocols import Vector
+from mmt.evaluation.levels import root_mean_square
 from mmt.scene import Simulated
 from mmt.testing.simulation import PERIOD_S
 from mmt.testing.simulation.robot import START_MM, SimulatedRobot
@@ -91,13 +92,13 @@ class CellResult:
         return self.injected_mj <= 1e3 * PASSIVITY.reserve_j * (1.0 + 1e-6)
 
 
-class _Hand(Display):
+class HeldHandle(Display):
     """A handle on a mass, held by a spring and a damper to where the hand wants to be."""
 
-    def __init__(self, drive: Drive) -> None:
+    def __init__(self, drive: Drive, height_m: float, speed_m_s: float = 0.0) -> None:
         super().__init__()
         self._drive = drive
-        self.height_m, self.speed_m_s = _CLEAR_M, 0.0
+        self.height_m, self.speed_m_s = height_m, speed_m_s
         self._net_j = 0.0
         self.injected_j = 0.0
 
@@ -130,7 +131,7 @@ def run_cell(
     hand
         Mass, spring and damper of hand and handle.
     """
-    holder = _Hand(hand)
+    holder = HeldHandle(hand, _CLEAR_M)
     log = _run(method, wall_n_mm, delay_ms, seed, holder)
     heights, speeds, shown, tips, forces = log.T
     late = len(log) - delay_ms
@@ -140,15 +141,17 @@ def run_cell(
         method,
         wall_n_mm,
         delay_ms,
-        rest_speed_mm_s=1e3 * _rms(speeds[-round(REST_S / PERIOD_S) :]),
+        rest_speed_mm_s=1e3 * root_mean_square(speeds[-round(REST_S / PERIOD_S) :]),
         injected_mj=1e3 * holder.injected_j,
-        force_error_n=_rms(shown[learned] - forces[same]),
-        position_error_mm=1e3 * _rms(heights[learned] - tips[same]),
+        force_error_n=root_mean_square(shown[learned] - forces[same]),
+        position_error_mm=1e3 * root_mean_square(heights[learned] - tips[same]),
         largest_n=float(forces.max()),
     )
 
 
-def _run(method: Method, wall_n_mm: float, delay_ms: int, seed: int, holder: _Hand) -> FloatArray:
+def _run(
+    method: Method, wall_n_mm: float, delay_ms: int, seed: int, holder: HeldHandle
+) -> FloatArray:
     """Return handle height, speed, displayed force, tool height and its force, (n, 5), SI."""
     sides = make_sides(method, holder, limit_n=LIMIT_N)
     robot = SimulatedRobot(Simulated(surface_stiffness_n_mm=wall_n_mm), 0.0)
@@ -207,10 +210,6 @@ def _target_m(time_s: float) -> float:
 def _ramp(time_s: float, start_s: float) -> float:
     share = min(1.0, max(0.0, (time_s - start_s) / _RAMP_S))
     return 0.5 - 0.5 * math.cos(math.pi * share)
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values * values)))
 
 
 Item = TypeVar("Item")

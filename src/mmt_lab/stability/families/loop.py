@@ -6,15 +6,11 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Final
 
-from mmt.contact.friction import step_tangential
-from mmt.contact.normal import Drive
 from mmt.core.frames import empty_frames
-from mmt.devices.protocols import InterfaceState, Vector
 from mmt.evaluation.document import Picture
 from mmt.evaluation.report_files import picture
 from mmt.leader.motion.feedback import StreamedForce
 from mmt.scene import Hand, Simulated
-from mmt.testing.simulation import PERIOD_S
 from mmt.testing.simulation.hand import SimulatedHand
 from mmt.testing.simulation.robot import SimulatedRobot, tip_drive
 from mmt_lab.feedback import simulated
@@ -89,40 +85,6 @@ def _theory(wall_n_mm: float) -> str:
     return f"unstable from {critical_ms:.1f} ms there and back (theory, to 1 ms or 2 %)"
 
 
-class _HeldHandle:
-    """A handle in a hand that holds a place; implements `LeaderInterface`.
-
-    The hand is a spring and a damper (`Drive`) on the handle's mass, along the normal.
-    """
-
-    def __init__(self, hand: Drive, target_m: float, position_m: float) -> None:
-        self._hand = hand
-        self._target_m = target_m
-        self._state = (position_m, _KICK_M_S)
-        self._force_n = 0.0
-
-    def connect(self) -> None:
-        """Do nothing: there is no device."""
-
-    def calibrate(self) -> None:
-        """Do nothing: there is no device."""
-
-    def close(self) -> None:
-        """Do nothing: there is no device."""
-
-    def read(self, elapsed_ticks: int) -> InterfaceState:
-        """Return the state after the ticks, under the force that was written last."""
-        target_m = self._target_m + self._force_n / self._hand.stiffness_n_m
-        for _ in range(elapsed_ticks):
-            self._state = step_tangential(self._hand, 0.0, self._state, target_m, PERIOD_S)[:2]
-        height_mm, velocity_mm_s = 1e3 * self._state[0], 1e3 * self._state[1]
-        return InterfaceState((0.0, 0.0, height_mm), (0.0, 0.0, velocity_mm_s), 0.0, True)
-
-    def write(self, force_n: Vector) -> None:
-        """Feel a force along the normal."""
-        self._force_n = force_n[2]
-
-
 def run_loop(wall_n_mm: float, there_ms: int, back_ms: int, seconds: float) -> float:
     """Return the growth of a small disturbance of steady contact; above 1 it is unstable.
 
@@ -136,7 +98,8 @@ def run_loop(wall_n_mm: float, there_ms: int, back_ms: int, seconds: float) -> f
     for _ in range(1500):
         tip = robot.advance((0.0, 0.0, 1e3 * height_m))
     steady_n = tip.force_n[2]
-    handle = _HeldHandle(LIGHT_GRIP, height_m - steady_n / LIGHT_GRIP.stiffness_n_m, height_m)
+    handle = simulated.HeldHandle(LIGHT_GRIP, height_m, _KICK_M_S)
+    target_m = height_m - steady_n / LIGHT_GRIP.stiffness_n_m
     feedback = StreamedForce(handle, limit_n=_LIMIT_N)
     frame = empty_frames(1, ("force",))
     forces = deque([steady_n] * (back_ms + 1))
@@ -148,7 +111,8 @@ def run_loop(wall_n_mm: float, there_ms: int, back_ms: int, seconds: float) -> f
         frame["force_n"][0, 2] = forces.popleft()
         feedback.on_frames(frame)
         feedback.tick(1, None)
-        commands.append(handle.read(1).position_mm[2])
+        handle.move(target_m)
+        commands.append(1e3 * handle.height_m)
         forces.append(tip.force_n[2])
         off_n = tip.force_n[2] - steady_n
         if abs(off_n) > _GONE_N * CONTACT_N:
