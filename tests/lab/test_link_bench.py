@@ -1,4 +1,3 @@
-import json
 import math
 import multiprocessing
 
@@ -47,7 +46,6 @@ def test_both_links_are_measured_and_lose_nothing() -> None:
     assert result.rounds == 1
     assert result.sustained.up.rate_hz > 1.5 * result.ours.up.rate_hz > 0
     assert all(math.isfinite(ratio) and ratio > 0 for ratio in result.ratios.values())
-    assert json.loads(json.dumps(result.as_dict()))["ours"]["up"]["lost"] == 0
 
 
 def test_each_link_goes_first_every_other_time() -> None:

@@ -14,7 +14,7 @@ lose packets.
 import statistics
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from typing import Annotated, Any, Final
 
@@ -54,6 +54,11 @@ class DirectionResult:
     lost: int
     out_of_order: int
 
+    @property
+    def wrong(self) -> int:
+        """How many were lost or out of order."""
+        return self.lost + self.out_of_order
+
 
 @dataclass(frozen=True)
 class KindResult:
@@ -69,22 +74,16 @@ class KindResult:
 
 @dataclass(frozen=True)
 class LinkBenchResult:
-    """What `bench_link` measured."""
+    """What `bench_link` measured; ``sustained`` is the link alone at the higher rate.
 
-    duration_s: float
-    rate_hz: int
+    ``ratios`` are ours over bare, medians over the rounds, by what was measured.
+    """
+
     rounds: int
     ours: KindResult
     bare: KindResult
-    sustained_hz: int
     sustained: KindResult
-    """The link alone at the higher rate."""
     ratios: dict[str, float]
-    """Ours over bare, medians over the rounds, by what was measured."""
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return everything for a program."""
-        return asdict(self)
 
 
 def bench_link(
@@ -138,12 +137,9 @@ def bench_link(
     ours, bare = ([pair for pair in compared if pair[0].kind == kind] for kind in _KINDS)
     up, down = (_missing_at_end(*pair) for pair in ((follower, leader), (leader, follower)))
     return LinkBenchResult(
-        duration_s,
-        rate_hz,
         rounds,
         _summarise(ours, 0, 0),
         _summarise(bare, up["bare"], down["bare"]),
-        sustained_hz,
         _summarise([sustained], up["ours"], down["ours"]),
         _ratios(ours, bare),
     )
@@ -264,29 +260,19 @@ def run(duration: Duration = 20.0, realtime: RealTime = False, loss: Loss = Fals
     result = bench_link(duration, realtime=realtime)
     rows: dict[str, Figure] = {}
     for way, direction in (("up", result.ours.up), ("down", result.ours.down)):
-        wrong = direction.lost + direction.out_of_order
-        rows[f"{way}_lost"] = (f"{way}: lost or out of order", wrong, "at most", 0)
+        rows[f"{way}_lost"] = (f"{way}: lost or out of order", direction.wrong, "at most", 0)
         rows[f"{way}_p50_ms"] = (f"{way}: one way, p50 (ms)", direction.p50_ms)
         rows[f"{way}_p99_ms"] = (f"{way}: one way, p99 (ms)", direction.p99_ms)
     for name, ratio in result.ratios.items():
         what = f"{name.replace('_', ' ')}: ours over bare WebSocket"
         rows[f"ratio_{name}"] = (what, ratio, "at most", 1.5)
-    fast = result.sustained
-    for way, direction in (("up", fast.up), ("down", fast.down)):
-        at, wrong = f"{way} at {result.sustained_hz} Hz", direction.lost + direction.out_of_order
-        rows[f"sustained_{way}_hz"] = (
-            f"{at}: messages a second",
-            direction.rate_hz,
-            "at least",
-            0.99 * result.sustained_hz,
-        )
-        rows[f"sustained_{way}_lost"] = (f"{at}: lost or out of order", wrong, "at most", 0)
-        rows[f"sustained_{way}_p99_ms"] = (
-            f"{at}: one way, p99 (ms)",
-            direction.p99_ms,
-            "at most",
-            SUSTAINED_P99_MS,
-        )
+    least_hz = 0.99 * SUSTAINED_HZ
+    for way, direction in (("up", result.sustained.up), ("down", result.sustained.down)):
+        at, key = f"{way} at {SUSTAINED_HZ} Hz", f"sustained_{way}"
+        p99 = f"{at}: one way, p99 (ms)"
+        rows[f"{key}_hz"] = (f"{at}: messages a second", direction.rate_hz, "at least", least_hz)
+        rows[f"{key}_lost"] = (f"{at}: lost or out of order", direction.wrong, "at most", 0)
+        rows[f"{key}_p99_ms"] = (p99, direction.p99_ms, "at most", SUSTAINED_P99_MS)
     about = (
         "One frame a message up and one command a message down at 1 kHz, in turns of a second "
         f"with a bare WebSocket, {duration:g} s each; ratios are medians over neighbouring turns."
