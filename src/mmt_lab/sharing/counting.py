@@ -145,7 +145,7 @@ class Counter:
     async def leave(self) -> Count:
         """Disconnect; return what was found."""
         self.ended.set()
-        self._socket.close()
+        await self._socket.close()
         self.found.number, self.found.digest = self.replica.number, self.replica.digest()
         return self.found
 
@@ -154,13 +154,13 @@ class Counter:
             self.found.problem = "the connection was lost"
             self.ended.set()
 
-    def _hear(self, event: str, argument: Any = None) -> None:
+    async def _hear(self, event: str, argument: Any = None) -> None:
         if event == STATE:
             self.found.states += 1
-            self._answer(argument)
+            await self._answer(argument)
         elif event == CHANGE and not self._asked:
             self.found.changes += 1
-            self._take_change(argument)
+            await self._take_change(argument)
         elif event == MODEL:
             self._asked = False
             self.found.wholes += 1
@@ -169,16 +169,16 @@ class Counter:
                 self.found.first_s = time.monotonic() - self._begun_s
             self._note_lag()
         elif event == WELCOME:
-            self._ask()
+            await self._ask()
         elif event == END:
             self.ended.set()
 
-    def _take_change(self, message: object) -> None:
+    async def _take_change(self, message: object) -> None:
         try:
             self.replica.take_change(message)
         except InputError:
             self.found.rejected += 1
-            self._ask()
+            await self._ask()
         else:
             self._note_lag()
 
@@ -186,17 +186,17 @@ class Counter:
         if self.found.changes:
             self.found.lags_ms.append(1e-6 * (time.monotonic_ns() - self.replica.made_ns))
 
-    def _ask(self) -> None:
+    async def _ask(self) -> None:
         self._asked = True
-        self._socket.emit(AGAIN, None)
+        await self._socket.emit(AGAIN, None)
 
-    def _answer(self, state: bytes) -> None:
+    async def _answer(self, state: bytes) -> None:
         """Say what is here, as often as a listener does."""
         now_ns = time.monotonic_ns()
         if self._answers < FIRST_ANSWERS or self._answering.passes(1e-9 * now_ns):
             self._answers += 1
             time_s = float(np.frombuffer(state, STATE_DTYPE)[0]["time_s"])
-            self._socket.emit(HAVE, Have(self.replica.number, now_ns, time_s).pack())
+            await self._socket.emit(HAVE, Have(self.replica.number, now_ns, time_s).pack())
 
 
 def auth_of(url: str, states_hz: float | None = None) -> dict[str, Any]:
