@@ -23,7 +23,7 @@ from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.online.surface_changes import SurfaceChange
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
-from mmt_lab.experiments.surfaces import SurfaceEvaluation, surface_tables, targets
+from mmt_lab.experiments.surfaces import changes_table, groups, targets
 from mmt_lab.surfaces import running
 from mmt_lab.surfaces.running import (
     SurfaceResult,
@@ -31,18 +31,18 @@ from mmt_lab.surfaces.running import (
     run_session,
     run_simulated,
 )
-from mmt_lab.surfaces.scoring import Found, SurfaceScore, score
+from mmt_lab.surfaces.scoring import FoundChange, SurfaceScore, score
 
 SECOND = 1000
 
 
-def change(at_s: float, from_s: float | None = None) -> Found:
+def change(at_s: float, from_s: float | None = None) -> FoundChange:
     frame = round(at_s * SECOND)
     since = frame - 200 if from_s is None else round(from_s * SECOND)
-    return Found(SurfaceChange("new", 1, 2, since, frame - 10, 20.0), frame)
+    return FoundChange(SurfaceChange("new", 1, 2, since, frame - 10, 20.0), frame)
 
 
-def scored(places: list[int], found: list[Found]) -> SurfaceScore:
+def scored(places: list[int], found: list[FoundChange]) -> SurfaceScore:
     """Score stays of two seconds each, with contact all the time."""
     truth = np.repeat(np.array(places, dtype=np.int64), 2 * SECOND)
     always = np.ones(len(truth), dtype=np.bool_)
@@ -52,7 +52,6 @@ def scored(places: list[int], found: list[Found]) -> SurfaceScore:
 def test_what_is_found_at_once_has_its_delay() -> None:
     result = scored([0, 1, 0], [change(2.3), change(4.4)])
     assert [stay.delay_s for stay in result.stays] == [0.3, 0.4]
-    assert [stay.stroked_delay_s for stay in result.stays] == [0.3, 0.4]
     assert result.false_alarms == 0
 
 
@@ -92,12 +91,13 @@ def test_the_delay_counts_from_contact_and_stays_without_stroking_do_not_count()
 
 def test_tables_and_targets_say_what_was_met() -> None:
     good = SurfaceResult("one", ("a", "b"), scored([0, 1, 0], [change(2.3)]))
-    evaluation = SurfaceEvaluation([good])
-    assert [row["surfaces"] for row in evaluation.rows()] == ["2", "all"]
-    assert len(surface_tables(evaluation)[0].rows) == 2
-    assert targets(evaluation)[0].met
+    ((group, rows),) = groups([good]).items()
+    assert [row["surfaces"] for row in rows] == ["2", "all"]
+    assert len(changes_table(group, rows).rows) == 2
+    assert targets(rows[-1:])[0].met
     alarmed = SurfaceResult("one", ("a",), scored([0, 0], [change(1.0)]))
-    assert targets(SurfaceEvaluation([alarmed]))[2].met is False
+    (rows,) = groups([alarmed]).values()
+    assert targets(rows[-1:])[2].met is False
 
 
 @pytest.mark.parametrize("count", [2, 3, 4, 5, 6])
@@ -118,15 +118,14 @@ def test_both_groups_are_simulated_and_told_apart(monkeypatch: pytest.MonkeyPatc
     results = run_simulated(1, first=7, workers=1)
     assert [result.group for result in results] == ["isotropic", "grained"]
     assert all("seed 7" in result.name for result in results)
-    evaluation = SurfaceEvaluation(results)
-    assert [(row["group"], row["surfaces"]) for row in evaluation.rows()] == [
+    found = groups(results)
+    assert [(row["group"], row["surfaces"]) for rows in found.values() for row in rows] == [
         ("isotropic", "2"),
         ("isotropic", "all"),
         ("grained", "2"),
         ("grained", "all"),
     ]
-    assert len(surface_tables(evaluation)) == 2
-    assert len(targets(evaluation)) == 6
+    assert len(targets([rows[-1] for rows in found.values()])) == 6
 
 
 def test_sessions_are_drawn_from_the_textures_that_are_named(
@@ -147,7 +146,7 @@ def test_sessions_are_drawn_from_the_textures_that_are_named(
 
 def test_the_bound_of_a_rate_is_that_of_a_poisson_count() -> None:
     alarmed = SurfaceResult("one", ("a",), scored([0] * 900, [change(1.0)]))
-    row = SurfaceEvaluation([alarmed]).rows()[-1]
+    row = groups([alarmed])["recorded"][-1]
     hours = 0.5
     assert row["false_alarms_per_hour"] == 1 / hours
     assert poisson(hours * row["false_alarms_per_hour_most"]).cdf(1) == pytest.approx(0.05)

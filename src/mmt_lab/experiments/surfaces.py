@@ -5,8 +5,8 @@ groups are simulated: textures that are the same in all directions, and some tha
 heading. Recorded sessions with a known course are scored likewise.
 """
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -58,63 +58,37 @@ DEFINITIONS: Final = {
 }
 
 
-@dataclass(frozen=True)
-class SurfaceEvaluation:
-    """Every session's result."""
-
-    results: Sequence[SurfaceResult]
-
-    @property
-    def groups(self) -> list[str]:
-        """Isotropic and grained textures, or recordings; in the order of their sessions."""
-        return list(dict.fromkeys(result.group for result in self.results))
-
-    def rows(self) -> list[dict[str, Any]]:
-        """Return the figures by group and number of surfaces, and over all of a group last."""
-        return [row for group in self.groups for row in self.rows_of(group)]
-
-    def rows_of(self, group: str) -> list[dict[str, Any]]:
-        """Return the figures of one group by number of surfaces, and over all sessions last."""
-        of_group = [result for result in self.results if result.group == group]
-        counts = sorted({len(result.surfaces) for result in of_group})
-        parts = [(str(c), [r for r in of_group if len(r.surfaces) == c]) for c in counts]
-        return [
-            {"group": group, **_figures(name, part)} for name, part in [*parts, ("all", of_group)]
-        ]
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return everything for a program."""
-        return {
-            "rows": self.rows(),
-            "sessions": [asdict(result) for result in self.results],
-            "targets": TARGETS,
-            "definitions": DEFINITIONS,
-        }
+def groups(results: Sequence[SurfaceResult]) -> dict[str, list[dict[str, Any]]]:
+    """Return the figures of each group by number of surfaces, and over all its sessions last."""
+    found = {}
+    for group in dict.fromkeys(result.group for result in results):
+        parts: dict[str, list[SurfaceResult]] = {}
+        of_group = [result for result in results if result.group == group]
+        for result in sorted(of_group, key=lambda each: len(each.surfaces)):
+            parts.setdefault(str(len(result.surfaces)), []).append(result)
+        parts["all"] = of_group
+        found[group] = [{"group": group, **_figures(*part)} for part in parts.items()]
+    return found
 
 
-def surface_tables(evaluation: SurfaceEvaluation) -> list[Table]:
-    """Return tables for each group, with a row for each number of surfaces."""
-    return [_changes(evaluation, group) for group in evaluation.groups]
-
-
-def _changes(evaluation: SurfaceEvaluation, group: str) -> Table:
-    rows = [
+def changes_table(group: str, rows: Sequence[Mapping[str, Any]]) -> Table:
+    """Return a row for each number of surfaces of a group."""
+    cells = [
         [
             row["surfaces"],
             str(row["sessions"]),
             str(row["stays"]),
-            _seconds(row["delay_s"]),
-            _seconds(row["delay_p90_s"]),
-            _share(row["within_target"]),
+            *(_blank(row[key], ".2f") for key in ("delay_s", "delay_p90_s")),
+            _blank(row["within_target"], ".1%"),
             str(row["missed"]),
             str(row["false_alarms"]),
             f"{row['stroked_s'] / 60.0:.0f}",
         ]
-        for row in evaluation.rows_of(group)
+        for row in rows
     ]
     columns = ["surfaces", "sessions", "stays", "delay (s)", "delay p90 (s)", "in 1 s", "missed"]
     columns += ["false alarms", "stroked (min)"]
-    return Table(columns, rows, caption=f"{CAPTIONS[group]}. Delays are medians.")
+    return Table(columns, cells, caption=f"{CAPTIONS[group]}. Delays are medians.")
 
 
 def scatter_table(folder: Path) -> Table:
@@ -126,36 +100,29 @@ def scatter_table(folder: Path) -> Table:
     return Table(columns, rows, caption="Levels of whole slides: standard deviations.")
 
 
-def remarks(evaluation: SurfaceEvaluation) -> list[str]:
-    """Return the figures of each group in a sentence."""
-    rows = [evaluation.rows_of(group)[-1] for group in evaluation.groups]
+def remarks(overall: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return the figures over each group in a sentence."""
     return [
         f"{row['group']}: {row['false_alarms_per_hour']:.1f} false alarms an hour of stroking, "
         f"up to {row['false_alarms_per_hour_most']:.1f} possible; {row['missed']} of "
         f"{row['stays']} changes missed"
         + ("" if row["delay_s"] is None else f", the others found after {row['delay_s']:.2f} s")
-        for row in rows
+        for row in overall
         if row["false_alarms_per_hour_most"] is not None
     ]
 
 
-def targets(evaluation: SurfaceEvaluation) -> tuple[Target, ...]:
-    """Return what is to be reached over all sessions of each group."""
-    found = []
-    for group in evaluation.groups:
-        row = evaluation.rows_of(group)[-1]
-        missed, alarms = row["missed_share"], row["false_alarms_per_hour"]
-        found += [
-            Target(f"{group}: median delay (s)", row["delay_s"], "at most", TARGETS["delay_s"]),
-            Target(f"{group}: missed", missed, "at most", TARGETS["missed"]),
-            Target(
-                f"{group}: false alarms an hour",
-                alarms,
-                "at most",
-                TARGETS["false_alarms_per_hour"],
-            ),
-        ]
-    return tuple(found)
+def targets(overall: Sequence[Mapping[str, Any]]) -> tuple[Target, ...]:
+    """Return what is to be reached over each group."""
+    return tuple(
+        Target(f"{row['group']}: {what}", row[key], "at most", TARGETS[target])
+        for row in overall
+        for what, key, target in (
+            ("median delay (s)", "delay_s", "delay_s"),
+            ("missed", "missed_share", "missed"),
+            ("false alarms an hour", "false_alarms_per_hour", "false_alarms_per_hour"),
+        )
+    )
 
 
 def _figures(name: str, group: Sequence[SurfaceResult]) -> dict[str, Any]:
@@ -192,12 +159,8 @@ def _quantile(values: Sequence[float], share: float) -> float | None:
     return float(np.quantile(values, share)) if values else None
 
 
-def _seconds(value: float | None) -> str:
-    return "" if value is None else f"{value:.2f}"
-
-
-def _share(value: float | None) -> str:
-    return "" if value is None else f"{value:.1%}"
+def _blank(value: float | None, form: str) -> str:
+    return "" if value is None else format(value, form)
 
 
 def run(
@@ -242,14 +205,20 @@ def run(
             stay_s=stay,
             workers=workers,
         )
-    evaluation = SurfaceEvaluation(results)
+    found = groups(results)
+    overall = [rows[-1] for rows in found.values()]
     return Findings(
         TITLE,
-        tables=[*surface_tables(evaluation), *tables],
-        sentences=remarks(evaluation),
-        targets=targets(evaluation),
+        tables=[*(changes_table(group, rows) for group, rows in found.items()), *tables],
+        sentences=remarks(overall),
+        targets=targets(overall),
         definitions=DEFINITIONS,
-        data=evaluation.as_dict(),
+        data={
+            "rows": [row for rows in found.values() for row in rows],
+            "sessions": [asdict(result) for result in results],
+            "targets": TARGETS,
+            "definitions": DEFINITIONS,
+        },
     )
 
 

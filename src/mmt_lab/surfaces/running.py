@@ -21,7 +21,7 @@ from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.surfaces.tracking import SurfaceTracker
 from mmt_lab.harness.experiment import hand_of
 from mmt_lab.harness.processes import each
-from mmt_lab.surfaces.scoring import Found, SurfaceScore, score
+from mmt_lab.surfaces.scoring import FoundChange, SurfaceScore, score
 
 LOOK_FRAMES: Final = surface_check_frames(1000.0)
 """Frames that the tracker gets at a time, as in the leader."""
@@ -161,7 +161,6 @@ def run_session(
     course: SurfaceCourse,
     frames: RecordArray,
     modelling: ModellingSettings | None = None,
-    settings: SurfaceSettings | None = None,
 ) -> SurfaceResult:
     """Follow one session's frames, with all channels, and score what was found.
 
@@ -174,7 +173,7 @@ def run_session(
         raise InputError(f"{name}: a session over several surfaces is scored from whole frames")
     truth = course.along(frames["force_n"][:, 2].astype(np.float64))
     names = [surface.name for surface in course.surfaces]
-    return follow(name, names, truth, frames, modelling, settings)
+    return follow(name, names, truth, frames, modelling)
 
 
 def follow(
@@ -183,25 +182,20 @@ def follow(
     truth: IntArray,
     frames: RecordArray,
     modelling: ModellingSettings | None = None,
-    settings: SurfaceSettings | None = None,
 ) -> SurfaceResult:
     """Follow frames (n,) with all channels, and score what was found.
 
     ``truth`` (n,) is the place in ``surfaces`` of that under the tool in each frame.
     """
     modelling = modelling or ModellingSettings()
-    tracker = SurfaceTracker(modelling, settings or SurfaceSettings())
+    tracker = SurfaceTracker(modelling, SurfaceSettings())
     found = []
     for start in range(0, len(frames), LOOK_FRAMES):
         part = frames[start : start + LOOK_FRAMES]
-        found += [Found(change, start + len(part)) for change in tracker.update(part)]
+        found += [FoundChange(change, start + len(part)) for change in tracker.update(part)]
     force_n = frames["force_n"][:, 2].astype(np.float64)
     stroking = np.zeros(len(frames), dtype=np.bool_)
     aligned = StreamFilter(modelling).process(frames)
     steady = (aligned.speed_mm_s >= _LEAST_SPEED_MM_S) & (aligned.normal_force_n >= _TOUCH_N)
     stroking[aligned.index[steady]] = True
-    return SurfaceResult(
-        name=name,
-        surfaces=tuple(surfaces),
-        score=score(truth, stroking, force_n > _TOUCH_N, found),
-    )
+    return SurfaceResult(name, tuple(surfaces), score(truth, stroking, force_n > _TOUCH_N, found))

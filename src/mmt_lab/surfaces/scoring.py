@@ -16,7 +16,7 @@ LEAST_STROKED_S: Final = 0.3
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundChange:
     """A change that was found, and the newest frame by then."""
 
     change: SurfaceChange
@@ -29,13 +29,11 @@ class Stay:
 
     ``surface``: its place in the course. ``in_contact``: the change happened within contact.
     ``delay_s``: from first contact to the alarm, None where there was none: it was missed.
-    ``stroked_delay_s`` the same in stroking.
     """
 
     surface: int
     in_contact: bool
     delay_s: float | None
-    stroked_delay_s: float | None
 
 
 @dataclass(frozen=True)
@@ -54,7 +52,7 @@ class SurfaceScore:
 
 
 def score(
-    truth: IntArray, stroking: BoolArray, contact: BoolArray, found: Sequence[Found]
+    truth: IntArray, stroking: BoolArray, contact: BoolArray, found: Sequence[FoundChange]
 ) -> SurfaceScore:
     """Compare what was found with the truth.
 
@@ -74,7 +72,7 @@ def score(
     false = place = too_short = 0
     stays: list[Stay] = []
     for number, (start, stop) in enumerate(pairwise(edges)):
-        alarm: Found | None = None
+        alarm: FoundChange | None = None
         while place < len(found):
             own = alarm is not None or not number
             if _is_of_later(found[place].change, edges, number, own=own):
@@ -88,14 +86,11 @@ def score(
         if float(stroking[start:stop].sum()) < 1000.0 * LEAST_STROKED_S and alarm is None:
             too_short += 1
             continue
-        delay = None if alarm is None else alarm.frame - touched
-        stroked = None if alarm is None else float(stroking[touched : alarm.frame].sum())
         stays.append(
             Stay(
                 surface=int(truth[start]),
                 in_contact=touched == start,
-                delay_s=None if delay is None else delay / 1000.0,
-                stroked_delay_s=None if stroked is None else stroked / 1000.0,
+                delay_s=None if alarm is None else (alarm.frame - touched) / 1000.0,
             )
         )
     return SurfaceScore(
