@@ -19,8 +19,8 @@ from mmt.session import write_session
 from mmt_lab.experiments import soak
 from mmt_lab.harness.proxy import Proxy
 from mmt_lab.soak.drift import by_window, drift, outside
-from mmt_lab.soak.faults import CUT, LENGTHS_S, NETWORKS, RESTART, Fault, plan_faults
-from mmt_lab.soak.judging import Happened, Observed, Sample, judge, table
+from mmt_lab.soak.faults import CUT, LENGTHS_S, NETWORKS, RESTART, SoakFault, plan_faults
+from mmt_lab.soak.judging import Happened, ServiceSample, SoakLog, judge, table
 from mmt_lab.soak.recorded import Gap, Readback, find_gaps, read_back
 
 # --- faults
@@ -124,13 +124,13 @@ def good(duration_s=600.0):
     generator = np.random.default_rng(0)
     times = np.arange(1000.0, 1000.0 + duration_s, 0.2)
     samples = tuple(
-        Sample(float(t), 200.0 + generator.standard_normal(), 180.0, 70.0, 200 * i, i)
+        ServiceSample(float(t), 200.0 + generator.standard_normal(), 180.0, 70.0, 200 * i, i)
         for i, t in enumerate(times)
     )
-    killed = Happened(Fault(RESTART, 100.0, 0.5), 1100.0, 1100.5)
-    cut = Happened(Fault(CUT, 300.0, 0.0), 1300.0, 1300.0)
+    killed = Happened(SoakFault(RESTART, 100.0, 0.5), 1100.0, 1100.5)
+    cut = Happened(SoakFault(CUT, 300.0, 0.0), 1300.0, 1300.0)
     leader = {"recording": {"frames": 590_000, "dropped": 0}}
-    observed = Observed(1000.0, 1000.0 + duration_s, (killed, cut), (1000.0,), samples, leader, ())
+    observed = SoakLog(1000.0, 1000.0 + duration_s, (killed, cut), (1000.0,), samples, leader, ())
     arrivals = np.arange(1000.0, 1000.0 + duration_s, 0.02)
     latency_ms = 1.0 + 0.1 * generator.random(len(arrivals))
     gaps = (Gap(800, 1100.0, 1100.8),)
@@ -240,7 +240,7 @@ def test_an_hour_of_frequent_faults_tells_whether_anything_grows():
 
 def test_a_long_run_that_cannot_tell_does_not_hold():
     observed, readback = good()
-    always = Happened(Fault(CUT, 0.0, 600.0), 1000.0, 1600.0)
+    always = Happened(SoakFault(CUT, 0.0, 600.0), 1000.0, 1600.0)
     assert len(broken(replace(observed, faults=(*observed.faults, always)), readback)) == 6
 
 
@@ -257,7 +257,7 @@ def test_numbers_out_of_range_are_explained(tmp_path, option, value):
 def test_a_soak_that_finds_a_flaw_says_so(tmp_path, monkeypatch):
     observed, _ = good()
 
-    async def made(duration_s: float, faults: object, seed: int, recording: Path) -> Observed:
+    async def made(duration_s: float, faults: object, seed: int, recording: Path) -> SoakLog:
         write_session(recording, numbered([*range(50), *range(60, 90)]))
         return observed
 

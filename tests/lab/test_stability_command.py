@@ -20,22 +20,22 @@ from mmt_lab.experiments.stability import (
     verdict,
 )
 from mmt_lab.harness.report import write_report
-from mmt_lab.stability.cases import Case, Family, Outcome, Row, broken, run_case
+from mmt_lab.stability.cases import CaseResult, CaseRow, Extreme, Family, broken, run_case
 from mmt_lab.stability.families import contact, family_names, model
 
 
-def row(*, held: bool = True, **figures: object) -> Row:
-    case = Case("a thing is done", "it holds", lambda: Outcome("it did", held, figures))
+def row(*, held: bool = True, **figures: object) -> CaseRow:
+    case = Extreme("a thing is done", "it holds", lambda: CaseResult("it did", held, figures))
     return run_case("model", case)
 
 
-def fault() -> Outcome:
+def fault() -> CaseResult:
     message = "no luck"
     raise ArithmeticError(message)
 
 
 def test_a_case_that_raises_has_not_held() -> None:
-    found = run_case("ar", Case("divide", "a number", fault))
+    found = run_case("ar", Extreme("divide", "a number", fault))
     assert not found.held
     assert found.got == "raised ArithmeticError: no luck"
     assert broken([row(), found]) == [found]
@@ -67,7 +67,7 @@ def test_families_are_found_by_name_and_unknown_ones_are_refused() -> None:
 def test_a_report_holds_every_row_and_both_pictures(tmp_path: Path) -> None:
     cases = {
         "contact": [contact.cases(stiffnesses=(1e4,), map_points=4)[-1]],
-        "model": [Case("bad", "good", lambda: Outcome("worse", held=False))],
+        "model": [Extreme("bad", "good", lambda: CaseResult("worse", held=False))],
     }
     rows = [run_case(name, case) for name, some in cases.items() for case in some]
     page = write_report(tmp_path / "report", findings_of(rows))
@@ -101,7 +101,7 @@ def test_the_command_prints_families_and_says_by_its_code_whether_all_held(
     assert result.exit_code == 0
     assert "Few models" in result.output
     assert json.loads(file.read_text(encoding="utf-8"))["cases"] == 3
-    few.append(Case("a broken thing", "holds", lambda: Outcome("does not", held=False)))
+    few.append(Extreme("a broken thing", "holds", lambda: CaseResult("does not", held=False)))
     result = runner.invoke(main.app, ["stability", "model", "--report", str(tmp_path / "report")])
     assert result.exit_code == 1
     assert "a broken thing" in result.output

@@ -11,17 +11,17 @@ from mmt.texture.autoregression.burg import ReflectionFits, burg
 from mmt.texture.field import posterior
 from mmt.texture.field.observations import Observations
 from mmt.texture.model.texture_model import TextureModel
-from mmt_lab.stability.cases import Case, run_case
+from mmt_lab.stability.cases import Extreme, run_case
 from mmt_lab.stability.families import anisotropic, ar, field, lsf, model, networks
 from mmt_lab.stability.families.ar import exact_burg, exact_residual
 
 
-def those_that_do_not_hold(family: str, cases: list[Case]) -> list[str]:
+def those_that_do_not_hold(family: str, cases: list[Extreme]) -> list[str]:
     rows = [run_case(family, case) for case in cases]
     return [f"{row.what}: {row.got}" for row in rows if not row.held]
 
 
-def case_of(cases: list[Case], words: str) -> Case:
+def case_of(cases: list[Extreme], words: str) -> Extreme:
     return next(case for case in cases if words in case.what)
 
 

@@ -12,14 +12,14 @@ from mmt.core.frames import empty_frames
 from mmt.devices.protocols import Vector
 from mmt.leader.motion.force_ramp import ForceRamp
 from mmt_lab.stability import clocks, interrupted, uptime
-from mmt_lab.stability.cases import Case, run_case
+from mmt_lab.stability.cases import Extreme, run_case
 from mmt_lab.stability.fake_time import FakeClock, run_in_fake_time
 from mmt_lab.stability.families import services
 from mmt_lab.stability.interrupted import interrupted_cases
 from mmt_lab.stability.uptime import MemoryWatch, run_endless_modelling, run_hour
 
 
-def case_of(cases: list[Case], words: str) -> Case:
+def case_of(cases: list[Extreme], words: str) -> Extreme:
     return next(case for case in cases if words in case.what)
 
 

@@ -15,7 +15,7 @@ from mmt.scene import Texture
 from mmt.session import RecordedSession, write_session
 from mmt_lab.experiments import sweep
 from mmt_lab.sweep.combinations import (
-    Outcome,
+    JobOutcome,
     SweepResults,
     combinations,
     evaluate_job,
@@ -122,8 +122,8 @@ def test_results_are_kept_line_by_line_and_found_again(session, tmp_path):
     first, second = jobs_of(session)
     results = SweepResults(tmp_path)
     assert results.missing([first, first, second]) == [first, second]
-    results.add(Outcome(first, evaluate_job(session, first)))
-    results.add(Outcome(second, None, "no"))
+    results.add(JobOutcome(first, evaluate_job(session, first)))
+    results.add(JobOutcome(second, None, "no"))
     again = SweepResults(tmp_path)
     assert again.missing([first, second]) == [second]
     line = again.lines[first.key]
@@ -136,12 +136,12 @@ def test_a_line_that_was_cut_off_is_computed_again(session, tmp_path):
     first, second = jobs_of(session)
     results = SweepResults(tmp_path)
     for job in (first, second):
-        results.add(Outcome(job, {"order": job.texture.order}))
+        results.add(JobOutcome(job, {"order": job.texture.order}))
     whole = results.path.read_text(encoding="utf-8")
     results.path.write_text(whole[:-20], encoding="utf-8")
     again = SweepResults(tmp_path)
     assert again.missing([first, second]) == [second]
-    again.add(Outcome(second, {"order": 9}))
+    again.add(JobOutcome(second, {"order": 9}))
     assert len(SweepResults(tmp_path).lines) == 2
 
 
@@ -206,7 +206,7 @@ def test_the_command_goes_on_where_it_stopped(session, tmp_path, monkeypatch):
     def run_here(jobs, sessions, workers):
         for job in jobs:
             here.append(job.settings["texture.order"])
-            yield Outcome(job, evaluate_job(sessions[job.path], job))
+            yield JobOutcome(job, evaluate_job(sessions[job.path], job))
 
     monkeypatch.setattr(sweep, "run_locally", run_here)
     file = tmp_path / "even.npz"
@@ -231,7 +231,7 @@ def test_the_command_goes_on_where_it_stopped(session, tmp_path, monkeypatch):
 
 def test_a_failed_job_is_named_and_ends_the_command_with_1(session, tmp_path, monkeypatch):
     def fail(jobs, sessions, workers):
-        yield from (Outcome(job, None, "it broke") for job in jobs)
+        yield from (JobOutcome(job, None, "it broke") for job in jobs)
 
     monkeypatch.setattr(sweep, "run_locally", fail)
     file = tmp_path / "even.npz"

@@ -24,8 +24,8 @@ from mmt.core.existing_files import free_path
 from mmt_lab.harness.experiment import Experiment, Seed
 from mmt_lab.harness.findings import Findings
 from mmt_lab.soak import faults as kinds
-from mmt_lab.soak.faults import Fault, plan_faults
-from mmt_lab.soak.judging import RECOVERY_S, Check, Happened, Observed, judge, table
+from mmt_lab.soak.faults import SoakFault, plan_faults
+from mmt_lab.soak.judging import RECOVERY_S, Check, Happened, SoakLog, judge, table
 from mmt_lab.soak.recorded import read_back
 from mmt_lab.soak.services import SoakServices
 
@@ -83,7 +83,7 @@ def _check(duration_s: float, every_s: float) -> None:
         raise InputError("the soak pauses processes by signals: it needs Linux or macOS")
 
 
-def _content(observed: Observed, checks: Sequence[Check], seed: int) -> dict[str, Any]:
+def _content(observed: SoakLog, checks: Sequence[Check], seed: int) -> dict[str, Any]:
     """Return everything for a program."""
     return {
         "duration_s": round(observed.end_s - observed.start_s, 3),
@@ -102,8 +102,8 @@ def _content(observed: Observed, checks: Sequence[Check], seed: int) -> dict[str
 
 
 async def _run(
-    duration_s: float, faults: tuple[Fault, ...], seed: int, recording: Path
-) -> Observed:
+    duration_s: float, faults: tuple[SoakFault, ...], seed: int, recording: Path
+) -> SoakLog:
     """Run until the end, until a service ends by itself, or until the person stops."""
     happened: list[Happened] = []
     progress = Progress(
@@ -135,7 +135,7 @@ async def _run(
             harming.cancel()
             await asyncio.gather(harming, return_exceptions=True)
             await services.finish()
-    return Observed(
+    return SoakLog(
         start_s,
         end_s,
         tuple(happened),
@@ -148,7 +148,7 @@ async def _run(
 
 async def _harm(
     services: SoakServices,
-    faults: Sequence[Fault],
+    faults: Sequence[SoakFault],
     start_s: float,
     happened: list[Happened],
     say: Callable[[str], None],
@@ -167,7 +167,7 @@ async def _harm(
             happened.append(Happened(fault, begun_s, time.monotonic()))
 
 
-async def _do(fault: Fault, services: SoakServices, http: aiohttp.ClientSession) -> None:
+async def _do(fault: SoakFault, services: SoakServices, http: aiohttp.ClientSession) -> None:
     """Do one fault from its beginning to its end."""
     if fault.kind == kinds.CUT:
         services.proxy.cut()

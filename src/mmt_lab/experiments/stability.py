@@ -16,7 +16,7 @@ from mmt.evaluation.report import environment
 from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import Findings
 from mmt_lab.harness.processes import counting
-from mmt_lab.stability.cases import Family, Row, broken, run_case
+from mmt_lab.stability.cases import CaseRow, Family, broken, run_case
 from mmt_lab.stability.families import Families, family_names, load_family
 
 COLUMNS: Final = ("case", "expected", "got", "held")
@@ -27,7 +27,7 @@ def run(families: Families = None) -> Findings:
     return findings_of(run_families(load_families(families or [])))
 
 
-def findings_of(rows: Sequence[Row]) -> Findings:
+def findings_of(rows: Sequence[CaseRow]) -> Findings:
     """Return the rows of a run as findings."""
     return Findings(
         "Numerical stability",
@@ -56,10 +56,10 @@ def load_families(names: Sequence[str] = ()) -> dict[str, Family]:
     return {name: load_family(name) for name in every if name in names or not names}
 
 
-def run_families(chosen: Mapping[str, Family]) -> list[Row]:
+def run_families(chosen: Mapping[str, Family]) -> list[CaseRow]:
     """Run all cases of some families, given by name, beside a progress bar."""
     cases = [(name, case) for name, family in chosen.items() for case in family.cases()]
-    rows: list[Row] = []
+    rows: list[CaseRow] = []
     with counting("cases", len(cases)) as show:
         for name, case in cases:
             rows.append(run_case(name, case))
@@ -67,21 +67,21 @@ def run_families(chosen: Mapping[str, Family]) -> list[Row]:
     return rows
 
 
-def by_family(rows: Iterable[Row]) -> dict[str, list[Row]]:
+def by_family(rows: Iterable[CaseRow]) -> dict[str, list[CaseRow]]:
     """Return the rows of each family, in the order in which the families ran."""
-    found: dict[str, list[Row]] = {}
+    found: dict[str, list[CaseRow]] = {}
     for row in rows:
         found.setdefault(row.family, []).append(row)
     return found
 
 
-def family_table(rows: Sequence[Row]) -> Table:
+def family_table(rows: Sequence[CaseRow]) -> Table:
     """Return the rows of one family as text."""
     cells = [(row.what, row.expected, row.got, "yes" if row.held else "NO") for row in rows]
     return Table(COLUMNS, cells, caption=load_family(rows[0].family).title)
 
 
-def overview(rows: Sequence[Row]) -> Table:
+def overview(rows: Sequence[CaseRow]) -> Table:
     """Return a line for each family."""
     cells = [
         (
@@ -95,14 +95,14 @@ def overview(rows: Sequence[Row]) -> Table:
     return Table(("family", "cases", "held", "seconds"), cells, caption=verdict(rows))
 
 
-def verdict(rows: Sequence[Row]) -> str:
+def verdict(rows: Sequence[CaseRow]) -> str:
     """Return the sentence that sums a run up."""
     failed, seconds = len(broken(rows)), sum(row.seconds for row in rows)
     held = "all held" if not failed else f"{failed} did not hold"
     return f"{len(rows)} cases, {held} ({seconds:.0f} s)"
 
 
-def summary(rows: Sequence[Row]) -> dict[str, Any]:
+def summary(rows: Sequence[CaseRow]) -> dict[str, Any]:
     """Return the run for a program."""
     return {
         "held": not broken(rows),
@@ -114,7 +114,7 @@ def summary(rows: Sequence[Row]) -> dict[str, Any]:
     }
 
 
-def report_blocks(rows: Sequence[Row]) -> list[Block]:
+def report_blocks(rows: Sequence[CaseRow]) -> list[Block]:
     """Return a line for each family, then the pictures and the table of each."""
     blocks: list[Block] = [overview(rows)]
     for name, found in by_family(rows).items():

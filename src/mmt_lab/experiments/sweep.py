@@ -21,7 +21,14 @@ from mmt.session import RecordedSession, read_session
 from mmt_lab.harness.experiment import Experiment, Seed, Workers
 from mmt_lab.harness.findings import Findings
 from mmt_lab.harness.processes import counting, processes
-from mmt_lab.sweep.combinations import Job, Outcome, Settings, SweepResults, combinations, make_jobs
+from mmt_lab.sweep.combinations import (
+    Job,
+    JobOutcome,
+    Settings,
+    SweepResults,
+    combinations,
+    make_jobs,
+)
 from mmt_lab.sweep.running import run_locally, run_on_dask
 
 MEANS = ("gfc", "gfc_ceiling", "truth_gfc", "power_error_db", "within_jnd", "samples")
@@ -84,8 +91,8 @@ def _base(session: RecordedSession, scene_file: Path | None) -> Texture:
 
 
 def _collect(
-    outcomes: Iterator[Outcome], results: SweepResults, missing: int, count: int
-) -> list[Outcome]:
+    outcomes: Iterator[JobOutcome], results: SweepResults, missing: int, count: int
+) -> list[JobOutcome]:
     """Write results as they come, and show how many; return what failed."""
     failed = []
     with counting("evaluating", count, done=count - missing, stays=True) as show:

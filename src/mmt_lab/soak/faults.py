@@ -39,7 +39,7 @@ LENGTHS_S: Final[Mapping[str, tuple[float, float]]] = {
 
 
 @dataclass(frozen=True)
-class Fault:
+class SoakFault:
     """One fault: its kind, when it begins in seconds after the stream did, and its length."""
 
     kind: str
@@ -52,7 +52,7 @@ class Fault:
         return self.at_s + self.length_s
 
 
-def plan_faults(duration_s: float, every_s: float, seed: int) -> tuple[Fault, ...]:
+def plan_faults(duration_s: float, every_s: float, seed: int) -> tuple[SoakFault, ...]:
     """Draw the faults of a run, in order and apart.
 
     Every kind comes once before any comes again. Lengths are drawn evenly on a logarithmic
@@ -69,7 +69,7 @@ def plan_faults(duration_s: float, every_s: float, seed: int) -> tuple[Fault, ..
         The same one gives the same faults.
     """
     generator = np.random.default_rng(seed)
-    faults: list[Fault] = []
+    faults: list[SoakFault] = []
     waiting: list[str] = []
     at_s = every_s
     while True:
@@ -77,7 +77,7 @@ def plan_faults(duration_s: float, every_s: float, seed: int) -> tuple[Fault, ..
         kind = waiting.pop()
         shortest, longest = LENGTHS_S[kind]
         drawn = shortest * (longest / shortest) ** generator.uniform() if longest else 0.0
-        fault = Fault(kind, at_s, min(drawn, 0.5 * every_s))
+        fault = SoakFault(kind, at_s, min(drawn, 0.5 * every_s))
         if fault.end_s > duration_s - every_s:
             return tuple(faults)
         if kind == RESTART and at_s > 0.5 * duration_s:

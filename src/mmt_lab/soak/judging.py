@@ -10,7 +10,7 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.evaluation.document import Table
 from mmt_lab.soak.drift import Drift, by_window, drift, median, outside
-from mmt_lab.soak.faults import RESTART, Fault
+from mmt_lab.soak.faults import RESTART, SoakFault
 from mmt_lab.soak.recorded import Gap, Readback
 
 RECOVERY_S: Final = 3.0
@@ -38,13 +38,13 @@ _SHORTEST_WINDOW_S: Final = 1.0
 class Happened:
     """A fault as it was done, in seconds of the machine's monotonic clock."""
 
-    fault: Fault
+    fault: SoakFault
     start_s: float
     end_s: float
 
 
 @dataclass(frozen=True)
-class Sample:
+class ServiceSample:
     """What was seen of the services at a moment of the monotonic clock.
 
     ``modelling_mb`` is held by the process that models for the leader; ``ticks`` and
@@ -60,14 +60,14 @@ class Sample:
 
 
 @dataclass(frozen=True)
-class Observed:
+class SoakLog:
     """Everything that a soak has seen; a follower's life ends when it is started anew."""
 
     start_s: float
     end_s: float
     faults: tuple[Happened, ...]
     lives_s: tuple[float, ...]
-    samples: tuple[Sample, ...]
+    samples: tuple[ServiceSample, ...]
     leader: Mapping[str, Any]
     errors: tuple[str, ...]
 
@@ -87,7 +87,7 @@ class Check:
         return asdict(self)
 
 
-def judge(observed: Observed, readback: Readback, recovery_s: float = RECOVERY_S) -> list[Check]:
+def judge(observed: SoakLog, readback: Readback, recovery_s: float = RECOVERY_S) -> list[Check]:
     """Return the rows of a soak and its recording.
 
     Parameters
@@ -112,7 +112,7 @@ def table(checks: Sequence[Check]) -> Table:
     return Table(("what", "found", "allowed", "held"), rows)
 
 
-def _recording(observed: Observed, readback: Readback, recovery_s: float) -> list[Check]:
+def _recording(observed: SoakLog, readback: Readback, recovery_s: float) -> list[Check]:
     said = observed.leader.get("recording", {})
     dropped, written = said.get("dropped"), said.get("frames")
     unexplained = [gap for gap in readback.gaps if not _explained(gap, observed, recovery_s)]
@@ -147,7 +147,7 @@ def _recording(observed: Observed, readback: Readback, recovery_s: float) -> lis
     ]  # fmt: skip
 
 
-def _explained(gap: Gap, observed: Observed, recovery_s: float) -> bool:
+def _explained(gap: Gap, observed: SoakLog, recovery_s: float) -> bool:
     """Say whether the follower that had these frames was killed; others send them again."""
     return any(
         happened.start_s <= gap.end_s and gap.start_s <= happened.end_s + recovery_s
@@ -156,7 +156,7 @@ def _explained(gap: Gap, observed: Observed, recovery_s: float) -> bool:
     )
 
 
-def _drifts(observed: Observed, readback: Readback, recovery_s: float) -> list[Check]:
+def _drifts(observed: SoakLog, readback: Readback, recovery_s: float) -> list[Check]:
     span_s = observed.end_s - observed.start_s
     warm_s = observed.start_s + min(_WARM_UP_S, _WARM_UP_SHARE * span_s)
     disturbed = [(-np.inf, warm_s), (observed.end_s - 0.5, np.inf)]
@@ -215,7 +215,7 @@ def _flat(
     )
 
 
-def _longest_life(observed: Observed) -> FloatArray:
+def _longest_life(observed: SoakLog) -> FloatArray:
     """Return times and memory, (2, n), of the follower process that lived longest."""
     births = [*observed.lives_s, observed.end_s]
     spans = [(b - a, a, b) for a, b in pairwise(births)]
@@ -232,7 +232,7 @@ def _series(seen: Sequence[tuple[float, float | None]]) -> FloatArray:
     return np.array(kept, dtype=np.float64).reshape(-1, 2).T
 
 
-def _late(observed: Observed) -> FloatArray:
+def _late(observed: SoakLog) -> FloatArray:
     """Return times and the percentage of late ticks since the sample before, (2, n)."""
     counts = np.array([(s.time_s, s.ticks, s.late_ticks) for s in observed.samples])
     time_s, ticks, late = counts.reshape(-1, 3).T

@@ -14,7 +14,7 @@ import psutil
 from mmt.cli.child import Child
 from mmt.core.errors import MmtError
 from mmt_lab.harness.proxy import Proxy
-from mmt_lab.soak.judging import PATIENCE_S, Sample
+from mmt_lab.soak.judging import PATIENCE_S, ServiceSample
 
 _SCENE: Final = "demo"
 _LONGEST_SESSION_S: Final = "86400"
@@ -67,7 +67,7 @@ class SoakServices:
         """The leader's."""
         self.births_s: list[float] = []
         """When each follower was started, by the monotonic clock."""
-        self.samples: list[Sample] = []
+        self.samples: list[ServiceSample] = []
         self.summary: dict[str, Any] = {}
         """The leader's; empty until it has ended."""
         self.errors: list[str] = []
@@ -187,7 +187,7 @@ class SoakServices:
             self._streaming.set()
         if self._streaming.is_set():
             self.samples.append(
-                Sample(
+                ServiceSample(
                     time_s=time.monotonic(),
                     leader_mb=_memory_mb(leader),
                     modelling_mb=_memory_mb(leader, of_its_own=True),

@@ -12,7 +12,7 @@ Figures = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
-class Outcome:
+class CaseResult:
     """What a case gave.
 
     Attributes
@@ -31,12 +31,12 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class Case:
-    """A case to run: ``what`` is done and what is ``expected``, each in a few words."""
+class Extreme:
+    """A stiff or extreme case: ``what`` is done and what is ``expected``, in a few words."""
 
     what: str
     expected: str
-    run: Callable[[], Outcome]
+    run: Callable[[], CaseResult]
 
 
 @dataclass(frozen=True)
@@ -54,12 +54,12 @@ class Family:
     """
 
     title: str
-    cases: Callable[[], Sequence[Case]]
+    cases: Callable[[], Sequence[Extreme]]
     pictures: Callable[[Sequence[Figures]], Sequence[Picture]] | None = None
 
 
 @dataclass(frozen=True)
-class Row:
+class CaseRow:
     """One row of the table."""
 
     family: str
@@ -71,14 +71,14 @@ class Row:
     figures: Figures
 
 
-def run_case(family: str, case: Case) -> Row:
+def run_case(family: str, case: Extreme) -> CaseRow:
     """Run one case of a family; a case that raises did not hold."""
     started = time.perf_counter()
     try:
         outcome = case.run()
     except Exception as error:  # noqa: BLE001 - the table says so
-        outcome = Outcome(f"raised {type(error).__name__}: {error}", held=False)
-    return Row(
+        outcome = CaseResult(f"raised {type(error).__name__}: {error}", held=False)
+    return CaseRow(
         family=family,
         what=case.what,
         expected=case.expected,
@@ -89,6 +89,6 @@ def run_case(family: str, case: Case) -> Row:
     )
 
 
-def broken(rows: Iterable[Row]) -> list[Row]:
+def broken(rows: Iterable[CaseRow]) -> list[CaseRow]:
     """Return the rows that did not hold."""
     return [row for row in rows if not row.held]

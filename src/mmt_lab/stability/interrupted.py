@@ -24,7 +24,7 @@ from mmt.scene.files import scene_from_tables
 from mmt.session.mcap_reader import scanned_frames
 from mmt.session.mcap_scan import scan_mcap
 from mmt_lab.soak.services import SoakServices
-from mmt_lab.stability.cases import Case, Outcome
+from mmt_lab.stability.cases import CaseResult, Extreme
 
 _DISK_BYTES: Final = 100_000
 _BEFORE_S: Final = 1.5
@@ -34,28 +34,28 @@ _SPEED_MS: Final = 50
 _HELD_UP_MS: Final = (80, 300, 1000)
 
 
-def interrupted_cases(stopped_s: float) -> list[Case]:
+def interrupted_cases(stopped_s: float) -> list[Extreme]:
     """Return the cases, those that this system has; `stopped_s` is how long a service is stopped.
 
     All but the last run the demo's services as processes.
     """
     fastest_mm_s = Hand().fastest_mm_s + Link().recovery_mm_s
-    stopping = Case(
+    stopping = Extreme(
         f"the leader stopped for {stopped_s:g} s in a session",
         "it goes on, and every frame of that time is filled in",
         partial(_in_session, partial(_stop_leader, stopped_s), judge_stop),
     )
-    stalling = Case(
+    stalling = Extreme(
         "the follower stopped for 1 s while the hand strokes",
         f"the robot catches up at {fastest_mm_s:g} mm/s at most",
         partial(_in_session, _stop_follower, partial(judge_speed, fastest_mm_s)),
     )
-    full = Case(
+    full = Extreme(
         "a disk that is full in a session",
         "it goes on without the recording, what was written is readable",
         partial(_in_session, _fill_disk, judge_disk),
     )
-    held_up = Case(
+    held_up = Extreme(
         f"ticks of the leader held up for {', '.join(map(str, _HELD_UP_MS))} ms, the tool pressed",
         f"no write changes the force by more than {100 / RAMP_TICKS:g} % of it",
         lambda: asyncio.run(_hold_up_ticks()),
@@ -73,16 +73,16 @@ def _can_limit_files() -> bool:
 
 
 Meddling = Callable[[SoakServices], Awaitable[None]]
-Judging = Callable[[dict[str, Any], RecordArray], Outcome]
+Judging = Callable[[dict[str, Any], RecordArray], CaseResult]
 
 
-def _in_session(meddle: Meddling, judge: Judging) -> Outcome:
+def _in_session(meddle: Meddling, judge: Judging) -> CaseResult:
     """Run the demo's services, meddle with them, and judge the leader's summary and recording."""
     with tempfile.TemporaryDirectory(prefix="mmt-stability-") as directory:
         file = Path(directory) / "session.mcap"
         services = asyncio.run(_session(file, meddle))
         if not services.summary:
-            return Outcome("; ".join(services.errors), held=False)
+            return CaseResult("; ".join(services.errors), held=False)
         return judge(services.summary, scanned_frames(scan_mcap(file)))
 
 
@@ -110,36 +110,36 @@ async def _fill_disk(services: SoakServices) -> None:
     resource.prlimit(services.leader_pid, resource.RLIMIT_FSIZE, limit)
 
 
-def judge_stop(summary: dict[str, Any], frames: RecordArray) -> Outcome:
+def judge_stop(summary: dict[str, Any], frames: RecordArray) -> CaseResult:
     """Judge a session in which the leader was stopped, by its summary and its frames (n,)."""
     gaps = summary.get("backfill", {"filled": 0, "lost": 0})  # none where nothing was missing
     steps = np.diff(frames["sequence"].astype(np.int64))
     absent = int((steps - 1).sum())
-    return Outcome(
+    return CaseResult(
         f"{summary['outcome']}; {gaps['filled']} frames filled in, {absent} not in the recording",
         held=summary["outcome"] == "stopped" and gaps["lost"] == absent == 0,
         figures={"filled": gaps["filled"], "lost": gaps["lost"], "absent": absent},
     )
 
 
-def judge_speed(fastest_mm_s: float, summary: dict[str, Any], frames: RecordArray) -> Outcome:
+def judge_speed(fastest_mm_s: float, summary: dict[str, Any], frames: RecordArray) -> CaseResult:
     """Judge how fast the robot was at most, over stretches without a missing frame."""
     place, number = frames["position_mm"].astype(np.float64), frames["sequence"].astype(np.int64)
     whole = number[_SPEED_MS:] - number[:-_SPEED_MS] == _SPEED_MS
     way_mm = np.linalg.norm(place[_SPEED_MS:] - place[:-_SPEED_MS], axis=1)[whole]
     speed_mm_s = float(1000.0 * way_mm.max() / _SPEED_MS)
-    return Outcome(
+    return CaseResult(
         f"{summary['outcome']}; {speed_mm_s:.0f} mm/s",
         held=summary["outcome"] == "stopped" and speed_mm_s <= 1.05 * fastest_mm_s,
         figures={"mm_s": speed_mm_s},
     )
 
 
-def judge_disk(summary: dict[str, Any], frames: RecordArray) -> Outcome:
+def judge_disk(summary: dict[str, Any], frames: RecordArray) -> CaseResult:
     """Judge a session whose recording failed, by the frames (n,) that can be read."""
     written, error = summary["recording"]["frames"], summary["recording"]["error"]
     went_on = summary["link"]["frames"] - written
-    return Outcome(
+    return CaseResult(
         f"{summary['outcome']}; {error}; {len(frames)} frames readable, {went_on} more played",
         held=summary["outcome"] == "stopped"
         and error is not None
@@ -175,7 +175,7 @@ class PressingHandle:
         """Do nothing."""
 
 
-async def _hold_up_ticks() -> Outcome:
+async def _hold_up_ticks() -> CaseResult:
     """Run both services here, press, and hold the event loop up."""
     tables: dict[str, Any] = {
         "link": {"port": 0, "recovery_mm_s": 100.0},
@@ -203,7 +203,7 @@ async def _hold_up_ticks() -> Outcome:
     forces = handle.forces_n[pressed:]
     force_n = max(math.hypot(*force) for force in forces)
     step_n = max(math.dist(*pair) for pair in pairwise(forces))
-    return Outcome(
+    return CaseResult(
         f"{100 * step_n / force_n:.1f} % of {force_n:.2f} N",
         held=force_n > 1.0 and step_n <= force_n / RAMP_TICKS + 1e-3,
         figures={"step_n": step_n, "force_n": force_n},

@@ -23,7 +23,7 @@ from mmt.testing.simulation.actuator import SimulatedActuator
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.synthesis.synthesizer import Synthesizer
-from mmt_lab.stability.cases import Outcome
+from mmt_lab.stability.cases import CaseResult
 from mmt_lab.stability.fake_time import FakeClock, run_in_fake_time
 
 PERIOD_NS: Final = 1_000_000
@@ -173,7 +173,7 @@ class LeaderInProcess:
             self.modeller = None
 
 
-def run_hour(samples: int) -> Outcome:
+def run_hour(samples: int) -> CaseResult:
     """Run the leader's parts for `samples` ticks of a fake clock, waking late at random."""
     chance = random.Random(1)  # noqa: S311 - no secret
     clock = FakeClock(lambda: int(chance.expovariate(1.0 / _LATE_NS)))
@@ -205,7 +205,7 @@ def run_hour(samples: int) -> Outcome:
     return _judge(leader, watch, ticks, drift_ticks)
 
 
-def _judge(leader: LeaderInProcess, watch: MemoryWatch, ticks: int, drift_ticks: int) -> Outcome:
+def _judge(leader: LeaderInProcess, watch: MemoryWatch, ticks: int, drift_ticks: int) -> CaseResult:
     playout, actuator = leader.playout.statistics(), leader.actuator.statistics
     held = (
         drift_ticks == 0
@@ -216,7 +216,7 @@ def _judge(leader: LeaderInProcess, watch: MemoryWatch, ticks: int, drift_ticks:
         and leader.modeller is None
         and leader.display.largest_n <= 2.0 + 1e-9
     )
-    return Outcome(
+    return CaseResult(
         f"{ticks} ticks, drift {drift_ticks}, {watch.as_text()}, {playout.slips} slips, "
         f"{playout.resyncs} jumps",
         held=held,
@@ -233,7 +233,7 @@ def _judge(leader: LeaderInProcess, watch: MemoryWatch, ticks: int, drift_ticks:
     )
 
 
-def run_endless_modelling(seconds: int) -> Outcome:
+def run_endless_modelling(seconds: int) -> CaseResult:
     """Model a hand that stays in one corner, so that the sum of distances is never met."""
     settings = ModellingSettings(method="published")  # an expected share is of its own strokes
     modeller, watch = OnlineModeller(settings), MemoryWatch(since=2)
@@ -247,7 +247,7 @@ def run_endless_modelling(seconds: int) -> Outcome:
         if 4 * second >= seconds * len(watch.seconds):
             watch.look()
     update_ms = 1e3 * float(np.median(updates_s[seconds // 2 :]))
-    return Outcome(
+    return CaseResult(
         f"{update.samples} samples, {watch.as_text()}, update {update_ms:.0f} ms",
         held=watch.flat() and not update.started,
         figures={

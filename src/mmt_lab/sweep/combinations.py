@@ -49,7 +49,7 @@ class Job:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class JobOutcome:
     """What became of a job: its evaluation for a program, or the error that ended it."""
 
     job: Job
@@ -166,7 +166,7 @@ class SweepResults:
         if torn:  # cut off while it was written
             write_file(self.path, whole + "\n" if whole else "")
 
-    def add(self, outcome: Outcome) -> None:
+    def add(self, outcome: JobOutcome) -> None:
         """Write a result at the file's end; a job that failed is not written, but tried again."""
         if outcome.evaluation is None:
             return

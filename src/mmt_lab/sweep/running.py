@@ -12,7 +12,7 @@ from mmt.core.errors import MmtError
 from mmt.core.extras import require
 from mmt.session.data import RecordedSession
 from mmt_lab.harness.processes import in_processes
-from mmt_lab.sweep.combinations import Job, Outcome, evaluate_job
+from mmt_lab.sweep.combinations import Job, JobOutcome, evaluate_job
 
 CONNECT_S: Final = 10
 
@@ -21,7 +21,7 @@ Result = TypeVar("Result")
 
 def run_locally(
     jobs: Sequence[Job], sessions: Mapping[str, RecordedSession], workers: int
-) -> Iterator[Outcome]:
+) -> Iterator[JobOutcome]:
     """Evaluate jobs in processes of this machine; yield each as it is done.
 
     Parameters
@@ -45,7 +45,7 @@ def run_locally(
 
 def run_on_dask(
     jobs: Sequence[Job], sessions: Mapping[str, RecordedSession], address: str
-) -> Iterator[Outcome]:
+) -> Iterator[JobOutcome]:
     """Evaluate jobs on a Dask cluster; yield each as it is done.
 
     Sessions travel to the workers, which need no file, but this package in this version.
@@ -83,15 +83,15 @@ def run_on_dask(
             yield outcome
 
 
-def _outcome(job: Job, result: Callable[[], dict[str, Any]]) -> Outcome:
+def _outcome(job: Job, result: Callable[[], dict[str, Any]]) -> JobOutcome:
     """Return a job's result; an error for a person becomes its outcome."""
     try:
-        return Outcome(job, result())
+        return JobOutcome(job, result())
     except MmtError as error:
-        return Outcome(job, None, str(error))
+        return JobOutcome(job, None, str(error))
 
 
-def _check_version(outcome: Outcome) -> None:
+def _check_version(outcome: JobOutcome) -> None:
     version = (outcome.evaluation or {}).get("version", mmt.__version__)
     if version != mmt.__version__:
         raise MmtError(f"--dask: a worker has mmt {version}, this is {mmt.__version__}")

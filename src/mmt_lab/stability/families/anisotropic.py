@@ -18,7 +18,7 @@ from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import Method
 from mmt.texture.space.inputs import ANISOTROPIC, InputSpace
 from mmt.texture.synthesis.synthesizer import Synthesizer
-from mmt_lab.stability.cases import Case, Family, Outcome
+from mmt_lab.stability.cases import CaseResult, Extreme, Family
 from mmt_lab.stability.degenerate import anywhere, build, of_space
 
 MANY: Final = 2000
@@ -29,7 +29,7 @@ _ROUNDING: Final = 1e-7  # of a level, by way of the gain of a filter that is al
 _EXPECTED: Final = "the whole space; filters ordered, level within bounds, silence at rest"
 
 
-def cases(*, many: int = MANY, queries: int = 2000) -> list[Case]:
+def cases(*, many: int = MANY, queries: int = 2000) -> list[Extreme]:
     """Return the family's cases.
 
     Parameters
@@ -42,11 +42,11 @@ def cases(*, many: int = MANY, queries: int = 2000) -> list[Case]:
     scales = (1e-3, 1e3, 1e6)
     return [
         *(
-            Case(what, _EXPECTED, partial(_space, points, queries))
+            Extreme(what, _EXPECTED, partial(_space, points, queries))
             for what, points in of_space(many)
         ),
         *(
-            Case(
+            Extreme(
                 f"speeds in units {speed:g} times smaller, forces {force:g}",
                 "the same model to 1e-9",
                 partial(_units, speed, force),
@@ -54,24 +54,24 @@ def cases(*, many: int = MANY, queries: int = 2000) -> list[Case]:
             for speed, force in zip(scales, scales[::-1], strict=True)
         ),
         *(
-            Case(
+            Extreme(
                 f"levels times {scale:g}", "the level times as much to 1e-9", partial(_level, scale)
             )
             for scale in (1e-200, 1e-30, 1e100)
         ),
-        Case("a network's samples turned by 30 degrees", "the model turned, to 1e-9", _turned),
-        Case(
+        Extreme("a network's samples turned by 30 degrees", "the model turned, to 1e-9", _turned),
+        Extreme(
             "queries NaN, infinite, negative, far outside",
             "as at the end of the space with the same heading, NaN as zero",
             _any_query,
         ),
-        Case("points outside of all tetrahedra", "weights that are an average", _outside),
-        Case("queries on every vertex, four to a cluster", "the vertex: 1e-9 rad", _on_vertices),
-        Case("queries on every face", "both tetrahedra agree to 1e-8", _on_faces),
+        Extreme("points outside of all tetrahedra", "weights that are an average", _outside),
+        Extreme("queries on every vertex, four to a cluster", "the vertex: 1e-9 rad", _on_vertices),
+        Extreme("queries on every face", "both tetrahedra agree to 1e-8", _on_faces),
     ]
 
 
-def _space(points: FloatArray, queries: int) -> Outcome:
+def _space(points: FloatArray, queries: int) -> CaseResult:
     """Build the model by either method, and ask it everywhere and at its samples."""
     asked = np.vstack([anywhere(queries, np.random.default_rng(4)), points])
     least_gap, largest_k, highest, silent = np.inf, 0.0, 0.0, True
@@ -88,9 +88,9 @@ def _space(points: FloatArray, queries: int) -> Outcome:
         silent &= bool(np.all(variance >= 0.0)) and _is_silent_at_rest(model)
         rendered = Synthesizer(model, limit_m_s2=np.inf).render(*(asked * ANISOTROPIC.scale).T)
         if not np.isfinite(rendered).all():
-            return Outcome(f"{method}: what is rendered is not finite", held=False)
+            return CaseResult(f"{method}: what is rendered is not finite", held=False)
     missing = _missing_volume(build(points))
-    return Outcome(
+    return CaseResult(
         f"gaps from {least_gap:.0e} rad, level to {highest:.3f} of its bound, "
         f"{missing:+.0e} of the space missing",
         held=least_gap > 0.0
@@ -116,7 +116,7 @@ def _missing_volume(model: TextureModel) -> float:
     return 1.0 - float(volumes.sum()) / float(ConvexHull(model.triangulation.points).volume)
 
 
-def _units(per_speed: float, per_force: float) -> Outcome:
+def _units(per_speed: float, per_force: float) -> CaseResult:
     space = InputSpace("anisotropic", 300.0 / per_speed, 3.0 / per_force)
     points, asked = (anywhere(count, np.random.default_rng(5)) for count in (60, 500))
     off = max(
@@ -126,10 +126,10 @@ def _units(per_speed: float, per_force: float) -> Outcome:
         )
         for by in METHODS
     )
-    return Outcome(f"off by {off:.0e}", held=off < 1e-9, figures={"off": off})
+    return CaseResult(f"off by {off:.0e}", held=off < 1e-9, figures={"off": off})
 
 
-def _level(scale: float) -> Outcome:
+def _level(scale: float) -> CaseResult:
     points, asked = (anywhere(count, np.random.default_rng(6)) for count in (60, 500))
     off = 0.0
     for by in METHODS:
@@ -138,7 +138,7 @@ def _level(scale: float) -> Outcome:
         lsf, variance = build(points, by, scale=usual * times).at(*(asked * ANISOTROPIC.scale).T)
         plain = build(points, by, scale=usual).at(*(asked * ANISOTROPIC.scale).T)
         off = max(off, _difference(plain, (lsf, variance / times)))
-    return Outcome(f"off by {off:.0e}", held=off < 1e-9, figures={"off": off})
+    return CaseResult(f"off by {off:.0e}", held=off < 1e-9, figures={"off": off})
 
 
 def _difference(one: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArray]) -> float:
@@ -147,7 +147,7 @@ def _difference(one: tuple[FloatArray, FloatArray], other: tuple[FloatArray, Flo
     return float(max(lsf, np.abs(one[1] - other[1]).max() / one[1].max()))
 
 
-def _turned() -> Outcome:
+def _turned() -> CaseResult:
     """Turn samples and queries together; the boundary is the same after 30 degrees."""
     points, asked = (anywhere(count, np.random.default_rng(7)) for count in (60, 500))
     turn = np.eye(3)
@@ -156,10 +156,10 @@ def _turned() -> Outcome:
         build(points).at(*(asked * ANISOTROPIC.scale).T),
         build(points @ turn.T).at(*(asked @ turn.T * ANISOTROPIC.scale).T),
     )
-    return Outcome(f"off by {off:.0e}", held=off < 1e-9, figures={"off": off})
+    return CaseResult(f"off by {off:.0e}", held=off < 1e-9, figures={"off": off})
 
 
-def _any_query() -> Outcome:
+def _any_query() -> CaseResult:
     odd = np.array([np.nan, -np.inf, -1e308, -300.0, -1e-300, 0.0, 1e-300, 300.0, 1e308, np.inf])
     asked = np.array(list(product(odd, odd, odd / 100.0)))
     bounded = np.nan_to_num(asked, nan=0.0, posinf=1e300, neginf=-1e300)
@@ -172,14 +172,14 @@ def _any_query() -> Outcome:
         model = build(anywhere(60, np.random.default_rng(9)), by)
         off = max(off, _difference(model.at(*bounded.T), model.at(*asked.T)))
         finite &= bool(np.isfinite(Synthesizer(model).render(*asked.T)).all())
-    return Outcome(
+    return CaseResult(
         f"{len(asked)} moments, off by {off:.0e}, rendered {'' if finite else 'not '}finite",
         held=off < 1e-9 and finite,
         figures={"off": off},
     )
 
 
-def _outside() -> Outcome:
+def _outside() -> CaseResult:
     mesh = build(anywhere(200, np.random.default_rng(10))).triangulation
     generator = np.random.default_rng(11)
     directions = generator.standard_normal((2000, 3))
@@ -193,14 +193,14 @@ def _outside() -> Outcome:
         _, weights = mesh.weights(points)
         worst_sum = max(worst_sum, float(np.abs(weights.sum(axis=1) - 1.0).max()))
         least = min(least, float(weights.min()))
-    return Outcome(
+    return CaseResult(
         f"{outside} outside, weights from {least:g}, their sum 1 to {worst_sum:.0e}",
         held=outside > 0 and least >= 0.0 and worst_sum < 1e-14,
         figures={"outside": outside, "least_weight": least, "sum_off": worst_sum},
     )
 
 
-def _on_vertices() -> Outcome:
+def _on_vertices() -> CaseResult:
     """Ask at samples that stand four together, 1e-4 to 1e-2 of the space apart."""
     generator = np.random.default_rng(12)
     centres = anywhere(100, generator) * 0.9
@@ -211,14 +211,14 @@ def _on_vertices() -> Outcome:
     vertices = model.vertices[np.hypot(*model.vertices[:, :2].T) <= 1.0]
     lsf, _ = model.at(*(vertices[:, :3] * ANISOTROPIC.scale).T)
     off = float(np.abs(lsf - vertices[:, 4:]).max())
-    return Outcome(
+    return CaseResult(
         f"{len(vertices)} vertices, LSF off by {off:.0e} rad",
         held=off < 1e-9,
         figures={"lsf_off_rad": off},
     )
 
 
-def _on_faces() -> Outcome:
+def _on_faces() -> CaseResult:
     model = build(anywhere(200, np.random.default_rng(13)), "field")
     corners = model.triangulation.points[model.triangles[:, :4]]
     share = np.random.default_rng(14).dirichlet([1.0, 1.0, 1.0], len(corners))
@@ -231,7 +231,7 @@ def _on_faces() -> Outcome:
         for side in (-1.0, 0.0, 1.0)
     ]
     off = float(np.ptp(np.stack(sides), axis=0).max())
-    return Outcome(
+    return CaseResult(
         f"{int(inside.sum())} points, LSF differ by {off:.0e} rad across 2e-12 of the space",
         held=off < 1e-8,
         figures={"lsf_differ_rad": off},

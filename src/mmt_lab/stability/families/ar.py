@@ -11,7 +11,7 @@ from scipy.signal import sosfilt
 
 from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.forms import burg, reflection_to_lsf
-from mmt_lab.stability.cases import Case, Family, Outcome
+from mmt_lab.stability.cases import CaseResult, Extreme, Family
 
 CLUSTERED_RAD: Final = (0.05, 0.0525, 0.055, 0.0575, 0.06)
 SPREAD_RAD: Final = (0.3, 0.8, 1.4, 2.0, 2.7)
@@ -29,7 +29,7 @@ _VANISHED: Final = 1e-28
 _EXPECTED: Final = "stable, residual as exact to 1e-4 or under 1e-28 of the power"
 
 
-def cases() -> list[Case]:
+def cases() -> list[Extreme]:
     """Return the family's cases."""
     rows = [
         *(
@@ -42,7 +42,7 @@ def cases() -> list[Case]:
         *((f"white noise, order {order}", white(), order) for order in ORDERS),
         *((f"{order + 1} samples, order {order}", white()[: order + 1], order) for order in ORDERS),
     ]
-    fits = [Case(what, _EXPECTED, partial(_fit, x, order)) for what, x, order in rows]
+    fits = [Extreme(what, _EXPECTED, partial(_fit, x, order)) for what, x, order in rows]
     return [*fits, *_amplitude_cases()]
 
 
@@ -89,11 +89,11 @@ def signals() -> Mapping[str, FloatArray]:
     }
 
 
-def _fit(x: FloatArray, order: int) -> Outcome:
+def _fit(x: FloatArray, order: int) -> CaseResult:
     fit = burg(x, order)
     problem = _unsound(fit.reflection, fit.variances)
     if problem:
-        return Outcome(problem, held=False)
+        return CaseResult(problem, held=False)
     expected, best = exact_burg(x, order)
     left, power = exact_residual(x, fit.reflection), exact_residual(x, [])
     share = float(left / power) if power else 0.0
@@ -106,7 +106,7 @@ def _fit(x: FloatArray, order: int) -> Outcome:
         got = f"stable, residual {share:.0e} of the power"
     else:
         got = f"stable, residual off by {excess:.0e}, k by {error:.0e}"
-    return Outcome(
+    return CaseResult(
         got,
         held=share < _VANISHED or excess <= _RELATIVE,
         figures={"residual_excess": excess, "residual_share": share, "largest_k_error": error},
@@ -125,22 +125,22 @@ def _unsound(reflection: FloatArray, variances: FloatArray) -> str:
     return ""
 
 
-def _amplitude_cases() -> Iterator[Case]:
+def _amplitude_cases() -> Iterator[Extreme]:
     for amplitude in AMPLITUDES:
-        yield Case(
+        yield Extreme(
             f"white noise of amplitude {amplitude:g}",
             "stable, k as at amplitude 1 to 1e-14",
             partial(_scaled, amplitude),
         )
 
 
-def _scaled(amplitude: float) -> Outcome:
+def _scaled(amplitude: float) -> CaseResult:
     fit, unit = burg(amplitude * white(), _ORDER), burg(white(), _ORDER)
     problem = _unsound(fit.reflection, fit.variances)
     if problem:
-        return Outcome(problem, held=False)
+        return CaseResult(problem, held=False)
     error = float(np.abs(fit.reflection - unit.reflection).max())
-    return Outcome(
+    return CaseResult(
         f"stable, k off by {error:.0e}", held=error < 1e-14, figures={"largest_k_error": error}
     )
 

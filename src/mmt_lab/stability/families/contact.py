@@ -1,7 +1,7 @@
 """Stiff contact: what is offered as safe keeps its energy, and where the others break."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import partial
 from itertools import product
 from typing import Final
@@ -10,13 +10,12 @@ import numpy as np
 
 from mmt.contact.friction import SMOOTHING_M_S, friction_slope_n_s_m, step_tangential
 from mmt.contact.normal import ContactLaw, Drive
-from mmt.core.arrays import FloatArray
 from mmt.evaluation.document import Picture
 from mmt.evaluation.report_files import picture
 from mmt.scene import Simulated
 from mmt.testing.simulation.robot import SimulatedRobot, tip_drive
 from mmt_lab.contact.integrators import INTEGRATORS, Integrator, total_energy_j
-from mmt_lab.stability.cases import Case, Family, Figures, Outcome
+from mmt_lab.stability.cases import CaseResult, Extreme, Family, Figures
 
 STIFFNESSES_N_M: Final = (1e2, 1e3, 1e4, 1e5, 1e6, 1e7)
 MASSES_KG: Final = (0.001, 0.01, 0.1, 1.0)
@@ -41,7 +40,9 @@ _RUNAWAY: Final = 1e9
 _ROUNDING: Final = 1e-12
 
 
-def cases(*, stiffnesses: tuple[float, ...] = STIFFNESSES_N_M, map_points: int = 24) -> list[Case]:
+def cases(
+    *, stiffnesses: tuple[float, ...] = STIFFNESSES_N_M, map_points: int = 24
+) -> list[Extreme]:
     """Return the family's cases.
 
     Parameters
@@ -51,49 +52,45 @@ def cases(*, stiffnesses: tuple[float, ...] = STIFFNESSES_N_M, map_points: int =
     map_points
         Points of the energy map along each axis.
     """
+    impacts = len(MASSES_KG) * len(RATIOS) * len(STEPS_S) * len(_TOUCHES)
     return [
-        *_impact_cases(stiffnesses),
-        *_limit_cases(stiffnesses),
         *(
-            Case(
+            Extreme(
+                f"{way.name}, {impacts} impacts on {stiffness:,.0f} N/m",
+                "energy never grows" if way.safe else "grows (not offered as safe)",
+                partial(_impacts, way, stiffness),
+            )
+            for way, stiffness in product(INTEGRATORS.values(), stiffnesses)
+        ),
+        *(
+            Extreme(
+                f"{way.name}, sustained contact with {stiffness:,.0f} N/m",
+                "breaks at the theoretical step, to 0.1 %",
+                partial(_limits, way, stiffness),
+            )
+            for way, stiffness in product(INTEGRATORS.values(), stiffnesses)
+            if not way.safe
+        ),
+        *(
+            Extreme(
                 f"Hunt-Crossley contact of {stiffness:,.0f} N/m, 0 to 100 s/m",
                 "energy never grows",
                 partial(_hunt_crossley, stiffness),
             )
             for stiffness in stiffnesses
         ),
-        Case("friction to 100 N, coefficient to 1", "energy never grows", _friction),
-        Case(
+        Extreme("friction to 100 N, coefficient to 1", "energy never grows", _friction),
+        Extreme(
             "the follower's tip, 15 and 60 Hz, pressed on walls of 0.05 to 50 N/mm",
             "at rest, force as in statics to 1e-6",
             _follower_at_rest,
         ),
-        Case(
+        Extreme(
             f"energy map, {MAP_MASS_KG:g} kg, {MAP_RATIO:g} of critical damping",
             "growth only where not offered as safe",
             partial(_map, map_points),
         ),
     ]
-
-
-def _impact_cases(stiffnesses: tuple[float, ...]) -> Iterator[Case]:
-    for way, stiffness in product(INTEGRATORS.values(), stiffnesses):
-        count = len(MASSES_KG) * len(RATIOS) * len(STEPS_S) * len(_TOUCHES)
-        yield Case(
-            f"{way.name}, {count} impacts on {stiffness:,.0f} N/m",
-            "energy never grows" if way.safe else "grows (not offered as safe)",
-            partial(_impacts, way, stiffness),
-        )
-
-
-def _limit_cases(stiffnesses: tuple[float, ...]) -> Iterator[Case]:
-    for way, stiffness in product(INTEGRATORS.values(), stiffnesses):
-        if not way.safe:
-            yield Case(
-                f"{way.name}, sustained contact with {stiffness:,.0f} N/m",
-                "breaks at the theoretical step, to 0.1 %",
-                partial(_limits, way, stiffness),
-            )
 
 
 def wall(mass_kg: float, stiffness_n_m: float, ratio: float) -> ContactLaw:
@@ -113,29 +110,37 @@ def impact_growth(
     start = lowest = total_energy_j(drive, law, state, 0.0)
     growth = 0.0
     for _ in range(_MOST_STEPS):
-        height, velocity, _force = way.step(drive, law, state, 0.0, step_s)
-        state = (height, velocity)
+        state = way.step(drive, law, state, 0.0, step_s)[:2]
         energy = total_energy_j(drive, law, state, 0.0)
         growth = max(growth, (energy - lowest) / start)
         lowest = min(lowest, energy)
-        if growth > _RUNAWAY or (height > 0.0 and velocity > 0.0):
+        if growth > _RUNAWAY or min(state) > 0.0:
             break
     return growth
 
 
-def _impacts(way: Integrator, stiffness: float) -> Outcome:
+def _worst(way: Integrator, drive: Drive, law: ContactLaw, step_s: float) -> float:
+    return max(impact_growth(way, drive, law, step_s, touch) for touch in _TOUCHES)
+
+
+def _impacts(way: Integrator, stiffness: float) -> CaseResult:
     worst, where = 0.0, ""
     for mass, ratio, step_s in product(MASSES_KG, RATIOS, STEPS_S):
         drive, law = Drive(mass, 0.0, 0.0), wall(mass, stiffness, ratio)
-        growth = max(impact_growth(way, drive, law, step_s, touch) for touch in _TOUCHES)
+        growth = _worst(way, drive, law, step_s)
         if growth > worst:
             worst = growth
             where = f" ({1e3 * mass:g} g, damping {ratio:g}, {1e3 * step_s:g} ms)"
-    return Outcome(
+    return CaseResult(
         f"grows by {_share(worst)}{where if worst > _ROUNDING else ''}",
         held=worst <= _ROUNDING if way.safe else worst > _ROUNDING,
         figures={"growth": worst},
     )
+
+
+def _bounded(growth: float) -> CaseResult:
+    held = growth <= _ROUNDING
+    return CaseResult(f"grows by {_share(growth)}", held=held, figures={"growth": growth})
 
 
 def _share(growth: float) -> str:
@@ -144,7 +149,7 @@ def _share(growth: float) -> str:
     return f"over {_RUNAWAY:.0e} x" if growth > _RUNAWAY else f"{growth:.2g} x"
 
 
-def _limits(way: Integrator, stiffness: float) -> Outcome:
+def _limits(way: Integrator, stiffness: float) -> CaseResult:
     """Compare the step at which sustained contact breaks with theory, and run beside it."""
     worst, text, wrong_runs = 0.0, "", 0
     for mass, ratio in product(MASSES_KG, RATIOS):
@@ -161,7 +166,7 @@ def _limits(way: Integrator, stiffness: float) -> Outcome:
         if (mass, ratio) == (MAP_MASS_KG, MAP_RATIO):
             text = f"{1e3 * measured_s:.4g} ms, theory {1e3 * theory_s:.4g} ms (100 g, 0.1)"
     undamped = "; none without damping" if way.limit_s(drive, ContactLaw(stiffness)) == 0.0 else ""
-    return Outcome(
+    return CaseResult(
         f"{text}{undamped}; all to {worst:.0e}, runs beside it agree"
         if not wrong_runs
         else f"{text}; {wrong_runs} runs disagree",
@@ -208,37 +213,39 @@ def _stays(way: Integrator, drive: Drive, law: ContactLaw, step_s: float) -> boo
     return True
 
 
-def _hunt_crossley(stiffness: float) -> Outcome:
+def _hunt_crossley(stiffness: float) -> CaseResult:
     worst = 0.0
     for mass, dissipation, step_s in product(MASSES_KG, (0.0, 0.3, 3.0, 100.0), STEPS_S):
         drive = Drive(mass, 0.0, 0.0)
         law = ContactLaw(stiffness, dissipation_s_m=dissipation)
-        way = INTEGRATORS["discrete gradient"]
-        worst = max(worst, *(impact_growth(way, drive, law, step_s, at) for at in _TOUCHES))
-    return Outcome(f"grows by {_share(worst)}", held=worst <= _ROUNDING, figures={"growth": worst})
+        worst = max(worst, _worst(INTEGRATORS["discrete gradient"], drive, law, step_s))
+    return CaseResult(
+        f"grows by {_share(worst)}", held=worst <= _ROUNDING, figures={"growth": worst}
+    )
 
 
-def _friction() -> Outcome:
+def _friction() -> CaseResult:
+    def energy_j(drive: Drive, state: tuple[float, float]) -> float:
+        return 0.5 * (drive.mass_kg * state[1] ** 2 + drive.stiffness_n_m * state[0] ** 2)
+
     worst = 0.0
     for mass, coefficient, normal_n, step_s in product(
         MASSES_KG, (0.0, 0.1, 1.0), (0.01, 1.0, 100.0), STEPS_S
     ):
         drive, state = Drive(mass, 700.0, 0.0), (0.01, IMPACT_M_S)
-        energy = start = _tangential_energy(drive, state)
+        energy = start = energy_j(drive, state)
         for _ in range(50):
             slope = friction_slope_n_s_m(coefficient, normal_n, abs(state[1]), SMOOTHING_M_S)
             state = step_tangential(drive, slope, state, 0.0, step_s)[:2]
-            later = _tangential_energy(drive, state)
+            later = energy_j(drive, state)
             worst = max(worst, (later - energy) / start)
             energy = later
-    return Outcome(f"grows by {_share(worst)}", held=worst <= _ROUNDING, figures={"growth": worst})
+    return CaseResult(
+        f"grows by {_share(worst)}", held=worst <= _ROUNDING, figures={"growth": worst}
+    )
 
 
-def _tangential_energy(drive: Drive, state: tuple[float, float]) -> float:
-    return 0.5 * (drive.mass_kg * state[1] ** 2 + drive.stiffness_n_m * state[0] ** 2)
-
-
-def _follower_at_rest() -> Outcome:
+def _follower_at_rest() -> CaseResult:
     worst = 0.0
     for bandwidth_hz, stiffness_n_mm in product((15.0, 60.0), (0.05, 0.5, 5.0, 50.0)):
         settings = Simulated(robot_bandwidth_hz=bandwidth_hz, surface_stiffness_n_mm=stiffness_n_mm)
@@ -248,22 +255,26 @@ def _follower_at_rest() -> Outcome:
         drive, _ = tip_drive(bandwidth_hz)
         series = 1.0 / (1e3 / drive.stiffness_n_m + 1.0 / stiffness_n_mm)
         worst = max(worst, abs(tip.force_n[2] / series - 1.0), abs(tip.velocity_mm_s[2]))
-    return Outcome(f"off by {worst:.0e}", held=worst < 1e-6, figures={"off": worst})
+    return CaseResult(f"off by {worst:.0e}", held=worst < 1e-6, figures={"off": worst})
 
 
-def _map(points: int) -> Outcome:
+def _map(points: int) -> CaseResult:
     """Return the growth of impacts over step and stiffness, for each integrator."""
     steps_s = np.geomspace(_MAP_LEAST_STEP_S, STEPS_S[-1], points)
     stiffness = np.geomspace(STIFFNESSES_N_M[0], STIFFNESSES_N_M[-1], points)
-    growth = {name: _growths(way, stiffness, steps_s) for name, way in INTEGRATORS.items()}
     drive = Drive(MAP_MASS_KG, 0.0, 0.0)
+    walls = [wall(MAP_MASS_KG, k, MAP_RATIO) for k in stiffness.tolist()]
+    growth = {
+        name: np.array([[_worst(way, drive, law, step) for step in steps_s] for law in walls])
+        for name, way in INTEGRATORS.items()
+    }
     limits = {
-        name: [way.limit_s(drive, wall(MAP_MASS_KG, k, MAP_RATIO)) for k in stiffness]
+        name: [way.limit_s(drive, law) for law in walls]
         for name, way in INTEGRATORS.items()
         if not way.safe
     }
     calm = [name for name, grown in growth.items() if grown.max() <= _ROUNDING]
-    return Outcome(
+    return CaseResult(
         f"no growth with: {', '.join(calm) or 'none'}",
         held=calm == [name for name, way in INTEGRATORS.items() if way.safe],
         figures={
@@ -272,23 +283,6 @@ def _map(points: int) -> Outcome:
             "growth": {name: grown.tolist() for name, grown in growth.items()},
             "limit_s": limits,
         },
-    )
-
-
-def _growths(way: Integrator, stiffness: FloatArray, steps_s: FloatArray) -> FloatArray:
-    """Return the largest growth over the touches, shape (stiffnesses, steps)."""
-    drive = Drive(MAP_MASS_KG, 0.0, 0.0)
-    return np.array(
-        [
-            [
-                max(
-                    impact_growth(way, drive, wall(MAP_MASS_KG, k, MAP_RATIO), step_s, touch)
-                    for touch in _TOUCHES
-                )
-                for step_s in steps_s.tolist()
-            ]
-            for k in stiffness.tolist()
-        ]
     )
 
 
@@ -301,8 +295,7 @@ def _pictures(figures: Sequence[Figures]) -> list[Picture]:
         "damping: by how much the energy grows above what was there before. Dashed: where "
         "sustained contact becomes unstable."
     )
-    maps = [row for row in figures if {"growth", "limit_s"} <= set(row)]
-    return [picture("contact", caption, contact_map(row)) for row in maps]
+    return [picture("contact", caption, contact_map(row)) for row in figures if "limit_s" in row]
 
 
 FAMILY: Final = Family("Stiff contact", cases, _pictures)

@@ -11,7 +11,7 @@ from mmt.core.arrays import FloatArray, IntArray
 from mmt.texture.field.cells import LARGEST, MOMENT_BLOCKS, FieldCells
 from mmt.texture.field.covariance import coordinates
 from mmt.texture.field.posterior import LevelField
-from mmt_lab.stability.cases import Case, Family, Outcome
+from mmt_lab.stability.cases import CaseResult, Extreme, Family
 
 MANY: Final = 100_000
 
@@ -19,31 +19,31 @@ _ASKED: Final = 200
 _SCATTER: Final = 0.4  # nepers, of a block's power
 
 
-def cases(*, many: int = MANY) -> list[Case]:
+def cases(*, many: int = MANY) -> list[Extreme]:
     """Return the family's cases, the largest of so many blocks."""
     return [
         *(
-            Case(
+            Extreme(
                 f"{many} blocks, {'velocity and force' if directed else 'speed and force'}",
                 f"at most {LARGEST} rows, an update linear in new blocks, error as large as stated",
                 partial(_many, many, directed),
             )
             for directed in (False, True)
         ),
-        Case("one block", "finite, unsure of everything else", _one),
-        Case("one stroke repeated", "sure there, unsure far away", _repeated),
-        Case("strokes along one line", "finite, unsure beside it", _line),
-        Case("powers all 0", "finite level and deviation", partial(_any_power, 0.0, 0.0)),
-        Case(
+        Extreme("one block", "finite, unsure of everything else", _one),
+        Extreme("one stroke repeated", "sure there, unsure far away", _repeated),
+        Extreme("strokes along one line", "finite, unsure beside it", _line),
+        Extreme("powers all 0", "finite level and deviation", partial(_any_power, 0.0, 0.0)),
+        Extreme(
             "powers of 0 and 1e-300 to 1e300",
             "finite level and deviation",
             partial(_any_power, -300.0, 300.0),
         ),
-        Case("moments up to 2^53 blocks apart", "finite, as sure as at near ones", _far_moments),
-        Case(
+        Extreme("moments up to 2^53 blocks apart", "finite, as sure as at near ones", _far_moments),
+        Extreme(
             "moments that differ by 3 dB", "stated deviation 0.7 to 1.7 times the error", _unsteady
         ),
-        Case("bursts of kurtosis 8", "stated deviation 0.7 to 1.7 times the error", _bursts),
+        Extreme("bursts of kurtosis 8", "stated deviation 0.7 to 1.7 times the error", _bursts),
     ]
 
 
@@ -69,7 +69,7 @@ def _felt(count: int, directed: bool = False, seed: int = 1) -> FieldCells:
     return FieldCells.of(points, np.exp(_law(points) + scatter), number)
 
 
-def _many(many: int, directed: bool) -> Outcome:
+def _many(many: int, directed: bool) -> CaseResult:
     cells = _felt(many, directed)
     started = time.thread_time()
     cells = cells.joined(_felt(20, directed, seed=2))
@@ -82,7 +82,7 @@ def _many(many: int, directed: bool) -> Outcome:
     mean, deviation = field.level_db(asked)
     error = mean - _decibel(_law(asked))
     rms = float(np.sqrt(np.mean(np.square(error))))
-    return Outcome(
+    return CaseResult(
         f"{len(cells)} rows, 20 more blocks {joining_ms:.1f} ms, posterior and table "
         f"{solving_ms:.0f} ms, error {rms:.2f} dB, stated {deviation.mean():.2f} dB",
         held=bool(
@@ -95,22 +95,22 @@ def _many(many: int, directed: bool) -> Outcome:
     )
 
 
-def _one() -> Outcome:
+def _one() -> CaseResult:
     field = LevelField(_felt(1))
     mean, deviation = field.level_db(_points(_ASKED, False, 3))
-    return Outcome(
+    return CaseResult(
         f"deviation {deviation.min():.1f} to {deviation.max():.1f} dB",
         held=bool(np.isfinite(mean).all() and deviation.min() > 1.0),
         figures={"deviation_db": float(deviation.min())},
     )
 
 
-def _repeated() -> Outcome:
+def _repeated() -> CaseResult:
     points = np.tile([[0.4, 0.5]], (10_000, 1))
     field = LevelField(FieldCells.of(points, np.full(len(points), 2.0), np.arange(len(points))))
     mean, deviation = field.level_db(np.array([[0.4, 0.5], [0.05, 0.05], [1.0, 1.0]]))
     off = abs(float(mean[0]) - float(_decibel(np.log(np.array([2.0])))[0]))
-    return Outcome(
+    return CaseResult(
         f"there off by {off:.2f} dB, {deviation[0]:.2f} dB stated; "
         f"far {deviation[1:].min():.1f} dB",
         held=bool(off < 0.5 and deviation[0] < 1.5 < deviation[1:].min()),
@@ -118,7 +118,7 @@ def _repeated() -> Outcome:
     )
 
 
-def _line() -> Outcome:
+def _line() -> CaseResult:
     share = np.random.default_rng(9).uniform(0.1, 0.9, (2000, 1))
     points = share * np.ones(2)
     field = LevelField(FieldCells.of(points, np.exp(_law(points)), np.arange(len(points))))
@@ -126,12 +126,12 @@ def _line() -> Outcome:
         field.level_db(np.array(asked))[1].mean()
         for asked in ([[0.3, 0.3], [0.6, 0.6]], [[0.8, 0.1], [0.1, 0.8]])
     )
-    return Outcome(
+    return CaseResult(
         f"{on:.2f} dB on it, {beside:.1f} dB beside it", held=bool(on < 1.0 and beside > 2.0 * on)
     )
 
 
-def _any_power(lowest: float, highest: float) -> Outcome:
+def _any_power(lowest: float, highest: float) -> CaseResult:
     exponents = np.random.default_rng(6).uniform(lowest, highest, 500)
     power = 10.0**exponents if highest > lowest else np.zeros(500)
     power[::7] = 0.0
@@ -139,10 +139,10 @@ def _any_power(lowest: float, highest: float) -> Outcome:
     field = LevelField(FieldCells.of(points, power, np.arange(len(power))))
     found = np.concatenate([*field.level_db(points), field.table.ravel()])
     finite = bool(np.isfinite(found).all())
-    return Outcome("all finite" if finite else "not finite", held=finite)
+    return CaseResult("all finite" if finite else "not finite", held=finite)
 
 
-def _far_moments() -> Outcome:
+def _far_moments() -> CaseResult:
     points = _points(2000, False, 7)
     power = np.exp(_law(points))
     random = np.random.default_rng(7)
@@ -153,14 +153,14 @@ def _far_moments() -> Outcome:
         for last in (10_000, 2**53)
     ]
     ratio = float(deviations[1].mean() / deviations[0].mean())
-    return Outcome(
+    return CaseResult(
         f"deviations {ratio:.2f} times those of near moments",
         held=bool(np.isfinite(deviations[1]).all() and 0.3 < ratio < 3.0),
         figures={"ratio": ratio},
     )
 
 
-def _unsteady() -> Outcome:
+def _unsteady() -> CaseResult:
     def gains(random: np.random.Generator, moment: IntArray) -> FloatArray:
         level = 0.69 * random.standard_normal(int(moment.max()) + 1) - 0.5 * 0.69**2
         return np.asarray(np.exp(level[moment]))
@@ -168,7 +168,7 @@ def _unsteady() -> Outcome:
     return _calibrated(gains)
 
 
-def _bursts() -> Outcome:
+def _bursts() -> CaseResult:
     spread = float(np.sqrt(np.log(8.0 / 3.0)))
 
     def gains(random: np.random.Generator, moment: IntArray) -> FloatArray:
@@ -178,7 +178,7 @@ def _bursts() -> Outcome:
     return _calibrated(gains)
 
 
-def _calibrated(gains: Callable[[np.random.Generator, IntArray], FloatArray]) -> Outcome:
+def _calibrated(gains: Callable[[np.random.Generator, IntArray], FloatArray]) -> CaseResult:
     squares = []
     asked = _points(_ASKED, False, 8)
     for seed in range(20):
@@ -191,7 +191,7 @@ def _calibrated(gains: Callable[[np.random.Generator, IntArray], FloatArray]) ->
         mean, deviation = field.level_db(asked)
         squares.append(np.mean(np.square((mean - _decibel(_law(asked))) / deviation)))
     standardised = float(np.sqrt(np.mean(squares)))
-    return Outcome(
+    return CaseResult(
         f"error {standardised:.2f} stated deviations",
         held=0.6 < standardised < 1.4,
         figures={"standardised": standardised},

@@ -15,7 +15,7 @@ from mmt.testing.simulation.hand import SimulatedHand
 from mmt.testing.simulation.robot import SimulatedRobot, tip_drive
 from mmt_lab.feedback import simulated
 from mmt_lab.feedback.sides import PASSIVITY, Method
-from mmt_lab.stability.cases import Case, Family, Figures, Outcome
+from mmt_lab.stability.cases import CaseResult, Extreme, Family, Figures
 from mmt_lab.stability.loop_theory import BANDWIDTH_HZ, CONTACT_N, LIGHT_GRIP, loop_on
 
 WALLS_N_MM: Final = (0.1, 0.2, 0.3, 0.4, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
@@ -37,7 +37,7 @@ def cases(
     hand_s: float = 15.0,
     method_walls_n_mm: tuple[float, ...] = simulated.WALLS_N_MM,
     method_delays_ms: tuple[int, ...] = simulated.DELAYS_MS,
-) -> list[Case]:
+) -> list[Extreme]:
     """Return the family's cases.
 
     Parameters
@@ -53,7 +53,7 @@ def cases(
     """
     return [
         *(
-            Case(
+            Extreme(
                 f"hand, link and follower on {wall:g} N/mm, force streamed back",
                 _theory(wall),
                 partial(_boundary, wall),
@@ -61,7 +61,7 @@ def cases(
             for wall in walls_n_mm
         ),
         *(
-            Case(
+            Extreme(
                 f"the demo's hand, {delay} ms each way, on {wall:g} N/mm",
                 "force bounded by 5 x what the hand intends",
                 partial(_learning_hand, wall, delay, hand_s),
@@ -70,7 +70,7 @@ def cases(
             for delay in (0, 200)
         ),
         *_method_cases(method_walls_n_mm, method_delays_ms),
-        Case(
+        Extreme(
             "map of delays against walls",
             "every point as theory says, those within 1 ms of its line left aside",
             partial(_map, walls_n_mm, delays_ms),
@@ -127,11 +127,11 @@ def _grows(wall_n_mm: float, round_trip_ms: int) -> bool:
     return run_loop(wall_n_mm, there_ms, round_trip_ms - there_ms, seconds) > 1.0
 
 
-def _boundary(wall_n_mm: float) -> Outcome:
+def _boundary(wall_n_mm: float) -> CaseResult:
     """Find the shortest round trip, in ms, at which a disturbance grows."""
     critical_ms = 1e3 * loop_on(wall_n_mm).critical_delay_s()
     if not _grows(wall_n_mm, _LONGEST_MS):
-        return Outcome(
+        return CaseResult(
             f"dies out at {_LONGEST_MS} ms there and back",
             held=critical_ms > _LONGEST_MS,
             figures={
@@ -145,14 +145,14 @@ def _boundary(wall_n_mm: float) -> Outcome:
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (low, middle) if _grows(wall_n_mm, middle) else (middle, high)
-    return Outcome(
+    return CaseResult(
         f"dies out at {low} ms, grows at {high} ms" if high else "grows without any delay",
         held=low - tolerance_ms <= critical_ms <= high + tolerance_ms,
         figures={"wall_n_mm": wall_n_mm, "theory_ms": critical_ms, "measured_ms": float(high)},
     )
 
 
-def _learning_hand(wall_n_mm: float, delay_ms: int, seconds: float) -> Outcome:
+def _learning_hand(wall_n_mm: float, delay_ms: int, seconds: float) -> CaseResult:
     """Let the demo's hand, which learns how deep to press, stroke over the link."""
     hand = SimulatedHand(Hand(), 1)
     robot = SimulatedRobot(Simulated(surface_stiffness_n_mm=wall_n_mm), 0.3)
@@ -170,14 +170,14 @@ def _learning_hand(wall_n_mm: float, delay_ms: int, seconds: float) -> Outcome:
         feedback.on_frames(frame)
         feedback.tick(1, None)
         intended, shown = max(intended, state.force_n), max(shown, tip.force_n[2])
-    return Outcome(
+    return CaseResult(
         f"{shown:.1f} N at most, intended {intended:.1f} N",
         held=shown <= 5.0 * intended,
         figures={"largest_n": shown, "intended_n": intended},
     )
 
 
-def _map(walls_n_mm: tuple[float, ...], delays_ms: tuple[int, ...]) -> Outcome:
+def _map(walls_n_mm: tuple[float, ...], delays_ms: tuple[int, ...]) -> CaseResult:
     critical_ms = [1e3 * loop_on(wall).critical_delay_s() for wall in walls_n_mm]
     grows = [[_grows(wall, 2 * delay) for wall in walls_n_mm] for delay in delays_ms]
     wrong = [
@@ -187,7 +187,7 @@ def _map(walls_n_mm: tuple[float, ...], delays_ms: tuple[int, ...]) -> Outcome:
         if abs(2 * delay - critical) > 1.0 and grown != (2 * delay > critical)
     ]
     unstable = sum(map(sum, grows))
-    return Outcome(
+    return CaseResult(
         f"{unstable} of {len(walls_n_mm) * len(delays_ms)} unstable, {len(wrong)} not as theory"
         + "".join(f", {wall:g} N/mm at {delay} ms" for wall, delay in wrong[:3]),
         held=not wrong,
@@ -200,11 +200,11 @@ def _map(walls_n_mm: tuple[float, ...], delays_ms: tuple[int, ...]) -> Outcome:
     )
 
 
-def _method_cases(walls_n_mm: tuple[float, ...], delays_ms: tuple[int, ...]) -> list[Case]:
+def _method_cases(walls_n_mm: tuple[float, ...], delays_ms: tuple[int, ...]) -> list[Extreme]:
     """Return a case for each method and mean one-way delay, over all walls."""
     reserve_mj = 1e3 * PASSIVITY.reserve_j
     return [
-        Case(
+        Extreme(
             f"{method}, {delay} ms each way with jitter, on {walls_n_mm[0]:g} to "
             f"{walls_n_mm[-1]:g} N/mm",
             f"hand at rest at the end, no more than {reserve_mj:g} mJ given to it",
@@ -215,11 +215,11 @@ def _method_cases(walls_n_mm: tuple[float, ...], delays_ms: tuple[int, ...]) -> 
     ]
 
 
-def _over_walls(method: Method, walls_n_mm: tuple[float, ...], delay_ms: int) -> Outcome:
+def _over_walls(method: Method, walls_n_mm: tuple[float, ...], delay_ms: int) -> CaseResult:
     cells = [simulated.run_cell(method, wall, delay_ms) for wall in walls_n_mm]
     rest_mm_s = max(cell.rest_speed_mm_s for cell in cells)
     injected_mj = max(cell.injected_mj for cell in cells)
-    return Outcome(
+    return CaseResult(
         f"{rest_mm_s:.2g} mm/s and {injected_mj:.2f} mJ at most",
         held=all(cell.stable and cell.passive for cell in cells),
         figures={

@@ -19,7 +19,7 @@ from mmt.texture.autoregression.forms import (
 from mmt.texture.autoregression.lsf import lsf_inverse_gain
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.synthesis.synthesizer import Synthesizer
-from mmt_lab.stability.cases import Case, Family, Outcome
+from mmt_lab.stability.cases import CaseResult, Extreme, Family
 from mmt_lab.stability.families import ar
 
 GAPS_RAD: Final = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
@@ -33,7 +33,7 @@ _FLAT: Final = 1.5
 _SPEED_MM_S, _FORCE_N = 300.0, 3.0
 
 
-def cases(*, filters: int = 200, swaps: int = HOUR_SAMPLES, renders: int = 300) -> list[Case]:
+def cases(*, filters: int = 200, swaps: int = HOUR_SAMPLES, renders: int = 300) -> list[Extreme]:
     """Return the family's cases.
 
     Parameters
@@ -47,26 +47,26 @@ def cases(*, filters: int = 200, swaps: int = HOUR_SAMPLES, renders: int = 300) 
     """
     return [
         *(
-            Case(
+            Extreme(
                 f"gaps of {gap:g} rad, {filters} filters of order 2 to 64",
                 "|k| < 1, gain above 0, and back within 1e-14 rad",
                 partial(_gaps, gap, filters),
             )
             for gap in GAPS_RAD
         ),
-        Case(
+        Extreme(
             f"averages of {filters} pairs of stable filters, |k| to 1 - 1e-15",
             "ascending, variance not negative, rendered within 8 deviations",
             partial(_averages, filters),
         ),
         *_swap_cases(swaps),
-        Case(
+        Extreme(
             f"strokes and pauses of 1 s, {swaps} samples",
             f"silent pauses, time a sample within {_FLAT:g} x of the strokes'",
             partial(_pauses, swaps),
         ),
         *(
-            Case(
+            Extreme(
                 f"render the fit of pole pairs at radius {radius:g}, order {order}",
                 "power within 5 standard errors of the segment's",
                 partial(_stiff_power, radius, order, renders),
@@ -77,19 +77,19 @@ def cases(*, filters: int = 200, swaps: int = HOUR_SAMPLES, renders: int = 300) 
     ]
 
 
-def _swap_cases(samples: int) -> Iterator[Case]:
+def _swap_cases(samples: int) -> Iterator[Extreme]:
     for what, spread, count in (
         ("50 ordinary filters", 0.6, samples),
         ("50 stiff filters, |k| to 0.9999", 2.0, samples // 10),
     ):
-        yield Case(
+        yield Extreme(
             f"{what} of order 16 swapped at every one of {count} samples",
             f"power the model's to 2 %, peak under 8 deviations, flat within {_FLAT:g} x",
             partial(_swaps, spread, count),
         )
 
 
-def _gaps(gap: float, count: int) -> Outcome:
+def _gaps(gap: float, count: int) -> CaseResult:
     generator = np.random.default_rng(round(-np.log10(gap)))
     largest = back = 0.0
     least_gain = np.inf
@@ -101,8 +101,8 @@ def _gaps(gap: float, count: int) -> Outcome:
         back = max(back, float(np.abs(reflection_to_lsf(k) - lsf).max()))
         least_gain = min(least_gain, lsf_inverse_gain(lsf, np.empty(2 * order)))
         if not np.isfinite(lsf_to_ar(lsf)).all():
-            return Outcome("a coefficient is not finite", held=False)
-    return Outcome(
+            return CaseResult("a coefficient is not finite", held=False)
+    return CaseResult(
         f"|k| to 1 - {1.0 - largest:.0e}, gain from {least_gain:.0e}, back within {back:.0e} rad",
         held=largest < 1.0 and least_gain > 0.0 and back < 1e-14,
         figures={"largest_k": largest, "least_gain": least_gain, "back_rad": back},
@@ -124,7 +124,7 @@ def _with_gaps(order: int, gap: float, generator: np.random.Generator) -> FloatA
     return lsf
 
 
-def _averages(pairs: int) -> Outcome:
+def _averages(pairs: int) -> CaseResult:
     """Render along the line between two samples, each an extreme filter of power one."""
     generator = np.random.default_rng(5)
     speed, force = np.linspace(100.0, 200.0, 101), np.full(101, 1.5)
@@ -147,7 +147,7 @@ def _averages(pairs: int) -> Outcome:
         least_variance = min(least_variance, float(variance.min()))
         output = Synthesizer(model, seed=seed, limit_m_s2=np.inf).render(speed, force)
         peak = max(peak, float(np.abs(output).max()))
-    return Outcome(
+    return CaseResult(
         f"gaps from {least_gap:.0e} rad, variance from {least_variance:.0e}, peak {peak:.1f}",
         held=least_gap > 0.0 and least_variance >= 0.0 and peak < 8.0,
         figures={"least_gap_rad": least_gap, "least_variance": least_variance, "peak": peak},
@@ -177,7 +177,7 @@ def many_filters(spread: float, count: int = 50, order: int = 16, *, seed: int =
     )
 
 
-def _swaps(spread: float, samples: int) -> Outcome:
+def _swaps(spread: float, samples: int) -> CaseResult:
     """Jump about the plane, away from its silent edges, and render without any limit."""
     generator = np.random.default_rng(8)
     model = many_filters(spread)
@@ -195,7 +195,7 @@ def _swaps(spread: float, samples: int) -> Outcome:
         peak = max(peak, float(np.abs(output).max()))
     error = power / expected - 1.0
     ratio, nanoseconds = _flatness(seconds)
-    return Outcome(
+    return CaseResult(
         f"power off by {error:+.1%}, peak {peak:.1f}, {nanoseconds:.0f} ns, {ratio:.2f} x",
         held=abs(error) < 0.02 and peak < 8.0 and ratio < _FLAT,
         figures={"power_error": error, "peak": peak, "ns_per_sample": nanoseconds, "flat": ratio},
@@ -218,7 +218,7 @@ def _flatness(seconds: list[float]) -> tuple[float, float]:
     return max(quick) / min(quick), 1e9 * min(quick) / _BLOCK
 
 
-def _pauses(samples: int) -> Outcome:
+def _pauses(samples: int) -> CaseResult:
     """Alternate strokes and pauses, in which a filter's memory could become denormal."""
     synthesizer = Synthesizer(many_filters(2.0), renewal_samples=10, seed=3)
     force = np.full(1000, 1.5)
@@ -233,14 +233,14 @@ def _pauses(samples: int) -> Outcome:
             seconds.append(time.thread_time() - started)
         heard = max(heard, float(np.abs(output[200:]).max()))
     ratio = float(np.quantile(quiet, 0.1) / np.quantile(loud, 0.1))
-    return Outcome(
+    return CaseResult(
         f"pauses {'silent' if heard == 0.0 else f'of {heard:.0e} m/s2'}, {ratio:.2f} x",
         held=heard == 0.0 and ratio < _FLAT,
         figures={"heard_m_s2": heard, "pause_over_stroke": ratio},
     )
 
 
-def _stiff_power(radius: float, order: int, renders: int) -> Outcome:
+def _stiff_power(radius: float, order: int, renders: int) -> CaseResult:
     """Render many realisations of one fit, each of two seconds."""
     segment = ar.poles(radius, ar.CLUSTERED_RAD)
     fit = burg(segment / np.sqrt(np.mean(segment**2)), order)
@@ -265,7 +265,7 @@ def _stiff_power(radius: float, order: int, renders: int) -> Outcome:
     )
     off = float(powers.mean() / fit.power - 1.0)
     error = float(powers.std() / np.sqrt(renders) / fit.power)
-    return Outcome(
+    return CaseResult(
         f"power off by {off:+.1%}, standard error {error:.1%}",
         held=abs(off) <= 5.0 * error and error < 0.2,
         figures={"power_error": off, "standard_error": error},

@@ -15,7 +15,7 @@ from mmt.texture.autoregression.forms import lsf_to_reflection, output_power
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.synthesis.synthesizer import Synthesizer
-from mmt_lab.stability.cases import Case, Family, Outcome
+from mmt_lab.stability.cases import CaseResult, Extreme, Family
 from mmt_lab.stability.degenerate import build, of_plane
 
 MANY: Final = 5000
@@ -24,7 +24,7 @@ _EXPECTED: Final = "one whole plane; filters ordered, power in the samples' rang
 _SPEED_MM_S, _FORCE_N = 300.0, 3.0
 
 
-def cases(*, many: int = MANY, queries: int = 10_000) -> list[Case]:
+def cases(*, many: int = MANY, queries: int = 10_000) -> list[Extreme]:
     """Return the family's cases.
 
     Parameters
@@ -35,27 +35,27 @@ def cases(*, many: int = MANY, queries: int = 10_000) -> list[Case]:
         Points at which each model is asked, besides its own.
     """
     return [
-        Case("no sample", "refused with a sentence, silence", _no_sample),
+        Extreme("no sample", "refused with a sentence, silence", _no_sample),
         *(
-            Case(what, _EXPECTED, partial(_plane, points, queries))
+            Extreme(what, _EXPECTED, partial(_plane, points, queries))
             for what, points in of_plane(many)
         ),
-        Case(
+        Extreme(
             f"from {many // 10} to {many} samples",
             "building grows as n log n, rendering by less than 2 x",
             partial(_growth, many),
         ),
-        Case(
+        Extreme(
             "queries NaN, infinite, negative, far outside",
             "as at the nearest edge, NaN as at zero",
             _any_query,
         ),
-        Case("queries on every vertex", "the sample itself to 1e-9", _on_vertices),
-        Case("queries on every edge", "both triangles agree to 1e-8", _on_edges),
+        Extreme("queries on every vertex", "the sample itself to 1e-9", _on_vertices),
+        Extreme("queries on every edge", "both triangles agree to 1e-8", _on_edges),
     ]
 
 
-def _plane(points: FloatArray, queries: int) -> Outcome:
+def _plane(points: FloatArray, queries: int) -> CaseResult:
     model = build(points)
     generator = np.random.default_rng(4)
     speed = np.concatenate([generator.uniform(0.0, _SPEED_MM_S, queries), 300.0 * points[:, 0]])
@@ -68,7 +68,7 @@ def _plane(points: FloatArray, queries: int) -> Outcome:
     highest = float(variance.max() / model.samples.variance.max())
     rendered = Synthesizer(model, limit_m_s2=np.inf).render(speed, force)
     area, least = _areas(model)
-    return Outcome(
+    return CaseResult(
         f"{len(model.vertices)} vertices, area 1 {area - 1.0:+.0e}, variance to {highest:.3f} of "
         f"the largest, {microseconds:.1f} us a query",
         held=bool(
@@ -91,21 +91,21 @@ def _areas(model: TextureModel) -> tuple[float, float]:
     return float(areas.sum()), float(areas.min())
 
 
-def _no_sample() -> Outcome:
+def _no_sample() -> CaseResult:
     try:
         build(np.empty((0, 2)))
-        return Outcome("a model without samples", held=False)
+        return CaseResult("a model without samples", held=False)
     except InputError as error:
         said = str(error)
     update = OnlineModeller().update(empty_frames(1000))
     silence = Synthesizer().render(np.full(1000, 150.0), np.full(1000, 1.5))
-    return Outcome(
+    return CaseResult(
         f"refused ({said}), silence",
         held=update.model is None and not silence.any(),
     )
 
 
-def _growth(many: int) -> Outcome:
+def _growth(many: int) -> CaseResult:
     generator = np.random.default_rng(6)
     few = many // 10
     hand = _hand(20_000)
@@ -117,7 +117,7 @@ def _growth(many: int) -> Outcome:
         rendering.append(min(_timed(partial(synthesizer.render, *hand)) for _ in range(3)))
     allowed = 10.0 * math.log(many) / math.log(few)
     built, rendered = seconds[1] / seconds[0], rendering[1] / rendering[0]
-    return Outcome(
+    return CaseResult(
         f"building {built:.1f} x (n log n: {allowed:.1f}), {1e3 * seconds[1]:.0f} ms; "
         f"rendering {rendered:.2f} x",
         held=built < 1.5 * allowed and rendered < 2.0,
@@ -137,7 +137,7 @@ def _timed(work: Callable[[], object]) -> float:
     return time.thread_time() - started
 
 
-def _any_query() -> Outcome:
+def _any_query() -> CaseResult:
     model = build(np.random.default_rng(9).uniform(0.1, 0.9, (40, 2)))
     odd = np.array([np.nan, -np.inf, -1e308, -1e-300, 0.0, 1e-300, 300.0, 1e308, np.inf])
     as_if = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 300.0, 300.0, 300.0])
@@ -146,7 +146,7 @@ def _any_query() -> Outcome:
     found, expected = model.at(speed, force), model.at(near_speed, near_force)
     off = max(float(np.abs(a - b).max()) for a, b in zip(found, expected, strict=True))
     rendered = Synthesizer(model).render(speed, force)
-    return Outcome(
+    return CaseResult(
         f"{len(speed)} pairs, off by {off:.0e}, rendered "
         f"{'finite' if np.isfinite(rendered).all() else 'not finite'}",
         held=off <= 1e-9 and bool(np.isfinite(rendered).all()),
@@ -154,20 +154,20 @@ def _any_query() -> Outcome:
     )
 
 
-def _on_vertices() -> Outcome:
+def _on_vertices() -> CaseResult:
     points = np.random.default_rng(10).uniform(0.05, 0.95, (400, 2))
     model = build(points)
     lsf, variance = model.at(model.samples.speed_mm_s, model.samples.force_n)
     off = float(np.abs(lsf - model.samples.lsf).max())
     level = float(np.abs(variance / model.samples.variance - 1.0).max())
-    return Outcome(
+    return CaseResult(
         f"{len(points)} vertices, LSF off by {off:.0e} rad, variance by {level:.0e}",
         held=off < 1e-9 and level < 1e-9,
         figures={"lsf_off_rad": off, "variance_off": level},
     )
 
 
-def _on_edges() -> Outcome:
+def _on_edges() -> CaseResult:
     model = build(np.random.default_rng(11).uniform(0.05, 0.95, (200, 2)))
     corners = model.vertices[model.triangles[:, :3], :2]
     starts, ends = corners.reshape(-1, 2), np.roll(corners, -1, axis=1).reshape(-1, 2)
@@ -178,7 +178,7 @@ def _on_edges() -> Outcome:
     across *= 1e-12 / np.hypot(along[:, 0], along[:, 1])[:, None]
     lsf = np.stack([_lsf_at(model, on_edge + side * across) for side in (-1.0, 0.0, 1.0)])
     off = float(np.ptp(lsf, axis=0).max())
-    return Outcome(
+    return CaseResult(
         f"{len(on_edge)} points, LSF differ by {off:.0e} rad across 2e-12 of the plane",
         held=off < 1e-8,
         figures={"lsf_differ_rad": off},

@@ -14,24 +14,24 @@ from mmt.core.arrays import BoolArray, FloatArray
 from mmt.texture.autoregression.forms import lsf_to_reflection
 from mmt.texture.interpolation.networks.evaluation import nearest_valid_lsf
 from mmt.texture.interpolation.networks.solving import RadialBasisNetwork
-from mmt_lab.stability.cases import Case, Family, Outcome
+from mmt_lab.stability.cases import CaseResult, Extreme, Family
 from mmt_methods.selection.networks import NetworkNeighbours
 
 _LEFT_OUT: Final = "the network solved so, to 1e-6"
 _THROUGH: Final = "through the samples to 1e-5; under 10 elsewhere"
 
 
-def cases(*, samples: int = 60) -> list[Case]:
+def cases(*, samples: int = 60) -> list[Extreme]:
     """Return the family's cases; `samples` is how many each network has."""
     return [
         *(
-            Case(f"{samples} samples, {what}", _THROUGH, partial(_through, points))
+            Extreme(f"{samples} samples, {what}", _THROUGH, partial(_through, points))
             for what, points in _difficult(samples)
         ),
-        Case(f"without each of {samples} samples", _LEFT_OUT, partial(_left_out, samples)),
-        Case(f"half of {samples} samples leave", _LEFT_OUT, partial(_halved, samples)),
+        Extreme(f"without each of {samples} samples", _LEFT_OUT, partial(_left_out, samples)),
+        Extreme(f"half of {samples} samples leave", _LEFT_OUT, partial(_halved, samples)),
         *(
-            Case(
+            Extreme(
                 f"2000 sets of frequencies of order {order}, off by {noise:g} rad",
                 "ascending by the least gap, within bounds, |k| < 1",
                 partial(_made_valid, order, noise),
@@ -70,19 +70,19 @@ def _values(points: FloatArray) -> FloatArray:
     return np.column_stack([one, np.cos(points @ (1.0, -2.0, 1.5))])
 
 
-def _through(points: FloatArray) -> Outcome:
+def _through(points: FloatArray) -> CaseResult:
     values = _values(points)
     network = RadialBasisNetwork(points, values)
     off = float(np.abs(values - network.at(points)).max())
     largest = float(np.abs(network.at(_anywhere(500))).max())
-    return Outcome(
+    return CaseResult(
         f"off by {off:.0e}, to {largest:.1f} elsewhere",
         held=off < 1e-5 and largest < 10.0,
         figures={"off": off},
     )
 
 
-def _left_out(count: int) -> Outcome:
+def _left_out(count: int) -> CaseResult:
     """Compare the closed form of the errors with networks that are solved without a sample."""
     points = _anywhere(count)
     values = _values(points)
@@ -90,7 +90,7 @@ def _left_out(count: int) -> Outcome:
     return _compared(points, values, neighbours, np.ones(count, dtype=np.bool_))
 
 
-def _halved(count: int) -> Outcome:
+def _halved(count: int) -> CaseResult:
     """Let every second sample leave, and compare likewise."""
     points, present = _anywhere(count), np.ones(count, dtype=np.bool_)
     values = _values(points)
@@ -103,7 +103,7 @@ def _halved(count: int) -> Outcome:
 
 def _compared(
     points: FloatArray, values: FloatArray, neighbours: NetworkNeighbours, present: BoolArray
-) -> Outcome:
+) -> CaseResult:
     worst = 0.0
     for index in np.flatnonzero(present).tolist():
         others = present.copy()
@@ -111,10 +111,10 @@ def _compared(
         solved = RadialBasisNetwork(points[others], values[others]).at(points[index : index + 1])
         predicted = neighbours.predict(index)
         worst = np.inf if predicted is None else max(worst, np.abs(solved[0] - predicted).max())
-    return Outcome(f"off by {worst:.0e}", held=worst < 1e-6, figures={"off": float(worst)})
+    return CaseResult(f"off by {worst:.0e}", held=worst < 1e-6, figures={"off": float(worst)})
 
 
-def _made_valid(order: int, noise: float) -> Outcome:
+def _made_valid(order: int, noise: float) -> CaseResult:
     """Spoil frequencies as an overshooting network does, by more and more, some to no number."""
     generator = np.random.default_rng(order)
     gap, least, largest_k = min(0.03, 0.5 * np.pi / (order + 1)), np.inf, 0.0
@@ -128,7 +128,7 @@ def _made_valid(order: int, noise: float) -> Outcome:
         least = min(least, float(np.diff(lsf, prepend=0.0, append=np.pi).min()))
         within &= bool((lsf >= lowest - 1e-9).all() and (lsf <= highest + 1e-9).all())
         largest_k = max(largest_k, float(np.abs(lsf_to_reflection(lsf)).max()))
-    return Outcome(
+    return CaseResult(
         f"gaps from {least:.3g} rad of {gap:.3g}, |k| to 1 - {1.0 - largest_k:.0e}, "
         f"{'within' if within else 'beyond'} bounds",
         held=least >= gap * (1.0 - 1e-9) and largest_k < 1.0 and within,

@@ -11,7 +11,7 @@ from mmt.leader.modelling.frame_queue import FrameQueue
 from mmt.leader.output.stream import StreamedMotion
 from mmt.texture.signals.filtering import StreamFilter
 from mmt_lab.stability import uptime
-from mmt_lab.stability.cases import Case, Family, Outcome
+from mmt_lab.stability.cases import CaseResult, Extreme, Family
 from mmt_lab.stability.clocks import clock_cases
 from mmt_lab.stability.interrupted import interrupted_cases
 from mmt_lab.stability.stalls import stall_cases
@@ -26,7 +26,7 @@ def cases(
     modelling_s: int = 600,
     real_s: float = 1.5,
     stopped_s: float = 6.0,
-) -> list[Case]:
+) -> list[Extreme]:
     """Return the family's cases.
 
     Parameters
@@ -44,28 +44,28 @@ def cases(
         *clock_cases(real_s),
         *stall_cases(),
         *interrupted_cases(stopped_s),
-        Case(
+        Extreme(
             "filters, the same frames evenly and in bursts of 2 s",
             "the same to the bit",
             _filters_in_bursts,
         ),
-        Case(
+        Extreme(
             "filters at rest for a minute after a stroke",
             f"time a frame within {_FLAT:g} x of the stroke's",
             _filters_at_rest,
         ),
-        Case(
+        Extreme(
             "frames for the model, bursts of 2 s and of 20 s",
             "none of 2 s dropped, of 20 s the oldest and counted",
             _queue_in_bursts,
         ),
-        Case(
+        Extreme(
             f"the leader's parts for {hour_samples} ticks, waking 12 ms late on average",
             f"no drift, under {uptime.MOST_BLOCKS} objects and {uptime.MOST_MB:g} MB more, "
             f"time within {uptime.MOST_SLOWER:g} x",
             partial(uptime.run_hour, hour_samples),
         ),
-        Case(
+        Extreme(
             f"a model that is never complete, {modelling_s} s of strokes in one corner",
             f"under {uptime.MOST_BLOCKS} objects and {uptime.MOST_MB:g} MB more, "
             f"time within {uptime.MOST_SLOWER:g} x",
@@ -74,7 +74,7 @@ def cases(
     ]
 
 
-def _filters_in_bursts() -> Outcome:
+def _filters_in_bursts() -> CaseResult:
     frames = numbered(stroke_pattern(20_000, whole_plane=True))
     outputs = []
     for block in (7, 2000):
@@ -89,7 +89,7 @@ def _filters_in_bursts() -> Outcome:
             ]
         )
     same = all(np.array_equal(even, burst) for even, burst in zip(*outputs, strict=True))
-    return Outcome(f"{len(outputs[0][0])} frames {'the same' if same else 'differ'}", held=same)
+    return CaseResult(f"{len(outputs[0][0])} frames {'the same' if same else 'differ'}", held=same)
 
 
 def numbered(frames: RecordArray) -> RecordArray:
@@ -99,7 +99,7 @@ def numbered(frames: RecordArray) -> RecordArray:
     return frames
 
 
-def _filters_at_rest() -> Outcome:
+def _filters_at_rest() -> CaseResult:
     """Feed silence after a stroke: states that decay for ever would become denormal."""
     stroke = stroke_pattern(10_000, whole_plane=True)
     frames = numbered(np.concatenate([stroke, *[np.zeros_like(stroke)] * 6]))
@@ -112,10 +112,10 @@ def _filters_at_rest() -> Outcome:
         motion.on_frames(block, 0)
         seconds.append(time.thread_time() - started)
     ratio = float(np.quantile(seconds[10:], 0.1) / np.quantile(seconds[:10], 0.1))
-    return Outcome(f"{ratio:.2f} x", held=ratio < _FLAT, figures={"rest_over_stroke": ratio})
+    return CaseResult(f"{ratio:.2f} x", held=ratio < _FLAT, figures={"rest_over_stroke": ratio})
 
 
-def _queue_in_bursts() -> Outcome:
+def _queue_in_bursts() -> CaseResult:
     queue = FrameQueue(10_000, least_drop=1000)
     frames = numbered(stroke_pattern(20_000, whole_plane=True))
     short = queue.put(frames[:2000])
@@ -123,7 +123,7 @@ def _queue_in_bursts() -> Outcome:
     long = queue.put(frames)
     kept = queue.pop_all()
     newest = bool(kept["sequence"][-1] == 19_999)
-    return Outcome(
+    return CaseResult(
         f"of 2 s {short} dropped, of 20 s {long} dropped and {len(kept)} kept, "
         f"{'the newest' if newest else 'not the newest'}",
         held=short == 0 and kept_short == 2000 and long + len(kept) == 20_000 and newest,
