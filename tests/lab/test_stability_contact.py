@@ -5,22 +5,17 @@ import math
 
 import numpy as np
 import pytest
+from extreme_cases import those_that_do_not_hold
 
 from mmt.contact.normal import Drive
 from mmt.testing.simulation.robot import DISSIPATION_S_M, tip_drive
 from mmt_lab.contact.integrators import INTEGRATORS
-from mmt_lab.stability.cases import Extreme, run_case
 from mmt_lab.stability.families import contact, loop
 from mmt_lab.stability.families.contact import impact_growth, wall
 from mmt_lab.stability.families.loop import loop_on, run_loop
 from mmt_lab.stability.loop_theory import LIGHT_GRIP, Loop
 
 LIGHT = Drive(0.01, 0.0, 0.0)
-
-
-def those_that_do_not_hold(family: str, cases: list[Extreme]) -> list[str]:
-    rows = [run_case(family, case) for case in cases]
-    return [f"{row.what}: {row.got}" for row in rows if not row.held]
 
 
 def test_contact_holds() -> None:

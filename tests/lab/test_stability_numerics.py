@@ -5,24 +5,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from extreme_cases import case_of, those_that_do_not_hold
 from spectrum import arburg
 
 from mmt.texture.autoregression.burg import ReflectionFits, burg
 from mmt.texture.field import posterior
 from mmt.texture.field.observations import Observations
 from mmt.texture.model.texture_model import TextureModel
-from mmt_lab.stability.cases import Extreme, run_case
+from mmt_lab.stability.cases import run_case
 from mmt_lab.stability.families import anisotropic, ar, field, lsf, model, networks
 from mmt_lab.stability.families.ar import exact_burg, exact_residual
-
-
-def those_that_do_not_hold(family: str, cases: list[Extreme]) -> list[str]:
-    rows = [run_case(family, case) for case in cases]
-    return [f"{row.what}: {row.got}" for row in rows if not row.held]
-
-
-def case_of(cases: list[Extreme], words: str) -> Extreme:
-    return next(case for case in cases if words in case.what)
 
 
 @pytest.mark.parametrize("order", [1, 4, 13])

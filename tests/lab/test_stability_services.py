@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from extreme_cases import case_of, those_that_do_not_hold
 
 import mmt.leader.output.playout
 import mmt.texture.online.modeller
@@ -12,15 +13,11 @@ from mmt.core.frames import empty_frames
 from mmt.devices.protocols import Vector
 from mmt.leader.motion.force_ramp import ForceRamp
 from mmt_lab.stability import clocks, interrupted, uptime
-from mmt_lab.stability.cases import Extreme, run_case
+from mmt_lab.stability.cases import run_case
 from mmt_lab.stability.fake_time import FakeClock, run_in_fake_time
 from mmt_lab.stability.families import services
 from mmt_lab.stability.interrupted import interrupted_cases
 from mmt_lab.stability.uptime import MemoryWatch, run_endless_modelling, run_hour
-
-
-def case_of(cases: list[Extreme], words: str) -> Extreme:
-    return next(case for case in cases if words in case.what)
 
 
 def test_what_needs_no_hour_holds() -> None:
@@ -29,8 +26,7 @@ def test_what_needs_no_hour_holds() -> None:
     long += [case.what for case in interrupted_cases(6.0)]
     quick = [case for case in cases if not any(words in case.what for words in long)]
     assert len(quick) >= 10
-    rows = [run_case("services", case) for case in quick]
-    assert [f"{row.what}: {row.got}" for row in rows if not row.held] == []
+    assert those_that_do_not_hold("services", quick) == []
 
 
 @pytest.mark.parametrize("number", range(4))
