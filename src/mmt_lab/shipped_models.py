@@ -58,17 +58,13 @@ def build(sessions: Sequence[RecordArray], settings: ModellingSettings) -> Textu
     The level is that of the samples: of so many the blocks would tell little more, and take as many
     bytes again.
     """
-    model = _modelled(sessions, settings).model
-    if model is None:
-        raise InputError(f"no steady stroke in {len(sessions)} trials: nothing can be modelled")
-    return TextureModel(model.samples, method=settings.method, rate_hz=settings.rate_hz)
-
-
-def _modelled(sessions: Sequence[RecordArray], settings: ModellingSettings) -> OnlineModeller:
     modeller = OnlineModeller(settings, deferred=True)
     for block in trials(sessions):
         modeller.update(block)
-    return modeller
+    model = modeller.model
+    if model is None:
+        raise InputError(f"no steady stroke in {len(sessions)} trials: nothing can be modelled")
+    return TextureModel(model.samples, method=settings.method, rate_hz=settings.rate_hz)
 
 
 def measure(name: str, model: TextureModel) -> SectorErrors:

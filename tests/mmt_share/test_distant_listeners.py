@@ -13,7 +13,7 @@ from sharing_samples import listening, model_of, shared, until
 from mmt.evaluation.levels import BAND_EDGES_HZ, band_errors_db
 from mmt.scene import Network
 from mmt_lab.harness.proxy import Proxy
-from mmt_lab.sharing.felt import STEP_NS, ModelSpectra, listen, pairs, states
+from mmt_lab.sharing.felt import STEP_NS, errors_db, listen, pairs, states
 from mmt_lab.sharing.memory import Memory
 from mmt_lab.sharing.troubled import STEADY, Troubled
 
@@ -73,7 +73,7 @@ def test_moments_are_counted_by_what_both_render() -> None:
 
 def test_the_error_is_that_of_the_spectra_by_bands() -> None:
     models = {1: model_of(6), 2: model_of(40)}
-    found = ModelSpectra(models, INPUTS).errors_db({(1, 1): 3, (2, 1): 2, (7, 1): 4})
+    found = errors_db(models, INPUTS, {(1, 1): 3, (2, 1): 2, (7, 1): 4})
     frequencies = np.arange(BAND_EDGES_HZ[0], BAND_EDGES_HZ[-1] + 1.0)
     old, new = (models[n].spectrum(*INPUTS.T, frequencies_hz=frequencies) for n in (1, 2))
     expected = np.sqrt(np.mean(band_errors_db(old, new, frequencies) ** 2))

@@ -1,8 +1,8 @@
 """Burg's method beside its peers: time, digits, and who stays stable where it is stiff."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from types import ModuleType
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -38,16 +38,21 @@ Fit = Callable[[FloatArray, int], FloatArray]
 
 @dataclass(frozen=True)
 class BurgFit:
-    """One implementation: what is timed for one segment and for a batch, and its result.
+    """One implementation: its result, and what is timed for one segment and for a batch.
 
-    ``fit_batch`` is None where the package has no call for a batch: its time is that of its
-    calls one after the other.
+    ``fit_alone`` is None where it is what gives the result; ``fit_batch`` where the package has no
+    call for a batch: its time is that of its calls one after the other.
     """
 
     name: str
-    fit: Callable[[FloatArray, int], object]
     coefficients: Fit
+    fit_alone: Callable[[FloatArray, int], object] | None = None
     fit_batch: Callable[[FloatArray, int], object] | None = None
+
+    @property
+    def fit(self) -> Callable[[FloatArray, int], object]:
+        """What is timed for one segment."""
+        return self.fit_alone or self.coefficients
 
 
 ORDERS: Final = (8, 10, 16, 24, 40)
@@ -96,54 +101,39 @@ def _find_methods() -> tuple[list[BurgFit], tuple[LeftOut, ...]]:
     """Return ours and those of the packages that are installed, and which are not."""
     modules, left_out = peers.find(("librosa", "memspectrum", "spectrum", "statsmodels"))
     ours = BurgFit(
-        OURS, burg, lambda x, order: reflection_to_ar(burg(x, order).reflection), burg_batch
+        OURS, lambda x, order: reflection_to_ar(burg(x, order).reflection), burg, burg_batch
     )
     return [ours, *_peers(modules)], left_out
 
 
-def _peers(modules: Mapping[str, ModuleType]) -> list[BurgFit]:
-    """Return the peers that are here, each as its own documentation has it called."""
-    makers: dict[str, Callable[[Any], list[BurgFit]]] = {
-        "librosa": _librosa,
-        "spectrum": lambda module: [
-            _single("spectrum", lambda x, order: module.arburg(x, order)[0].real)
-        ],
-        "statsmodels": lambda module: [
-            _single("statsmodels", lambda x, order: -module.burg(x, order, demean=False)[0])
-        ],
-        "memspectrum": lambda module: [
-            _single(f"memspectrum, {kind}", _memspectrum(module, kind))
-            for kind in ("standard", "Fast")
-        ],
-    }
-    return [method for name, module in modules.items() for method in makers[name](module)]
+def _peers(modules: Mapping[str, Any]) -> Iterator[BurgFit]:
+    """Yield the peers that are here, each as its own documentation has it called."""
+    if librosa := modules.get("librosa"):
+        yield BurgFit(
+            "librosa",
+            lambda x, order: librosa.lpc(x, order=order)[1:],
+            fit_batch=lambda rows, order: librosa.lpc(rows, order=order),
+        )
+    if memspectrum := modules.get("memspectrum"):
+        for kind in ("standard", "Fast"):
+            yield BurgFit(f"memspectrum, {kind}", partial(_memspectrum, memspectrum, kind))
+    if spectrum := modules.get("spectrum"):
+        yield BurgFit("spectrum", lambda x, order: spectrum.arburg(x, order)[0].real)
+    if statsmodels := modules.get("statsmodels"):
+        yield BurgFit("statsmodels", lambda x, order: -statsmodels.burg(x, order, demean=False)[0])
 
 
-def _single(name: str, fit: Fit) -> BurgFit:
-    return BurgFit(name, fit, fit)
-
-
-def _librosa(module: Any) -> list[BurgFit]:
-    def fit(x: FloatArray, order: int) -> FloatArray:
-        return np.asarray(module.lpc(x, order=order)[1:], dtype=np.float64)
-
-    return [BurgFit("librosa", fit, fit, lambda rows, order: module.lpc(rows, order=order))]
-
-
-def _memspectrum(module: Any, kind: str) -> Fit:
-    def fit(x: FloatArray, order: int) -> FloatArray:
-        solver = module.MESA()
-        solver.solve(x, m=order + 1, optimisation_method="Fixed", method=kind)
-        return np.asarray(solver.a_k[1:], dtype=np.float64)
-
-    return fit
+def _memspectrum(module: Any, kind: str, x: FloatArray, order: int) -> FloatArray:
+    solver = module.MESA()
+    solver.solve(x, m=order + 1, optimisation_method="Fixed", method=kind)
+    return np.asarray(solver.a_k[1:], dtype=np.float64)
 
 
 def _by_order(methods: Sequence[BurgFit]) -> Panel:
     length = LENGTHS[0]
     x = signals.texture(length, seed=1)
     times = {
-        order: interleave({m.name: _call(m.fit, x, order) for m in methods}, ROUNDS)
+        order: interleave({m.name: partial(m.fit, x, order) for m in methods}, ROUNDS)
         for order in ORDERS
     }
     errors = _errors(methods, x, ORDERS)
@@ -161,7 +151,7 @@ def _by_length(methods: Sequence[BurgFit]) -> Panel:
     times, errors = {}, {}
     for length in LENGTHS:
         x = signals.texture(length, seed=2)
-        calls = {m.name: _call(m.fit, x, ORDER) for m in methods}
+        calls = {m.name: partial(m.fit, x, ORDER) for m in methods}
         times[length] = interleave(calls, ROUNDS)
         errors[length] = _errors(methods, x, (ORDER,))[ORDER]
     return Panel(
@@ -180,7 +170,9 @@ def _by_batch(methods: Sequence[BurgFit]) -> Panel:
     times = {}
     for order in ORDERS:
         calls = {
-            m.name: _call(m.fit_batch, rows, order) if m.fit_batch else _call(m.fit, rows[0], order)
+            m.name: partial(m.fit_batch, rows, order)
+            if m.fit_batch
+            else partial(m.fit, rows[0], order)
             for m in methods
         }
         spent = interleave(calls, ROUNDS)
@@ -212,10 +204,6 @@ def _by_offset(methods: Sequence[BurgFit]) -> Panel:
     knob = "offset over the noise"
     title = f"White noise on an offset, order {OFFSET_ORDER}, by the {knob}"
     return Panel("offset", title, knob, Axis(knob, "offset"), ERROR, curves.done())
-
-
-def _call(fit: Callable[[FloatArray, int], object], x: FloatArray, order: int) -> Callable[[], Any]:
-    return lambda: fit(x, order)
 
 
 def _errors(

@@ -1,6 +1,7 @@
 """Interpolation between samples: what it costs, and how far spectrum and level are off."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -50,8 +51,9 @@ def run() -> Findings:
         errors = [_errors(truth, count) for truth in truths]
         times = _times(truths[0], count)
         for name, time in times.items():
-            shape.add(name, count, time, _mean([of[name][0] for of in errors]))
-            level.add(name, count, time, _mean([of[name][1] for of in errors]))
+            mean = np.mean([of[name] for of in errors], axis=0)
+            shape.add(name, count, time, mean[0])
+            level.add(name, count, time, mean[1])
         if count == TABLE_COUNT:
             rows = _rows(truths, errors)
     return Findings(
@@ -78,28 +80,21 @@ def _queries(samples: TextureSamples) -> dict[str, Query]:
 
 def _errors(truth: Truth, count: int) -> dict[str, tuple[float, float]]:
     """Return, by method, the mean errors over draws of samples."""
-    found: dict[str, list[tuple[float, float]]] = {}
+    found: dict[str, list[tuple[float, float]]] = {method: [] for method in METHODS}
     for seed in range(DRAWS):
         samples = exact_samples(truth.surface, *scattered(count, seed), ORDER)
         for name, query in _queries(samples).items():
-            errors = truth.errors(*query(truth.speed_mm_s, truth.force_n))
-            found.setdefault(name, []).append(errors)
-    return {
-        name: (_mean([e[0] for e in of]), _mean([e[1] for e in of])) for name, of in found.items()
-    }
+            found[name].append(truth.errors(*query(truth.speed_mm_s, truth.force_n)))
+    return {name: tuple(np.mean(of, axis=0).tolist()) for name, of in found.items()}
 
 
 def _times(truth: Truth, count: int) -> dict[str, Spread]:
     """Return the microseconds of one point, by method."""
     samples = exact_samples(truth.surface, *scattered(count, 0), ORDER)
     speed_mm_s, force_n = truth.speed_mm_s, truth.force_n
-    tasks = {name: _bound(query, speed_mm_s, force_n) for name, query in _queries(samples).items()}
+    tasks = {name: partial(query, speed_mm_s, force_n) for name, query in _queries(samples).items()}
     times = interleave(tasks, ROUNDS)
     return {name: time.times(MICROSECONDS / len(speed_mm_s)) for name, time in times.items()}
-
-
-def _bound(query: Query, speed_mm_s: FloatArray, force_n: FloatArray) -> Callable[[], Filters]:
-    return lambda: query(speed_mm_s, force_n)
 
 
 def _rows(
@@ -119,10 +114,6 @@ def _rows(
                 }
             )
     return rows
-
-
-def _mean(values: Sequence[float]) -> float:
-    return float(np.mean(values))
 
 
 EXPERIMENT = Experiment(

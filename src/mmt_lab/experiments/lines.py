@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from types import ModuleType
 from typing import Any, Final
 
@@ -154,7 +155,7 @@ def _timed(methods: Sequence[LsfMethod], cases: Mapping[int, Filters], *, trip: 
     curves = Curves()
     for order, given in cases.items():
         calls = {
-            m.name: _bound(m.round_trip if trip else m.to_lsf, m.start(given)) for m in methods
+            m.name: partial(m.round_trip if trip else m.to_lsf, m.start(given)) for m in methods
         }
         errors = {}
         for name, call in calls.items():
@@ -167,10 +168,6 @@ def _timed(methods: Sequence[LsfMethod], cases: Mapping[int, Filters], *, trip: 
             curves.add(name, order, times[name].times(MICROSECONDS / BATCH), error)
     name, title = ("round_trip", "Round trip") if trip else ("to_lsf", "To the frequencies")
     return Panel(name, f"{title}, by order", "order", TIME_US, ERROR, curves.done())
-
-
-def _bound(call: Convert, start: FloatArray) -> Callable[[], FloatArray]:
-    return lambda: call(start)
 
 
 def _error(found: FloatArray, expected: Sequence[Sequence[Any]]) -> float:
@@ -213,7 +210,7 @@ def _back(methods: Sequence[LsfMethod], cases: Mapping[int, Filters]) -> Panel:
     for order, given in cases.items():
         lsf = np.resize(given.rounded_lsf, (BATCH, order))
         exact = [references.lsf_to_ar(row) for row in lsf[:LOOKED_AT]]
-        times = interleave({name: _bound(call, lsf) for name, call in backward.items()}, ROUNDS)
+        times = interleave({name: partial(call, lsf) for name, call in backward.items()}, ROUNDS)
         for name, call in backward.items():
             error = _ar_error(call(lsf), exact)
             curves.add(name, order, times[name].times(MICROSECONDS / len(lsf)), error)

@@ -11,6 +11,7 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -96,7 +97,7 @@ def _content(observed: SoakLog, checks: Sequence[Check], seed: int) -> dict[str,
             }
             for happened in observed.faults
         ],
-        "checks": [check.as_dict() for check in checks],
+        "checks": [asdict(check) for check in checks],
         "leader": dict(observed.leader),
     }
 

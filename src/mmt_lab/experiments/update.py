@@ -175,39 +175,34 @@ def _ones(speed_mm_s: FloatArray, force_n: FloatArray) -> Points:
     return list(zip(speed_mm_s.reshape(-1, 1), force_n.reshape(-1, 1), strict=True))
 
 
+def _growing(stages: Panel, calls: Panel) -> list[tuple[str, Panel, bool]]:
+    """Return what is to grow no faster than n log n, and than log n where that is False."""
+    named = [(WHOLE, stages, True), ("triangulate", stages, True)]
+    return [*named, (ONE_SAMPLE, calls, False), (MOVING, calls, False)]
+
+
 def _growth(stages: Panel, calls: Panel) -> Records:
-    rows: list[Mapping[str, Cell]] = []
-    for panel, name in (
-        (stages, WHOLE),
-        (stages, "triangulate"),
-        (calls, ONE_SAMPLE),
-        (calls, MOVING),
-    ):
-        points = panel.points(name)
-        for before, after in pairwise(points):
-            rows.append(
-                {
-                    "what": name,
-                    "from": int(before.knob),
-                    "to": int(after.knob),
-                    "time grows by": after.y.median / before.y.median,
-                    "n log n grows by": _n_log_n(after.knob) / _n_log_n(before.knob),
-                    "log n grows by": math.log(after.knob) / math.log(before.knob),
-                }
-            )
+    rows: list[Mapping[str, Cell]] = [
+        {
+            "what": name,
+            "from": int(before.knob),
+            "to": int(after.knob),
+            "time grows by": after.y.median / before.y.median,
+            "n log n grows by": _n_log_n(after.knob) / _n_log_n(before.knob),
+            "log n grows by": math.log(after.knob) / math.log(before.knob),
+        }
+        for name, panel, _ in _growing(stages, calls)
+        for before, after in pairwise(panel.points(name))
+    ]
     return Records("growth", "Growth from one size to the next", tuple(rows))
 
 
 def _targets(stages: Panel, calls: Panel) -> tuple[Target, ...]:
     targets = []
-    for panel, name, law, words, start in (
-        (stages, WHOLE, _n_log_n, "n log n", _PAST_FIXED_COSTS),
-        (stages, "triangulate", _n_log_n, "n log n", _PAST_FIXED_COSTS),
-        (calls, ONE_SAMPLE, math.log, "log n", 0),
-        (calls, MOVING, math.log, "log n", 0),
-    ):
+    for name, panel, with_samples in _growing(stages, calls):
         points = panel.points(name)
-        first, last = points[start], points[-1]
+        first, last = points[_PAST_FIXED_COSTS if with_samples else 0], points[-1]
+        law, words = (_n_log_n, "n log n") if with_samples else (math.log, "log n")
         growth = last.y.median / first.y.median / (law(last.knob) / law(first.knob))
         what = f"{name}: growth from {first.knob:g} to {last.knob:g} samples over that of {words}"
         targets.append(Target(what, growth, "at most", 1.0))

@@ -14,12 +14,13 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AsyncExitStack
+from functools import cache
 from typing import Any, Final
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
-from mmt.evaluation.levels import BAND_EDGES_HZ, band_errors_db
+from mmt.evaluation.levels import BAND_EDGES_HZ, band_errors_db, root_mean_square
 from mmt.scene import Network
 from mmt.texture.model.texture_model import TextureModel
 from mmt_lab.harness.proxy import Proxy
@@ -52,8 +53,10 @@ def pairs(operator: Course, listener: Course, end_ns: int) -> Counter[Pair]:
     return Counter(zip(states(operator, times), states(listener, times), strict=True))
 
 
-class ModelSpectra:
-    """Densities of a model's states at some inputs, each computed once.
+def errors_db(
+    models: Mapping[int, TextureModel], inputs: FloatArray, counts: Mapping[Pair, int]
+) -> FloatArray:
+    """Return the root mean square over bands and inputs of each moment's error, in dB.
 
     Parameters
     ----------
@@ -61,33 +64,26 @@ class ModelSpectra:
         The states by their numbers.
     inputs
         Speed (mm/s) and force (N), shape (k, 2).
+    counts
+        How many moments there are with each pair of states; without those before the operator
+        has a model, or with one that is not known.
+
+    Returns
+    -------
+    FloatArray
+        Shape (n,), one for each moment.
     """
 
-    def __init__(self, models: Mapping[int, TextureModel], inputs: FloatArray) -> None:
-        self._models, self._inputs = models, inputs
-        self._known: dict[int, FloatArray] = {}
+    @cache
+    def density(state: int) -> FloatArray:
+        return models[state].spectrum(*inputs.T, frequencies_hz=_FREQUENCIES_HZ)
 
-    def errors_db(self, counts: Mapping[Pair, int]) -> FloatArray:
-        """Return the root mean square over bands and inputs of each moment's error, in dB.
-
-        Shape (n,), one for each moment that is counted; moments before the operator has a
-        model, or with one that is not known, are left out.
-        """
-        found = []
-        for (own, heard), moments in counts.items():
-            if not {own, heard} <= self._models.keys():
-                continue
-            both = self._density(heard), self._density(own)
-            difference = band_errors_db(*both, _FREQUENCIES_HZ)
-            found += moments * [float(np.sqrt(np.mean(np.square(difference))))]
-        return np.array(found)
-
-    def _density(self, state: int) -> FloatArray:
-        if state not in self._known:
-            self._known[state] = self._models[state].spectrum(
-                *self._inputs.T, frequencies_hz=_FREQUENCIES_HZ
-            )
-        return self._known[state]
+    found: list[float] = []
+    for (own, heard), moments in counts.items():
+        if {own, heard} <= models.keys():
+            difference = band_errors_db(density(heard), density(own), _FREQUENCIES_HZ)
+            found += moments * [root_mean_square(difference)]
+    return np.array(found)
 
 
 class Ear:
@@ -174,14 +170,13 @@ def judged(
     delayed = pairs(operator.made, [(at + delay_ns, n) for at, n in operator.made], end_ns)
     moments = sum(total.values())
     same = sum(n for (own, heard), n in total.items() if own == heard)
-    spectra = ModelSpectra(models, inputs)
     lags = [1e-6 * (had - made) for ear in distant for (had, _), (made, _) in _both(ear)]
     return {
         "listeners": sum(bool(ear.had) for ear in distant),
         "behind_at_end": sum(bool(ear.had) and _last(ear) != _last(operator) for ear in distant),
         "same_share": same / moments if moments else None,
-        "errors_db": spectra.errors_db(total).tolist() if len(inputs) else [],
-        "delay_errors_db": spectra.errors_db(delayed).tolist() if len(inputs) else [],
+        "errors_db": errors_db(models, inputs, total).tolist() if len(inputs) else [],
+        "delay_errors_db": errors_db(models, inputs, delayed).tolist() if len(inputs) else [],
         "lags_ms": lags,
         "wholes": sum(ear.client.wholes for ear in distant),
         "changes": sum(ear.client.changes for ear in distant),

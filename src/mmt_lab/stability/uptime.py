@@ -72,6 +72,11 @@ class MemoryWatch:
             float(spans[-1] / spans[self.since]),
         )
 
+    def figures(self) -> dict[str, float]:
+        """Return the growth by name."""
+        names = ("growth_blocks", "growth_mb", "slower")
+        return dict(zip(names, self.growth(), strict=True))
+
     def flat(self) -> bool:
         """Say whether nothing has grown."""
         blocks, megabytes, slower = self.growth()
@@ -223,9 +228,7 @@ def _judge(leader: LeaderInProcess, watch: MemoryWatch, ticks: int, drift_ticks:
         figures={
             "ticks": ticks,
             "drift_ticks": drift_ticks,
-            "growth_blocks": watch.growth()[0],
-            "growth_mb": watch.growth()[1],
-            "slower": watch.growth()[2],
+            **watch.figures(),
             "slips": playout.slips,
             "resyncs": playout.resyncs,
             "bridged": playout.bridged,
@@ -252,8 +255,7 @@ def run_endless_modelling(seconds: int) -> CaseResult:
         held=watch.flat() and not update.started,
         figures={
             "samples": update.samples,
-            "growth_blocks": watch.growth()[0],
-            "growth_mb": watch.growth()[1],
+            **watch.figures(),
             "update_ms": update_ms,
         },
     )
