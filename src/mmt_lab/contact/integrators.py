@@ -60,7 +60,7 @@ def step_explicit(
 ) -> tuple[float, float, float]:
     """Advance by explicit Euler; arguments and results as `step_normal`."""
     height_m, velocity_m_s = state
-    force_n, acceleration = _accelerate(drive, law, state, command_m)
+    force_n, acceleration = accelerate(drive, law, state, command_m)
     return height_m + step_s * velocity_m_s, velocity_m_s + step_s * acceleration, force_n
 
 
@@ -69,7 +69,7 @@ def step_semi_implicit(
 ) -> tuple[float, float, float]:
     """Advance by semi-implicit (symplectic) Euler: the new velocity moves the mass."""
     height_m, velocity_m_s = state
-    force_n, acceleration = _accelerate(drive, law, state, command_m)
+    force_n, acceleration = accelerate(drive, law, state, command_m)
     velocity_m_s += step_s * acceleration
     return height_m + step_s * velocity_m_s, velocity_m_s, force_n
 
@@ -119,7 +119,7 @@ def _poles(drive: Drive, law: ContactLaw) -> tuple[float, float]:
     return stiffness / drive.mass_kg, 0.5 * damping / drive.mass_kg
 
 
-def _accelerate(
+def accelerate(
     drive: Drive, law: ContactLaw, state: State, command_m: float
 ) -> tuple[float, float]:
     """Return the contact force and the acceleration at a state."""

@@ -13,7 +13,7 @@ from mmt.contact.normal import ContactLaw, Drive
 from mmt.core.arrays import FloatArray
 from mmt.testing.simulation.robot import tip_drive
 from mmt_lab.bench.measuring import interleave
-from mmt_lab.contact.integrators import INTEGRATORS, Step
+from mmt_lab.contact.integrators import INTEGRATORS, Step, accelerate
 from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import (
     MICROSECONDS,
@@ -80,14 +80,14 @@ def _panel(stiffness_n_m: float) -> Panel:
     law = ContactLaw(
         stiffness_n_m, damping_n_s_m=2 * DAMPING_RATIO * math.sqrt(stiffness_n_m * drive.mass_kg)
     )
-    references = [_radau(drive, law, height, TICKS, REFERENCE) for height in HEIGHTS_M]
+    references = [_radau(drive, law, REFERENCE, height) for height in HEIGHTS_M]
     runs: dict[tuple[str, float], Run] = {}
     for division in DIVISIONS:
         for name, way in INTEGRATORS.items():
             knob = TICK_S / division * MICROSECONDS
-            runs[name, knob] = _stepped(way.step, drive, law, TICKS, division)
+            runs[name, knob] = partial(_stepped, way.step, drive, law, division)
     for tolerance in TOLERANCES:
-        runs[RADAU, tolerance] = _solved(drive, law, TICKS, tolerance)
+        runs[RADAU, tolerance] = partial(_radau, drive, law, tolerance)
     curves = Curves()
     errors = {key: _error(run, references) for key, run in runs.items()}
     good = {key: error for key, error in errors.items() if error < _DIVERGED}
@@ -112,45 +112,29 @@ def _error(run: Run, references: Sequence[FloatArray]) -> float:
     return float(np.mean(errors))
 
 
-def _stepped(step: Step, drive: Drive, law: ContactLaw, ticks: int, division: int) -> Run:
-    step_s = TICK_S / division
-
-    def run_it(start_m: float) -> FloatArray:
-        state = start_m, -SPEED_M_S
-        heights = np.empty(ticks)
-        for tick in range(ticks):
-            for _ in range(division):
-                height, velocity, _force = step(drive, law, state, COMMAND_M, step_s)
-                state = height, velocity
-            if not abs(height) < 1.0:
-                heights[tick:] = math.inf
-                break
-            heights[tick] = height
-        return heights
-
-    return run_it
-
-
-def _solved(drive: Drive, law: ContactLaw, ticks: int, tolerance: float) -> Run:
-    return lambda start_m: _radau(drive, law, start_m, ticks, tolerance)
-
-
-def _radau(
-    drive: Drive, law: ContactLaw, start_m: float, ticks: int, tolerance: float
+def _stepped(
+    step: Step, drive: Drive, law: ContactLaw, division: int, start_m: float
 ) -> FloatArray:
-    """Return the height at the end of every tick by scipy's Radau, (ticks,)."""
+    state = start_m, -SPEED_M_S
+    heights = np.empty(TICKS)
+    for tick in range(TICKS):
+        for _ in range(division):
+            state = step(drive, law, state, COMMAND_M, TICK_S / division)[:2]
+        if not abs(state[0]) < 1.0:
+            heights[tick:] = math.inf
+            break
+        heights[tick] = state[0]
+    return heights
 
-    def force(height: float, velocity: float) -> float:
-        if height >= 0.0:
-            return 0.0
-        return max(0.0, -law.stiffness_n_m * height - law.damping_n_s_m * velocity)
+
+def _radau(drive: Drive, law: ContactLaw, tolerance: float, start_m: float) -> FloatArray:
+    """Return the height at the end of every tick by scipy's Radau, (ticks,)."""
 
     def slope(_time: float, state: FloatArray) -> tuple[float, float]:
         height, velocity = float(state[0]), float(state[1])
-        push = drive.stiffness_n_m * (COMMAND_M - height) - drive.damping_n_s_m * velocity
-        return velocity, (push + force(height, velocity)) / drive.mass_kg
+        return velocity, accelerate(drive, law, (height, velocity), COMMAND_M)[1]
 
-    moments = TICK_S * np.arange(1, ticks + 1)
+    moments = TICK_S * np.arange(1, TICKS + 1)
     solution = solve_ivp(
         slope,
         (0.0, float(moments[-1])),

@@ -171,45 +171,23 @@ def _delays(delays: Delays) -> dict[str, Cell]:
 
 def _targets(found: Mapping[str, Measured], slow: Set[str]) -> tuple[Target, ...]:
     """Return what the worst set-up reaches; latency and jitter without the slow ones."""
-
-    def worst(values: Sequence[float]) -> float | None:
-        return max(values, default=None)
-
     every = list(found.values())
-    quick = [one for name, one in found.items() if name not in slow]
-    jitters = [value for one in quick for value in one.times.jitter_p99_ms.values()]
+    quick = [one.times for name, one in found.items() if name not in slow]
+    running_ms = [one.running_p99_ms for one in quick if one.running_p99_ms is not None]
+    jitters_ms = [value for one in quick for value in one.jitter_p99_ms.values()]
+    seen_ms = [value for one in every for value in one.seen_after_ms]
+    shares = [one.core_share - one.emulated_share for one in every]
+    worst: tuple[tuple[str, Sequence[float], float], ...] = (
+        ("share of a core, without emulation", shares, CORE_SHARE),
+        ("latency sensor to frame, p99 (ms)", [one.latency_p99_ms for one in quick], LATENCY_MS),
+        ("the same, of frames that were not held up (ms)", running_ms, LATENCY_MS),
+        ("jitter of a frame's time, p99 (ms)", jitters_ms, JITTER_MS),
+        ("stopped sensor seen after, longest (ms)", seen_ms, SEEN_MS),
+    )
+    importing = float(sum(bool(one.imported) for one in every)) if every else None
     return (
-        Target(
-            "share of a core, without emulation",
-            worst([one.core_share - one.emulated_share for one in every]),
-            "at most",
-            CORE_SHARE,
-        ),
-        Target(
-            "latency sensor to frame, p99 (ms)",
-            worst([one.times.latency_p99_ms for one in quick]),
-            "at most",
-            LATENCY_MS,
-        ),
-        Target(
-            "the same, of frames that were not held up (ms)",
-            worst([value for one in quick if (value := one.times.running_p99_ms) is not None]),
-            "at most",
-            LATENCY_MS,
-        ),
-        Target("jitter of a frame's time, p99 (ms)", worst(jitters), "at most", JITTER_MS),
-        Target(
-            "stopped sensor seen after, longest (ms)",
-            worst([value for one in every for value in one.seen_after_ms]),
-            "at most",
-            SEEN_MS,
-        ),
-        Target(
-            "set-ups that import scipy or numba",
-            float(sum(bool(one.imported) for one in every)) if every else None,
-            "at most",
-            0,
-        ),
+        *(Target(what, max(of, default=None), "at most", bound) for what, of, bound in worst),
+        Target("set-ups that import scipy or numba", importing, "at most", 0),
     )
 
 

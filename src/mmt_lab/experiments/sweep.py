@@ -139,32 +139,20 @@ def _table(summary: Sequence[dict[str, Any]]) -> Table:
     rows = []
     for row in summary:
         name = ", ".join(f"{key.partition('.')[2]} {v}" for key, v in row["settings"].items())
-        rows.append(
-            (
-                name or "as recorded",
-                str(row["sessions"]),
-                str(row["complete"]),
-                number(row["stop_s"], 1),
-                number(row["samples"], 1),
-                number(row["gfc"], 3),
-                number(row["gfc_ceiling"], 3),
-                number(row["power_error_db"], 2),
-                share(row["within_jnd"]),
-            )
-        )
-    columns = (
-        "settings",
-        "sessions",
-        "complete",
-        "stop (s)",
-        "samples",
-        "GFC",
-        "ceiling",
-        "power error (dB)",
-        "within JND",
-    )
+        cells = {
+            "settings": name or "as recorded",
+            "sessions": str(row["sessions"]),
+            "complete": str(row["complete"]),
+            "stop (s)": number(row["stop_s"], 1),
+            "samples": number(row["samples"], 1),
+            "GFC": number(row["gfc"], 3),
+            "ceiling": number(row["gfc_ceiling"], 3),
+            "power error (dB)": number(row["power_error_db"], 2),
+            "within JND": share(row["within_jnd"]),
+        }
+        rows.append(tuple(cells.values()))
     caption = "Means over sessions, at the stop criterion or at the end where it was never met."
-    return Table(columns, rows, caption)
+    return Table(tuple(cells), rows, caption)
 
 
 EXPERIMENT = Experiment(
