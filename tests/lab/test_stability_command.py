@@ -16,8 +16,8 @@ from mmt_lab.experiments.stability import (
     family_table,
     findings_of,
     load_families,
+    overview,
     summary,
-    verdict,
 )
 from mmt_lab.harness.report import write_report
 from mmt_lab.stability.cases import CaseResult, CaseRow, Extreme, Family, broken, run_case
@@ -78,7 +78,7 @@ def test_a_report_holds_every_row_and_both_pictures(tmp_path: Path) -> None:
     found = json.loads((tmp_path / "report" / "summary.json").read_text(encoding="utf-8"))
     assert found["held"] is False
     assert found["not_held"] == ["bad"]
-    assert "1 did not hold" in verdict(rows)
+    assert "1 did not hold" in overview(rows).caption
     assert list(by_family(rows)) == ["contact", "model"]
     assert family_table(rows[:1]).rows[0][-1] == "yes"
     assert summary(rows[:1])["held"] is True

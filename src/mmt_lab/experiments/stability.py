@@ -31,7 +31,13 @@ def findings_of(rows: Sequence[CaseRow]) -> Findings:
     """Return the rows of a run as findings."""
     return Findings(
         "Numerical stability",
-        tables=[overview(rows), *map(family_table, by_family(broken(rows)).values())],
+        tables=[
+            overview(rows),
+            *(
+                family_table(found, load_family(name).title)
+                for name, found in by_family(broken(rows)).items()
+            ),
+        ],
         blocks=lambda: report_blocks(rows),
         data=summary(rows),
         failures=[
@@ -75,31 +81,23 @@ def by_family(rows: Iterable[CaseRow]) -> dict[str, list[CaseRow]]:
     return found
 
 
-def family_table(rows: Sequence[CaseRow]) -> Table:
+def family_table(rows: Sequence[CaseRow], caption: str = "") -> Table:
     """Return the rows of one family as text."""
     cells = [(row.what, row.expected, row.got, "yes" if row.held else "NO") for row in rows]
-    return Table(COLUMNS, cells, caption=load_family(rows[0].family).title)
+    return Table(COLUMNS, cells, caption)
 
 
 def overview(rows: Sequence[CaseRow]) -> Table:
-    """Return a line for each family."""
-    cells = [
-        (
-            load_family(name).title,
-            str(len(found)),
-            "all" if not broken(found) else str(len(found) - len(broken(found))),
-            f"{sum(row.seconds for row in found):.1f}",
-        )
-        for name, found in by_family(rows).items()
-    ]
-    return Table(("family", "cases", "held", "seconds"), cells, caption=verdict(rows))
-
-
-def verdict(rows: Sequence[CaseRow]) -> str:
-    """Return the sentence that sums a run up."""
+    """Return a line for each family, and the sentence that sums a run up."""
+    cells = []
+    for name, found in by_family(rows).items():
+        failed, seconds = len(broken(found)), sum(row.seconds for row in found)
+        held = str(len(found) - failed) if failed else "all"
+        cells.append((load_family(name).title, str(len(found)), held, f"{seconds:.1f}"))
     failed, seconds = len(broken(rows)), sum(row.seconds for row in rows)
-    held = "all held" if not failed else f"{failed} did not hold"
-    return f"{len(rows)} cases, {held} ({seconds:.0f} s)"
+    held = f"{failed} did not hold" if failed else "all held"
+    verdict = f"{len(rows)} cases, {held} ({seconds:.0f} s)"
+    return Table(("family", "cases", "held", "seconds"), cells, caption=verdict)
 
 
 def summary(rows: Sequence[CaseRow]) -> dict[str, Any]:
@@ -122,7 +120,7 @@ def report_blocks(rows: Sequence[CaseRow]) -> list[Block]:
         blocks.append(Heading(family.title))
         if family.pictures is not None:
             blocks += family.pictures([row.figures for row in found])
-        blocks.append(Table(COLUMNS, family_table(found).rows))
+        blocks.append(family_table(found))
     return blocks
 
 

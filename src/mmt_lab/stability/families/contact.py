@@ -27,7 +27,6 @@ IMPACT_M_S: Final = 0.5
 MAP_MASS_KG, MAP_RATIO = 0.1, 0.1
 
 _MAP_LEAST_STEP_S: Final = 5e-5
-
 _TOUCHES: Final = (0.0, 0.3, 0.7, 0.95)
 """Where within a step the surface is met."""
 
