@@ -41,8 +41,6 @@ def test_both_links_are_measured_and_lose_nothing() -> None:
             assert direction.messages >= 100
             assert direction.lost == direction.out_of_order == 0
             assert 0 < direction.p50_ms <= direction.p99_ms <= direction.worst_ms
-        assert kind.leader_cores > 0
-        assert kind.follower_cores > 0
     assert result.rounds == 1
     assert result.sustained.up.rate_hz > 1.5 * result.ours.up.rate_hz > 0
     assert all(math.isfinite(ratio) and ratio > 0 for ratio in result.ratios.values())

@@ -62,14 +62,10 @@ class DirectionResult:
 
 @dataclass(frozen=True)
 class KindResult:
-    """One kind of link; the processor time is in cores, median over the turns."""
+    """One kind of link: frames from follower to leader, and commands from leader to follower."""
 
     up: DirectionResult
-    """Frames, follower to leader."""
     down: DirectionResult
-    """Commands, leader to follower."""
-    leader_cores: float
-    follower_cores: float
 
 
 @dataclass(frozen=True)
@@ -212,12 +208,7 @@ Pair = tuple[Measured, Measured]
 
 def _summarise(turns: list[Pair], missing_up: int, missing_down: int) -> KindResult:
     leader, follower = ([pair[end] for pair in turns] for end in (0, 1))
-    return KindResult(
-        up=_direction(leader, missing_up),
-        down=_direction(follower, missing_down),
-        leader_cores=statistics.median(turn.cores for turn in leader),
-        follower_cores=statistics.median(turn.cores for turn in follower),
-    )
+    return KindResult(_direction(leader, missing_up), _direction(follower, missing_down))
 
 
 def _direction(receiver: list[Measured], missing: int) -> DirectionResult:

@@ -1,6 +1,6 @@
 """The leader's side of a passage: its own playout, modelling, switch and synthesis."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -130,18 +130,15 @@ def local_updates(passage: Passage, settings: ModellingSettings) -> dict[int, Mo
     An update takes the frames of one second, which the frames' numbers delimit, and waits for
     those that were lost and are filled in, as the leader's modelling does.
     """
-    return dict(_updates(passage, settings))
-
-
-def _updates(passage: Passage, settings: ModellingSettings) -> Iterator[tuple[int, ModelUpdate]]:
-    modeller = OnlineModeller(settings)
+    modeller, updates = OnlineModeller(settings), {}
     period = round(RATE_HZ)
     come = _filled_in(passage.arrival_tick)
     for first in range(0, len(passage.frames) - period + 1, period):
         update = modeller.update(passage.frames[first : first + period])
-        yield int(come[: first + period].max()) + UPDATE_TICKS, update
+        updates[int(come[: first + period].max()) + UPDATE_TICKS] = update
         if update.stopped:
-            return
+            break
+    return updates
 
 
 def _filled_in(arrival_tick: IntArray) -> IntArray:
