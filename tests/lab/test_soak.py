@@ -1,8 +1,5 @@
 """Faults, drift, the recording's read-back and the rows of a soak, without any service."""
 
-import asyncio
-import socket
-from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -17,7 +14,6 @@ from mmt.core.frames import frame_dtype
 from mmt.scene import Network
 from mmt.session import write_session
 from mmt_lab.experiments import soak
-from mmt_lab.harness.proxy import Proxy
 from mmt_lab.soak.drift import by_window, drift, outside
 from mmt_lab.soak.faults import CUT, LENGTHS_S, NETWORKS, RESTART, SoakFault, plan_faults
 from mmt_lab.soak.judging import Happened, ServiceSample, SoakLog, judge, table
@@ -266,62 +262,3 @@ def test_a_soak_that_finds_a_flaw_says_so(tmp_path, monkeypatch):
     flaw = "frames missing, but where a follower was killed: 10 of 10"
     assert any(flaw in sentence for sentence in found.failures)
     assert found.data["faults"][0]["kind"] == "follower killed and started anew"
-
-
-# --- the proxy
-
-
-async def close(writer):
-    writer.close()
-    with suppress(ConnectionError):
-        await writer.wait_closed()
-
-
-async def is_closed(reader):
-    try:
-        return await reader.read(100) == b""
-    except ConnectionError:
-        return True
-
-
-async def test_a_proxy_passes_stalls_and_cuts():
-    ended = asyncio.Semaphore(0)
-
-    async def shout(reader, writer):
-        with suppress(ConnectionError):
-            while data := await reader.read(100):
-                writer.write(data.upper())
-        await close(writer)
-        ended.release()
-
-    server = await asyncio.start_server(shout, "127.0.0.1", 0)
-    async with asyncio.timeout(20), server, Proxy(server.sockets[0].getsockname()[1]) as proxy:
-        reader, writer = await asyncio.open_connection("127.0.0.1", proxy.port)
-        writer.write(b"one")
-        assert await reader.read(100) == b"ONE"
-        proxy.stall()
-        writer.write(b"two")
-        waiting = asyncio.create_task(reader.read(100))
-        done, _ = await asyncio.wait([waiting], timeout=0.2)
-        assert not done
-        proxy.resume()
-        assert await waiting == b"TWO"
-        proxy.cut()
-        assert await is_closed(reader)
-        await ended.acquire()
-        await close(writer)
-        reader, writer = await asyncio.open_connection("127.0.0.1", proxy.port)
-        writer.write(b"three")
-        assert await reader.read(100) == b"THREE"
-        await close(writer)
-        await ended.acquire()
-
-
-async def test_a_proxy_without_a_target_ends_its_connections():
-    with socket.socket() as unused:
-        unused.bind(("127.0.0.1", 0))
-        port = unused.getsockname()[1]
-    async with asyncio.timeout(20), Proxy(port) as proxy:
-        reader, writer = await asyncio.open_connection("127.0.0.1", proxy.port)
-        assert await is_closed(reader)
-        await close(writer)

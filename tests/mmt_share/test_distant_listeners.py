@@ -3,7 +3,6 @@
 import asyncio
 import gc
 import socket
-import time
 from collections import Counter
 
 import numpy as np
@@ -11,54 +10,11 @@ import pytest
 from sharing_samples import listening, model_of, shared, until
 
 from mmt.evaluation.levels import BAND_EDGES_HZ, band_errors_db
-from mmt.scene import Network
-from mmt_lab.harness.proxy import Proxy
 from mmt_lab.sharing.felt import STEP_NS, errors_db, listen, pairs, states
 from mmt_lab.sharing.memory import Memory
 from mmt_lab.sharing.troubled import STEADY, Troubled
 
 INPUTS = np.array([[50.0, 0.5], [150.0, 1.5], [250.0, 2.5]])
-
-
-async def echoed(proxy: Proxy, parts: list[bytes]) -> tuple[bytes, list[float]]:
-    """Send parts through a proxy to a server that echoes; return what came, and each way's ms."""
-    reader, writer = await asyncio.open_connection("127.0.0.1", proxy.port)
-    received, times_ms = b"", []
-    for part in parts:
-        began_s = time.monotonic()
-        writer.write(part)
-        received += await asyncio.wait_for(reader.readexactly(len(part)), 60.0)
-        times_ms.append(1e3 * (time.monotonic() - began_s))
-    writer.close()
-    await writer.wait_closed()
-    return received, times_ms
-
-
-async def echo(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-    while data := await reader.read(65536):
-        writer.write(data)
-    writer.close()
-    await writer.wait_closed()
-
-
-@pytest.mark.parametrize(
-    ("settings", "least_ms", "repeats"),
-    [({"delay_ms": 30.0}, 60.0, False), ({"delay_ms": 2.0, "loss": 0.3}, 4.0, True)],
-)
-async def test_a_distant_proxy_delays_and_loses_nothing(
-    settings: dict[str, float], least_ms: float, repeats: bool
-) -> None:
-    server = await asyncio.start_server(echo, "127.0.0.1", 0)
-    port = server.sockets[0].getsockname()[1]
-    parts = [bytes([k]) * 1000 for k in range(20)]
-    async with Proxy(port, Network.model_validate(settings)) as proxy:
-        received, times_ms = await echoed(proxy, parts)
-    server.close()
-    assert received == b"".join(parts)
-    assert min(times_ms) >= least_ms
-    assert (proxy.repeated > 0) == repeats
-    if repeats:
-        assert max(times_ms) >= 200.0  # a repetition takes so long
 
 
 def test_moments_are_counted_by_what_both_render() -> None:
