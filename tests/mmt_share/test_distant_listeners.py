@@ -10,6 +10,7 @@ import pytest
 from sharing_samples import listening, model_of, shared, until
 
 from mmt.evaluation.levels import BAND_EDGES_HZ, band_errors_db
+from mmt_lab.sharing import felt
 from mmt_lab.sharing.felt import STEP_NS, errors_db, listen, pairs, states
 from mmt_lab.sharing.memory import Memory
 from mmt_lab.sharing.troubled import STEADY, Troubled
@@ -37,7 +38,10 @@ def test_the_error_is_that_of_the_spectra_by_bands() -> None:
     np.testing.assert_allclose(found, [0.0, 0.0, 0.0, expected, expected])
 
 
-async def test_listeners_behind_a_network_are_compared_with_the_one_here() -> None:
+async def test_listeners_behind_a_network_are_compared_with_the_one_here(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(felt, "STEP_NS", 5_000_000)  # a delay is longer than that
     async with shared() as sharing:
         finding = asyncio.create_task(listen(sharing.url, 2, 30.0, "wan"))
         await until(lambda: len(sharing.relay.listeners) == 3)
