@@ -20,7 +20,7 @@ from mmt_lab.bench.command import write_bench_report
 from mmt_lab.experiments.stability import findings_of
 from mmt_lab.harness.findings import Axis, Curves, Findings, Panel, Spread
 from mmt_lab.harness.report import write_report as write_findings
-from mmt_lab.stability.cases import Row
+from mmt_lab.stability.cases import CaseRow
 
 api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 CHROMIUM = shutil.which("chromium")
@@ -74,7 +74,7 @@ def reports(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     walls, delays = [0.1, 1.0, 10.0], [0.0, 10.0, 100.0]
     loop = {"wall_n_mm": walls, "delay_ms": delays,
             "grows": (np.outer(delays, walls) > 10.0).tolist()}  # fmt: skip
-    row = Row("loop", "a map of walls and delays", "as theory", "as theory", True, 1.0, loop)
+    row = CaseRow("loop", "a map of walls and delays", "as theory", "as theory", True, 1.0, loop)
     return {
         "run": shown,
         "comparison": write_comparison(compare_reports(run, other), compared),
