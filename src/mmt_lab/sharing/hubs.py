@@ -16,7 +16,7 @@ from mmt.core.errors import InputError, MmtError
 from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.harness.findings import Findings
 from mmt_lab.sharing.counting import Count, Counter, auth_of
-from mmt_lab.sharing.session import Service, SharedSession, printed_by, shared_session
+from mmt_lab.sharing.session import ListenedSession, Service, printed_by, shared_session
 
 _LATEST_S: Final = 60.0
 """How long anything of this may take beside the session."""
@@ -174,7 +174,7 @@ async def _redis() -> AsyncIterator[str]:
 
 
 async def _join(
-    session: SharedSession, urls: list[str], listeners: int, duration_s: float
+    session: ListenedSession, urls: list[str], listeners: int, duration_s: float
 ) -> tuple[list[asyncio.subprocess.Process], float]:
     """Let the listeners join, the same number at each hub; return their processes and the time."""
     crowds = []

@@ -48,7 +48,7 @@ class Service:
         raise MmtError(f"the {self.child.name} has ended: {self.child.messages}")
 
 
-class SharedSession:
+class ListenedSession:
     """The demo's leader, which shares its model, and what is started beside it.
 
     Parameters
@@ -113,7 +113,7 @@ class SharedSession:
 @asynccontextmanager
 async def shared_session(
     duration_s: float, watch: Callable[[int], None] = lambda _: None
-) -> AsyncIterator[SharedSession]:
+) -> AsyncIterator[ListenedSession]:
     """Run a leader that shares its model; a follower has yet to come.
 
     Parameters
@@ -129,7 +129,7 @@ async def shared_session(
         It did not start.
     """
     async with AsyncExitStack() as stack:
-        session = SharedSession(stack)
+        session = ListenedSession(stack)
         await session.lead(duration_s, watch)
         yield session
 
