@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -83,9 +84,13 @@ class FollowerNotes:
 
 @asynccontextmanager
 async def leader(
-    notes: LeaderNotes | None = None, events: LeaderEvents | None = None, port: int = 0
+    notes: LeaderNotes | None = None,
+    events: LeaderEvents | None = None,
+    channels: tuple[Channel, ...] = CHANNELS,
+    **link: Any,
 ) -> AsyncIterator[LeaderServer]:
-    server = LeaderServer(Link(port=port), CHANNELS, events or (notes or LeaderNotes()).events())
+    settings = Link(**{"port": 0, **link})
+    server = LeaderServer(settings, channels, events or (notes or LeaderNotes()).events())
     await server.start()
     try:
         yield server

@@ -1,20 +1,23 @@
 """A follower in another language: npm's stock socket.io-client under Node."""
 
+import asyncio
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 import socketio
-from link_samples import CHANNELS, LeaderNotes, commands, leader
-from node_programs import NEEDS_NODE, run_node
+from link_samples import CHANNELS, LeaderNotes, commands, leader, until
+from node_programs import NEEDS_NODE, another_site, run_node, under_node
 from socketio.msgpack_packet import MsgPackPacket
 
 from mmt.core.arrays import RecordArray
+from mmt.core.frames import Channel
 from mmt.link.endpoint import LeaderEvents
 from mmt.link.protocol import PROTOCOL_VERSION
 from mmt.link.server import LeaderServer
 
+DOCUMENTED: tuple[Channel, ...] = ("position", "force", "acceleration")
 PROGRAM = Path(__file__).with_name("stock_follower.cjs")
 
 pytestmark = NEEDS_NODE
@@ -92,3 +95,38 @@ async def test_a_stock_client_reads_why_it_is_refused() -> None:
     assert code == 1
     assert printed == ""
     assert "protocol 99" in complaints
+
+
+async def streamed(notes: LeaderNotes, server: LeaderServer) -> None:
+    """Take a second of the documented follower's frames, command it, and let it end."""
+    await until(lambda: len(notes.sequences) > 1000)
+    await until(lambda: server.clock.offset_ns is not None)
+    server.send_commands(commands(0, 3))
+    await server.request_stop("done")
+    await until(lambda: notes.ends)
+    frames = np.concatenate(notes.blocks)
+    assert frames["sequence"].tolist() == list(range(len(frames)))
+    assert set(np.rint(np.diff(frames["time_ns"]) / 1e5)) == {10}
+    assert (server.statistics.lost, server.statistics.rejected) == (0, {})
+    assert notes.ends == ["stopped"]
+
+
+async def test_the_documented_follower_streams_from_node(tmp_path: Path) -> None:
+    notes = LeaderNotes()
+    async with leader(notes, channels=DOCUMENTED) as server:
+        last = 'leader.on("disconnect", () => console.log(JSON.stringify(target_mm)));'
+        program = under_node(tmp_path, "A follower", f"http://127.0.0.1:{server.port}", last)
+        running = asyncio.create_task(run_node(program))
+        await streamed(notes, server)
+        assert await running == (0, "[2.5,2.5,2.5]\n", "")
+
+
+async def test_the_documented_follower_streams_from_a_page_of_another_site(tmp_path: Path) -> None:
+    notes = LeaderNotes()
+    async with (
+        another_site(tmp_path) as (link, show),
+        leader(notes, channels=DOCUMENTED, **link) as server,
+    ):
+        page, _ = await show(f"http://127.0.0.1:{server.port}", "A follower")
+        await streamed(notes, server)
+        assert await page.evaluate("target_mm") == [2.5, 2.5, 2.5]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from hub_samples import needs_redis, redis_server, serving
-from node_programs import NEEDS_NODE, run_node
+from node_programs import NEEDS_NODE, another_site, run_node, under_node
 from sharing_samples import WELCOME, Shared, about, model_of, shared, until
 
 from mmt_share.relay import ListenerFeed, Relay
@@ -57,3 +57,41 @@ async def test_a_stock_client_under_node_follows_it_at_a_hub() -> None:
             await until(lambda: hub.hub.copy.session_id)
             heard = await heard_under_node(sharing, hub.url, hub.hub.relay)
     assert heard["welcome"] == {**WELCOMED, "hubs": []}
+
+
+async def followed(sharing: Shared) -> list[str]:
+    """Share a model that grows and a state, and end; return what the documented listener says."""
+    await until(lambda: sharing.relay.listeners)
+    (listener,) = sharing.relay.listeners.values()
+    sharing.offer_state(1.5, force_n=0.75, position_mm=(1.0, 2.0, 3.0))
+    sharing.publish(6)
+    await until(lambda: listener.sent["wholes"] == 1)
+    sharing.publish(8)
+    await until(lambda: listener.sent["wholes"] == 2)
+    sharing.relay.finish("completed")
+    size, grown = (len(model_of(count).to_bytes()) for count in (6, 8))
+    said = about(1).completion
+    return [
+        f"session {WELCOME['name']}",
+        "1.50 s: 1.0,2.0,3.0 mm, 0.75 N",
+        f"model 1: 6 samples, {size} bytes, {said}",
+        f"model 2: 8 samples, {grown} bytes, {said}",
+        "completed",
+    ]
+
+
+async def test_the_documented_listener_follows_from_node(tmp_path: Path) -> None:
+    async with shared() as sharing:
+        running = asyncio.create_task(run_node(under_node(tmp_path, "A listener", sharing.url, "")))
+        expected = await followed(sharing)
+        code, printed, complaints = await running
+    assert (code, complaints) == (0, "")
+    assert sorted(printed.splitlines()) == sorted(expected)
+
+
+async def test_the_documented_listener_follows_from_a_page_of_another_site(tmp_path: Path) -> None:
+    async with another_site(tmp_path) as (settings, show), shared(**settings) as sharing:
+        _, said = await show(sharing.url, "A listener")
+        expected = await followed(sharing)
+        await until(lambda: "completed" in said)
+    assert sorted(said) == sorted(expected)
