@@ -10,10 +10,11 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from PIL import Image
 
+from mmt.core.arrays import FloatArray
 from mmt.core.palette import LIGHT, SERIES, SIGNED
 from mmt.evaluation.results import Evaluation, HeldOutSegment, Score
 from mmt.evaluation.truth import DENSITY_HZ
-from mmt.texture.settings import JND_DB, MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
+from mmt.texture.settings import JND_DB, MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S, CriterionScale
 
 _MARKERS: Final = "osD^vP"
 _DOTS_PER_INCH: Final = 130
@@ -69,10 +70,18 @@ def readiness() -> LinearSegmentedColormap:
 def completion_over_time(evaluations: Sequence[Evaluation]) -> Figure:
     """Draw the value of the completion criterion after every update, with both thresholds."""
     figure, axis = _time_axes(evaluations)
-    for number, evaluation in enumerate(evaluations):
-        time_s, value = evaluation.course.T
-        axis.plot(time_s, value, label=evaluation.name, **line_style(number))
-    scale = evaluations[0].settings.scale
+    courses = [(evaluation.name, evaluation.course) for evaluation in evaluations]
+    draw_course(axis, courses, evaluations[0].settings.scale)
+    _legend(axis, evaluations)
+    return figure
+
+
+def draw_course(
+    axis: Axes, courses: Sequence[tuple[str, FloatArray]], scale: CriterionScale
+) -> None:
+    """Draw time and value of a criterion (k, 2), each with its name, and both thresholds."""
+    for number, (name, course) in enumerate(courses):
+        axis.plot(*course.T, label=name, **line_style(number))
     for value, text in ((scale.start, "start"), (scale.stop, "stop")):
         axis.axhline(value, color=_GREY, linestyle="--", linewidth=1.0)
         axis.annotate(
@@ -85,11 +94,9 @@ def completion_over_time(evaluations: Sequence[Evaluation]) -> Figure:
             color=_GREY,
             fontsize=9,
         )
-    largest = max(float(evaluation.course[:, 1].max()) for evaluation in evaluations)
+    largest = max(float(course[:, 1].max()) for _, course in courses)
     axis.set_ylim(0, 1.02 if scale.rises else min(1.05 * largest, 2.2 * scale.start))
     axis.set_ylabel("expected share" if scale.rises else "distance (sum over cells)")
-    _legend(axis, evaluations)
-    return figure
 
 
 def gfc_over_time(evaluations: Sequence[Evaluation]) -> Figure:
@@ -120,6 +127,12 @@ def gfc_over_time(evaluations: Sequence[Evaluation]) -> Figure:
 def power_error_over_time(evaluations: Sequence[Evaluation]) -> Figure:
     """Draw the power error at every step beside the just noticeable difference."""
     figure, axis = _time_axes(evaluations)
+    draw_power_error(axis, evaluations)
+    return figure
+
+
+def draw_power_error(axis: Axes, evaluations: Sequence[Evaluation]) -> None:
+    """Draw the power error of each evaluation at every step."""
     for number, evaluation in enumerate(evaluations):
         axis.plot(
             [step.time_s for step in evaluation.steps],
@@ -131,7 +144,6 @@ def power_error_over_time(evaluations: Sequence[Evaluation]) -> Figure:
     axis.set_ylim(bottom=0)
     axis.set_ylabel("power error (dB rms)")
     _legend(axis, evaluations)
-    return figure
 
 
 def held_out_spectra(evaluation: Evaluation) -> Figure:
@@ -219,10 +231,15 @@ def _draw_spectra(axis: Axes, segment: HeldOutSegment) -> None:
 def _time_axes(evaluations: Sequence[Evaluation]) -> tuple[Figure, Axes]:
     figure = Figure(figsize=(8.4, 3.8), layout="constrained")
     axis = figure.subplots()
-    axis.set_xlabel("session time (s)")
     axis.set_xlim(0, 1.02 * max(evaluation.duration_s for evaluation in evaluations))
-    make_plain(axis)
+    lay_out_time(axis)
     return figure, axis
+
+
+def lay_out_time(axis: Axes) -> None:
+    """Give axes the session's time."""
+    axis.set_xlabel("session time (s)")
+    make_plain(axis)
 
 
 def line_style(number: int) -> dict[str, Any]:

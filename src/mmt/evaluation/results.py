@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 from mmt.core.arrays import FloatArray
+from mmt.core.drawn import Drawn
 from mmt.evaluation.definitions import DEFINITIONS
 from mmt.evaluation.grid_errors import HeadingErrors
 from mmt.session.operators import ControlPeriod, control_sentence
@@ -167,7 +168,7 @@ class PowerMap:
 
 
 @dataclass(frozen=True, repr=False)
-class Evaluation:
+class Evaluation(Drawn):
     """One session, evaluated as in paper A; ``print`` shows its table.
 
     ``beside`` is the name of the other method, which is scored on the same session.

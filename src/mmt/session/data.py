@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
+from mmt.core.drawn import Drawn
 from mmt.core.frames import FIELD_OF_CHANNEL, Channel, channels_of
 
 FRAME_PERIOD_NS = 1_000_000
@@ -32,7 +33,7 @@ class OutputBlock:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RecordedSession:
+class RecordedSession(Drawn):
     """One session, whole in memory.
 
     Session time, ``time_s`` below, is zero at the first frame.

@@ -25,6 +25,8 @@ MODULE: Final = _FOLDER / "mmt-texture.js"
 MOST_BYTES: Final = 500_000
 """Largest page: what a mail or a paper's supplement takes."""
 
+_ELEMENT_PX: Final = 640
+
 
 def texture_page(models: Sequence[str]) -> bytes:
     """Return a page that plays models, given in their JSON form (`mmt.texture.model.json_form`).
@@ -56,6 +58,15 @@ def texture_page(models: Sequence[str]) -> bytes:
             f"{MOST_BYTES / 1e3:.0f}: write fewer into one page"
         )
     return page
+
+
+def playing_element(form: str) -> str:
+    """Return an HTML element that plays a model, given in its JSON form, for a notebook."""
+    page = base64.b64encode(texture_page([form])).decode()
+    return (
+        f'<iframe src="data:text/html;base64,{page}" allow="autoplay" width="100%" '
+        f'height="{_ELEMENT_PX}" style="border:0"></iframe>'
+    )
 
 
 def _inert(form: str) -> str:

@@ -10,6 +10,7 @@ from annotated_types import Gt
 
 from mmt.core.arrays import RecordArray
 from mmt.core.bounds import check
+from mmt.core.drawn import Drawn
 from mmt.core.errors import InputError
 from mmt.core.frames import check_frame_rate, check_frames
 from mmt.texture.model.texture_model import TextureModel
@@ -24,7 +25,7 @@ from mmt.texture.signals.numbering import StreamNumbering
 
 
 @dataclass(frozen=True, repr=False)
-class ModelHistory:
+class ModelHistory(Drawn):
     """A model as it grew over a session: every update, and when its criteria were met."""
 
     updates: tuple[ModelUpdate, ...]

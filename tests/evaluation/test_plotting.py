@@ -1,0 +1,91 @@
+"""Plots of what the library returns, and the page that a notebook shows of a model."""
+
+import base64
+import re
+from typing import Any
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import mmt
+from mmt.core.drawn import Drawn
+from mmt.texture.model.json_form import model_json
+
+mpl.use("agg")
+
+
+@pytest.fixture(scope="module")
+def drawn() -> dict[str, Any]:
+    frames, truth = mmt.simulate_session(mmt.Scene(), surface="wood", duration_s=6.0, seed=1)
+    session = mmt.RecordedSession(frames, annotations=truth)
+    history = mmt.build_model(frames)
+    directed = mmt.build_model(frames, mmt.ModellingSettings(inputs="anisotropic"))
+    return {
+        "session": session,
+        "history": history,
+        "model": history.model_at(6.0),
+        "directed": directed.model_at(6.0),
+        "evaluation": mmt.evaluate_session(session),
+    }
+
+
+def shown(what: Drawn) -> Any:
+    """The axes on which it is plotted, which are those that are given."""
+    figure, axes = plt.subplots()
+    assert what.plot(ax=axes) is axes
+    figure.canvas.draw()
+    plt.close(figure)
+    return axes
+
+
+@pytest.mark.parametrize("name", ["session", "history", "model", "directed", "evaluation"])
+def test_what_the_library_returns_is_plotted_on_axes_with_units(
+    drawn: dict[str, Any], name: str
+) -> None:
+    axes = shown(drawn[name])
+    assert "(" in axes.get_xlabel()
+    assert axes.get_ylabel()
+    own = drawn[name].plot()
+    assert own is not axes
+    plt.close(own.figure)
+
+
+def test_a_session_shows_its_largest_and_least_sample(drawn: dict[str, Any]) -> None:
+    normal = drawn["session"].frames["acceleration_m_s2"][:, 2].astype(float)
+    normal -= normal.mean()
+    (area,) = shown(drawn["session"]).collections
+    heights = area.get_paths()[0].vertices[:, 1]
+    np.testing.assert_allclose([heights.min(), heights.max()], [normal.min(), normal.max()])
+
+
+def test_a_history_shows_each_update_and_when_it_started(drawn: dict[str, Any]) -> None:
+    history = drawn["history"]
+    axes = shown(history)
+    np.testing.assert_array_equal(
+        axes.lines[0].get_xdata(), [update.time_s for update in history.updates]
+    )
+    assert f"start at {history.start_s:.1f} s" in [text.get_text() for text in axes.texts]
+
+
+def test_a_model_shows_its_samples_where_they_are(drawn: dict[str, Any]) -> None:
+    samples = drawn["model"].samples
+    _, points = shown(drawn["model"]).collections
+    np.testing.assert_allclose(
+        points.get_offsets(), np.column_stack([samples.speed_mm_s, samples.force_n])
+    )
+
+
+def test_a_notebook_shows_the_page_that_plays_a_model(drawn: dict[str, Any]) -> None:
+    element = drawn["model"]._repr_html_()
+    found = re.search(r'src="data:text/html;base64,([^"]+)"', element)
+    assert found is not None
+    page = base64.b64decode(found[1]).decode()
+    assert model_json(drawn["model"], "model").replace("<", "\\u003c") in page
+
+
+def test_what_has_nothing_to_plot_says_so(drawn: dict[str, Any]) -> None:
+    frames = drawn["session"].frames[["sequence", "time_ns", "force_n"]]
+    with pytest.raises(mmt.InputError, match="no acceleration"):
+        mmt.RecordedSession(frames).plot()
