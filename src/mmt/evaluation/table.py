@@ -29,7 +29,9 @@ def heading_tables(evaluations: Sequence[Evaluation]) -> list[rich.console.Group
 
 def as_text(table: rich.console.RenderableType) -> str:
     """Return a table as plain text of 80 columns."""
-    console = rich.console.Console(width=80, file=io.StringIO(), color_system=None)
+    console = rich.console.Console(
+        width=80, file=io.StringIO(), color_system=None, force_jupyter=False
+    )
     with console.capture() as capture:
         console.print(table)
     return capture.get().rstrip()
