@@ -43,6 +43,7 @@ _DEMO = Path("demo")
 @with_flags("demo")
 def demo(
     flags: list[Flag],
+    *,
     scene_file: Annotated[
         Path, typer.Argument(metavar="SCENE", help="A TOML file, or an example's name.")
     ] = _DEMO,

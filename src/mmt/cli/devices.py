@@ -105,6 +105,7 @@ def equalise_actuator(
             help="A recorded sweep, or a scene with the actuator and accelerometer to make one.",
         ),
     ] = None,
+    *,
     serial: Annotated[
         str | None,
         typer.Option(help="Store it under this serial number; unless given, the scene's."),

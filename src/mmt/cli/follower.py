@@ -31,6 +31,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 @app.command()
 def follower(
     scene_file: SceneFile,
+    *,
     leader: Annotated[
         str | None, typer.Option(metavar="URL", help="The leader; the scene's \\[link] if absent.")
     ] = None,

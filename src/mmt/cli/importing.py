@@ -80,6 +80,7 @@ Missing = Annotated[
 
 def inspect_file(
     source: SourceFile,
+    *,
     columns: Columns = None,
     units: Units = None,
     rate: Rate = None,
@@ -123,6 +124,7 @@ def import_file(
             metavar="FILE...", help="A file of another program, or several of a recording."
         ),
     ],
+    *,
     target: Annotated[
         Path, typer.Argument(metavar="OUT", help="The session's file, such as mine.mcap.")
     ],

@@ -49,6 +49,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 @with_flags("leader")
 def leader(
     scene_file: SceneFile,
+    *,
     flags: list[Flag],
     replay: Annotated[
         Path | None, typer.Option(help="The follower replays this session: leave the hand out.")

@@ -47,6 +47,7 @@ TargetFile = Annotated[
 @app.command()
 def simulate(
     target: TargetFile,
+    *,
     surface: Annotated[
         str | None, typer.Option(help="The known texture; the scene's if absent, else plastic.")
     ] = None,

@@ -54,6 +54,7 @@ def import_model(
 
 def export_model(
     context: typer.Context,
+    *,
     sources: Annotated[
         list[Path],
         typer.Argument(metavar="MODEL...", help="A .npz file, or a shipped model; .html: several."),

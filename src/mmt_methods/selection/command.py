@@ -28,6 +28,7 @@ def select_samples(
     sources: Annotated[
         list[Path], typer.Argument(metavar="MODEL|SESSION...", help="Models, or sessions.")
     ],
+    *,
     target: Annotated[
         Path | None, typer.Option("--output", help="Write the selected model, a .npz file.")
     ] = None,

@@ -28,6 +28,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 @app.command()
 def listen(
     url: Annotated[str, typer.Argument(help="Where the leader shares its model.")],
+    *,
     scene_file: Annotated[
         Path,
         typer.Argument(

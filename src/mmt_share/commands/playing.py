@@ -31,6 +31,7 @@ def play(
             metavar="[MODEL]...", help="Files or names of shipped models; all shipped if absent."
         ),
     ] = None,
+    *,
     shared: Annotated[
         str | None,
         typer.Option("--from", metavar="URL", help="Play the model that a leader shares there."),
