@@ -3,16 +3,20 @@
 import numpy as np
 
 from mmt.core.arrays import RecordArray
-from mmt.core.frames import FIELD_OF_CHANNEL, channels_of, frame_dtype
+from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, channels_of, frame_dtype
 
 PERIOD_NS = 1_000_000
 
 
-def made_frames(first: int, count: int, channels: tuple[str, ...] | None = None) -> RecordArray:
+def made_frames(
+    first: int, count: int, channels: tuple[str, ...] = CHANNELS, samples_per_frame: int = 1
+) -> RecordArray:
     """Frames whose numbers tell which they are."""
-    frames = np.zeros(count, frame_dtype(channels) if channels else frame_dtype())
+    frames = np.zeros(count, frame_dtype(channels, samples_per_frame))
     frames["sequence"] = np.arange(first, first + count)
     frames["time_ns"] = frames["sequence"].astype(np.int64) * PERIOD_NS
     for channel in channels_of(frames.dtype):
-        frames[FIELD_OF_CHANNEL[channel]] = np.arange(first, first + count)[:, None] % 50
+        values = frames[FIELD_OF_CHANNEL[channel]]
+        numbers = np.arange(first, first + count).reshape(-1, *(1 for _ in values.shape[1:]))
+        frames[FIELD_OF_CHANNEL[channel]] = numbers % 50
     return frames

@@ -48,7 +48,6 @@ def test_a_part_runs_in_the_services_that_its_values_ask_for() -> None:
             ["order", "99", "equal to 64"],
         ),
         ({**SIMULATED, "texture": {"order": "some"}}, ["texture.order", "'some'"]),
-        ({**SIMULATED, "texture": {"order": "auto"}}, ['order = "auto": no longer a choice']),
         ({**SIMULATED, "texture": {"axis": "w"}}, ["texture.axis", "dft321"]),
         (
             {**SIMULATED, "texture": {"method": "published", "stop_distance": 9.0}},

@@ -39,6 +39,13 @@ def test_only_the_channels_that_a_part_needs_are_sent(part: str, channels: int) 
     assert up.record_bytes == FRAME + 12 * channels
 
 
+@pytest.mark.parametrize(("part", "floats"), [("texture", 6 + 15), ("playout", 15)])
+def test_several_samples_of_acceleration_make_frames_longer(part: str, floats: int) -> None:
+    session = {"acceleration_rate_hz": 5000}
+    up, _ = streams(session=session, **SIMULATED, **{part: {}}, actuator={})
+    assert (up.record_bytes, up.messages_per_s) == (FRAME + 4 * floats, 1000.0)
+
+
 def test_gathered_frames_share_an_envelope() -> None:
     (up,) = streams(link={"frames_per_message": 20}, replay={}, playout={}, actuator={})
     assert (up.records_per_message, up.messages_per_s) == (20, 50.0)
@@ -101,3 +108,25 @@ def test_the_methods_of_force_feedback_add_what_they_send() -> None:
     (contact,) = streams(**SIMULATED, force_feedback={"method": "model"})[2:]
     assert (contact.way, contact.event, contact.record_bytes) == ("up", "contact", 48)
     assert (contact.records_per_message, contact.messages_per_s) == (5, 200.0)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"rate_hz": 2000}, "4 samples a frame; adxl335-u6 gives 2000 samples a second, the scene "
+         "takes 4000: nothing above 1000 Hz is in its acceleration"),
+        ({"rate_hz": 8000}, "4 samples a frame"),
+        ({}, "4 samples a frame; its start says what adxl335-u6 gives"),
+    ],
+)  # fmt: skip
+def test_what_the_acceleration_lacks_is_said(options: dict[str, Any], said: str) -> None:
+    devices = {"robot": "virtual-robot", "accelerometer": {"driver": "adxl335-u6", **options}}
+    tables = {"link": {}, "devices": devices, "playout": {}, "actuator": {}}
+    assert describe_scene(scene_from_tables(tables)).acceleration is None
+    tables["session"] = {"acceleration_rate_hz": 4000}
+    assert describe_scene(scene_from_tables(tables)).acceleration == said
+
+
+def test_simulated_frames_of_several_samples_lack_nothing() -> None:
+    tables = {**SIMULATED, "session": {"acceleration_rate_hz": 3000}, "playout": {}, "actuator": {}}
+    assert describe_scene(scene_from_tables(tables)).acceleration == "3 samples a frame"

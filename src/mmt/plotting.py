@@ -16,6 +16,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from mmt.core.errors import InputError
+from mmt.core.frames import acceleration_samples
 from mmt.core.palette import GRADED, LIGHT
 from mmt.evaluation.figures import draw_course, draw_power_error, lay_out_time
 from mmt.evaluation.results import Evaluation
@@ -83,7 +84,7 @@ def _(evaluation: Evaluation, axes: Axes) -> None:
 def _(session: RecordedSession, axes: Axes) -> None:
     if "acceleration" not in session.channels or not len(session.frames):
         raise InputError("the session has no acceleration to plot")
-    vibration = session.frames["acceleration_m_s2"].astype(np.float64)
+    vibration = acceleration_samples(session.frames).astype(np.float64)
     vibration -= vibration.mean(axis=0)
     axis = int(np.argmax(np.square(vibration).mean(axis=0)))
     rows = np.array_split(vibration[:, axis], min(_COLUMNS, len(vibration)))

@@ -18,7 +18,7 @@ from mmt_lab.harness.command import (
     print_list,
     run,
 )
-from mmt_lab.harness.experiment import listed, load
+from mmt_lab.harness.experiment import AccelerationRate, listed, load
 from mmt_lab.stability.families import Families
 
 lab = typer.Typer(
@@ -62,11 +62,13 @@ def _bench(
     loss: Annotated[
         bool, typer.Option("--loss", help="Link: the services over paths that lose packets.")
     ] = False,
+    acceleration_rate: AccelerationRate = 1000,
 ) -> None:
     """Measure error against run time on this machine, beside every peer that is installed."""
     from mmt_lab.bench.command import run_benches
 
     options = {"duration": duration, "realtime": realtime, "strangers": strangers, "loss": loss}
+    options["acceleration_rate"] = acceleration_rate
     _, figures = run_benches(what or [], report, **options)
     write_json(json_file, figures)
     messages.print("ratios within one run are to be trusted, absolute times are not")

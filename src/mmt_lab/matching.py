@@ -110,7 +110,7 @@ def real_sample(texture: str, seed: int) -> Sample:
         block.velocity_mm_s,
         block.speed_mm_s,
         block.normal_force_n,
-        block.vibration_m_s2[:, 0],
+        block.vibration_m_s2[:, 0, 0],
         tuple(slice(part.start - first, part.stop - first) for part in segment(block, settings)),
     )
 

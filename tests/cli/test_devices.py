@@ -107,6 +107,32 @@ def test_all_devices_of_a_scene_are_tested(drivers: str, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize(
+    ("accelerometer", "rate_hz", "said"),
+    [("Sampled", 2000, 1000), ("Polled", 1000, 500), ("Sampled", 20_000, None)],
+)
+def test_an_accelerometer_must_give_what_a_frame_takes(
+    drivers: str, tmp_path: Path, accelerometer: str, rate_hz: int, said: int | None
+) -> None:
+    options = f"rate_hz = {rate_hz}\n" if accelerometer == "Sampled" else ""
+    scene = tmp_path / "lab.toml"
+    scene.write_text(
+        f'[session]\nacceleration_rate_hz = 5000\n[link]\n[devices]\nrobot = "{drivers}:Polled"\n'
+        f'[devices.accelerometer]\ndriver = "{drivers}:{accelerometer}"\n{options}[playout]\n'
+        "[actuator]\n"
+    )
+    arguments = ("--role", "accelerometer", "--duration", 0.3, "--json", tmp_path / "s.json")
+    run("test", scene, *arguments)
+    (seen,) = json.loads((tmp_path / "s.json").read_text())["devices"]
+    assert seen["samples_hz"] == 5000
+    told = [problem for problem in seen["problems"] if "acceleration_rate_hz" in problem]
+    assert len(told) == (said is not None)
+    if said is not None:
+        above_hz = re.search(r"the scene takes 5000: nothing above (\d+) Hz", told[0])
+        assert above_hz
+        assert float(above_hz[1]) == pytest.approx(said, rel=0.1)
+
+
+@pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
         (["nothing"], "driver 'nothing' is not known"),

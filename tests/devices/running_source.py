@@ -38,6 +38,8 @@ class RunningSource:
         Either may be None.
     robot
         None for one that stands still.
+    samples_per_frame
+        Of the acceleration.
     """
 
     command_mm: Vector | None = None
@@ -48,6 +50,7 @@ class RunningSource:
         force_sensor: ForceSensor | SampledSensor | None,
         accelerometer: SampledSensor | None,
         robot: Robot | None = None,
+        samples_per_frame: int = 1,
     ) -> None:
         channels = [("force", force_sensor), ("acceleration", accelerometer)]
         self.told: list[tuple[bool, str]] = []
@@ -58,6 +61,7 @@ class RunningSource:
             accelerometer,
             ("position", *(name for name, sensor in channels if sensor is not None)),
             on_lost="hold",
+            samples_per_frame=samples_per_frame,
         )
         self.source.on_loss(lambda lost, sentence: self.told.append((lost, sentence)))
         self._last_ns = 0

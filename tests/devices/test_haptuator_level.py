@@ -20,7 +20,14 @@ from mmt.cli.main import app
 from mmt.core.errors import InputError
 from mmt.devices.calibrations import save_calibration
 from mmt.devices.haptuator.drive import VoltageDrive, level_of, store_level
-from mmt.devices.haptuator.equaliser import TAPS, Equaliser, fit_equaliser, sweep
+from mmt.devices.haptuator.equaliser import (
+    TAPS,
+    Equaliser,
+    Level,
+    fit_equaliser,
+    sweep,
+    taps_at,
+)
 from mmt.devices.haptuator.options import HaptuatorOptions
 from mmt.evaluation.at_skin import at_skin
 from mmt.texture.synthesis.actuator import FREQUENCIES_HZ, ActuatorResponse
@@ -164,6 +171,30 @@ def test_a_stored_level_drives_the_actuator_evenly(home: Path) -> None:
         HaptuatorOptions(volts_per_m_s2=0.1, full_scale_v=6.0, low_hz=20.0), 1000.0
     )
     np.testing.assert_allclose(plain.convert([1.0]), 0.1, rtol=0.1)
+
+
+@pytest.mark.parametrize("k", [2, 5, 10])
+def test_an_equaliser_has_the_same_gain_at_any_rate(k: int) -> None:
+    fitted = fit_equaliser(*heard())
+    rate_hz, hz = 1000.0 * k, np.arange(1.0, 500.0)
+    taps = taps_at(fitted.taps, rate_hz)
+    assert len(taps) == k * TAPS
+    _, before = signal.freqz(fitted.taps, worN=hz, fs=1000.0)
+    _, after = signal.freqz(taps, worN=hz, fs=rate_hz)
+    np.testing.assert_allclose(np.abs(after), np.abs(before), rtol=0.01)
+    _, above = signal.freqz(taps, worN=np.linspace(500.0, 500.0 * k, 200), fs=rate_hz)
+    np.testing.assert_allclose(np.abs(above), abs(np.polyval(fitted.taps, -1.0)), rtol=0.01)
+    options = HaptuatorOptions(volts_per_m_s2=0.01, full_scale_v=6.0, low_hz=20.0)
+    drive = VoltageDrive(options, rate_hz, Level(0.01, fitted.taps))
+    values = np.random.default_rng(1).normal(size=(40, k))
+    volts = np.concatenate([drive.convert(tick) for tick in values])
+    sections = [signal.butter(2, 20.0, "highpass", fs=rate_hz)]
+    if k > 2:
+        sections.append(signal.bessel(2, 1000.0, fs=rate_hz, norm="mag"))
+    wanted = values.ravel()
+    for b, a in [*sections, (taps, 1.0)]:
+        wanted = signal.lfilter(b, a, wanted)
+    np.testing.assert_allclose(volts, 0.01 * wanted, atol=1e-12)
 
 
 def test_what_is_stored_and_useless_is_explained(home: Path) -> None:

@@ -100,6 +100,20 @@ def test_a_boards_drift_is_learnt_and_the_signal_stays_whole(board_ppm: float) -
     assert pusher.slips == 0
 
 
+@pytest.mark.parametrize("k", [2, 5, 8])
+def test_a_faster_signal_reaches_the_board_as_it_is(k: int) -> None:
+    pusher, ahead, played = BoardResampler(1000.0 * k, 8000.0, 6.0), 0.0, []
+    tone = np.sin(2.0 * np.pi * 200.0 * k * np.arange(4000 * k) / (1000.0 * k))
+    for tick in tone.reshape(4000, k).tolist():
+        block = pusher.push(tick, math.floor(ahead))
+        played.append(block)
+        ahead = max(0.0, ahead + len(block) - 8.0)
+    heard = np.concatenate(played)[-8000:]
+    assert np.argmax(np.abs(np.fft.rfft(heard * np.hanning(8000)))) == pytest.approx(200 * k, abs=2)
+    assert np.std(heard) == pytest.approx(math.sqrt(0.5), rel=0.03)
+    assert pusher.slips == 0
+
+
 def test_a_buffer_that_is_far_too_full_is_caught_up_with_smoothly() -> None:
     pusher, ahead, played = BoardResampler(1000.0, 8000.0, 6.0), 400.0, []
     for k in range(1000):

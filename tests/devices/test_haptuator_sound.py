@@ -50,6 +50,33 @@ def test_a_tone_is_heard_at_its_level_on_its_channel_alone() -> None:
     device.close()
 
 
+@pytest.mark.parametrize(("k", "tone_hz"), [(1, 250.0), (2, 250.0), (5, 1500.0), (10, 3000.0)])
+def test_a_tone_of_several_khz_is_heard_at_its_frequency_and_level(k: int, tone_hz: float) -> None:
+    card = EmulatedSoundCard(clock_ppm=200.0)
+    device = haptuator(card, low_hz=20.0, high_hz=5000.0)
+    device.set_rate(1000.0 * k)
+    device.connect()
+    wanted = 10.0 * np.sin(2.0 * math.pi * tone_hz * np.arange(2000 * k) / (1000.0 * k))
+    for tick in wanted.reshape(2000, k):
+        device.write(tick)
+        card.advance(0.001)
+    heard_v = 6.0 * card.played()[-48_000:]
+    spectrum = np.abs(np.fft.rfft(heard_v * np.hanning(48_000)))
+    assert np.argmax(spectrum) == pytest.approx(tone_hz, abs=2.0)  # in Hz, by the card's own clock
+    assert np.sqrt(np.mean(heard_v**2)) == pytest.approx(math.sqrt(0.5), rel=0.03)
+    statistics = device.statistics
+    assert statistics.samples == 2000 * k
+    assert (statistics.underruns, statistics.slips, statistics.clipped) == (0, 0, 0)
+    device.close()
+
+
+def test_a_converter_that_is_too_slow_for_the_session_is_refused() -> None:
+    device = haptuator(EmulatedSoundCard(), card_rate_hz=8000)
+    device.set_rate(8000.0)
+    with pytest.raises(InputError, match=r"8000 samples a second.*is 10000"):
+        device.set_rate(10_000.0)
+
+
 def test_the_latency_stated_is_the_one_that_passes() -> None:
     card = EmulatedSoundCard(dac_latency_s=0.004)
     device = haptuator(card, low_hz=1.0)

@@ -80,7 +80,7 @@ def test_an_error_in_a_reply_is_a_sentence() -> None:
         packets.read_reply(packets.BAD_CHECKSUM, 0x11)
 
 
-@pytest.mark.parametrize("rate_hz", [100.0, 732.0, 733.0, 1000.0, 4000.0])
+@pytest.mark.parametrize("rate_hz", [100.0, 732.0, 733.0, 1000.0, 4000.0, 16_666.0])
 @pytest.mark.parametrize("number", [1, 3, 9, 14])
 def test_the_planned_rate_is_the_wanted_one(rate_hz: float, number: int) -> None:
     scanning = plan([Channel(n) for n in range(number)], rate_hz)

@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
-from scipy.signal import welch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.signal import lfilter, welch
 from typer.testing import CliRunner
 
 import mmt
@@ -14,6 +16,7 @@ from mmt.testing.simulation.known_surfaces import surface_from_annotations
 from mmt.testing.simulation.model_surface import ModelSurface, ModelVibration
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture import TextureModel
+from mmt.texture.autoregression.side_by_side import filter_side_by_side
 from mmt.texture.space.inputs import InputSpace
 from mmt.texture.space.samples import TextureSamples
 from mmt_bridges.hatt.models import export_hatt
@@ -67,15 +70,20 @@ def test_at_a_models_point_the_texture_is_its_filter_and_between_them_the_mean()
     np.testing.assert_allclose(surface.spectrum(120.0, 1.5, FREQUENCIES_HZ), mean, rtol=1e-6)
 
 
-@pytest.mark.parametrize(("inputs", "heading"), [("isotropic", None), ("anisotropic", -2.0)])
-def test_the_vibration_has_the_spectrum_that_is_known(inputs, heading):
-    surface = ModelSurface("x", made(inputs))
+@pytest.mark.parametrize(
+    ("inputs", "heading", "samples"),
+    [("isotropic", None, 1), ("anisotropic", -2.0, 1), ("isotropic", None, 5)],
+)
+def test_the_vibration_has_the_spectrum_that_is_known(inputs, heading, samples):
+    rate_hz = 1000.0 * samples
+    surface = ModelSurface("x", made(inputs), rate_hz=rate_hz)
     generator = ModelVibration(surface, np.random.default_rng(1))
     towards = (1.0, 0.0) if heading is None else (np.cos(heading), np.sin(heading))
-    values = np.array([generator.step(110.0, 1.3, towards) for _ in range(60_000)])
-    frequencies, measured = welch(values[:, 0], 1000, nperseg=1000)
+    frames = [generator.run(samples, 110.0, 1.3, towards) for _ in range(60_000)]
+    values = np.concatenate(frames)
+    frequencies, measured = welch(values[:, 0], rate_hz, nperseg=1000 * samples)
     expected = surface.spectrum(110.0, 1.3, frequencies, heading)[0]
-    error_db = 10 * np.log10(measured / expected)[10:-10]
+    error_db = 10 * np.log10(measured / expected)[10:490]
     assert abs(np.median(error_db)) < 0.2  # that of 119 halves of a window is 0.06
     assert np.median(np.abs(error_db)) < 0.6
     assert values[:, 0].var() == pytest.approx(surface.power(110.0, 1.3, heading)[0], rel=0.15)
@@ -144,10 +152,38 @@ def test_what_cannot_be_a_surface_is_explained(tmp_path):
         get_surface("stone")
     with pytest.raises(InputError, match=r"[Nn]o such file"):
         get_surface(str(tmp_path / "absent.npz"))
-    model = made()
-    fast = TextureModel(model.samples, method="published", rate_hz=10_000.0)
-    with pytest.raises(InputError, match="at 10000 Hz, a surface needs one at 1000 Hz"):
-        ModelSurface("fast", fast)
+
+
+def test_a_model_becomes_a_surface_of_any_rate(tmp_path):
+    mmt.load_model("felt").save(tmp_path / "stone.npz")
+    slow, fast = (get_surface(str(tmp_path / "stone.npz"), rate) for rate in (1000.0, 5000.0))
+    assert (slow.rate_hz, fast.rate_hz) == (1000.0, 5000.0)
+    below_hz, above_hz = np.arange(20.0, 450.0), np.arange(600.0, 2500.0)
+    one, other = (s.spectrum(120.0, 1.5, below_hz)[0] for s in (slow, fast))
+    assert np.sqrt(np.mean((10.0 * np.log10(other / one)) ** 2)) < 3.0
+    assert fast.spectrum(120.0, 1.5, above_hz).mean() < 0.1 * other.mean()
+    assert surface_from_annotations(slow.annotations()).rate_hz == 1000.0
+    again = surface_from_annotations(fast.annotations())
+    np.testing.assert_array_equal(again.coefficients, fast.coefficients)
+    assert again.rate_hz == 5000.0
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(1, 20), st.integers(1, 7), st.lists(st.integers(1, 9), min_size=1, max_size=9))
+def test_filters_side_by_side_are_those_of_scipy(order, filters, counts):
+    random = np.random.default_rng([order, filters])
+    poles = 0.9 * random.uniform(-1.0, 1.0, (filters, order))
+    polynomials = np.array([np.poly(each) for each in poles])
+    noise = random.standard_normal((sum(counts), filters))
+    outputs = np.zeros((order + len(noise), filters))
+    backward = np.ascontiguousarray(polynomials[:, :0:-1].T)
+    start = 0
+    for count in counts:
+        filter_side_by_side(backward, noise[start : start + count], outputs, start)
+        start += count
+    for each, polynomial in enumerate(polynomials):
+        expected = lfilter([1.0], polynomial, noise[:, each])
+        np.testing.assert_allclose(outputs[order:, each], expected, rtol=1e-6, atol=1e-6)
 
 
 def test_experiments_take_files_and_folders(tmp_path):

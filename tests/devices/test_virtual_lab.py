@@ -6,16 +6,20 @@ import sys
 import time
 from collections.abc import Iterator
 from itertools import pairwise
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from emulated_arm import until
+from sensor_reading import read_some
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.core.frames import empty_frames
 from mmt.devices.drivers import load_device
 from mmt.testing.emulated import drivers as drivers_module
 from mmt.testing.emulated.drivers import VirtualAdxl335, VirtualNetFt, VirtualRobot
-from mmt.testing.emulated.world import TICK_NS, World
+from mmt.testing.emulated.world import _BEHIND_TICKS, TICK_NS, World
 
 
 @pytest.fixture
@@ -46,6 +50,48 @@ def test_the_world_moves_smoothly_between_its_ticks(world: World) -> None:
     steps = [late - early for late, early in pairwise(places)]
     assert min(steps) > -0.01  # it may have arrived, and rest within the encoder's steps
     assert max(steps) < 0.5  # a quarter of a tick; without anything between, a whole one: 1 mm
+
+
+def test_the_world_shakes_as_fast_as_its_frames_tell() -> None:
+    """Its acceleration passes through the samples of each frame, each at its time."""
+    world = World("wood", 3, samples_per_frame=4)
+    ticks = 100
+    frames = empty_frames(ticks, samples_per_frame=4)
+    times_ms = np.arange(1, 4 * ticks + 1) / 4
+    frames["acceleration_m_s2"][:, :, 0] = np.sin(1.5 * times_ms).reshape(ticks, 4)
+    frames["position_mm"][:, 0] = np.arange(1, ticks + 1)
+    frames = frames[np.newaxis].T
+    world._follower = SimpleNamespace(step=lambda *_: frames[world._newest])
+    for tick in range(1, ticks + 1):
+        world._advance(tick)
+    for place_ms in (70.0, 70.1, 70.25, 71.9, 80.0):
+        time_ns = world._begun_ns + round((place_ms + _BEHIND_TICKS) * TICK_NS)
+        x, _, _ = world.acceleration_m_s2(time_ns)
+        assert x == pytest.approx(math.sin(1.5 * place_ms), abs=2e-3)
+        assert world.position_mm(time_ns)[0] == pytest.approx(place_ms)
+
+
+def test_the_labs_accelerometer_measures_at_twice_the_rate_of_its_world() -> None:
+    options = {"surface": "wood", "acceleration_rate_hz": 3000}
+    robot = load_device("virtual-robot", options)
+    sensor = load_device("virtual-adxl335", {**options, "band_hz": 1500}, role="accelerometer")
+    robot.connect()
+    sensor.connect()
+    try:
+        readings = read_some(sensor, 600)
+    finally:
+        sensor.close()
+        robot.close()
+    steps_ns = np.diff([reading.time_ns for reading in readings])
+    assert np.median(steps_ns) == pytest.approx(1e9 / 6000, abs=2000)
+    felt = np.mean([reading.value for reading in readings], axis=0)
+    assert math.hypot(*felt) == pytest.approx(9.81, abs=0.3)
+
+
+@pytest.mark.parametrize("rate_hz", [500, 1500, 11_000])
+def test_a_rate_that_a_frame_cannot_have_is_refused(rate_hz: int) -> None:
+    with pytest.raises(InputError, match="acceleration_rate_hz"):
+        VirtualRobot(acceleration_rate_hz=rate_hz)
 
 
 def test_a_surface_that_does_not_exist_is_explained() -> None:

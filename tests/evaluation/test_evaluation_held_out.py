@@ -107,6 +107,18 @@ def test_power_error_compares_exact_with_measured_power():
     assert result.power_error_db == pytest.approx(10.0, abs=1e-6)
 
 
+def test_what_is_not_felt_of_a_segment_is_left_out_of_its_power():
+    time_s = np.arange(4000) / 10_000.0
+    felt = 2.0 * np.sin(2.0 * np.pi * 200.0 * time_s)
+    recording = HeldOutRecording(
+        segment(0, 400, felt + 3.0 * np.sin(2.0 * np.pi * 3000.0 * time_s)), 10_000.0
+    )
+    assert recording.power == pytest.approx(2.0)
+    errors_db = recording.bands_db(2.0 * recording.amplitude)
+    assert np.isnan(errors_db[0])  # 10 to 15 Hz has no bin
+    np.testing.assert_allclose(errors_db[1:], 20.0 * np.log10(2.0))
+
+
 @pytest.mark.parametrize("length", [31, 64, 65, 130])
 def test_short_segments_are_scored(length):
     vibration = np.random.default_rng(length).standard_normal(length)

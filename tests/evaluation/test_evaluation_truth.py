@@ -1,11 +1,13 @@
 """The comparison with a known texture, against models that are right or wrong by design."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
-from mmt.evaluation.grid_errors import GRID_FORCE_N, GRID_SPEED_MM_S, Strokes
-from mmt.evaluation.levels import LEAST_POWER, output_power_at
-from mmt.evaluation.truth import KnownTexture, known_texture
+from mmt.evaluation.grid_errors import GRID_FORCE_N, GRID_SPEED_MM_S, Strokes, over_plane
+from mmt.evaluation.levels import LEAST_POWER, band_edges_hz, level_error_db, output_power_at
+from mmt.evaluation.truth import KnownTexture, TruthAt, known_texture
 from mmt.testing.simulation.modes import Resonance
 from mmt.testing.simulation.surfaces import Surface
 from mmt.testing.simulation.textures import SURFACES, get_surface
@@ -50,6 +52,19 @@ def model_of(
     return TextureModel(scaled, method="published")
 
 
+def resonant_model(rate_hz: float) -> TextureModel:
+    """Return a model of a resonance at 150 Hz and one at a third of the rate, the same anywhere."""
+    ar = np.ones(1)
+    for frequency_hz, bandwidth_hz in ((150.0, 60.0), (rate_hz / 3.0, rate_hz / 10.0)):
+        radius = np.exp(-np.pi * bandwidth_hz / rate_hz)
+        turn = np.cos(2.0 * np.pi * frequency_hz / rate_hz)
+        ar = np.convolve(ar, [1.0, -2.0 * radius * turn, radius**2])
+    lsf = np.tile(reflection_to_lsf(ar_to_reflection(ar[1:])), (GRID_FORCE_N.size, 1))
+    level = np.full(len(lsf), 100.0)
+    samples = TextureSamples.isotropic(GRID_SPEED_MM_S, GRID_FORCE_N, lsf, level, level)
+    return TextureModel(samples, method="published", rate_hz=rate_hz)
+
+
 @pytest.mark.parametrize("name", ["plastic", "sandpaper", "wood"])
 def test_model_of_exact_filters_has_no_error(name):
     truth = KnownTexture(get_surface(name))
@@ -74,6 +89,39 @@ def test_the_level_alone_is_that_of_all_errors():
     np.testing.assert_allclose(level_db, truth.plane.errors(model).power_error_db, atol=1e-9)
     few = truth.at(truth.plane.strokes.at(7))
     np.testing.assert_allclose(few.level_errors_db(model), level_db[7:8], atol=1e-9)
+
+
+@pytest.mark.parametrize("rate_hz", [1000.0, 2000.0, 5000.0, 10000.0])
+def test_at_any_rate_a_model_has_no_error_against_its_own_spectrum(rate_hz):
+    model = resonant_model(rate_hz)
+    strokes = over_plane()
+    inputs = strokes.inputs(model.space)
+    truth = TruthAt(strokes, lambda at: model.spectrum(*inputs.T, frequencies_hz=at), rate_hz)
+    errors = truth.errors(model)
+    assert errors.bands_db.shape == (144, len(band_edges_hz(rate_hz)) - 1)
+    for error_db in (errors.bands_db, errors.log_spectral_db, 1.0 - errors.gfc):
+        np.testing.assert_allclose(error_db, 0.0, atol=1e-6)
+    np.testing.assert_allclose(errors.power_error_db, 0.0, atol=0.02)
+    np.testing.assert_allclose(truth.level_errors_db(model), errors.power_error_db, atol=1e-9)
+    np.testing.assert_allclose(level_error_db(model, inputs, truth.power), 0.0, atol=0.1)
+
+
+@pytest.mark.parametrize("rate_hz", [5000.0, 10000.0])
+def test_what_is_not_felt_counts_by_bands_and_not_for_the_level(rate_hz):
+    model, strokes = resonant_model(rate_hz), over_plane()
+    inputs = strokes.inputs(model.space)
+
+    def louder_above(frequencies_hz, gain):
+        density = model.spectrum(*inputs.T, frequencies_hz=frequencies_hz)
+        return np.where(frequencies_hz > 1000.0, gain, 1.0) * density
+
+    own, other = (
+        TruthAt(strokes, partial(louder_above, gain=gain), rate_hz).errors(model)
+        for gain in (1.0, 4.0)
+    )
+    np.testing.assert_allclose(own.power_error_db, other.power_error_db, atol=1e-9)
+    above = band_edges_hz(rate_hz)[:-1] > 1000.0
+    np.testing.assert_allclose(other.bands_db[:, above], -6.0206, atol=1e-3)
 
 
 @pytest.mark.parametrize("name", [*(n for n, s in SURFACES.items() if s.isotropic), "pine"])

@@ -77,6 +77,7 @@ SMALL = {
         "MOMENTS_S": (0.5, 4.0, 6.0),
         "PERIODS_S": (1.0, 2.0),
         "ROUNDS": 1,
+        "RATES_KHZ": (1, 10),
     },
     conceal: {
         "SURFACES": ("wood",),
@@ -214,12 +215,15 @@ def test_before_the_first_model_nothing_is_right(results):
 
 
 def test_each_row_of_the_pipeline_has_an_error_and_what_an_update_costs(results):
-    (record,) = results["pipeline"].records
+    record, rates = results["pipeline"].records
     kinds = [(row["method"], row["update every (s)"]) for row in record.rows]
     assert kinds == [(method, period) for method in pipeline.METHODS for period in (1.0, 2.0)]
     for row in record.rows:
         assert 0.0 <= row["power error (dB)"] < 6.0
         assert 0.0 < row["an update (ms)"] <= row["longest update (ms)"] <= row["processing (ms)"]
+    orders = {row["acceleration (kHz)"]: row["order"] for row in rates.rows}
+    assert orders == {1: 16, 10: 64}
+    assert all(row["a second rendered (ms)"] > 0.0 for row in rates.rows)
 
 
 def test_the_exact_step_agrees_with_the_general_solver(results):

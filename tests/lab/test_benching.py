@@ -21,7 +21,7 @@ def test_an_unknown_stage_is_explained() -> None:
 
 
 def test_the_evaluation_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(evaluate, "EVALUATIONS", {6.0: 2})
+    monkeypatch.setattr(evaluate, "EVALUATIONS", {(6.0, 1): 2})
     _, figures = run_benches(["evaluate"])
     found = figures["evaluate"]["figures"]
     assert found["median_6_s"] > 0

@@ -10,13 +10,14 @@ from typer.testing import CliRunner
 
 from mmt.cli.main import app
 from mmt.core.errors import InputError
+from mmt.core.frames import acceleration_samples, empty_frames
 from mmt.evaluation.document import Table
-from mmt.evaluation.levels import BAND_EDGES_HZ, band_errors_db
+from mmt.evaluation.levels import BAND_EDGES_HZ, band_edges_hz, band_errors_db
 from mmt.testing.simulation.textures import SURFACES
 from mmt.texture.settings import START_SHARE, STOP_SHARE
 from mmt_lab.compare.cases import INHOMOGENEOUS, Case, recorded_cases, simulated_cases
 from mmt_lab.compare.judging import FIGURES, Certainty, Judged, check_methods, judge
-from mmt_lab.compare.spoiling import check_spoils
+from mmt_lab.compare.spoiling import MOMENT_S, check_spoils, spoilt
 from mmt_lab.compare.summary import RUN_TO_RUN_DB, MethodComparison
 from mmt_lab.compare.tables import (
     calibration_figure,
@@ -24,10 +25,11 @@ from mmt_lab.compare.tables import (
     errors_table,
     falls_table,
     largest_miscalibration,
+    rates_table,
     shares_table,
 )
 from mmt_lab.experiments.compare import findings, method_blocks, targets
-from mmt_lab.harness.experiment import chosen_textures
+from mmt_lab.harness.experiment import chosen_textures, rates_of
 from mmt_lab.harness.report import write_report
 
 TIMES = ("3 s", "10 s", "20 s", "30 s")
@@ -67,6 +69,16 @@ def test_bands_are_nine_of_one_ratio_and_see_a_gain_in_one_of_them_alone():
     assert np.abs(np.delete(errors.ravel(), 14)).max() < 1e-9
 
 
+@pytest.mark.parametrize("samples_per_frame", range(1, 11))
+def test_bands_of_every_rate_begin_with_the_nine_and_end_at_half_of_it(samples_per_frame):
+    edges = band_edges_hz(1000.0 * samples_per_frame)
+    np.testing.assert_allclose(edges[:9], BAND_EDGES_HZ[:9], rtol=1e-12)
+    assert edges[-1] == 500.0 * samples_per_frame
+    octaves = np.diff(np.log(edges)) / (np.log(50.0) / 9)
+    np.testing.assert_allclose(octaves[:-1], 1.0)
+    assert 0.5 < octaves[-1] < 1.5
+
+
 def test_every_texture_has_as_many_seeds_as_asked_and_a_group():
     textures = [*SURFACES, *INHOMOGENEOUS, "drawn-3"]
     cases = simulated_cases(10, textures)
@@ -98,6 +110,46 @@ def test_an_unknown_texture_or_method_is_refused_in_words():
         with pytest.raises(InputError, match="name some of published, field, field-"):
             check_methods(names)
     check_methods(["published", "field", "field-trust"])
+
+
+def test_rates_stand_beside_each_other_with_what_the_lowest_leaves_out():
+    def at(rate_hz, name, above):
+        bands_db = 1.0 + 2.0 * (np.sqrt(np.prod(pairs(rate_hz), axis=0)) > 1000.0)
+        one = replace(judged("field", 1, 0.5, name=name), bands_db=tuple(bands_db.tolist()))
+        return replace(one, acceleration_rate_hz=rate_hz, above_500_hz=above)
+
+    def pairs(rate_hz):
+        edges_hz = band_edges_hz(float(rate_hz))
+        return edges_hz[1:], edges_hz[:-1]
+
+    low = [at(1000, f"texture {place}", 0.0) for place in range(6)]
+    high = [at(10_000, f"texture {place}", 0.1 * place) for place in range(6)]
+    found = MethodComparison(("field",), (*low, *high))
+    assert found.several_rates
+    assert not MethodComparison(("field",), tuple(low)).several_rates
+    assert rates_table(found).rows == [
+        ["1", "field", "1.00", "-", "-", "0.500", "0.0 / 0.0"],
+        ["10", "field", "1.00", "1.00", "3.00", "0.500", "25.0 / 30.0"],
+    ]
+    assert rates_table(found) in method_blocks(found)
+
+
+def test_only_rates_of_a_scene_are_taken():
+    assert rates_of("1000,10000") == [1000, 10000]
+    for wrong in ("1500", "0", "11000", "quick", ""):
+        with pytest.raises(InputError, match="acceleration"):
+            rates_of(wrong)
+
+
+@pytest.mark.parametrize("count", [1, 5, 10])
+def test_a_moment_spoils_the_samples_of_its_time(count):
+    frames = empty_frames(20_000, samples_per_frame=count)
+    frames["time_ns"] = np.arange(20_000) * 1_000_000
+    where = np.flatnonzero(acceleration_samples(spoilt(frames, "spike", 1))[:, 2])
+    assert where.tolist() == [count * (round(1000.0 * MOMENT_S) + 1) - 1]
+    knocked = np.flatnonzero(acceleration_samples(spoilt(frames, "knock", 1))[:, 2])
+    assert knocked[0] == where[0] + 1
+    assert len(knocked) == 10 * count - 1
 
 
 def make_stroke(path: Path, speed_mm_s: float) -> Path:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 
 from mmt.core.frames import frame_dtype
-from mmt.leader.output.concealment import LONGEST_SAMPLES, build_concealment, course
+from mmt.leader.output.concealment import LONGEST_FRAMES, build_concealment, course
 from mmt.leader.output.playout import PlayoutBuffer
 from mmt.leader.output.stream import StreamedVibration
 
@@ -31,8 +31,8 @@ def play(way, values, missing=(), seed=1):
     output = []
     for k, value in enumerate(values):
         if k not in lost:
-            buffer.push(k, k * MS, k * MS, value)
-        output.append(buffer.pull(k * MS))
+            buffer.push(k, k * MS, k * MS, (value,))
+        output.extend(buffer.pull(k * MS))
     return np.array(output), buffer.statistics()
 
 
@@ -86,7 +86,7 @@ def test_the_joint_of_a_model_is_as_smooth_as_the_signal():
 def test_nothing_is_invented_for_longer_than_a_tenth_of_a_second(way):
     values = textured(1500)
     output, _ = play(way, values, range(500, 1200))
-    assert (output[500 + DELAY + LONGEST_SAMPLES + 20 : 1200 + DELAY] == 0.0).all()
+    assert (output[500 + DELAY + LONGEST_FRAMES + 20 : 1200 + DELAY] == 0.0).all()
     heard = np.std(output[500 + DELAY : 550 + DELAY]) / np.std(values)
     assert heard > 0.5 if way != "silence" else heard < 0.5
 
@@ -116,7 +116,7 @@ def test_the_seed_decides_what_is_invented():
     assert (first != other).any()
 
 
-@pytest.mark.parametrize("invented", [0, 30, 50, 77, 99, LONGEST_SAMPLES])
+@pytest.mark.parametrize("invented", [0, 30, 50, 77, 99, LONGEST_FRAMES])
 def test_the_level_never_falls_faster_than_a_fade(invented):
     gains = np.concatenate([[1.0], course(invented)])
     assert (np.diff(gains) <= 0.0).all()
@@ -144,4 +144,4 @@ def output_of(frames):
     for k in range(3000):
         if k in at:
             vibration.on_frames(at[k], k * MS)
-        yield buffer.pull(k * MS)
+        yield from buffer.pull(k * MS)

@@ -40,6 +40,10 @@ class Handle(Device):
 class Actuator(Device):
     def write(self, samples_m_s2):
         pass
+
+class FastActuator(Actuator):
+    def set_rate(self, rate_hz):
+        self.calls.append(rate_hz)
 """
 
 
@@ -72,6 +76,25 @@ def test_handle_and_actuator_are_made_by_their_drivers_with_their_options(driver
     assert parts.close() == []
     for device in (hand.handle.device, vibration.reconnecting.device):
         assert device.calls == ["connect", "calibrate", "close"]
+
+
+@pytest.mark.parametrize("rate_hz", [1000, 5000])
+def test_an_actuator_learns_the_rate_before_it_is_connected(drivers: str, rate_hz: int) -> None:
+    tables = scene(drivers).dump()
+    tables["session"]["acceleration_rate_hz"] = rate_hz
+    tables["actuator"]["driver"] = f"{drivers}:FastActuator"
+    parts = build_parts(Session(scene_from_tables(tables)))
+    parts.connect()
+    assert parts.close() == []
+    calls = parts.vibration.reconnecting.device.calls
+    assert calls == [float(rate_hz), "connect", "calibrate", "close"]
+
+
+def test_an_actuator_of_1_khz_alone_is_refused_at_the_start(drivers: str) -> None:
+    tables = scene(drivers).dump()
+    tables["session"]["acceleration_rate_hz"] = 5000
+    with pytest.raises(InputError, match=r"plays 1000 samples a second.*_hz is 5000"):
+        build_parts(Session(scene_from_tables(tables)))
 
 
 def test_a_handle_that_does_not_answer_is_named(drivers: str) -> None:

@@ -1,3 +1,5 @@
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -20,8 +22,9 @@ def play(
     for tick in range(ticks):
         now = start_ns + tick * MS
         while waiting and waiting[0][2] <= now:
-            buffer.push(*waiting.pop(0))
-        output.append(buffer.pull(now))
+            *frame, value = waiting.pop(0)
+            buffer.push(*frame, (value,))
+        output.extend(buffer.pull(now))
     return np.array(output)
 
 
@@ -131,8 +134,8 @@ def test_a_step_in_a_clock_is_not_heard(step_s: float, of_follower: bool) -> Non
         stepped = step_ns if k >= 3000 else 0
         leader_ns = start_ns + k * MS + (0 if of_follower else stepped)
         follower_ns = k * MS + (stepped if of_follower else 0)
-        buffer.push(k, follower_ns, leader_ns + 3 * MS, float(k + 1))
-        output.append(buffer.pull(leader_ns + 3 * MS))
+        buffer.push(k, follower_ns, leader_ns + 3 * MS, (float(k + 1),))
+        output.extend(buffer.pull(leader_ns + 3 * MS))
     steps = np.diff(output[100:])
     assert (steps == 1.0).mean() > 0.998
     assert buffer.statistics().bridged < 3
@@ -172,16 +175,18 @@ def test_the_automatic_delay_follows_the_99th_percentile_not_the_slowest_frame()
 
 
 class Bare:
-    """Plays what there is, and -1 for what is missing."""
+    """Plays what there is, -1 for what is missing, and 0 before there was anything."""
 
     def __init__(self, *, silent: bool = False) -> None:
         self.silent = silent
+        self._missing = (0.0,)
 
-    def play(self, value: float) -> float:
-        return value
+    def play(self, values: Sequence[float]) -> Sequence[float]:
+        self._missing = (-1.0,)
+        return values
 
-    def bridge(self) -> float:
-        return -1.0
+    def bridge(self) -> Sequence[float]:
+        return self._missing
 
 
 def steady(ticks: int, *, silent: bool = False) -> PlayoutBuffer:
@@ -189,7 +194,7 @@ def steady(ticks: int, *, silent: bool = False) -> PlayoutBuffer:
     buffer = PlayoutBuffer(5.0, concealment=Bare(silent=silent))
     play(buffer, stream(1000, 3.0)[: ticks - 3], ticks)
     for k in range(ticks - 3, 1000):
-        buffer.push(k, k * MS, (k + 3) * MS, float(k + 1))
+        buffer.push(k, k * MS, (k + 3) * MS, (float(k + 1),))
     return buffer
 
 
@@ -238,8 +243,8 @@ def test_the_delay_before_the_first_frame(given: dict[str, float], delay_ms: flo
 def test_the_age_of_a_sample_counts_from_the_quickest_frame() -> None:
     buffer = PlayoutBuffer(5.0)
     assert buffer.age_ms(0) is None
-    buffer.push(0, 0, 3 * MS, 1.0)
-    buffer.push(1, MS, 11 * MS, 1.0)
+    buffer.push(0, 0, 3 * MS, (1.0,))
+    buffer.push(1, MS, 11 * MS, (1.0,))
     assert buffer.age_ms(None) is None
     assert buffer.age_ms(0) == 8.0
     assert buffer.age_ms(1_234_567) == 9.235
@@ -248,7 +253,7 @@ def test_the_age_of_a_sample_counts_from_the_quickest_frame() -> None:
 @pytest.mark.parametrize(("step_ns", "noticed"), [(100 * MS, False), (100 * MS + 1, True)])
 def test_a_clock_has_stepped_where_it_is_more_than_100_ms_off(step_ns: int, noticed: bool) -> None:
     follower = steady(500)
-    follower.push(1000, 1000 * MS - step_ns, 1003 * MS, 1.0)
+    follower.push(1000, 1000 * MS - step_ns, 1003 * MS, (1.0,))
     follower.pull(500 * MS)
     assert follower.statistics().resyncs == (not noticed)
     leader = steady(500)
@@ -258,7 +263,7 @@ def test_a_clock_has_stepped_where_it_is_more_than_100_ms_off(step_ns: int, noti
 
 def test_a_gap_in_the_stream_is_no_step_of_a_clock() -> None:
     buffer = steady(500)
-    buffer.push(1300, 1300 * MS, 1323 * MS, 1.0)
+    buffer.push(1300, 1300 * MS, 1323 * MS, (1.0,))
     assert buffer.age_ms(0) == 8.0
 
 
@@ -278,7 +283,7 @@ def test_the_automatic_delay_is_judged_every_hundred_ticks(
 ) -> None:
     buffer = PlayoutBuffer()
     for k, late in enumerate(late_ms):
-        buffer.push(k, k * MS, k * MS + round(late * MS), 1.0)
+        buffer.push(k, k * MS, k * MS + round(late * MS), (1.0,))
     for tick in range(99):
         buffer.pull(tick * MS)
     assert buffer.statistics().delay_ms == 2.0
@@ -294,7 +299,7 @@ def test_from_51_samples_on_the_playout_jumps() -> None:
         assert buffer.statistics().resyncs == resyncs
         for _ in range(21 * 50):  # the 50 samples are worked off by slips
             now += MS
-            buffer.push(now // MS, now, now + 3 * MS, 1.0)
+            buffer.push(now // MS, now, now + 3 * MS, (1.0,))
             buffer.pull(now)
 
 
@@ -304,7 +309,7 @@ def test_a_difference_of_two_samples_is_worked_off_every_twenty_ticks(
 ) -> None:
     buffer, sign = steady(501), np.sign(jump_ms)
     played = [buffer.pull((501 + jump_ms + k) * MS) for k in range(60)]
-    steps = np.diff([493.0, *played])
+    steps = np.diff([493.0, *np.ravel(played)])
     expected = np.ones(60)
     expected[[18, 38][:slips]] += sign  # in tick 520 and 540
     assert steps.tolist() == expected.tolist()
@@ -316,5 +321,5 @@ def test_in_silence_a_difference_of_two_samples_is_made_up_for_at_once(
     jump_ms: int, heard: float
 ) -> None:
     buffer = steady(501, silent=True)
-    assert buffer.pull((501 + jump_ms) * MS) == heard
+    assert buffer.pull((501 + jump_ms) * MS) == (heard,)
     assert buffer.statistics().slips == 0

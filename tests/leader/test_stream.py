@@ -29,7 +29,7 @@ def played(stream: StreamedVibration, buffer: PlayoutBuffer, frames: RecordArray
     for frame in frames:
         now_ns = int(frame["time_ns"])
         stream.on_frames(np.atleast_1d(frame), now_ns)
-        output.append(buffer.pull(now_ns))
+        output.extend(buffer.pull(now_ns))
     return np.array(output)
 
 
@@ -70,7 +70,7 @@ def test_three_axes_give_a_channel_of_their_power_and_spectrum(kind: str) -> Non
         "one axis": np.column_stack([first, 0.0 * first, 0.0 * first]),
     }[kind]
     together = ThreeAxes(1000.0)
-    played = np.array([together.step(tuple(sample)) for sample in axes.tolist()])[1000:]
+    played = np.array([together.steps((x,), (y,), (z,))[0] for x, y, z in axes.tolist()])[1000:]
     axes = axes[1000:]
     level_db = 10.0 * np.log10(np.mean(played**2) / np.mean(np.sum(axes**2, axis=1)))
     assert abs(level_db) < 0.1

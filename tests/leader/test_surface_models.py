@@ -83,7 +83,7 @@ class Leader:
         recording = RecordingPart(self.session)
         self.recording: Any = recording
         self.recording.recorder = self.recorder
-        self.switch = VibrationSwitch(lambda _: -1.0, sounding, crossfade_samples=FADE)
+        self.switch = VibrationSwitch(lambda _: (-1.0,), sounding, crossfade_samples=FADE)
         vibration: Any = SimpleNamespace(switch=self.switch, response=lambda: None)
         rendering = SynthesizingPart(sounding, sounding)
         self.said: list[str] = []

@@ -21,12 +21,14 @@ class Noise:
     def render(self, speed_mm_s: np.ndarray, force_n: np.ndarray) -> np.ndarray:
         return self.generator.standard_normal(len(speed_mm_s))
 
-    def __call__(self, now_ns: int) -> float:
-        return float(self.generator.standard_normal())
+    def __call__(self, now_ns: int) -> list[float]:
+        return [float(self.generator.standard_normal())]
 
 
 def make(streamed: float = 1.0, synthesized: float = 2.0, fade: int = 50) -> VibrationSwitch:
-    return VibrationSwitch(lambda now_ns: streamed, Constant(synthesized), crossfade_samples=fade)
+    return VibrationSwitch(
+        lambda now_ns: (streamed,), Constant(synthesized), crossfade_samples=fade
+    )
 
 
 def run(switch: VibrationSwitch, count: int) -> np.ndarray:
@@ -81,7 +83,7 @@ def test_without_a_stream_it_fades_from_silence() -> None:
 
 
 def test_without_a_model_it_stays_with_the_stream() -> None:
-    switch = VibrationSwitch(lambda now_ns: 1.0, None, crossfade_samples=10)
+    switch = VibrationSwitch(lambda now_ns: (1.0,), None, crossfade_samples=10)
     switch.use_model(True)
     assert (run(switch, 20) == 1.0).all()
     assert switch.mode == "streamed"
@@ -112,9 +114,9 @@ def test_no_crossfade_switches_at_once() -> None:
 def test_each_missed_tick_gets_its_own_time_and_sample() -> None:
     seen: list[int] = []
 
-    def streamed(now_ns: int) -> float:
+    def streamed(now_ns: int) -> tuple[float]:
         seen.append(now_ns)
-        return float(len(seen))
+        return (float(len(seen)),)
 
     switch = VibrationSwitch(streamed, None, crossfade_samples=0)
     output = switch.render(10_000_000, ONES(3), ONES(3))

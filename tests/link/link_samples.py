@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mmt.core.arrays import RecordArray
-from mmt.core.frames import COMMAND_DTYPE, Channel, frame_dtype
+from mmt.core.frames import COMMAND_DTYPE, FIELD_OF_CHANNEL, Channel, channels_of, frame_dtype
 from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.protocol import FollowerHello
 from mmt.link.server import LeaderEvents, LeaderServer
@@ -24,6 +24,18 @@ def frames(first: int, count: int = 1, time_ns: int = 1) -> RecordArray:
     block["time_ns"] = time_ns
     block["position_mm"] = block["sequence"][:, None] + np.array([0.25, 0.5, 0.75])
     block["force_n"] = -1.5
+    return block
+
+
+def drawn_frames(first: int, count: int, dtype: np.dtype[np.void], seed: int = 1) -> RecordArray:
+    """Frames of any layout with numbers of their own in every place."""
+    random = np.random.default_rng([seed, first])
+    block = np.zeros(count, dtype=dtype)
+    block["sequence"] = np.arange(first, first + count)
+    block["time_ns"] = block["sequence"].astype(np.int64) * 1_000_000
+    for channel in channels_of(dtype):
+        values = block[FIELD_OF_CHANNEL[channel]]
+        block[FIELD_OF_CHANNEL[channel]] = random.normal(0.0, 100.0, values.shape)
     return block
 
 
@@ -87,10 +99,15 @@ async def leader(
     notes: LeaderNotes | None = None,
     events: LeaderEvents | None = None,
     channels: tuple[Channel, ...] = CHANNELS,
+    samples_per_frame: int = 1,
     **link: Any,
 ) -> AsyncIterator[LeaderServer]:
-    settings = Link(**{"port": 0, **link})
-    server = LeaderServer(settings, channels, events or (notes or LeaderNotes()).events())
+    server = LeaderServer(
+        Link(**{"port": 0, **link}),
+        channels,
+        events or (notes or LeaderNotes()).events(),
+        samples_per_frame=samples_per_frame,
+    )
     await server.start()
     try:
         yield server

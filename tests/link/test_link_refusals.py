@@ -29,6 +29,7 @@ from mmt.link.server import LeaderServer
 from mmt.scene import Link
 
 GOOD = hello().to_auth()
+SEVERAL = {**GOOD, "protocol": 2, "samples_per_frame": 5}
 
 
 @pytest.fixture
@@ -48,7 +49,11 @@ def without(key: str) -> dict[str, object]:
         ([], "hello is missing"),
         ("follower", "hello is missing"),
         (without("protocol"), "lacks 'protocol'"),
-        ({**GOOD, "protocol": 2}, "link protocol 2, the leader 1: install the same version"),
+        ({**GOOD, "protocol": 3}, "link protocol 3, the leader 1 and 2: install the same version"),
+        ({**GOOD, "protocol": 2}, "lacks 'samples_per_frame'"),
+        ({**SEVERAL, "samples_per_frame": 0}, "samples_per_frame is 0: allowed is 1 to 10"),
+        ({**SEVERAL, "samples_per_frame": 11}, "samples_per_frame is 11"),
+        ({**SEVERAL, "samples_per_frame": 5.0}, "'samples_per_frame' is a float"),
         ({**GOOD, "protocol": "1"}, "'protocol' is a str: allowed is int"),
         ({**GOOD, "protocol": True}, "'protocol' is a bool: allowed is int"),
         ({**GOOD, "rate_hz": 500}, "streams at 500 Hz, the leader's scene expects 1000 Hz"),

@@ -17,6 +17,7 @@ from frame_samples import made_frames
 from service_processes import LONGEST_S
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.core.frames import acceleration_samples
 from mmt.session.data import RecordedSession
 from mmt_bridges.lerobot.dataset import state_names
 from mmt_bridges.lerobot.handle import ActionHandle
@@ -291,19 +292,24 @@ class Remote:
     connected = True
 
 
-def observing(remote: Remote) -> ObservingPart:
+def observing(remote: Remote, samples_per_frame: int = 1) -> ObservingPart:
     import asyncio
 
     scene = session_scene(Settings("demo"))
     hand = SimpleNamespace(device=None, command_mm=(1.0, 2.0, 3.0))
-    session = SimpleNamespace(scene=scene, remote=remote)
+    session = SimpleNamespace(scene=scene, remote=remote, samples_per_frame=samples_per_frame)
     return ObservingPart(session, hand, asyncio.Event())  # type: ignore[arg-type]
 
 
-def test_a_state_is_a_row_of_the_export() -> None:
-    frames = made_frames(0, 1000)
+@pytest.mark.parametrize("samples", [1, 5])
+def test_a_state_is_a_row_of_the_export(samples: int) -> None:
+    frames = made_frames(0, 1000, samples_per_frame=samples)
+    shape = frames["acceleration_m_s2"].shape
+    frames["acceleration_m_s2"] = np.random.default_rng(5).normal(0.0, 3.0, shape)
     rows = low_rate_rows(RecordedSession(frames), 50)["observation.state"]
-    part = observing(Remote())
+    every = acceleration_samples(frames[:20]).astype(float)
+    assert rows[0][-1] == pytest.approx(math.sqrt(every.var(axis=0).sum()), rel=1e-6)
+    part = observing(Remote(), samples)
     for k, row in enumerate(rows):
         for one in frames[20 * k : 20 * k + 20]:
             part.on_frames(np.array([one]), 0)

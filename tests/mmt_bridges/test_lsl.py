@@ -13,6 +13,7 @@ import pytest
 from frame_samples import made_frames
 
 from mmt.core.errors import InputError
+from mmt.core.frames import acceleration_samples
 from mmt.leader import publishing
 from mmt.leader.building import LeaderParts
 from mmt.leader.part import Session
@@ -75,7 +76,12 @@ def stream_info(
 class Running:
     """The part in a session whose follower's clock is known, with its outlets."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, **link: object) -> None:
+    def __init__(
+        self,
+        monkeypatch: pytest.MonkeyPatch,
+        session: dict[str, object] | None = None,
+        **link: object,
+    ) -> None:
         made: list[Outlet] = []
 
         def outlet(info: Info, max_buffered: int) -> Outlet:
@@ -95,6 +101,7 @@ class Running:
         monkeypatch.setattr(publishing, "clock_ahead_ns", lambda _: AHEAD_NS)
         self.said: list[str] = []
         tables = {"link": link, "simulated": {}, "hand": {}, "lsl": {"chunk_ms": 1}}
+        tables["session"] = session or {}
         self.session = Session(scene_from_tables(tables), self.said.append, lambda: 1.25)
         self.remote = SimpleNamespace(clock_offset_ns=OFFSET_NS, follower_time_ns=0)
         self.session.remote = self.remote  # type: ignore[assignment]
@@ -103,7 +110,7 @@ class Running:
         self.part = part
         self.session.parts.add(part)
         part.connect()
-        self.frames, self.events = made
+        self.frames, *self.faster, self.events = made
 
     def send(self, frames: Any, follower_time_ns: int | None = None) -> None:
         newest_ns = int(frames["time_ns"][-1])
@@ -137,6 +144,28 @@ def test_stamps_are_the_followers_by_the_leaders_clock_by_that_of_lsl(running: R
     values = np.array([values for _, values in running.frames.samples], np.float32)
     for column, field in (0, "position_mm"), (3, "force_n"), (6, "acceleration_m_s2"):
         np.testing.assert_array_equal(values[:, column : column + 3], gap[field])
+
+
+def test_several_samples_of_acceleration_a_frame_have_a_stream_of_their_own(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    running = Running(monkeypatch, {"acceleration_rate_hz": 5000})
+    running.part.begin()
+    (faster,) = running.faster
+    named = [(outlet.info["name"], outlet.info["rate_hz"]) for outlet in (running.frames, faster)]
+    assert named == [("mmt-frames", 1000.0), ("mmt-acceleration", 5000.0)]
+    frames = made_frames(10, 40, samples_per_frame=5)
+    running.send(frames)
+    assert running.end()["frames"] == 40
+    shift_ns = AHEAD_NS - OFFSET_NS
+    slow_s, slow = zip(*running.frames.samples, strict=True)
+    assert list(slow_s) == ((frames["time_ns"] + shift_ns) / 1e9).tolist()
+    expected = np.concatenate([frames["position_mm"], frames["force_n"]], axis=1)
+    np.testing.assert_array_equal(np.array(slow, np.float32), expected)
+    fast_s, fast = zip(*faster.samples, strict=True)
+    first_ns = 9_200_000 + shift_ns
+    assert list(fast_s) == (np.arange(first_ns, first_ns + 40_000_000, 200_000) / 1e9).tolist()
+    np.testing.assert_array_equal(np.array(fast, np.float32), acceleration_samples(frames))
 
 
 def test_a_follower_that_was_started_anew_is_stamped_by_its_own_clock(running: Running) -> None:

@@ -15,6 +15,7 @@ import pytest
 from frame_samples import made_frames
 
 from mmt.core.errors import InputError
+from mmt.core.frames import acceleration_samples
 from mmt.leader.building import LeaderParts
 from mmt.leader.part import Part, Session
 from mmt.scene.files import scene_from_tables
@@ -94,7 +95,7 @@ class Output(Part):
 class Running:
     """The part in a session whose follower's clock is known, with its process."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, folder: Path, samples: int = 1) -> None:
         for name, text in STAND_IN.items():
             (folder / name).parent.mkdir(exist_ok=True)
             (folder / name).write_text(text)
@@ -104,6 +105,7 @@ class Running:
         monkeypatch.syspath_prepend(str(folder))
         self.said: list[str] = []
         tables = {"link": {}, "simulated": {}, "hand": {}}
+        tables["session"] = {"acceleration_rate_hz": 1000 * samples}
         scene = scene_from_tables({**tables, "ros": {"namespace": "bench", "chunk_ms": 1}})
         self.session = Session(scene, self.said.append, lambda: 1.25)
         self.remote = SimpleNamespace(clock_offset_ns=OFFSET_NS, follower_time_ns=0)
@@ -186,6 +188,28 @@ def test_frames_are_published_to_the_bit_with_their_times_by_utc(running: Runnin
     assert np.diff(stamps_ns).tolist() == np.diff(frames["time_ns"]).tolist()
     expected_ns = int(frames["time_ns"][0]) - OFFSET_NS + ahead_ns
     assert abs(stamps_ns[0] - expected_ns) < 1_000_000_000
+
+
+def test_each_sample_of_acceleration_is_published_with_a_stamp_of_its_own(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    pytest.importorskip("rosbags", reason="needs the extra 'import'")
+    running = Running(monkeypatch, tmp_path, samples=5)
+    running.part.begin()
+    frames = made_frames(0, 50, samples_per_frame=5)
+    frames["acceleration_m_s2"] = np.random.default_rng(5).normal(size=(50, 5, 3))
+    running.send(frames)
+    assert running.end()["frames"] == 50
+    got = running.published()
+    messages = got["/bench/acceleration"]
+    values = vectors([message.linear_acceleration for message in messages])
+    np.testing.assert_array_equal(values, acceleration_samples(frames))
+    stamps_ns = [stamp_ns(message.header.stamp) for message in messages]
+    assert np.diff(stamps_ns).tolist() == 249 * [200_000]
+    force_ns = [stamp_ns(message.header.stamp) for message in got["/bench/force"]]
+    assert stamps_ns[4::5] == force_ns
+    made = {line["made"]: line["qos"] for line in running.lines() if "made" in line}
+    assert made["/bench/acceleration"]["depth"] == 5000
 
 
 def test_events_scene_and_each_model_are_published_and_kept(running: Running) -> None:

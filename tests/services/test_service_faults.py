@@ -216,7 +216,11 @@ async def test_a_port_that_is_taken_leaves_an_older_recording_alone(tmp_path: Pa
 @pytest.mark.parametrize(
     ("hello", "sentence"),
     [
-        ({"protocol": 2}, "link protocol 2, the leader 1: install the same version of mmt"),
+        (
+            {"samples_per_frame": 5},
+            "sends 5 samples of acceleration a frame, the leader's scene needs 1 "
+            r"\(acceleration_rate_hz of \[session\]\): use the same scene on both",
+        ),
         ({"channels": ("position",)}, "sends position, the leader's scene needs position, force"),
         ({"rate_hz": 500}, "streams at 500 Hz, the leader's scene expects 1000 Hz"),
     ],

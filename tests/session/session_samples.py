@@ -15,14 +15,16 @@ def made_frames(
     *,
     seed: int = 1,
     steps: npt.ArrayLike | None = None,
+    samples_per_frame: int = 1,
 ) -> RecordArray:
     """Frames with random values and jittered times; `steps` are the sequence's jumps."""
     rng = np.random.default_rng(seed)
-    frames = np.zeros(count, dtype=frame_dtype(channels))
+    frames = np.zeros(count, dtype=frame_dtype(channels, samples_per_frame))
     jumps = np.ones(max(0, count - 1), dtype=np.int64) if steps is None else np.asarray(steps)
     sequence = np.concatenate([[0], np.cumsum(jumps)])[:count]
     frames["sequence"] = sequence
     frames["time_ns"] = START_NS + sequence * 1_000_000 + rng.integers(0, 20_000, count)
     for channel in channels:
-        frames[FIELD_OF_CHANNEL[channel]] = rng.normal(size=(count, 3)) * 10
+        field = frames[FIELD_OF_CHANNEL[channel]]
+        field[...] = rng.normal(size=field.shape) * 10
     return frames

@@ -291,9 +291,9 @@ def test_somebody_elses_mcap_is_refused_with_its_topics(tmp_path):
 
 
 def test_a_newer_format_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("mmt.session.mcap_writer.FORMAT_VERSION", 3)
-    write_session(tmp_path / "new.mcap", made_frames(5))
-    with pytest.raises(InputError, match=r"format version 3.*update mmt-haptics"):
+    monkeypatch.setattr("mmt.session.mcap_writer.FORMAT_VERSION", 4)
+    write_session(tmp_path / "new.mcap", made_frames(5, samples_per_frame=2))
+    with pytest.raises(InputError, match=r"format version 4.*update mmt-haptics"):
         read_session(tmp_path / "new.mcap")
 
 

@@ -215,6 +215,16 @@ def test_what_cannot_be_replayed_is_refused():
             ReplaySource(session, ("force",), speed=speed)
 
 
+def test_a_recording_of_another_rate_is_refused_with_what_to_write():
+    session = session_of(made_frames(5, samples_per_frame=4))
+    with pytest.raises(InputError, match=r"at 4000 Hz.*at 1000: write acceleration_rate_hz = 4000"):
+        ReplaySource(session, CHANNELS)
+    assert ReplaySource(session, ("force",)).step(1, 10**9)["force_n"].shape == (5, 3)
+    source = ReplaySource(session, CHANNELS, samples_per_frame=4)
+    sent = source.step(1, 10**9)["acceleration_m_s2"]
+    np.testing.assert_array_equal(sent, session.frames["acceleration_m_s2"])
+
+
 def test_it_is_a_follower_source():
     source: FollowerSource = ReplaySource(session_of(even_frames(2)), CHANNELS)
     source.start(START_NS)

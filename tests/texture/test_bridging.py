@@ -60,7 +60,7 @@ def test_the_fill_has_the_least_errors_of_prediction(seed: int) -> None:
     unknown[stop + 2 : stop + 2 + seed % 3] = True
     filled = x[:, None].copy()
     filled[unknown] = 1e3
-    fill(filled, unknown, start, stop, start, newest)
+    fill(filled, unknown, start, stop, start, newest, 1)
 
     past = x[start - HISTORY : start]
     taps = np.r_[1.0, reflection_to_ar(burg(past - past.mean(), ORDER).reflection)]
@@ -83,7 +83,7 @@ def test_tones_are_restored(length: int) -> None:
     unknown = np.zeros(len(x), np.bool_)
     unknown[300 : 300 + length] = True
     filled[unknown] = np.nan
-    fill(filled, unknown, 300, 300 + length, 300, 311)
+    fill(filled, unknown, 300, 300 + length, 300, 311, 1)
     np.testing.assert_allclose(filled[:, 0], x, atol=1e-2)
 
 
@@ -94,7 +94,7 @@ def test_a_constant_is_filled_with_itself(value: float, history: int) -> None:
     unknown = np.zeros(330, np.bool_)
     unknown[300:305] = True
     filled[unknown] = np.nan
-    fill(filled, unknown, 300, 305, history, 312)
+    fill(filled, unknown, 300, 305, history, 312, 1)
     np.testing.assert_allclose(filled, value)
 
 

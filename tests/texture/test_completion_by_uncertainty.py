@@ -72,7 +72,7 @@ def motion(
         velocity_mm_s=velocity,
         speed_mm_s=np.full(count, speed_mm_s),
         normal_force_n=np.full(count, force_n),
-        vibration_m_s2=np.zeros((count, 1)),
+        vibration_m_s2=np.zeros((count, 1, 1)),
         valid=np.full(count, valid),
         measured=np.ones(count, np.bool_),
     )

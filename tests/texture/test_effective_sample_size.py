@@ -19,14 +19,14 @@ from mmt.texture.settings import ModellingSettings
 
 def test_white_noise_is_worth_all_its_samples_and_a_first_order_filter_what_bartlett_says():
     filters = np.array([[1e-12], [-0.6], [0.9]])
-    found = effective_samples(reflection_to_lsf(filters), np.array([200, 400, 1000]))
+    found = effective_samples(reflection_to_lsf(filters), np.array([200, 400, 1000]), 1000.0)
     share = (1 - filters[:, 0] ** 2) / (1 + filters[:, 0] ** 2)
     np.testing.assert_allclose(found, share * [200, 400, 1000], rtol=1e-6)
 
 
 def test_a_line_that_nothing_resolves_is_worth_the_least_and_no_samples_give_none():
-    assert effective_samples(np.array([[1.0, 1.0 + 1e-9]]), np.array([150])) == LEAST
-    assert effective_samples(np.empty((0, 4)), np.empty(0)).shape == (0,)
+    assert effective_samples(np.array([[1.0, 1.0 + 1e-9]]), np.array([150]), 1000.0) == LEAST
+    assert effective_samples(np.empty((0, 4)), np.empty(0), 1000.0).shape == (0,)
 
 
 def test_the_power_of_segments_scatters_as_their_effective_length_says():
@@ -39,7 +39,7 @@ def test_the_power_of_segments_scatters_as_their_effective_length_says():
         if tick >= 300:
             kept.append(x)
     logarithm = np.log(np.mean(np.square(kept), axis=0) * (1 - 0.64))
-    effective = effective_samples(reflection_to_lsf(reflection[None]), np.array([300]))
+    effective = effective_samples(reflection_to_lsf(reflection[None]), np.array([300]), 1000.0)
     half = 0.5 * effective[0]  # of a chi-square number over its degrees of freedom
     mean, variance = digamma(half) - np.log(half), polygamma(1, half)
     assert np.mean(logarithm) == pytest.approx(mean, abs=4 * np.sqrt(variance / 4000))
@@ -79,5 +79,5 @@ def test_segments_of_narrow_lines_are_worth_what_their_spectrum_says_whatever_th
         alone = np.array([fit.effective for fit in fits])
         counts = np.full(60, float(count))
         assert np.log(alone.mean() / exact) == pytest.approx(0.0, abs=0.25)
-        rough = effective_samples(np.array([fit.lsf for fit in fits]), counts)
+        rough = effective_samples(np.array([fit.lsf for fit in fits]), counts, 1000.0)
         assert np.log(rough.mean() / exact) > 0.35

@@ -20,7 +20,7 @@ def stroke(count, first=0, speed=100.0, force=1.0, seed=0):
         velocity_mm_s=np.tile([0.6 * speed, 0.8 * speed], (count, 1)),
         speed_mm_s=np.full(count, speed),
         normal_force_n=np.full(count, force),
-        vibration_m_s2=2.0 * random.standard_normal((count, 1)),
+        vibration_m_s2=2.0 * random.standard_normal((count, 1, 1)),
         valid=np.ones(count, np.bool_),
         measured=np.ones(count, np.bool_),
     )
@@ -53,7 +53,7 @@ def test_how_the_stream_comes_changes_no_block(step):
 
 def test_three_axes_have_the_power_of_all():
     part = stroke(200)
-    three = AlignedBlock(**{**vars(part), "vibration_m_s2": np.repeat(part.vibration_m_s2, 3, 1)})
+    three = AlignedBlock(**{**vars(part), "vibration_m_s2": np.repeat(part.vibration_m_s2, 3, 2)})
     np.testing.assert_allclose(cutter().cut([three]).power, 3.0 * cutter().cut([part]).power)
 
 

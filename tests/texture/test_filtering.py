@@ -150,7 +150,7 @@ def test_channels_equal_scipys_filters() -> None:
     force_n = settled(low, frames["force_n"][:, 1:2].astype(float))[delay:, 0]
     np.testing.assert_allclose(aligned.normal_force_n, np.maximum(force_n, 0.0), atol=1e-10)
     vibration = settled(high, frames["acceleration_m_s2"][:, :1].astype(float))
-    np.testing.assert_allclose(aligned.vibration_m_s2, vibration[:-delay], atol=1e-10)
+    np.testing.assert_allclose(aligned.vibration_m_s2[:, 0], vibration[:-delay], atol=1e-10)
 
 
 def test_equals_the_filter_of_the_streamed_vibration() -> None:
@@ -159,7 +159,7 @@ def test_equals_the_filter_of_the_streamed_vibration() -> None:
     stepped = BiquadFilter(butterworth_high_pass(10.0, RATE_HZ))
     streamed = [stepped.step(value) for value in frames["acceleration_m_s2"][:, 2].tolist()]
     np.testing.assert_allclose(
-        aligned.vibration_m_s2[:, 0], streamed[: len(aligned)], rtol=0.0, atol=1e-12
+        aligned.vibration_m_s2[:, 0, 0], streamed[: len(aligned)], rtol=0.0, atol=1e-12
     )
 
 
@@ -201,7 +201,7 @@ def test_channels_belong_to_the_same_instant(kind: str, carrier_hz: float) -> No
     stream = StreamFilter()
     aligned = stream.process(frames)
     kept = aligned[600:-600]
-    envelope = np.abs(scipy.signal.hilbert(aligned.vibration_m_s2[:, 0]))[600:-600]
+    envelope = np.abs(scipy.signal.hilbert(aligned.vibration_m_s2[:, 0, 0]))[600:-600]
     speed = lag_samples(kept.speed_mm_s, truth, kept.index)
     force = lag_samples(kept.normal_force_n, truth, kept.index)
     vibration = lag_samples(envelope, truth, kept.index)
@@ -332,7 +332,7 @@ def test_few_frames(count: int) -> None:
     aligned = StreamFilter(ModellingSettings(axis="dft321")).process(random_frames(count))
     assert len(aligned) == max(0, count - 11)
     assert aligned.position_mm.shape == (len(aligned), 3)
-    assert aligned.vibration_m_s2.shape == (len(aligned), 3)
+    assert aligned.vibration_m_s2.shape == (len(aligned), 1, 3)
 
 
 def test_all_broken_gives_nothing() -> None:

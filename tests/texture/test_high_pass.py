@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import freqz, lfilter
 
+from mmt.texture.autoregression.burg import ReflectionFits
 from mmt.texture.autoregression.forms import lsf_to_reflection, reflection_to_ar, reflection_to_lsf
 from mmt.texture.autoregression.reshaping import (
     LARGEST_REFLECTION,
@@ -43,7 +44,8 @@ def left(frequencies_hz):
 def test_a_spectrum_comes_back_from_what_the_filter_leaves_of_it(reflection):
     before = relative_density(reflection_to_ar(reflection))
     behind, power = reflection_of(before * left(FREQUENCIES_HZ), 40)
-    restored, gain = without_high_pass(behind, 2, 1000.0)
+    fits = ReflectionFits(behind, np.ones((1, 41)))
+    restored, gain = without_high_pass(fits, fits, 2, 1000.0, 1)
     _, whole = reflection_of(before, 2)
     heard = (FREQUENCIES_HZ >= 12.0)[None]
     ratio_db = 10 * np.log10(relative_density(reflection_to_ar(restored)) / before)
@@ -64,9 +66,13 @@ def test_a_slow_line_has_lost_more_than_a_flat_spectrum():
     st.lists(st.floats(-LARGEST_REFLECTION, LARGEST_REFLECTION), min_size=1, max_size=24),
     st.integers(1, 24),
     st.sampled_from([200.0, 1000.0, 10_000.0]),
+    st.sampled_from([1, 10]),
 )
-def test_whatever_was_fitted_the_filter_is_stable_and_has_no_less_power(values, order, rate_hz):
-    reflection, gain = without_high_pass(np.array([values]), order, rate_hz)
+def test_whatever_was_fitted_the_filter_is_stable_and_has_no_less_power(
+    values, order, rate_hz, per_frame
+):
+    fits = ReflectionFits(np.array([values]), np.ones((1, len(values) + 1)))
+    reflection, gain = without_high_pass(fits, fits, order, rate_hz, per_frame)
     assert reflection.shape == (1, order)
     assert np.abs(reflection).max() < 1.0
     assert 1.0 <= gain[0] * (1.0 + 1e-9) < 1.0 + 2.5  # 1 / 0.29 at most

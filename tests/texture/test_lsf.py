@@ -9,6 +9,7 @@ from hypothesis.extra import numpy as hnp
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.forms import (
     ar_to_reflection,
+    lsf_output_power,
     lsf_to_ar,
     lsf_to_reflection,
     output_power,
@@ -137,6 +138,8 @@ def test_the_gain_is_that_of_the_reflection_coefficients():
         lsf = oracles.spread_lsf(order, seed=order)
         gain = lsf_inverse_gain(lsf, np.empty(2 * order))
         assert 1 / output_power(1.0, lsf_to_reflection(lsf)) == pytest.approx(gain, rel=1e-12)
+        rows = np.stack([lsf, lsf])
+        np.testing.assert_allclose(lsf_output_power(np.array([1.0, 2.0]), rows) * gain, [1.0, 2.0])
 
 
 def test_the_step_down_flags_what_is_not_stable():

@@ -18,7 +18,7 @@ def block(count, noise, speed=0.0, force=0.0, seed=0, valid=True):
         velocity_mm_s=np.zeros((count, 2)),
         speed_mm_s=np.full(count, speed),
         normal_force_n=np.full(count, force),
-        vibration_m_s2=noise * np.random.default_rng(seed).normal(size=(count, 1)),
+        vibration_m_s2=noise * np.random.default_rng(seed).normal(size=(count, 1, 1)),
         valid=np.full(count, valid),
         measured=np.ones(count, np.bool_),
     )

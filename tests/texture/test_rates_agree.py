@@ -1,9 +1,7 @@
-"""A model or a recording of another rate is refused, and never played at another pitch."""
+"""A model of another rate is resampled and a recording of one refused: no pitch is changed."""
 
 import dataclasses
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -23,7 +21,7 @@ def model_of(rate_hz: float) -> TextureModel:
 
 
 @pytest.mark.parametrize("rate_hz", [500.0, 2000.0])
-def test_no_way_into_a_session_takes_a_model_of_another_rate(
+async def test_every_way_into_a_session_resamples_a_model_of_another_rate(
     rate_hz: float, tmp_path: Path
 ) -> None:
     model = model_of(rate_hz)
@@ -39,12 +37,22 @@ def test_no_way_into_a_session_takes_a_model_of_another_rate(
             "rendering": {"model": str(file)},
         }
     )
-    with pytest.raises(InputError, match=f"{rate_hz:g} Hz, the session of 1000 Hz"):
-        SynthesizingPart.build(Session(scene))
-    vibration: Any = SimpleNamespace()
-    output = ModelOutput(Session(scene), vibration=vibration)
-    with pytest.raises(InputError, match="100 Hz on its surface"):
-        output.use_shared(model, None)
+    told: list[str] = []
+    session = Session(scene, told.append)
+    saved, shared = SynthesizingPart.build(session), SynthesizingPart.build(session)
+    assert saved is not None
+    assert shared is not None
+    shared.synthesizer.model = None
+    ModelOutput(session, synthesizing=saved).begin()
+    await ModelOutput(session, synthesizing=shared).use_shared(model, None)
+    what = "nothing above 250 Hz is in it" if rate_hz < 1000 else "what is above 500 Hz is left out"
+    assert told == [f"the model is of {rate_hz:g} Hz and is played at 1000 Hz: {what}"] * 2
+    below_hz = np.arange(20.0, 0.4 * min(rate_hz, 1000.0))
+    wanted = model.spectrum(120.0, 1.0, frequencies_hz=below_hz)
+    for part in (saved, shared):
+        assert part.synthesizer.model.rate_hz == 1000.0
+        played = part.synthesizer.model.spectrum(120.0, 1.0, frequencies_hz=below_hz)
+        assert np.sqrt(np.mean((10.0 * np.log10(played / wanted)) ** 2)) < 2.0
 
 
 def test_frames_stamped_at_another_rate_are_refused() -> None:

@@ -36,7 +36,7 @@ def make_block(
         velocity_mm_s=np.asarray(speed_mm_s, dtype=float)[:, None] * direction[:, :2],
         speed_mm_s=np.asarray(speed_mm_s, dtype=float),
         normal_force_n=np.broadcast_to(np.asarray(force_n, dtype=float), count).copy(),
-        vibration_m_s2=np.random.default_rng(first).normal(size=(count, axes)),
+        vibration_m_s2=np.random.default_rng(first).normal(size=(count, 1, axes)),
         valid=np.ones(count, dtype=bool),
         measured=np.ones(count, np.bool_),
     )
@@ -81,7 +81,7 @@ def test_one_steady_stroke_is_one_segment() -> None:
     assert found.speed_mm_s == pytest.approx(80.0)
     assert found.force_n == pytest.approx(1.5)
     assert found.time_ns == 489 * 1_000_000 + 77
-    np.testing.assert_array_equal(found.vibration_m_s2, block.vibration_m_s2[10:490, 0])
+    np.testing.assert_array_equal(found.vibration_m_s2, block.vibration_m_s2[10:490, 0, 0])
 
 
 def test_the_vibration_is_a_copy() -> None:
@@ -95,7 +95,7 @@ def test_the_vibration_is_a_copy() -> None:
 def test_three_axes_are_reduced_over_the_segment() -> None:
     block = make_block(np.full(500, 80.0), axes=3)
     (found,) = segment(block)
-    np.testing.assert_allclose(found.vibration_m_s2, dft321(block.vibration_m_s2[10:490]))
+    np.testing.assert_allclose(found.vibration_m_s2, dft321(block.vibration_m_s2[10:490, 0]))
 
 
 @pytest.mark.parametrize("channel", ["speed", "force"])
@@ -232,7 +232,9 @@ def test_a_stroke_in_progress_is_handed_out_and_replaced() -> None:
     second = segmenter.update(block[400:700])
     assert second.removed == [SampleRange(10, 390)]
     assert ranges(second.added) == [(10, 690)]
-    np.testing.assert_array_equal(second.added[0].vibration_m_s2, block.vibration_m_s2[10:690, 0])
+    np.testing.assert_array_equal(
+        second.added[0].vibration_m_s2, block.vibration_m_s2[10:690, 0, 0]
+    )
     still = make_block(np.zeros(300), first=700)
     third = segmenter.update(still)
     assert third.added == []
@@ -314,7 +316,7 @@ def test_never_two_segments_for_one_sample(
         begin = int(np.searchsorted(block.index, found.start))
         part = block[begin : begin + found.stop - found.start]
         np.testing.assert_array_equal(part.index, np.arange(found.start, found.stop))
-        np.testing.assert_array_equal(part.vibration_m_s2[:, 0], found.vibration_m_s2)
+        np.testing.assert_array_equal(part.vibration_m_s2[:, 0, 0], found.vibration_m_s2)
         assert part.speed_mm_s.std() / part.speed_mm_s.mean() <= 0.12 + 1e-12
         assert 120 <= len(part) <= 1000
 

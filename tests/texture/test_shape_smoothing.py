@@ -123,7 +123,7 @@ def test_whatever_the_samples_frequencies_ascend_half_as_far_apart_or_more(
 def test_a_model_of_smoothed_spectra_keeps_its_samples_and_comes_back_from_its_file(space):
     points = scattered(30, space.directed)
     lsf = truth(points) + np.random.default_rng(5).normal(0.0, 0.02, (30, 4))
-    effective = effective_samples(lsf, np.full(30, 250))
+    effective = effective_samples(lsf, np.full(30, 250), 1000.0)
     power = np.random.default_rng(6).uniform(0.5, 2.0, 30)
     samples = TextureSamples(points * space.scale, lsf, 0.2 * power, power, space, effective, 0.01)
     model = TextureModel(samples)

@@ -22,7 +22,7 @@ def stream(
 ) -> AlignedBlock:
     """Return aligned samples of a steady stroke."""
     index = np.arange(first, first + count)
-    vibration = rms * np.random.default_rng(first).standard_normal((count, 1))
+    vibration = rms * np.random.default_rng(first).standard_normal((count, 1, 1))
     return AlignedBlock(
         index=index,
         time_ns=index * 1_000_000,

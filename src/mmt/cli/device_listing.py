@@ -20,6 +20,9 @@ def list_all(json_file: Path | None) -> None:
         if driver.problem:
             wanting.setdefault(driver.problem, []).append(driver.name)
     output.print(_driver_table(drivers))
+    for driver in drivers:
+        if driver.rates:
+            output.print(f"{driver.name}: {driver.rates}", highlight=False)
     found: dict[str, list[discovery.FoundPort]] = {}
     for title, find in discovery.find_all().items():
         try:

@@ -20,6 +20,8 @@ class NamedDevice(NamedTuple):
     role: Role | None
     driver: str
     options: dict[str, Any]
+    samples_hz: int = 1000
+    """Samples a second that the scene takes of it."""
 
     @property
     def title(self) -> str:
@@ -41,6 +43,7 @@ def try_all(
             device,
             duration_s=duration_s,
             calibrate=calibrate,
+            samples_hz=named.samples_hz,
             show=_show,
         )
         seen.append(one)
@@ -97,10 +100,12 @@ def _is_scene(what: str) -> bool:
 def of_scene(scene: Scene) -> Iterator[NamedDevice]:
     """Yield the devices of a scene that are made by drivers."""
     roles: tuple[Role, ...] = ("robot", "force_sensor", "accelerometer")
+    session = scene.session
     for role in roles if scene.devices is not None else ():
         device = getattr(scene.devices, role)
         if device is not None:
-            yield NamedDevice(role, device.driver, device.options)
+            rate_hz = session.acceleration_rate_hz if role == "accelerometer" else session.rate_hz
+            yield NamedDevice(role, device.driver, device.options, rate_hz)
     if scene.handle is not None:
         yield NamedDevice("handle", scene.handle.driver, scene.handle.options)
     if scene.actuator is not None and scene.actuator.driver is not None:

@@ -62,6 +62,13 @@ Stamps = Annotated[
         "header, or of their receipt."
     ),
 ]
+AccelerationRate = Annotated[
+    int | None,
+    typer.Option(
+        help="Hz at which acceleration is kept, 1000 to 10000 in steps of 1000; 1000 if absent, "
+        "or that of a file that mmt exported."
+    ),
+]
 Episode = Annotated[
     int | None, typer.Option(help="Episode of a LeRobot data set; the first if absent.")
 ]
@@ -87,6 +94,7 @@ def inspect_file(
     blanks_as_gaps: Blanks = False,
     longest_gap: Gap = None,
     stamps: Stamps = "auto",
+    acceleration_rate: AccelerationRate = None,
     episode: Episode = None,
     header: Header = None,
     sheet: Sheet = None,
@@ -134,6 +142,7 @@ def import_file(
     blanks_as_gaps: Blanks = False,
     longest_gap: Gap = None,
     stamps: Stamps = "auto",
+    acceleration_rate: AccelerationRate = None,
     episode: Episode = None,
     header: Header = None,
     sheet: Sheet = None,
@@ -180,6 +189,7 @@ def _options(given: dict[str, Any]) -> "ImportOptions":
         units=assignments(given["units"] or [], "--unit"),
         rate_hz=given["rate"],
         longest_gap_s=given["longest_gap"],
+        acceleration_rate_hz=given["acceleration_rate"],
         missing=tuple(given["missing"] or ()),
         offsets=assignments(given.get("offsets") or [], "--offset"),
         **{name: given[name] for name in same},

@@ -60,6 +60,8 @@ def explain(
     output.print(scene_tables.parts_table(description))
     if description.robot_limits is not None:
         output.print(f"The robot's limits: {description.robot_limits}", highlight=False)
+    if description.acceleration is not None:
+        output.print(f"The acceleration: {description.acceleration}", highlight=False)
     if description.hand_force is not None:
         output.print(f"The hand's force: {description.hand_force}", highlight=False)
     moves = scene.devices is not None and not devices

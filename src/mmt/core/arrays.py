@@ -12,6 +12,9 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 """Real-valued samples; the shape is given where it is used."""
 
+SingleArray = npt.NDArray[np.float32]
+"""Samples as they stand in frames; the shape is given where it is used."""
+
 IntArray = npt.NDArray[np.int64]
 """Indices and sequence numbers."""
 

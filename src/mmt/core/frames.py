@@ -2,6 +2,9 @@
 
 A block of frames is a structured array of shape (n,). All numbers are little-endian, so
 that the bytes of a block are the same on the wire and in a file on every machine.
+
+Motion and force come once a frame. Acceleration may come at k times that rate, k samples a frame,
+evenly spaced, the last of them at the frame's own time.
 """
 
 from collections.abc import Iterable
@@ -9,7 +12,7 @@ from typing import Final, Literal, TypeVar
 
 import numpy as np
 
-from mmt.core.arrays import IntArray, RecordArray
+from mmt.core.arrays import IntArray, RecordArray, SingleArray
 from mmt.core.errors import InputError
 
 _RATE_TOLERANCE: Final = 0.1
@@ -17,6 +20,12 @@ _RATE_TOLERANCE: Final = 0.1
 
 SEQUENCES: Final = 2**32
 """Sequence numbers are 32 bits: behind the last one comes 0 again, after 49 days at 1 kHz."""
+
+_LESS: Final = 0.95
+"""A rate below this share of another is less; crystals and ceramic resonators are off by less."""
+
+MOST_SAMPLES: Final = 10
+"""Most samples of acceleration in a frame."""
 
 Number = TypeVar("Number", int, IntArray)
 
@@ -70,19 +79,40 @@ def ordered_channels(channels: Iterable[str]) -> tuple[Channel, ...]:
     return tuple(channel for channel in CHANNELS if channel in wanted)
 
 
-def frame_dtype(channels: Iterable[str] = CHANNELS) -> np.dtype[np.void]:
+def frame_dtype(
+    channels: Iterable[str] = CHANNELS, samples_per_frame: int = 1
+) -> np.dtype[np.void]:
     """Return the packed little-endian dtype of a frame with these channels.
 
     Fields: ``sequence`` (u4, counts from 0 and never repeats within a session),
     ``time_ns`` (i8, the follower's monotonic clock), then of the chosen channels
-    ``position_mm``, ``force_n``, ``acceleration_m_s2``, each of shape (3,), f4.
+    ``position_mm``, ``force_n``, ``acceleration_m_s2``, each of shape (3,), f4. With k > 1
+    samples a frame ``acceleration_m_s2`` is (k, 3), the oldest first.
     """
     fields: list[tuple[str, str] | tuple[str, str, tuple[int, ...]]] = [
         ("sequence", "<u4"),
         ("time_ns", "<i8"),
     ]
-    fields += [(FIELD_OF_CHANNEL[channel], "<f4", (3,)) for channel in ordered_channels(channels)]
+    several = (samples_per_frame, 3) if samples_per_frame > 1 else (3,)
+    fields += [
+        (FIELD_OF_CHANNEL[channel], "<f4", several if channel == "acceleration" else (3,))
+        for channel in ordered_channels(channels)
+    ]
     return np.dtype(fields)
+
+
+def samples_per_frame(dtype: np.dtype[np.void]) -> int:
+    """Return how many samples of acceleration a frame of this dtype carries, 1 without any."""
+    if FIELD_OF_CHANNEL["acceleration"] not in (dtype.names or ()):
+        return 1
+    shape = dtype[FIELD_OF_CHANNEL["acceleration"]].shape
+    return int(shape[0]) if len(shape) == 2 else 1
+
+
+def acceleration_samples(frames: RecordArray) -> SingleArray:
+    """Return the acceleration of frames (n,) sample by sample: a view (n k, 3) in m/s2."""
+    field: SingleArray = frames[FIELD_OF_CHANNEL["acceleration"]]
+    return field.reshape(-1, 3)
 
 
 def channels_of(dtype: np.dtype[np.void]) -> tuple[Channel, ...]:
@@ -133,6 +163,18 @@ def check_frame_rate(frames: RecordArray, rate_hz: float) -> None:
         )
 
 
-def empty_frames(count: int, channels: Iterable[str] = CHANNELS) -> RecordArray:
+def missing_band(rate_hz: float, samples_hz: float) -> str:
+    """Return what a sensor of this rate lacks for samples of that one, empty where nothing."""
+    if rate_hz >= _LESS * samples_hz:
+        return ""
+    return (
+        f"gives {rate_hz:.0f} samples a second, the scene takes {samples_hz:.0f}: nothing above "
+        f"{rate_hz / 2:.0f} Hz is in its acceleration"
+    )
+
+
+def empty_frames(
+    count: int, channels: Iterable[str] = CHANNELS, samples_per_frame: int = 1
+) -> RecordArray:
     """Return `count` frames of zeros."""
-    return np.zeros(count, dtype=frame_dtype(channels))
+    return np.zeros(count, dtype=frame_dtype(channels, samples_per_frame))

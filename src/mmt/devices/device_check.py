@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.errors import MmtError
+from mmt.core.frames import missing_band
 from mmt.devices.protocols import SensorReading, SetupRemarks
 
 UNITS: Final = {
@@ -42,6 +43,8 @@ class DeviceCheck:
 
     role: str
     driver: str
+    samples_hz: int = _RATE_HZ
+    """Samples a second that the scene takes of it."""
     readings: int = 0
     duration_s: float = 0.0
     newest: Values | None = None
@@ -84,6 +87,7 @@ def check_device(
     *,
     duration_s: float,
     calibrate: bool = False,
+    samples_hz: int = _RATE_HZ,
     show: Callable[[DeviceCheck], None] = lambda _: None,
 ) -> DeviceCheck:
     """Connect a device, read it once a millisecond, close it; nothing moves or sounds.
@@ -100,6 +104,8 @@ def check_device(
         How long to read it.
     calibrate
         Whether to take biases first; the tool must be free and at rest.
+    samples_hz
+        Samples a second that the scene takes of it.
     show
         Called once a second with what was seen so far.
 
@@ -108,7 +114,7 @@ def check_device(
     check
         Also where the device failed: its problems say how.
     """
-    seen = DeviceCheck(role, driver)
+    seen = DeviceCheck(role, driver, samples_hz=samples_hz)
     watching = _Watching(seen, device)
     try:
         device.connect()
@@ -245,6 +251,9 @@ def _judge(seen: DeviceCheck, watching: _Watching) -> list[str]:
             f"it gives {seen.rate_hz:.0f} readings a second, less than the session's thousand: "
             "raise its rate or its baud rate"
         )
+    elif seen.samples_hz > _RATE_HZ and seen.readings:
+        band = missing_band(seen.rate_hz or _RATE_HZ, seen.samples_hz)
+        problems += [f"it {band}: raise its rate, or lower acceleration_rate_hz"] if band else []
     if seen.arrival_p99_ms is not None and seen.arrival_p99_ms > _BURST_MS and not busy:
         problems.append(
             f"its readings come in bursts, up to {seen.arrival_p99_ms:.0f} ms apart: lower the "

@@ -36,6 +36,8 @@ class FoundDriver:
     """What brought it: "mmt" or the package that offers it."""
     problem: str
     """Why it cannot be used, with what to do; empty where it can be imported."""
+    rates: str = ""
+    """Of an accelerometer with a clock of its own: samples a second, and where its band ends."""
 
 
 @dataclass(frozen=True)
@@ -56,8 +58,9 @@ def find_drivers() -> list[FoundDriver]:
     """Return the drivers that installed packages offer; each is imported.
 
     A driver's module may have a function ``missing() -> str``, which says what this machine lacks
-    for it and what to do, and a mapping ``FINDERS`` from a heading to a function that returns
-    what there is for it (`FoundPort`).
+    for it and what to do, a mapping ``FINDERS`` from a heading to a function that returns
+    what there is for it (`FoundPort`), and a mapping ``RATES`` from a driver's name to the rates
+    of an accelerometer, as `FoundDriver.rates`.
     """
     return [_found(name, entries) for name, entries in sorted(drivers().items())]
 
@@ -76,7 +79,8 @@ def _found(name: str, entries: Mapping[str, EntryPoint]) -> FoundDriver:
     except MmtError as error:
         return FoundDriver(name, tuple(told_roles(name)), factories, package, str(error))
     lacking = (getattr(sys.modules[each.module], "missing", str)() for each in entries.values())
-    return FoundDriver(name, roles, factories, package, next(filter(None, lacking), ""))
+    rates = getattr(sys.modules[first.module], "RATES", {}).get(name, "")
+    return FoundDriver(name, roles, factories, package, next(filter(None, lacking), ""), rates)
 
 
 def find_all() -> dict[str, Finder]:

@@ -41,9 +41,9 @@ class FrameAssembler:
     """Put the lanes together, a frame for each tick.
 
     Frame k is of the instant k periods after the first, held back by `HOLD_BACK_NS`, or what the
-    slowest sensor needs at the first tick, and the largest latency of the lanes, or by less where
-    the sensors need less. It is formed at its tick, or at a later one where a reading is late.
-    Where a lane has no value its number is left out.
+    slowest sensor needs at the first tick, and the largest latency of the lanes and their filters,
+    or by less where the sensors need less. It is formed at its tick, or at a later one where a
+    reading is late. Where a lane has no value its number is left out.
 
     Parameters
     ----------
@@ -67,8 +67,10 @@ class FrameAssembler:
     ) -> None:
         self._lanes = list(lanes.values())
         self._dtype = dtype
-        number = dtype[-1].base.char
-        self._pack = struct.Struct(f"<Iq{3 * len(self._lanes)}{number}").pack
+        number = dtype[-1].base
+        head = struct.Struct("<Iq")
+        count = (dtype.itemsize - head.size) // number.itemsize
+        self._pack = struct.Struct(f"{head.format}{count}{number.char}").pack
         self._period_ns = period_ns
         self._needed_ns = needed_ns
         self.hold_back_ns = 0
@@ -86,7 +88,7 @@ class FrameAssembler:
         """
         if self._origin_ns is None:
             spacing_ns = max(lane.spacing_ns for lane in self._lanes)
-            latency_ns = max(lane.latency_ns for lane in self._lanes)
+            latency_ns = max(lane.latency_ns + lane.ahead_ns for lane in self._lanes)
             self.hold_back_ns = max(HOLD_BACK_NS, spacing_ns + MARGIN_NS) + latency_ns
             if self._needed_ns is not None:
                 least_ns = spacing_ns + latency_ns
@@ -170,8 +172,9 @@ class ReadingAges:
 def _oldest_ns(lane: Lane, looks: list[tuple[int, int]]) -> int | None:
     """Return the upper end of the ages that looks (host's time, stamp) have found."""
     ages: dict[int, list[int]] = {}
+    behind_ns = lane.latency_ns + lane.ahead_ns
     for now_ns, stamp_ns in looks:
-        age_ns = lane.clock.sensor_time(now_ns) + lane.latency_ns - stamp_ns
+        age_ns = lane.clock.sensor_time(now_ns) + behind_ns - stamp_ns
         ages.setdefault(now_ns // _BLOCK_NS, []).append(age_ns)
     oldest = [
         sorted(block)[int(_SHARE * len(block))] for block in ages.values() if len(block) >= _FEW

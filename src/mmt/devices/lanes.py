@@ -81,8 +81,13 @@ class Lane:
             return SPACING_NS
         return (kept[-1].time_ns - kept[0].time_ns) // (len(kept) - 1)
 
-    def at(self, host_ns: int) -> "Vector | Waiting | None":
-        """Return the value of a physical instant by the host's clock.
+    @property
+    def ahead_ns(self) -> int:
+        """How much longer frames wait than for the reading after their instant."""
+        return 0
+
+    def at(self, host_ns: int) -> "tuple[float, ...] | Waiting | None":
+        """Return the value of a physical instant by the host's clock: x, y, z.
 
         Returns
         -------
@@ -97,13 +102,13 @@ class Lane:
             max(LONGEST_GAP_NS, 1.5 * self.period_ns),
         )
 
-    def _interpolate(self, time_ns: int, longest_ns: float) -> "Vector | Waiting | None":
+    def _interpolate(self, time_ns: int, longest_ns: float) -> "tuple[float, ...] | Waiting | None":
         kept = self._kept
         if not kept or kept[-1].time_ns < time_ns:
             return WAITING
         while len(kept) > 1 and kept[1].time_ns <= time_ns:
             kept.popleft()
-        return on_line(kept[0], kept[min(1, len(kept) - 1)], time_ns, longest_ns)
+        return on_line(kept[0], kept[1 if len(kept) > 1 else 0], time_ns, longest_ns)
 
 
 class PolledLane(Lane):
@@ -127,7 +132,7 @@ class PolledLane(Lane):
         self._kept.append(SensorReading(now_ns, self.last))
         self.readings += 1
 
-    def at(self, host_ns: int) -> "Vector | Waiting | None":
+    def at(self, host_ns: int) -> "tuple[float, ...] | Waiting | None":
         """Return the value of an instant; see `Lane`."""
         return self._interpolate(host_ns, self._longest_gap_ns)
 

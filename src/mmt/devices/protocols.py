@@ -10,7 +10,7 @@ block for longer than a small part of a 1 ms tick.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, Final, NamedTuple, Protocol, runtime_checkable
 
 from mmt.core import arrays
 from mmt.core.arrays import FloatArray
@@ -192,11 +192,35 @@ class VibrationActuator(Device, Protocol):
     """A vibrotactile actuator on the leader's handle."""
 
     def write(self, samples_m_s2: Sequence[float] | FloatArray) -> None:
-        """Play samples (n,), m/s2, at the session's rate, after those written before."""
+        """Play samples (n,), m/s2, after those written before.
+
+        They are of `USUAL_RATE_HZ`, unless it is `RateFollowing`.
+        """
 
     @property
     def statistics(self) -> ActuatorStatistics:
         """Counts and levels so far."""
+
+
+USUAL_RATE_HZ: Final = 1000.0
+"""Rate of the samples that an actuator is given, where it is told no other."""
+
+
+@runtime_checkable
+class RateFollowing(Protocol):
+    """An actuator that plays samples of other rates; optional for a driver.
+
+    Without it, a session is refused whose vibration is of another rate than `USUAL_RATE_HZ`.
+    """
+
+    def set_rate(self, rate_hz: float) -> None:
+        """Take the rate of the samples that `write` will get; called before `connect`.
+
+        Raises
+        ------
+        InputError
+            It cannot play samples of that rate.
+        """
 
 
 @runtime_checkable
@@ -208,7 +232,7 @@ class VoltageActuator(VibrationActuator, Protocol):
         """Largest voltage (V) that it may get."""
 
     def write_volts(self, volts: Sequence[float] | FloatArray) -> None:
-        """Play voltages (n,), V, at the session's rate, cut to `largest_v` and else as they are."""
+        """Play voltages (n,), V, at the samples' rate, cut to `largest_v` and else as they are."""
 
 
 @runtime_checkable

@@ -20,7 +20,6 @@ from mmt.devices.protocols import (
     survived,
 )
 from mmt.devices.reconnection import Reasons, Reconnection
-from mmt.devices.vibration_lane import VibrationLane
 
 SILENT_NS: Final = 15_000_000
 """Time without a reading after which a sampled sensor is lost, where it is no slow one."""
@@ -188,8 +187,9 @@ class SampledSlot(Slot):
 
     device: SampledSensor
 
-    def __init__(self, role: str, device: SampledSensor, kind: type[Lane] = Lane) -> None:
-        super().__init__(role, device, kind(device.latency_ns))
+    def __init__(self, role: str, device: SampledSensor, lane: Lane | None = None) -> None:
+        super().__init__(role, device, Lane() if lane is None else lane)
+        self.lane.latency_ns = device.latency_ns
         self._stamping = device if isinstance(device, ArrivalStamping) else None
         self._last_ns = 0
         self._empty = 0
@@ -281,13 +281,13 @@ class SampledSlot(Slot):
         }
 
 
-def slot_of(role: str, device: Any, *, vibration: bool = False) -> Slot:
+def slot_of(role: str, device: Any, lane: Lane | None = None) -> Slot:
     """Return a sensor's slot: one that says its latency runs on a clock of its own.
 
-    `vibration` says that frames are to keep what is fast.
+    `lane` makes its values, where the usual one would lose what is fast.
     """
     if hasattr(device, "latency_ns"):
-        return SampledSlot(role, device, VibrationLane if vibration else Lane)
+        return SampledSlot(role, device, lane)
     return PolledSlot(role, device)
 
 

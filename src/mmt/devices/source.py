@@ -1,5 +1,6 @@
 """Stream what real devices measure: a robot, a force sensor, an accelerometer."""
 
+import logging
 import time
 from collections.abc import Callable, Iterable
 from typing import Any, Final, Literal
@@ -8,12 +9,21 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import DeviceLost, InputError, MmtError
-from mmt.core.frames import FIELD_OF_CHANNEL, Channel, frame_dtype, ordered_channels
+from mmt.core.frames import (
+    FIELD_OF_CHANNEL,
+    Channel,
+    frame_dtype,
+    missing_band,
+    ordered_channels,
+)
 from mmt.devices.frame_assembly import FrameAssembler, ReadingAges
 from mmt.devices.lanes import PolledLane
 from mmt.devices.polling import PhasePoller, Retry
 from mmt.devices.protocols import Accelerometer, ForceSensor, Pacing, Robot, SampledSensor, Vector
-from mmt.devices.slots import RobotSlot, SampledSlot, Slot, failure, slot_of, summaries
+from mmt.devices.slots import PolledSlot, RobotSlot, SampledSlot, Slot, failure, slot_of, summaries
+from mmt.devices.vibration_lane import VibrationLane
+
+LOG: Final = logging.getLogger("mmt.devices")
 
 PERIOD_NS: Final = 1_000_000
 
@@ -49,11 +59,13 @@ class DeviceSource:
     on_lost
         What a lost device does: "stop" ends the session; otherwise it is connected again, and
         the callback given to `on_loss` is called.
+    samples_per_frame
+        Samples of acceleration in a frame.
 
     Raises
     ------
     InputError
-        A channel has no device.
+        A channel has no device, or the accelerometer gives one sample a frame and no more.
     """
 
     def __init__(
@@ -64,8 +76,10 @@ class DeviceSource:
         channels: Iterable[Channel],
         *,
         on_lost: Literal["stop", "hold", "retract"] = "stop",
+        samples_per_frame: int = 1,
     ) -> None:
         self._channels = ordered_channels(channels)
+        self._acceleration_hz = samples_per_frame * 1_000_000_000 // PERIOD_NS
         self._on_lost = on_lost
         self._watcher: LossWatcher = lambda _lost, _sentence: None
         self._taker: FrameReceiver | None = None
@@ -74,7 +88,8 @@ class DeviceSource:
         if force_sensor is not None:
             self._all["force_sensor"] = slot_of("force sensor", force_sensor)
         if accelerometer is not None:
-            self._all["accelerometer"] = slot_of("accelerometer", accelerometer, vibration=True)
+            lane = VibrationLane(samples_per_frame=samples_per_frame)
+            self._all["accelerometer"] = slot_of("accelerometer", accelerometer, lane)
         for channel in self._channels:
             if (key := _KEY_OF_CHANNEL[channel]) not in self._all:
                 raise InputError(f"[devices] has no {key}, but the scene needs {channel}")
@@ -82,13 +97,16 @@ class DeviceSource:
             FIELD_OF_CHANNEL[channel]: self._all[_KEY_OF_CHANNEL[channel]]
             for channel in self._channels
         }
+        if samples_per_frame > 1:
+            acceleration = self._measuring.get(FIELD_OF_CHANNEL["acceleration"])
+            _check_sampled(acceleration, self._acceleration_hz)
         self._stepped = list(dict.fromkeys([robot_slot, *self._measuring.values()]))
         self._sampled = [slot for slot in self._stepped if isinstance(slot, SampledSlot)]
         self._looked_at = [slot for slot in self._sampled if not slot.knows_arrivals]
         self._opened = False
         self._lost: list[Slot] = []
         self._probed: tuple[Slot, Exception] | None = None
-        self._dtype = frame_dtype(self._channels)
+        self._dtype = frame_dtype(self._channels, samples_per_frame)
         self._sequence = 0
         self._merger = self._make_merger()
         self._prober = PhasePoller(self.probe, PERIOD_NS)
@@ -138,6 +156,7 @@ class DeviceSource:
             slot.lane.latency_ns = slot.device.latency_ns
         if self._sampled:
             self._merger = self._make_merger(self._warm_up())
+            self._tell_band()
             if self._looked_at:
                 self._prober.start()
             if self._taker is not None:
@@ -173,6 +192,14 @@ class DeviceSource:
                 raise failure(slot, DeviceLost(why))
             slot.begin(time.monotonic_ns())
         return ages.hold_back_ns()
+
+    def _tell_band(self) -> None:
+        """Say where the acceleration ends, if the sensor gives less than frames can hold."""
+        slot = self._measuring.get(FIELD_OF_CHANNEL["acceleration"])
+        if slot is not None and self._acceleration_hz > 1_000_000_000 // PERIOD_NS:
+            said = missing_band(1e9 / slot.lane.period_ns, self._acceleration_hz)
+            if said:
+                LOG.warning("the accelerometer %s", said)
 
     def probe(self, now_ns: int) -> None:  # noqa: ARG002 - each read tells its own time
         """Look at sampled sensors between two ticks; a fault is left to the next tick."""
@@ -292,6 +319,19 @@ class DeviceSource:
                 problems.append(str(failure(slot, error)))
         if problems:
             raise MmtError("; ".join(problems))
+
+
+def _check_sampled(slot: Slot | None, acceleration_hz: int) -> None:
+    """Raise where frames have several samples of acceleration and the sensor is polled."""
+    if isinstance(slot, PolledSlot):
+        from mmt.devices.discovery import find_drivers
+
+        rates = [f"{driver.name} ({driver.rates})" for driver in find_drivers() if driver.rates]
+        raise InputError(
+            f"{_name(slot)} is asked once a millisecond and gives 1000 samples a second, where the "
+            f"scene takes {acceleration_hz} ([session] acceleration_rate_hz): leave that out, or "
+            f"take a sensor with a clock of its own: {'; '.join(rates)}"
+        )
 
 
 def _name(slot: Slot) -> str:

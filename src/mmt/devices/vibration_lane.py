@@ -1,13 +1,19 @@
-"""A lane that keeps vibration: its value between two readings comes from nine of them."""
+"""A lane that keeps vibration: its value between two readings comes from nine of them, or more.
 
+Where frames have several samples of acceleration, and the sensor measures faster than these come,
+the weights are those of an anti-alias filter as well.
+"""
+
+from collections import deque
 from functools import lru_cache
-from typing import Final
+from math import ceil
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.devices.lanes import WAITING, Lane, Waiting, on_line
-from mmt.devices.protocols import Vector
+from mmt.devices.protocols import SensorReading, Vector
 
 BEFORE: Final = 8
 """Readings before the instant that have a part in its value; one after it has."""
@@ -15,8 +21,8 @@ BEFORE: Final = 8
 PHASES: Final = 256
 """Instants between two readings that have weights of their own; the nearest is taken."""
 
-BAND_HZ: Final = 500.0
-"""Half the session's rate: what lies above folds, whatever the weights."""
+FRAMES_HZ: Final = 1000.0
+"""Frames a second."""
 
 _SHARE: Final = 0.42
 """Share of the sensor's rate: the band of a slow one. Near half its rate nothing can be had from
@@ -24,24 +30,67 @@ readings of the past without amplifying what is between."""
 _NOISE: Final = 1e-3
 """Power beside the band, over that within it."""
 
-Weights = tuple[tuple[float, ...], ...]
-"""Rows by the instant, 0 at the reading before it to `PHASES` at the one after it; columns by the
-reading, the oldest first."""
+_FASTER: Final = 1.1
+"""From so much above the rate of the samples on, a sensor's readings are filtered."""
+_SPAN_BEFORE: Final = 10.0
+_SPAN_AFTER: Final = 4.0
+"""Spacings of the samples over which the filter goes, before the instant and after it."""
+_PASSED: Final = 0.33
+"""Share of the samples' rate up to which the filter passes; it stops from half of it on."""
+_STOPPED: Final = 100.0
+"""Density of the power that the filter keeps out, over that within its band."""
+_FREE: Final = 1e-8
+"""Share of it that is taken to be between the two bands, so that the weights stay small."""
 
 
-def band_of(rate_hz: float) -> float:
-    """Return the band over a sensor's rate for which its weights are made."""
-    return min(BAND_HZ / rate_hz, _SHARE)
+class Weights(NamedTuple):
+    """What the readings around an instant have in its value."""
+
+    before: int
+    """Readings before the instant."""
+    after: int
+    """Readings after it."""
+    rows: tuple[tuple[float, ...], ...]
+    """Rows by the instant, 0 at the reading before it to `PHASES` at the one after it; columns by
+    the reading, the oldest first."""
+
+
+def weights_for(rate_hz: float, samples_hz: float = FRAMES_HZ) -> Weights:
+    """Return the weights for a sensor of this rate, and the rate of the samples made of it.
+
+    Frames of one sample are made without an anti-alias filter: it would hold all of a frame back by
+    4 ms. There the sensor's own filter has to cut off.
+    """
+    ratio = rate_hz / samples_hz
+    if samples_hz > FRAMES_HZ and ratio > _FASTER:
+        after = ceil(_SPAN_AFTER * ratio)
+        before = ceil(_SPAN_BEFORE * ratio)
+        before += (before + after + 1) % 2  # an odd number, which has a middle
+        band = _PASSED / ratio
+        rows = weights(band, 0.5 / ratio, before, after, 0.5 * _STOPPED / band)
+        return Weights(before, after, rows)
+    return Weights(BEFORE, 1, weights(min(0.5 * samples_hz / rate_hz, _SHARE)))
 
 
 @lru_cache(maxsize=8)
-def weights(band: float) -> Weights:
-    """Return the weights for a band from 0 up; some 0.3 ms.
+def weights(
+    band: float, stop: float = 0.0, before: int = BEFORE, after: int = 1, noise: float = _NOISE
+) -> tuple[tuple[float, ...], ...]:
+    """Return the rows of weights for a band from 0 up; some 0.3 ms for nine readings.
+
+    They are those of least error where the vibration has an even power within the band, and so has
+    what it is to be freed of from `stop` on.
 
     Parameters
     ----------
     band
         Highest frequency over the sensor's rate, above 0 and below 0.5.
+    stop
+        From where on the rest is kept out, over the sensor's rate.
+    before, after
+        How many readings.
+    noise
+        Power of what is kept out, over that within the band.
 
     Raises
     ------
@@ -50,13 +99,15 @@ def weights(band: float) -> Weights:
     """
     if not 0.0 < band < 0.5:
         raise ValueError(f"band is {band}: it must lie within 0 to half the rate")
-    places = np.arange(1.0 - BEFORE, 2.0)
+    places = np.arange(1.0 - before, 1.0 + after)
     instants = np.arange(PHASES + 1) / PHASES
     count = len(places)
+    apart = places[:, None] - places
     exact: FloatArray = np.vstack((np.ones(count), places))
     system = np.zeros((count + 2, count + 2))
-    system[:count, :count] = np.sinc(2.0 * band * (places[:, None] - places))
-    system[:count, :count] += _NOISE * np.eye(count)
+    system[:count, :count] = np.sinc(2.0 * band * apart)
+    passing = (1.0 - _FREE) * 2.0 * stop * np.sinc(2.0 * stop * apart)
+    system[:count, :count] += noise * (np.eye(count) - passing)
     system[:count, count:], system[count:, :count] = exact.T, exact
     wanted = np.vstack(
         (
@@ -70,53 +121,108 @@ def weights(band: float) -> Weights:
 
 
 _UNEVEN: Final = 0.5
-"""Share of a period by which nine readings may be off an even spacing; a lost one makes 1."""
+"""Share of a period by which readings may be off an even spacing; a lost one makes 1."""
 _OTHER_RATE: Final = 0.05
 """A sensor's period that has changed by so much gets weights of its own."""
 
 
 class VibrationLane(Lane):
-    """Like a `Lane`, but a frame's value comes from eight readings before and one after it.
+    """Like a `Lane`, but a frame's values come from eight readings before and one after each.
 
-    See `mmt.devices.vibration_lane`. Where a reading is missing among them, and at the
+    Or from more of them, see `weights_for`. Where a reading is missing among them, and at the
     beginning, the value lies on the straight line between its two neighbours. A value takes
-    twice as long as on that line.
+    twice as long as on that line, or as many times longer as there are more readings.
+
+    Parameters
+    ----------
+    latency_ns
+        From the physical instant to the stamp.
+    samples_per_frame
+        How many values a frame has, evenly spaced, the last one at its own time.
     """
 
-    def __init__(self, latency_ns: int = 0) -> None:
+    def __init__(self, latency_ns: int = 0, samples_per_frame: int = 1) -> None:
         super().__init__(latency_ns)
-        self._weights: Weights = ()
+        self._samples_hz = FRAMES_HZ * samples_per_frame
+        self._later_ns = [round(1e9 * j / self._samples_hz) for j in range(1, samples_per_frame)]
+        """From the first instant of a frame to the others."""
+        self._span_ns = max(self._later_ns, default=0)
+        self._weights = weights_for(FRAMES_HZ, self._samples_hz)
         self._made_for_ns = 0.0
 
-    def _interpolate(self, time_ns: int, longest_ns: float) -> "Vector | Waiting | None":
-        kept = self._kept
-        if not kept or kept[-1].time_ns < time_ns:
+    @property
+    def ahead_ns(self) -> int:
+        """How much longer frames wait than for the reading after their instant."""
+        if self._span_ns and not self._made_for_ns and self.period_ns:
+            self._make_weights()  # with one value a frame, one reading after it will do
+        return round((self._weights.after - 1) * self.period_ns)
+
+    def _make_weights(self) -> None:
+        self._made_for_ns = self.period_ns
+        self._weights = weights_for(1e9 / self.period_ns, self._samples_hz)
+
+    def _interpolate(self, time_ns: int, longest_ns: float) -> "tuple[float, ...] | Waiting | None":
+        """Return x, y, z of each instant of a frame; see `Lane.at`."""
+        kept, (before, after, _) = self._kept, self._weights
+        if len(kept) < after or kept[-after].time_ns < time_ns:
             return WAITING
-        while len(kept) > BEFORE and kept[BEFORE].time_ns <= time_ns:
+        first_ns = time_ns - self._span_ns
+        while len(kept) > before and kept[before].time_ns <= first_ns:
             kept.popleft()
-        if len(kept) <= BEFORE or kept[BEFORE - 1].time_ns > time_ns:
-            return self._near_the_beginning(time_ns, longest_ns)
-        start, end = kept[BEFORE - 1], kept[BEFORE]
-        span = end.time_ns - start.time_ns
-        uneven_ns = abs(end.time_ns - kept[0].time_ns - BEFORE * span)
+        value = self._value(kept, first_ns, longest_ns)
+        if value is None or not self._span_ns:
+            return value
+        values: tuple[float, ...] = value
+        readings = kept.copy()
+        for later_ns in self._later_ns:
+            instant_ns = first_ns + later_ns
+            while len(readings) > before and readings[before].time_ns <= instant_ns:
+                readings.popleft()
+            value = self._value(readings, instant_ns, longest_ns)
+            if value is None:
+                return None
+            values += value
+        return values
+
+    def _value(
+        self, readings: deque[SensorReading], time_ns: int, longest_ns: float
+    ) -> Vector | None:
+        """Return the value of an instant by the readings around it, and later ones."""
+        before, after, rows = self._weights
+        count = before + after
+        if len(readings) < count:
+            return _near_the_beginning(readings, time_ns, longest_ns)
+        start, end = readings[before - 1], readings[before]
+        start_ns, end_ns, first_ns = start.time_ns, end.time_ns, readings[0].time_ns
+        if start_ns > time_ns:
+            return _near_the_beginning(readings, time_ns, longest_ns)
+        span = end_ns - start_ns
+        if after == 1:
+            uneven_ns = abs(end_ns - first_ns - BEFORE * span)
+        else:  # their stamps are rounded: half of them against half
+            middle_ns, last_ns = readings[count // 2].time_ns, readings[count - 1].time_ns
+            uneven_ns = abs(last_ns - 2 * middle_ns + first_ns)
         if span > longest_ns or uneven_ns > _UNEVEN * span:
             return on_line(start, end, time_ns, longest_ns)
         if abs(self.period_ns - self._made_for_ns) > _OTHER_RATE * self.period_ns:
-            self._made_for_ns = self.period_ns
-            self._weights = weights(band_of(1e9 / self.period_ns))
+            self._make_weights()
+            return self._value(readings, time_ns, longest_ns)  # of which there may be too few
         x = y = z = 0.0
-        row = self._weights[round((time_ns - start.time_ns) / span * PHASES)]
-        for weight, (_, (u, v, w)) in zip(row, kept, strict=False):  # what comes later has no part
+        row = rows[round((time_ns - start_ns) / span * PHASES)]
+        for weight, (_, (u, v, w)) in zip(row, readings, strict=False):  # later ones have no part
             x += weight * u
             y += weight * v
             z += weight * w
         return x, y, z
 
-    def _near_the_beginning(self, time_ns: int, longest_ns: float) -> Vector | None:
-        """Return the value where fewer readings lie before the instant."""
-        older = newer = self._kept[0]
-        for newer in self._kept:
-            if newer.time_ns > time_ns:
-                break
-            older = newer
-        return on_line(older, newer, time_ns, longest_ns)
+
+def _near_the_beginning(
+    readings: deque[SensorReading], time_ns: int, longest_ns: float
+) -> Vector | None:
+    """Return the value where fewer readings lie before the instant."""
+    older = newer = readings[0]
+    for newer in readings:
+        if newer.time_ns > time_ns:
+            break
+        older = newer
+    return on_line(older, newer, time_ns, longest_ns)

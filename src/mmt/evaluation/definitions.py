@@ -20,11 +20,12 @@ DEFINITIONS: Final[Mapping[str, str]] = {
         "the plane. Its ceiling is 1."
     ),
     "truth_log_spectral_db": (
-        "Root mean square over 10 to 500 Hz, in steps of 2 Hz, of the ratio of the exact densities "
-        "in dB; the mean over the plane."
+        "Root mean square from 10 Hz to half the rate of the acceleration, in steps of 2 Hz, of "
+        "the ratio of the exact densities in dB; the mean over the plane."
     ),
     "power_error_db": (
-        "Root mean square of 10 log10 (power of the model / power of the reference), where powers "
+        "Root mean square of 10 log10 (power of the model / power of the reference), both as far "
+        "as a vibration is felt, up to 1 kHz or half the rate of the acceleration, where powers "
         "below 0.0001 (m/s2)^2, which nobody feels, count as that. Basis "
         "'truth': against the known texture, over up to 400 moments of the strokes that were made "
         "with at least the least speed and force, evenly spread over the session. Basis "
@@ -47,9 +48,14 @@ DEFINITIONS: Final[Mapping[str, str]] = {
         "frames, building the model until it is ready to render, and judging it, on the machine "
         "that evaluates, one after the other."
     ),
+    "bands": (
+        "Root mean square in dB, over the plane or the held-out segments, of the error of the "
+        "power in each band, at the stop criterion or at the end. Bands have edges of equal ratio, "
+        "0.63 octaves, from 10 Hz to half the rate of the acceleration."
+    ),
     "by_heading": (
-        "GFC as truth_gfc, log-spectral distance (root mean square over 10 to 500 Hz of the "
-        "densities' ratio in dB, mean over the strokes), power error and share within one JND "
+        "GFC as truth_gfc, log-spectral distance (as truth_log_spectral_db, mean over the "
+        "strokes), power error and share within one JND "
         "in sectors of 30 degrees of the stroke's heading, on textures that depend on it: "
         "6 x 6 cells of the plane at 24 headings, over which the other scores over the plane "
         "are then taken as well. 'mean over headings' is the texture's own "

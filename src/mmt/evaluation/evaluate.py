@@ -67,7 +67,7 @@ def evaluate_session(
         With position, force and acceleration; one that stays in its file is read once or twice.
     settings
         How to model; None takes the scene that the session was recorded with, or the defaults
-        where it holds none.
+        where it holds none. The samples of a frame are the session's own.
     period_s
         Time between two updates of the model; None as for `settings`. At any moment the leader
         has the model of its last update: with updates every second, at 2.5 s the one of 2 s.
@@ -108,7 +108,7 @@ def evaluate_session(
     """
     started = time.perf_counter()
     recorded, recorded_period_s = modelling_of(recorded_scene(session))
-    settings = settings or recorded
+    settings = replace(settings or recorded, samples_per_frame=session.samples_per_frame)
     period_s = recorded_period_s if period_s is None else period_s
     for name, value in (("period_s", period_s), ("step_s", step_s)):
         if value is not None and not (np.isfinite(value) and value > 0):
@@ -174,6 +174,7 @@ def evaluate_session(
         at_stop=None if leader.stop_s is None else scorer.score(leader.stop_s),
         at_end=scorer.score(duration_s),
         worst=worst,
+        bands=scorer.bands(final_s),
         by_heading=scorer.by_heading(final_s),
         coverage=coverage(
             seen.strokes,
@@ -223,6 +224,7 @@ def evaluate_surfaces(
     """
     scene = recorded_scene(session) if scene is None else scene
     settings, period_s = modelling_of(scene)
+    settings = replace(settings, samples_per_frame=session.samples_per_frame)
 
     def evaluate(part: Recording) -> Evaluation:
         return evaluate_session(part, settings, period_s=period_s, step_s=step_s, seed=seed)

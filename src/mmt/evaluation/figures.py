@@ -13,7 +13,6 @@ from PIL import Image
 from mmt.core.arrays import FloatArray
 from mmt.core.palette import LIGHT, SERIES, SIGNED
 from mmt.evaluation.results import Evaluation, HeldOutSegment, Score
-from mmt.evaluation.truth import DENSITY_HZ
 from mmt.texture.settings import JND_DB, MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S, CriterionScale
 
 _MARKERS: Final = "osD^vP"
@@ -215,7 +214,7 @@ def power_error_map(evaluation: Evaluation) -> Figure:
 def _draw_spectra(axis: Axes, segment: HeldOutSegment) -> None:
     if segment.truth is not None:
         known = LIGHT["known"]
-        axis.semilogy(DENSITY_HZ, segment.truth, color=known, lw=3.0, label="known texture (exact)")
+        axis.semilogy(segment.truth, color=known, lw=3.0, label="known texture (exact)")
     for name, spectrum in (("measured", segment.measured), ("synthesized", segment.synthesized)):
         if spectrum is not None:
             # One-sided densities are halved at 0 and at half the rate: not drawn.
@@ -223,7 +222,7 @@ def _draw_spectra(axis: Axes, segment: HeldOutSegment) -> None:
             axis.semilogy(*inner, color=LIGHT[name], lw=1.7, label=name)
     score = "" if segment.gfc is None else f"\nGFC {segment.gfc:.3f}"
     axis.set_title(f"{segment.speed_mm_s:.0f} mm/s, {segment.force_n:.2f} N{score}", fontsize=9)
-    axis.set_xlim(DENSITY_HZ[0], DENSITY_HZ[-1])
+    axis.set_xlim(0.0, segment.frequencies_hz[-1])
     axis.set_xlabel("frequency (Hz)")
     make_plain(axis)
 

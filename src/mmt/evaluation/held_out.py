@@ -12,7 +12,14 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.evaluation.levels import level_error_db
+from mmt.evaluation.levels import (
+    FELT_HZ,
+    WELCH_S,
+    band_edges_hz,
+    band_errors_db,
+    band_membership,
+    level_error_db,
+)
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.signals.amplitude_spectra import (
@@ -25,9 +32,8 @@ from mmt.texture.synthesis.synthesizer import Synthesizer
 HELD_OUT: Final = 5
 """Segments taken out, fewer where the model has fewer than twice as many samples."""
 
-WELCH_SAMPLES: Final = 64
 REALISATIONS: Final = 8
-_WARM_UP_SAMPLES: Final = 500
+_WARM_UP_S: Final = 0.5
 
 
 @dataclass(frozen=True)
@@ -35,14 +41,21 @@ class Approximation:
     """What a model renders in place of one held-out segment.
 
     ``gfc`` and ``gfc_ceiling`` are means over realisations, ``power_error_db`` compares the
-    model's exact power with the segment's mean square, ``amplitude`` (f,) is the mean
-    amplitude spectrum of what was synthesized.
+    model's exact power with the segment's mean square, as far as both are felt, ``amplitude`` (f,)
+    is the mean amplitude spectrum of what was synthesized.
     """
 
     gfc: float
     gfc_ceiling: float
     power_error_db: float
     amplitude: FloatArray
+
+
+def _felt_power(vibration_m_s2: FloatArray, rate_hz: float) -> float:
+    """Return the mean square of a vibration (n,) up to `FELT_HZ`."""
+    frequencies_hz, amplitude = amplitude_spectra(vibration_m_s2, rate_hz, None)
+    above = np.square(amplitude[frequencies_hz > FELT_HZ]).sum() * rate_hz / len(vibration_m_s2)
+    return float(np.mean(np.square(vibration_m_s2)) - above)
 
 
 def choose_held_out(segments: Sequence[Segment], seed: int) -> tuple[Segment, ...]:
@@ -64,7 +77,7 @@ class HeldOutRecording:
     segment
         The recorded segment.
     rate_hz
-        Its sampling rate.
+        The sampling rate of its vibration.
     spectra
         What the GFC compares.
     """
@@ -74,11 +87,19 @@ class HeldOutRecording:
         self._rate_hz = rate_hz
         self._window: int | None = None
         if spectra == Spectra.WELCH:
-            self._window = min(WELCH_SAMPLES, len(segment.vibration_m_s2))
-        self.power = float(np.mean(np.square(segment.vibration_m_s2)))
+            self._window = min(round(WELCH_S * rate_hz), len(segment.vibration_m_s2))
+        self.power = _felt_power(segment.vibration_m_s2, rate_hz)
         self.frequencies_hz, self.amplitude = amplitude_spectra(
             segment.vibration_m_s2, rate_hz, self._window
         )
+
+    def bands_db(self, amplitude: FloatArray) -> FloatArray:
+        """Return the errors by bands of an amplitude spectrum (f,), (b,); NaN without a bin."""
+        edges_hz = band_edges_hz(self._rate_hz)
+        own, measured = (np.square(each)[np.newaxis] for each in (amplitude, self.amplitude))
+        errors_db = band_errors_db(own, measured, self.frequencies_hz, edges_hz)[0]
+        filled = band_membership(self.frequencies_hz, edges_hz).any(axis=0)
+        return np.where(filled, errors_db, np.nan)
 
     def inputs(self, model: TextureModel) -> FloatArray:
         """Return the segment's mean inputs to a model, shape (1, d)."""
@@ -92,10 +113,11 @@ class HeldOutRecording:
         """
         inputs = self.inputs(model)
         length = len(self.segment.vibration_m_s2)
-        count = _WARM_UP_SAMPLES + REALISATIONS * length
+        warm_up = round(_WARM_UP_S * self._rate_hz)
+        count = warm_up + REALISATIONS * length
         synthesizer = Synthesizer(model, seed=seed, renewal_samples=count, limit_m_s2=np.inf)
         rendered = synthesizer.render(*(np.full(count, value) for value in inputs[0]))
-        pieces = rendered[_WARM_UP_SAMPLES:].reshape(REALISATIONS, length)
+        pieces = rendered[warm_up:].reshape(REALISATIONS, length)
         _, amplitudes = amplitude_spectra(pieces, self._rate_hz, self._window)
         measured = np.broadcast_to(self.amplitude, amplitudes.shape)
         return Approximation(

@@ -6,7 +6,13 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.texture.autoregression.forms import lsf_to_reflection, output_power
+from mmt.texture.autoregression.forms import (
+    ar_spectrum,
+    lsf_output_power,
+    lsf_to_ar,
+    lsf_to_reflection,
+    output_power,
+)
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.signals.metrics import power_error_db
 
@@ -23,23 +29,70 @@ accelerometer measures. Two such are alike, however many dB are between them."""
 LEAST_DENSITY: Final = LEAST_POWER / 500.0
 """The same of densities, (m/s2)^2 per hertz: so much power, evenly over 0 to 500 Hz."""
 
-BANDS: Final = 9
+WELCH_S: Final = 0.064
+"""Windows of every measured GFC: bins of 15.6 Hz."""
 
-BAND_EDGES_HZ: Final[FloatArray] = np.geomspace(10.0, 500.0, BANDS + 1)
-"""Nine bands of equal ratio, 0.63 octaves each. The width of the critical bands of touch is not
-settled; that they widen with frequency, and that nine cover the rendered range, is from the
-literature, the equal ratio is our choice."""
+LOWEST_HZ: Final = 8
+"""Where the level begins; the high-pass leaves 0.29 of a power there."""
+
+FELT_HZ: Final = 1000
+"""Where the level ends, if half the rate does not end it before: what is felt of a vibration goes
+to about 1 kHz (Verrillo 1963; Bolanowski et al. 1988). What is above is heard at most."""
+
+BANDS: Final = 9
+"""Bands up to 500 Hz."""
+
+
+def band_edges_hz(rate_hz: float) -> FloatArray:
+    """Return the edges of bands of equal ratio, 0.63 octaves each, from 10 Hz to half a rate.
+
+    Nine reach to 500 Hz, and as many more as fit best to half the rate, which ends the last one.
+    The width of the critical bands of touch is not settled; that they widen with frequency, and
+    that nine cover 10 to 500 Hz, is from the literature, the equal ratio is our choice. The ear's,
+    above 1 kHz, have about an equal ratio too, and are narrower (Glasberg and Moore 1990).
+    """
+    highest_hz = 0.5 * rate_hz
+    count = round(BANDS * np.log(highest_hz / 10.0) / np.log(50.0))
+    edges = np.geomspace(10.0, 10.0 * 50.0 ** (count / BANDS), count + 1)
+    return np.append(edges[:-1], highest_hz)
+
+
+BAND_EDGES_HZ: Final = band_edges_hz(1000.0)
+
+_STEP_HZ: Final = 20.0
+"""Between the frequencies by which the power that is not felt is summed."""
 
 
 def output_power_at(model: TextureModel, inputs: FloatArray) -> FloatArray:
     """Return the exact power of what a model renders at inputs (k, d), shape (k,), (m/s2)^2."""
     lsf, variance = model.at(*inputs.T)
-    return output_power(variance, lsf_to_reflection(lsf))
+    return exact_power(lsf, variance, model.rate_hz)
 
 
 def level_error_db(model: TextureModel, inputs: FloatArray, power: FloatArray) -> FloatArray:
-    """Return the error of a model's power at inputs (k, d) against `power` (k,), in dB."""
-    return power_level_error_db(output_power_at(model, inputs), power)
+    """Return the error of a model's power that is felt at inputs (k, d) against `power` (k,)."""
+    lsf, variance = model.at(*inputs.T)
+    above = power_above_felt(lsf_to_ar(lsf), variance, model.rate_hz)
+    return power_level_error_db(exact_power(lsf, variance, model.rate_hz) - above, power)
+
+
+def exact_power(lsf: FloatArray, variance: FloatArray, rate_hz: float) -> FloatArray:
+    """Return the exact power (n,) of what filters (n, m) put out, (m/s2)^2."""
+    if rate_hz > 1000.0:  # of order 64 that is most of an evaluation's time
+        return lsf_output_power(variance, lsf)
+    return output_power(variance, lsf_to_reflection(lsf))
+
+
+def power_above_felt(ar: FloatArray, variance: FloatArray, rate_hz: float) -> FloatArray:
+    """Return the power of filters (k, m) above `FELT_HZ`, (k,); 0 where their rate ends there."""
+    highest_hz = 0.5 * rate_hz
+    frequencies_hz = np.arange(min(FELT_HZ, highest_hz), highest_hz + 1.0, _STEP_HZ)
+    return _STEP_HZ * trapezoidal(ar_spectrum(ar, variance, frequencies_hz, rate_hz))
+
+
+def trapezoidal(density: FloatArray) -> FloatArray:
+    """Return the trapezoidal sum of densities (k, f), (k,)."""
+    return np.asarray(density.sum(axis=1) - 0.5 * (density[:, 0] + density[:, -1]))
 
 
 def power_level_error_db(power: FloatArray, reference: FloatArray) -> FloatArray:
@@ -83,25 +136,29 @@ def root_mean_square(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def band_membership(frequencies_hz: FloatArray) -> FloatArray:
-    """Return which band each frequency belongs to, shape (f, 9); none below 10 Hz."""
-    band = np.searchsorted(BAND_EDGES_HZ, frequencies_hz, side="right") - 1
-    band = np.where(frequencies_hz >= BAND_EDGES_HZ[-1], BANDS - 1, band)
-    member: FloatArray = (band[:, None] == np.arange(BANDS)).astype(np.float64)
+def band_membership(frequencies_hz: FloatArray, edges_hz: FloatArray = BAND_EDGES_HZ) -> FloatArray:
+    """Return which band each frequency belongs to, shape (f, b); none below 10 Hz."""
+    band = np.searchsorted(edges_hz[:-1], frequencies_hz, side="right") - 1
+    member: FloatArray = (band[:, None] == np.arange(len(edges_hz) - 1)).astype(np.float64)
     return member
 
 
 def band_errors_db(
-    density: FloatArray, reference: FloatArray, frequencies_hz: FloatArray
+    density: FloatArray,
+    reference: FloatArray,
+    frequencies_hz: FloatArray,
+    edges_hz: FloatArray = BAND_EDGES_HZ,
 ) -> FloatArray:
-    """Return 10 log10 of the power in each band over that of the reference, shape (k, 9).
+    """Return 10 log10 of the power in each band over that of the reference, shape (k, b).
 
     Parameters
     ----------
     density, reference
         Power spectral densities, shape (k, f).
     frequencies_hz
-        Evenly spaced from 10 to 500 Hz, shape (f,).
+        Evenly spaced from 10 Hz to half the rate, shape (f,).
+    edges_hz
+        Edges of the bands, shape (b + 1,); those of 1 kHz by default.
     """
-    weights = band_membership(frequencies_hz)
+    weights = band_membership(frequencies_hz, edges_hz)
     return bounded_error_db(density @ weights, reference @ weights)

@@ -212,6 +212,7 @@ def _session(evaluation: Evaluation, prefix: str, *, alone: bool) -> list[Block]
         )
     blocks += _heading_blocks(evaluation, prefix)
     details = [tables.moments(evaluation), tables.steps(evaluation)]
+    details += [tables.bands(evaluation)] * bool(evaluation.bands)
     details += [tables.held_out(evaluation)] * bool(evaluation.held_out)
     return [*blocks, Folded("Every step", details)]
 

@@ -92,6 +92,15 @@ class Worst:
 
 
 @dataclass(frozen=True)
+class Band:
+    """Error of the power in a band of frequency, root mean square in dB; None without a bin."""
+
+    low_hz: float
+    high_hz: float
+    error_db: float | None
+
+
+@dataclass(frozen=True)
 class Cell:
     """One of the cells of the input space; `far` where it alone would miss its share.
 
@@ -125,7 +134,7 @@ class HeldOutSegment:
     """A recorded segment that the rebuilt model was built without, and its rendering of it.
 
     Spectra are amplitudes (roots of the power spectral density), m/s2 per root hertz:
-    Welch's at ``frequencies_hz``, and exact at `mmt.evaluation.truth.DENSITY_HZ` for
+    Welch's at ``frequencies_hz``, and exact at every Hz from 0 for
     ``truth``. ``synthesized``, ``gfc`` and the power error are None where the rebuilt model
     does not exist, ``truth`` where the texture is not known.
     """
@@ -174,8 +183,8 @@ class Evaluation(Drawn):
     ``beside`` is the name of the other method, which is scored on the same session.
     ``start_s`` and ``stop_s`` are the session times at which the criteria were met, None
     where they were not. ``at_start``, ``at_stop`` and ``at_end`` are the figures at exactly
-    these moments. ``models`` holds the leader's model after each update with its time;
-    ``course`` (k, 2) time and value of the completion criterion of every update;
+    these moments, ``bands`` those of `final`. ``models`` holds the leader's model after each update
+    with its time; ``course`` (k, 2) time and value of the completion criterion of every update;
     ``by_heading`` is empty but on a texture that depends on the heading.
     ``faults`` is what of its signals was no measurement.
     ``control`` says who moved the robot when, in times of the whole session, and is empty where
@@ -205,6 +214,7 @@ class Evaluation(Drawn):
     at_stop: Score | None
     at_end: Score
     worst: tuple[Worst, ...]
+    bands: tuple[Band, ...]
     by_heading: tuple[HeadingErrors, ...]
     coverage: Coverage
     held_out: tuple[HeldOutSegment, ...]
@@ -288,6 +298,7 @@ class Evaluation(Drawn):
             "at_stop": _plain(asdict(self.at_stop)) if self.at_stop else None,
             "at_end": _plain(asdict(self.at_end)),
             "worst": [_plain(asdict(worst)) for worst in self.worst],
+            "bands": [_plain(asdict(band)) for band in self.bands],
             "by_heading": [_plain(asdict(errors)) for errors in self.by_heading],
             "control": [period.as_dict() for period in self.control],
             "coverage": _plain(asdict(self.coverage)),

@@ -1,5 +1,6 @@
 """Score a session's models moment by moment."""
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, replace
@@ -10,9 +11,9 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.evaluation.grid_errors import GridErrors, HeadingErrors, Strokes
 from mmt.evaluation.held_out import Approximation, HeldOutRecording
-from mmt.evaluation.levels import level_error_db, root_mean_square
-from mmt.evaluation.results import HeldOutSegment, Levels, PowerMap, Score, Worst
-from mmt.evaluation.truth import DENSITY_HZ, KnownTexture, TruthAt
+from mmt.evaluation.levels import band_edges_hz, level_error_db, root_mean_square
+from mmt.evaluation.results import Band, HeldOutSegment, Levels, PowerMap, Score, Worst
+from mmt.evaluation.truth import KnownTexture, TruthAt
 from mmt.texture.completion.distance import distance_sum
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import ModelHistory
@@ -32,9 +33,9 @@ MODEL_NAMES: Final[dict[Inputs, str]] = {
 
 
 _OF_BOTH_METHODS: Final = (
-    *("axis", "normal", "order", "inputs", "rate_hz", "least_speed_mm_s", "least_force_n"),
-    *("overlap_samples", "straightness_mm", "stationarity", "shortest_samples", "longest_samples"),
-    "longest_bridged_samples",
+    *("axis", "normal", "order", "inputs", "rate_hz", "samples_per_frame", "least_speed_mm_s"),
+    *("least_force_n", "overlap_samples", "straightness_mm", "stationarity", "shortest_samples"),
+    *("longest_samples", "longest_bridged_samples"),
 )
 
 
@@ -92,12 +93,13 @@ class Scorer:
         self._beside = beside
         self._other = other
         self._recordings = [
-            HeldOutRecording(segment, settings.rate_hz, spectra) for segment in held_out
+            HeldOutRecording(segment, settings.vibration_rate_hz, spectra) for segment in held_out
         ]
         self._truth = truth
         self._made = made
         self._space = InputSpace(settings.inputs)
         self._rate_hz = settings.rate_hz
+        self._vibration_rate_hz = settings.vibration_rate_hz
         self._seed = seed
         self._scores: dict[int, Score] = {}
         self._built_s: dict[int, float] = {}
@@ -141,6 +143,26 @@ class Scorer:
         if other is not None:
             models[MODEL_NAMES[other.space.name]] = self._truth.plane.errors(other)
         return self._truth.by_heading(models)
+
+    def bands(self, time_s: float) -> tuple[Band, ...]:
+        """Return the errors by bands at a session time.
+
+        Of the leader's model over the plane where the texture is known, else of the rendering of
+        the held-out segments.
+        """
+        number = self._leader.number(time_s)
+        grid, held_out = self._grid(number), self._approximate(number)
+        if grid is not None:
+            errors_db = grid.bands_db
+        elif self._truth is None and held_out:
+            both = zip(self._recordings, held_out, strict=True)
+            errors_db = np.array([recording.bands_db(one.amplitude) for recording, one in both])
+        else:
+            return ()
+        edges_hz = band_edges_hz(self._vibration_rate_hz).tolist()
+        found = np.sqrt(np.mean(np.square(errors_db), axis=0)).tolist()
+        each = [None if math.isnan(error_db) else error_db for error_db in found]
+        return tuple(map(Band, edges_hz, edges_hz[1:], each))
 
     def segments(self, time_s: float, first_sample: int) -> tuple[HeldOutSegment, ...]:
         """Return the held-out segments as they are approximated at a session time."""
@@ -243,7 +265,7 @@ class Scorer:
             heading = np.arctan2(segment.velocity_mm_s[1], segment.velocity_mm_s[0])
             moment = segment.speed_mm_s, segment.force_n, heading
             stroke = Strokes(*(np.array([value]) for value in moment))
-            truth = np.sqrt(self._truth.spectrum(stroke, DENSITY_HZ)[0])
+            truth = np.sqrt(self._truth.spectrum(stroke, self._truth.frequencies_hz)[0])
         return HeldOutSegment(
             start_s=(segment.start - first_sample) / self._rate_hz,
             stop_s=(segment.stop - first_sample) / self._rate_hz,

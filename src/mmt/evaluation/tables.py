@@ -189,6 +189,15 @@ def held_out(evaluation: Evaluation) -> Table:
     return Table(columns, rows, "Held-out segments")
 
 
+def bands(evaluation: Evaluation) -> Table:
+    """Return the error in each band of frequency."""
+    rows = [
+        (f"{band.low_hz:.0f} to {band.high_hz:.0f}", number(band.error_db, 2))
+        for band in evaluation.bands
+    ]
+    return Table(("band (Hz)", "power error (dB)"), rows, "Error by bands")
+
+
 def worst(evaluation: Evaluation) -> Table:
     """Return where the model is farthest from the known texture, and why."""
     columns = (

@@ -7,8 +7,8 @@ modelling's 10 Hz high-pass, which keeps the hand's own motion out, leaves too l
 level by.
 """
 
-from collections.abc import Mapping
-from functools import cached_property
+from collections.abc import Callable, Mapping
+from functools import cached_property, partial
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -24,28 +24,34 @@ from mmt.evaluation.grid_errors import (
     over_plane,
 )
 from mmt.evaluation.levels import (
+    FELT_HZ,
     LEAST_DENSITY,
+    LOWEST_HZ,
+    WELCH_S,
+    band_edges_hz,
     band_errors_db,
     bounded_error_db,
+    exact_power,
+    power_above_felt,
     power_level_error_db,
+    trapezoidal,
 )
 from mmt.evaluation.results import PowerMap, Worst
 from mmt.evaluation.worst import Error, explain
 from mmt.testing.simulation.known_surfaces import KnownSurface, surface_from_annotations
-from mmt.texture.autoregression.forms import ar_spectrum, lsf_to_ar, lsf_to_reflection, output_power
+from mmt.texture.autoregression.forms import ar_spectrum, lsf_to_ar
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.amplitude_spectra import expected_amplitude
 from mmt.texture.signals.metrics import gfc_of_rows
 
-DENSITY_HZ: Final[FloatArray] = np.arange(501.0)
-"""Where spectra are computed; lines are at least 3 Hz wide."""
+_COMPARED: Final = slice(10, None, 2)  # of `density_hz`: 10 Hz to half the rate in steps of 2 Hz
+_BINS: Final = slice(1, None)  # of Welch's estimate: 15.6 Hz to half the rate
 
-LOWEST_HZ: Final = 8
-"""Where the level begins; the high-pass leaves 0.29 of a power there."""
 
-_COMPARED: Final = slice(10, None, 2)  # of DENSITY_HZ: 10 to 500 Hz in steps of 2 Hz
-_BINS: Final = slice(1, None)  # of Welch's estimate: 15.6 to 500 Hz
+def density_hz(rate_hz: float) -> FloatArray:
+    """Return where spectra of a rate are computed; lines are at least 3 Hz wide."""
+    return np.arange(0.5 * rate_hz + 1.0)
 
 
 class _Spectra(NamedTuple):
@@ -63,27 +69,35 @@ class TruthAt:
     ----------
     strokes
         The strokes, at least one.
-    density
-        Spectra of the texture there at `DENSITY_HZ`, shape (k, 501).
+    spectrum
+        Returns spectra of the texture there, (k, f), at frequencies (f,).
+    rate_hz
+        Up to half of which it is compared.
     """
 
-    def __init__(self, strokes: Strokes, density: FloatArray) -> None:
+    def __init__(
+        self, strokes: Strokes, spectrum: Callable[[FloatArray], FloatArray], rate_hz: float
+    ) -> None:
         self.strokes = strokes
-        self.power = _sum(density) - _sum(density[:, : LOWEST_HZ + 1])
-        """By the trapezoidal rule from 8 to 500 Hz in steps of 1 Hz, shape (k,)."""
-        self._density = density
+        frequencies_hz = density_hz(rate_hz)
+        self._felt = spectrum(frequencies_hz[: FELT_HZ + 1])
+        self._above = partial(spectrum, frequencies_hz[FELT_HZ + 1 :])
+        self.power = trapezoidal(self._felt) - trapezoidal(self._felt[:, : LOWEST_HZ + 1])
+        """By the trapezoidal rule over what is felt in steps of 1 Hz, shape (k,)."""
 
     @cached_property
     def spectra(self) -> _Spectra:
         """The truth's spectra."""
-        amplitude = expected_amplitude(self._density)[:, _BINS]
-        return _Spectra(self._density[:, _COMPARED], amplitude, self.power)
+        return _spectra(np.concatenate([self._felt, self._above()], axis=1), self.power)
 
     def level_errors_db(self, model: TextureModel) -> FloatArray:
         """Return the error of a model's level, (k,), in dB; in a tenth of the time of `errors`."""
         lsf, variance = model.at(*self.strokes.inputs(model.space).T)
-        low = ar_spectrum(lsf_to_ar(lsf), variance, DENSITY_HZ[: LOWEST_HZ + 1], model.rate_hz)
-        return power_level_error_db(_power(lsf, variance, low), self.power)
+        ar = lsf_to_ar(lsf)
+        low = ar_spectrum(ar, variance, np.arange(LOWEST_HZ + 1.0), model.rate_hz)
+        above = power_above_felt(ar, variance, model.rate_hz)
+        own = _level(exact_power(lsf, variance, model.rate_hz), low, above)
+        return power_level_error_db(own, self.power)
 
     def errors(self, model: TextureModel) -> GridErrors:
         """Return every error of a model."""
@@ -102,12 +116,15 @@ class KnownTexture:
 
     Attributes
     ----------
+    frequencies_hz
+        Where its spectra are computed.
     plane
         The truth over the whole plane, and at all headings where the texture depends on them.
     """
 
     def __init__(self, surface: KnownSurface, share: float = 1.0) -> None:
         self.surface = surface
+        self.frequencies_hz = density_hz(surface.rate_hz)
         self._share = share
         self.plane = self.at(over_plane() if surface.isotropic else all_headings())
 
@@ -119,7 +136,7 @@ class KnownTexture:
 
     def at(self, strokes: Strokes) -> TruthAt:
         """Return the truth at strokes, at least one."""
-        return TruthAt(strokes, self.spectrum(strokes, DENSITY_HZ))
+        return TruthAt(strokes, partial(self.spectrum, strokes), self.surface.rate_hz)
 
     def by_heading(self, models: Mapping[str, GridErrors]) -> tuple[HeadingErrors, ...]:
         """Gather the errors of models over the grid by heading, each under its name.
@@ -221,30 +238,33 @@ def known_texture(
 def _spectra_of(model: TextureModel, strokes: Strokes) -> _Spectra:
     lsf, variance = model.at(*strokes.inputs(model.space).T)
     # By the coefficients: several times faster than by LSF.
-    density = ar_spectrum(lsf_to_ar(lsf), variance, DENSITY_HZ, model.rate_hz)
-    power = _power(lsf, variance, density[:, : LOWEST_HZ + 1])
-    return _Spectra(density[:, _COMPARED], expected_amplitude(density)[:, _BINS], power)
+    ar = lsf_to_ar(lsf)
+    density = ar_spectrum(ar, variance, density_hz(model.rate_hz), model.rate_hz)
+    above = power_above_felt(ar, variance, model.rate_hz)
+    power = exact_power(lsf, variance, model.rate_hz)
+    return _spectra(density, _level(power, density[:, : LOWEST_HZ + 1], above))
 
 
-def _power(lsf: FloatArray, variance: FloatArray, low: FloatArray) -> FloatArray:
-    """Return powers (k,) without what densities up to 8 Hz (k, 9) hold, however narrow a line."""
-    power = output_power(variance, lsf_to_reflection(lsf))
-    return np.asarray(power - np.minimum(_sum(low), 0.999 * power))
+def _spectra(density: FloatArray, power: FloatArray) -> _Spectra:
+    window = round(WELCH_S * 2.0 * (density.shape[1] - 1))
+    return _Spectra(density[:, _COMPARED], expected_amplitude(density, window)[:, _BINS], power)
 
 
-def _sum(density: FloatArray) -> FloatArray:
-    """Return the trapezoidal sum of densities (k, f) at every Hz, (k,)."""
-    return np.asarray(density.sum(axis=1) - 0.5 * (density[:, 0] + density[:, -1]))
+def _level(power: FloatArray, low: FloatArray, above: FloatArray) -> FloatArray:
+    """Return powers (k,) without what densities up to 8 Hz (k, 9) hold, and without those above."""
+    return np.asarray(power - np.minimum(trapezoidal(low) + above, 0.999 * power))
 
 
 def _errors(own: _Spectra, truth: _Spectra) -> GridErrors:
     density, reference = (np.maximum(each.density, LEAST_DENSITY) for each in (own, truth))
     ratio_db = bounded_error_db(density, reference)
+    frequencies_hz = np.arange(10.0, 10.0 + 2.0 * density.shape[1], 2.0)
+    edges_hz = band_edges_hz(2.0 * frequencies_hz[-1])
     return GridErrors(
         gfc=gfc_of_rows(own.amplitude, truth.amplitude),
         power_error_db=power_level_error_db(own.power, truth.power),
         log_spectral_db=np.sqrt(np.mean(np.square(ratio_db), axis=1)),
-        bands_db=band_errors_db(density, reference, DENSITY_HZ[_COMPARED]),
+        bands_db=band_errors_db(density, reference, frequencies_hz, edges_hz),
     )
 
 

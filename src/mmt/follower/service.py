@@ -153,6 +153,7 @@ class Follower:
                 keep_frames=scene.keep_frames(),
                 run_id=uuid.uuid4().hex,
                 extra="" if feedback is None else feedback.event,
+                samples_per_frame=scene.session.samples_per_frame,
             ),
             FollowerEvents(
                 on_commands=self._guarded.receive,

@@ -102,8 +102,16 @@ def _simulated(scene: Scene, table: Simulated) -> FollowerSource:
     from mmt.testing.simulation.follower import SimulatedFollower
 
     session = scene.session
-    course = SurfaceCourse.of(table, session.duration_s, session.seed)
-    return SimulatedFollower(table, channels=scene.channels(), seed=session.seed, surface=course)
+    course = SurfaceCourse.of(
+        table, session.duration_s, session.seed, float(session.acceleration_rate_hz)
+    )
+    return SimulatedFollower(
+        table,
+        channels=scene.channels(),
+        seed=session.seed,
+        surface=course,
+        samples_per_frame=session.samples_per_frame,
+    )
 
 
 def _replay(scene: Scene, table: Replay) -> FollowerSource:
@@ -118,6 +126,7 @@ def _replay(scene: Scene, table: Replay) -> FollowerSource:
         speed=table.speed,
         loop=table.loop,
         gaps=table.gaps,
+        samples_per_frame=scene.session.samples_per_frame,
     )
 
 
@@ -134,4 +143,5 @@ def _devices(scene: Scene, table: Devices) -> FollowerSource:
         else None,
         scene.channels(),
         on_lost=table.on_lost,
+        samples_per_frame=scene.session.samples_per_frame,
     )

@@ -314,6 +314,9 @@ class Session:
     ) -> None:
         self.scene: Final = scene
         self.rate_hz = float(scene.session.rate_hz)
+        self.samples_per_frame = scene.session.samples_per_frame
+        self.acceleration_rate_hz = float(scene.session.acceleration_rate_hz)
+        """Rate of the vibration, streamed and rendered."""
         self.period_ns = round(1e9 / scene.session.rate_hz)
         self.log = RunLog()
         self.ending = Ending("completed")

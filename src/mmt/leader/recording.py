@@ -183,6 +183,7 @@ class RecordingPart(Part):
             begins_s=begins_s,
             existing=existing,
             scalars=scene.recording is not None and scene.recording.scalars,
+            samples_per_frame=self._session.samples_per_frame,
         )
 
 

@@ -157,6 +157,7 @@ class RemoteFollower:
                 on_settle=self.backfill.settle,
                 on_error=self._ending.fail,
             ),
+            samples_per_frame=self._scene.session.samples_per_frame,
             fastest=self._fastest,
             session_id=self._log.session_id,
             network=emulated_network(self._scene, "down", self._journal.event),

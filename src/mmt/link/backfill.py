@@ -91,8 +91,7 @@ PERIOD_S: Final = 0.005
 """Least time between two messages: with `FRAMES_PER_MESSAGE`, 4000 frames a second at most."""
 
 FRAMES_PER_MESSAGE: Final = 20
-"""A message of 1 KB; a live frame may have to wait until it is sent."""
-
+"""A message of 1 to 3 KB; a live frame may have to wait until it is sent."""
 
 _FINISH_PERIOD_S: Final = 0.001
 """Likewise at the end of a session, when no live frame can be delayed."""
@@ -248,8 +247,8 @@ class BackfillReceiver:
         frames = np.frombuffer(data, dtype=self._dtype)
         good = (frames["time_ns"] >= 0) & (frames["time_ns"] < LATEST_NS)
         for channel in channels_of(self._dtype):
-            values = frames[FIELD_OF_CHANNEL[channel]]
-            good &= (np.abs(values) <= LARGEST_QUANTITY).all(axis=-1)  # false where not finite
+            values = frames[FIELD_OF_CHANNEL[channel]].reshape(count, -1)
+            good &= (np.abs(values) <= LARGEST_QUANTITY).all(axis=1)  # false where not finite
         if not good.all():
             self._reject("unusable back-fill")
             bad = np.unique(frames["sequence"][~good]).astype(np.int64)

@@ -181,8 +181,7 @@ class FollowerClient:
         Parameters
         ----------
         frames
-            Shape (n,), of the dtype of the hello's channels; their ``sequence`` must
-            increase.
+            Shape (n,), of the hello's dtype; their ``sequence`` must increase.
 
         Raises
         ------

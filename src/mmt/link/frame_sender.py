@@ -4,7 +4,6 @@ import struct
 from typing import Final
 
 from mmt.core.arrays import RecordArray
-from mmt.core.frames import frame_dtype
 from mmt.link.backfill import BackfillSender, FrameBuffer
 from mmt.link.endpoint import Endpoint
 from mmt.link.protocol import FRAMES, SETTLE_S, FollowerHello
@@ -18,14 +17,14 @@ class FrameSender:
     Parameters
     ----------
     hello
-        Its channels, ``frames_per_message`` and ``keep_frames``.
+        Its frames' dtype, ``frames_per_message`` and ``keep_frames``.
     endpoint
         The follower's endpoint.
     """
 
     def __init__(self, hello: FollowerHello, endpoint: Endpoint) -> None:
         self._endpoint = endpoint
-        self._dtype = frame_dtype(hello.channels)
+        self._dtype = hello.frame_dtype
         self._full_bytes = hello.frames_per_message * self._dtype.itemsize
         self._batch = bytearray()
         self._last_frame = b""
@@ -54,10 +53,10 @@ class FrameSender:
         Raises
         ------
         ValueError
-            They are of another dtype than the hello's channels have.
+            They are of another dtype than the hello's.
         """
         if frames.dtype != self._dtype:
-            message = f"frames are of dtype {frames.dtype}: the hello's channels have {self._dtype}"
+            message = f"frames are of dtype {frames.dtype}: the hello's are of {self._dtype}"
             raise ValueError(message)
         data = frames.tobytes()
         if self._buffer is not None:

@@ -20,7 +20,6 @@ from mmt.link.http import LinkServer
 from mmt.link.protocol import (
     MAX_SENTENCE,
     NETWORK,
-    PROTOCOL_VERSION,
     WELCOME,
     FollowerHello,
     loss_of,
@@ -91,6 +90,7 @@ def admit(
     access: Access,
     channels: Sequence[Channel],
     rate_hz: int,
+    samples_per_frame: int = 1,
     extra: str = "",
 ) -> FollowerHello:
     """Validate a connecting follower and return its hello.
@@ -104,7 +104,7 @@ def admit(
         knows that its old connection is dead before the leader does.
     access
         The token that is required.
-    channels, rate_hz
+    channels, rate_hz, samples_per_frame
         What the leader's scene needs.
     extra
         The further event that the leader's scene has on the wire, empty for none.
@@ -130,6 +130,12 @@ def admit(
         raise InputError(
             f"the follower sends {', '.join(hello.channels)}, the leader's scene needs "
             f"{', '.join(channels)}: use the same scene on both"
+        )
+    if hello.samples_per_frame != samples_per_frame:
+        raise InputError(
+            f"the follower sends {hello.samples_per_frame} samples of acceleration a frame, the "
+            f"leader's scene needs {samples_per_frame} (acceleration_rate_hz of [session]): use "
+            "the same scene on both"
         )
     if hello.extra != extra:
         raise InputError(
@@ -221,7 +227,8 @@ class Handshake:
         handlers = {event: partial(handle, sid) for event, handle in self._frequent.items()}
         self._endpoint.rate_limit.open()
         self._host.sockets.admit(environ, handlers, self._endpoint.rate_limit)
-        self._start(self._send_welcome(sid, self._host.sockets.send(sid, environ)))
+        send = self._host.sockets.send(sid, environ)
+        self._start(self._send_welcome(sid, hello.protocol, send))
 
     def _log_refusal(self, sentence: str) -> None:
         """Log a refusal, or once a second how many there were."""
@@ -247,9 +254,9 @@ class Handshake:
         if lost:
             self._endpoint.notify(self._events.on_lost, slot.fault or loss_of(reason))
 
-    async def _send_welcome(self, sid: str, send: Send) -> None:
+    async def _send_welcome(self, sid: str, protocol: int, send: Send) -> None:
         welcome = {
-            "protocol": PROTOCOL_VERSION,
+            "protocol": protocol,
             "clock_id": clock_id(),
             "session_id": self._session_id,
         }

@@ -8,14 +8,24 @@ from dataclasses import dataclass, field
 from typing import Final, TypeVar
 
 import msgpack
+import numpy as np
 
 from mmt.core.errors import InputError
-from mmt.core.frames import SEQUENCES, Channel, ordered_channels
+from mmt.core.frames import (
+    MOST_SAMPLES,
+    SEQUENCES,
+    Channel,
+    frame_dtype,
+    ordered_channels,
+    samples_per_frame,
+)
 from mmt.core.printable import printable
 from mmt.core.process import clock_id
 from mmt.core.ranges import Range
 
 PROTOCOL_VERSION: Final = 1
+SEVERAL_SAMPLES_VERSION: Final = 2
+"""The same with several samples of acceleration in a frame, which an earlier leader refuses."""
 
 FRAMES: Final = "frames"
 """Follower to leader: bytes, 1 to 100 frames."""
@@ -110,8 +120,8 @@ class FollowerHello:
     run_id
         Names the process: one that connects again continues its sequence numbers, another one
         starts anew. Empty where it is unknown.
-    protocol
-        Version of the layout on the wire.
+    samples_per_frame
+        Samples of acceleration in a frame, 1 to 10; taken as 1 without that channel.
 
     Raises
     ------
@@ -128,10 +138,15 @@ class FollowerHello:
     clock_id: str = field(default_factory=clock_id)
     keep_frames: int = 0
     run_id: str = ""
-    protocol: int = PROTOCOL_VERSION
+    samples_per_frame: int = 1
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "channels", ordered_channels(self.channels))
+        if not 1 <= self.samples_per_frame <= MOST_SAMPLES:
+            raise InputError(
+                f"samples_per_frame is {self.samples_per_frame}: allowed is 1 to {MOST_SAMPLES}"
+            )
+        object.__setattr__(self, "samples_per_frame", samples_per_frame(self.frame_dtype))
         if not 1 <= self.frames_per_message <= MAX_RECORDS_PER_MESSAGE:
             raise InputError(
                 f"frames_per_message is {self.frames_per_message}: "
@@ -150,8 +165,19 @@ class FollowerHello:
             if len(getattr(self, name)) > MAX_TEXT:
                 raise InputError(f"{name} is longer than the {MAX_TEXT} characters allowed")
 
+    @property
+    def frame_dtype(self) -> np.dtype[np.void]:
+        """Dtype of its frames."""
+        return frame_dtype(self.channels, self.samples_per_frame)
+
+    @property
+    def protocol(self) -> int:
+        """Version of the layout on the wire."""
+        return SEVERAL_SAMPLES_VERSION if self.samples_per_frame > 1 else PROTOCOL_VERSION
+
     def to_auth(self) -> dict[str, object]:
         """Return the ``auth`` of the Socket.IO connection."""
+        several = {"samples_per_frame": self.samples_per_frame}
         return {
             "protocol": self.protocol,
             "rate_hz": self.rate_hz,
@@ -162,7 +188,9 @@ class FollowerHello:
             "keep_frames": self.keep_frames,
             "run_id": self.run_id,
             "annotations": self.annotations,
-        } | ({"extra": self.extra} if self.extra else {})
+            **({"extra": self.extra} if self.extra else {}),
+            **(several if self.samples_per_frame > 1 else {}),
+        }
 
     @classmethod
     def from_auth(cls, auth: object) -> "FollowerHello":
@@ -176,11 +204,12 @@ class FollowerHello:
         if not isinstance(auth, Mapping):
             raise InputError("the hello is missing: connect with an mmt follower's auth")
         protocol = _read(auth, "protocol", int)
-        if protocol != PROTOCOL_VERSION:
+        if protocol not in {PROTOCOL_VERSION, SEVERAL_SAMPLES_VERSION}:
             raise InputError(
-                f"the follower speaks link protocol {protocol}, the leader {PROTOCOL_VERSION}: "
-                "install the same version of mmt on both"
+                f"the follower speaks link protocol {protocol}, the leader {PROTOCOL_VERSION} and "
+                f"{SEVERAL_SAMPLES_VERSION}: install the same version of mmt on both"
             )
+        several = protocol == SEVERAL_SAMPLES_VERSION
         channels = _read(auth, "channels", list)
         return cls(
             channels=ordered_channels(str(channel)[:MAX_TEXT] for channel in channels),
@@ -192,6 +221,7 @@ class FollowerHello:
             keep_frames=_read(auth, "keep_frames", int) if "keep_frames" in auth else 0,
             run_id=_read(auth, "run_id", str) if "run_id" in auth else "",
             extra=_read(auth, "extra", str) if "extra" in auth else "",
+            samples_per_frame=_read(auth, "samples_per_frame", int) if several else 1,
         )
 
 

@@ -213,7 +213,7 @@ async def _raise(error: Exception) -> None:
 
 
 UNSENT_BYTES: Final = 4096
-"""Bytes that the kernel buffers beyond those in flight; some 50 frames."""
+"""Bytes that the kernel buffers beyond those in flight; some 50 frames, or 20 of the largest."""
 
 _WRITE_POLL_S: Final = 0.001
 

@@ -8,7 +8,7 @@ from mmt.core.errors import MmtError
 MESSAGES_PER_PERIOD: Final = 10
 """Messages that a peer may send for each record that the session's rate expects of it."""
 BYTES_PER_PERIOD: Final = 20_000
-"""Likewise bytes: four times what a replay at a hundred times real time sends."""
+"""Likewise bytes: more than a replay of the largest frames at a hundred times real time sends."""
 BURST_S: Final = 10.0
 """Size of the token bucket, in time: a network that stalled may deliver this burst at once."""
 GRACE_S: Final = 2.0

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import COMMAND_DTYPE, Channel, frame_dtype, ordered_channels
+from mmt.core.frames import samples_per_frame as samples_of
 from mmt.core.pacing import shortest_period_ns
 from mmt.core.ranges import Range
 from mmt.core.ticking import TimeHistogram
@@ -58,8 +59,8 @@ class LeaderServer:
         Channels that the leader's scene needs in each frame.
     events
         Callbacks of the service.
-    rate_hz
-        Frames a second that the scene expects.
+    rate_hz, samples_per_frame
+        Frames a second, and samples of acceleration in each, that the scene expects.
     fastest
         How many times faster than real time a follower may stream, as a replay can; sequence
         numbers beyond that are rejected as implausible.
@@ -85,6 +86,7 @@ class LeaderServer:
         events: LeaderEvents,
         *,
         rate_hz: int = 1000,
+        samples_per_frame: int = 1,
         fastest: float = 100.0,
         network: "EmulatedNetwork | None" = None,
         session_id: str = "",
@@ -95,7 +97,7 @@ class LeaderServer:
         self._slot = FollowerSlot()
         access = Access.of(settings)
         channels = ordered_channels(channels)
-        dtype = frame_dtype(channels)
+        dtype = frame_dtype(channels, samples_per_frame)
         self._endpoint = endpoint = Endpoint(
             BlockReader(dtype, "frames", shortest_period_ns(rate_hz, fastest)),
             math.ceil(_COMMANDS_WAIT_S * rate_hz),
@@ -125,6 +127,7 @@ class LeaderServer:
                 access=access,
                 channels=channels,
                 rate_hz=rate_hz,
+                samples_per_frame=samples_of(dtype),
                 extra="" if extra is None else extra.event,
             ),
             self._register(),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal, Self, TypeVar, get_args
 
 from pydantic import Field, create_model, model_validator
 
-from mmt.core.frames import Channel, ordered_channels
+from mmt.core.frames import MOST_SAMPLES, Channel, missing_band, ordered_channels
 from mmt.scene.added import (
     PassingTable,
     added_parts,
@@ -37,7 +37,13 @@ class Session(Table):
     name: str = Field("session", min_length=1, max_length=64, pattern=r"^[\w.-]+$")
     duration_s: float = Field(18.0, gt=0, le=86_400)
     rate_hz: Literal[1000] = 1000
+    acceleration_rate_hz: int = Field(1000, ge=1000, le=1000 * MOST_SAMPLES, multiple_of=1000)
     seed: int = Field(1, ge=0, lt=2**63)
+
+    @property
+    def samples_per_frame(self) -> int:
+        """Samples of acceleration in a frame, and of vibration in a tick."""
+        return self.acceleration_rate_hz // self.rate_hz
 
 
 class SceneTables(Table):
@@ -108,6 +114,21 @@ class SceneTables(Table):
             return None
         where, how = self.motion_limits.describe()
         return f"{where}; {(self.link or Link()).limit_mm_s:g} mm/s; {how}"
+
+    def describe_acceleration(self) -> str | None:
+        """Return what a frame has of acceleration; None where that is one sample, or none."""
+        session = self.session
+        if session.samples_per_frame == 1 or "acceleration" not in self.channels():
+            return None
+        said = f"{session.samples_per_frame} samples a frame"
+        sensor = self.devices.accelerometer if self.devices is not None else None
+        if sensor is None:
+            return said
+        rate_hz = sensor.options.get("rate_hz")
+        if not isinstance(rate_hz, int | float):
+            return f"{said}; its start says what {sensor.driver} gives"
+        band = missing_band(rate_hz, session.acceleration_rate_hz)
+        return f"{said}; {sensor.driver} {band}" if band else said
 
     def describe_hand_force(self) -> str | None:
         """Return where the force of a handle's hand comes from, and how late; None for no handle.

@@ -37,11 +37,6 @@ class Texture(TextureSettings, Part):
     @model_validator(mode="before")
     @classmethod
     def _without_parts(cls, table: Any) -> Any:
-        if isinstance(table, Mapping) and table.get("order") == "auto":
-            raise ValueError(
-                'order = "auto": no longer a choice, since the order 16 was nowhere worse; leave '
-                "it out, or write a number"
-            )
         if isinstance(table, Mapping) and "selection" in table:
             raise ValueError(
                 "selection: no longer a table, since a model in which it kept outliers out was "
@@ -56,10 +51,10 @@ class Texture(TextureSettings, Part):
             )
         return table
 
-    def settings(self, rate_hz: float) -> ModellingSettings:
+    def settings(self, rate_hz: float, samples_per_frame: int = 1) -> ModellingSettings:
         """Return the settings of the numerics for a stream of a sampling rate."""
         keys = {field.name: getattr(self, field.name) for field in fields(TextureSettings)}
-        return ModellingSettings(**keys, rate_hz=rate_hz)
+        return ModellingSettings(**keys, rate_hz=rate_hz, samples_per_frame=samples_per_frame)
 
 
 TEXTURE_TABLE: Final = TypeAdapter(Texture)

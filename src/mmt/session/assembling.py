@@ -42,10 +42,13 @@ class FrameAssembler:
 
 
 class OutputAssembler:
-    """Join output samples of one mode into blocks of 20 or a little more."""
+    """Join output samples of one mode into blocks of the time of 20 frames or a little more."""
 
-    def __init__(self, write: Callable[[int, str, FloatArray], None]) -> None:
+    def __init__(
+        self, write: Callable[[int, str, FloatArray], None], samples_per_frame: int = 1
+    ) -> None:
         self._write = write
+        self._block_bytes = FRAMES_PER_BLOCK * samples_per_frame * _SAMPLE_BYTES
         self._waiting = bytearray()
         self._mode = ""
         self._time_ns = 0
@@ -57,7 +60,7 @@ class OutputAssembler:
         if not self._waiting:
             self._mode, self._time_ns = mode, time_ns
         self._waiting += data
-        if len(self._waiting) >= FRAMES_PER_BLOCK * _SAMPLE_BYTES:
+        if len(self._waiting) >= self._block_bytes:
             self.flush()
 
     def flush(self) -> None:

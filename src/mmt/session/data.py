@@ -11,10 +11,17 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.drawn import Drawn
-from mmt.core.frames import FIELD_OF_CHANNEL, Channel, channels_of
+from mmt.core.frames import (
+    FIELD_OF_CHANNEL,
+    Channel,
+    acceleration_samples,
+    channels_of,
+    samples_per_frame,
+)
 
 FRAME_PERIOD_NS = 1_000_000
 """Frames come at 1 kHz."""
+FRAME_PERIOD_S = 1e-3
 
 JsonObject = Mapping[str, Any]
 """A JSON object; only the program that wrote it knows its keys."""
@@ -29,7 +36,14 @@ class OutputBlock:
     mode: str
     """Where the vibration came from, as the leader names it."""
     vibration_m_s2: FloatArray
-    """Shape (n,), 1 kHz, stored in single precision."""
+    """Shape (n,), stored in single precision."""
+    rate_hz: float = 1000.0
+    """Samples a second, as of the session's acceleration."""
+
+    @property
+    def end_s(self) -> float:
+        """Session time of the end of the last sample's period."""
+        return self.time_s + len(self.vibration_m_s2) / self.rate_hz
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -49,7 +63,8 @@ class RecordedSession(Drawn):
     frames: RecordArray
     """Shape (n,), the dtype of `mmt.core.frames.frame_dtype`: ``sequence``, ``time_ns`` and,
     of the channels that were recorded, ``position_mm``, ``force_n`` and
-    ``acceleration_m_s2``, (3,) each. Missing frames are jumps in ``sequence``."""
+    ``acceleration_m_s2``, (3,) each, or (k, 3) where a frame has k samples of acceleration.
+    Missing frames are jumps in ``sequence``."""
     scene: JsonObject | None = None
     """The resolved scene, None where the file holds none."""
     annotations: bytes = b""
@@ -75,30 +90,57 @@ class RecordedSession(Drawn):
         return channels_of(self.frames.dtype)
 
     @property
+    def samples_per_frame(self) -> int:
+        """Samples of acceleration in a frame."""
+        return samples_per_frame(self.frames.dtype)
+
+    @property
     def time_s(self) -> FloatArray:
         """Session time of the frames, shape (n,); zero at the first."""
         time_ns = self.frames["time_ns"]
         return np.asarray((time_ns - time_ns[:1]) / 1e9, dtype=np.float64)
 
     @property
+    def acceleration_time_s(self) -> FloatArray:
+        """Session time of the samples of acceleration, shape (n k,)."""
+        return sample_times_s(self.time_s, self.samples_per_frame)
+
+    @property
     def duration_s(self) -> float:
         """Time from the first frame to the end of the last one's period."""
         return duration_s(self.frames)
+
+    def vectors(self) -> dict[str, np.ndarray[Any, np.dtype[Any]]]:
+        """Return each channel's vectors (n, 3), those of the acceleration sample by sample.
+
+        These are (n k, 3); with k > 1 samples a frame their times, ``acceleration_time_s``
+        (n k,), stand beside them.
+        """
+        vectors = {
+            FIELD_OF_CHANNEL[channel]: self.frames[FIELD_OF_CHANNEL[channel]]
+            for channel in self.channels
+        }
+        if self.samples_per_frame > 1:
+            vectors["acceleration_m_s2"] = acceleration_samples(self.frames)
+            vectors["acceleration_time_s"] = self.acceleration_time_s
+        return vectors
 
     def columns(self) -> dict[str, np.ndarray[Any, np.dtype[Any]]]:
         """Return ``sequence``, ``time_s`` and each axis of each channel, of shape (n,) each.
 
         The names are those of the ``.csv`` and ``.parquet`` files (``position_x_mm``), so
-        that ``pandas.DataFrame(session.columns())`` is the table that these hold.
+        that ``pandas.DataFrame(session.columns())`` is the table that these hold. Where a frame
+        has k > 1 samples of acceleration, each is a column: ``acceleration_x_m_s2[0]``, the
+        oldest, and on; `vectors` has them one after the other.
         """
         columns: dict[str, np.ndarray[Any, np.dtype[Any]]] = {
             "sequence": self.frames["sequence"],
             "time_s": self.time_s,
         }
         for channel in self.channels:
-            vectors = self.frames[FIELD_OF_CHANNEL[channel]]
-            for axis, name in enumerate(axis_columns(channel)):
-                columns[name] = vectors[:, axis]
+            names = field_columns(channel, self.samples_per_frame)
+            values = self.frames[FIELD_OF_CHANNEL[channel]].reshape(-1, len(names))
+            columns |= zip(names, values.T, strict=True)
         return columns
 
     def __repr__(self) -> str:
@@ -130,6 +172,19 @@ def duration_s(frames: RecordArray) -> float:
     return (span_ns + FRAME_PERIOD_NS) / 1e9
 
 
+def sample_times_s(
+    time_s: FloatArray, samples_per_frame: int, period_s: float = FRAME_PERIOD_S
+) -> FloatArray:
+    """Return the times (n k,) of k samples a frame, the last of each at its frame's time (n,).
+
+    The others are evenly spaced before it: over a period, or since the frame before if its time
+    is closer.
+    """
+    before_s = np.clip(np.diff(time_s, prepend=-np.inf), 0.0, period_s)
+    shares = np.arange(samples_per_frame - 1, -1, -1) / samples_per_frame
+    return np.asarray(time_s[:, None] - before_s[:, None] * shares, dtype=np.float64).ravel()
+
+
 def event_time_s(event: JsonObject) -> float:
     """Return an event's session time, 0 where it has none."""
     time_s = event.get("time_s")
@@ -142,6 +197,14 @@ def axis_columns(channel: Channel) -> tuple[str, str, str]:
     """Return the three column names of a channel, as in ``position_x_mm``."""
     unit = FIELD_OF_CHANNEL[channel].removeprefix(f"{channel}_")
     return (f"{channel}_x_{unit}", f"{channel}_y_{unit}", f"{channel}_z_{unit}")
+
+
+def field_columns(channel: Channel, samples_per_frame: int) -> tuple[str, ...]:
+    """Return the names of what a frame holds of a channel, in the order in which it holds it."""
+    names = axis_columns(channel)
+    if channel != "acceleration" or samples_per_frame == 1:
+        return names
+    return tuple(f"{name}[{sample}]" for sample in range(samples_per_frame) for name in names)
 
 
 def to_json(value: object) -> str:

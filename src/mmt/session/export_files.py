@@ -8,7 +8,6 @@ import numpy as np
 
 from mmt.core.existing_files import replacing
 from mmt.core.extras import require
-from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL
 from mmt.session.data import RecordedSession, to_json
 
 
@@ -38,11 +37,8 @@ def write_npz(path: Path, session: RecordedSession) -> None:
     InputError, MmtError
         See `mmt.session.export_session`.
     """
-    frames = session.frames
-    arrays: dict[str, Any] = {"sequence": frames["sequence"], "time_s": session.time_s}
-    for channel in CHANNELS:
-        if channel in session.channels:
-            arrays[FIELD_OF_CHANNEL[channel]] = frames[FIELD_OF_CHANNEL[channel]]
+    arrays: dict[str, Any] = {"sequence": session.frames["sequence"], "time_s": session.time_s}
+    arrays |= session.vectors()
     if session.scene is not None:
         arrays["scene_json"] = np.array(to_json(dict(session.scene)))
     if session.annotations:
@@ -86,7 +82,8 @@ def write_parquet(path: Path, session: RecordedSession) -> None:
 def write_hdf5(path: Path, session: RecordedSession) -> None:
     """Write each field of the frames as a data set, and everything that belongs to them.
 
-    Data sets: ``sequence``, ``time_ns``, ``time_s`` (n,), the channels (n, 3);
+    Data sets: ``sequence``, ``time_ns``, ``time_s`` (n,), the channels as of
+    `RecordedSession.vectors`;
     ``annotations`` (bytes as uint8); ``models/0001`` and on (``.npz`` bytes as uint8, with the
     attribute ``time_s``); ``scene`` and ``events`` (JSON text).
 
@@ -103,9 +100,9 @@ def write_hdf5(path: Path, session: RecordedSession) -> None:
     frames = session.frames
     image = io.BytesIO()  # on a full disk, the library brings the whole process down
     with h5py.File(image, "w") as file:
-        for name in frames.dtype.names or ():
-            file.create_dataset(name, data=frames[name], compression="gzip", shuffle=True)
-        file.create_dataset("time_s", data=session.time_s, compression="gzip", shuffle=True)
+        times = {"sequence": frames["sequence"], "time_ns": frames["time_ns"]}
+        for name, data in {**times, **session.vectors(), "time_s": session.time_s}.items():
+            file.create_dataset(name, data=data, compression="gzip", shuffle=True)
         if session.scene is not None:
             file["scene"] = to_json(dict(session.scene))
         if session.events:

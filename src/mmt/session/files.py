@@ -56,7 +56,7 @@ def import_session(
     units: Mapping[str, str] | None = None,
     **options: Any,
 ) -> RecordedSession:
-    """Read a recording of another program and resample it to 1 kHz.
+    """Read a recording of another program; resample it to 1 kHz, acceleration to what is asked.
 
     What looks wrong in it, such as a unit, the sign of the force or jittered stamps, is logged
     as a warning.
@@ -77,9 +77,9 @@ def import_session(
         Their units, in place of what the file says, as ``{"acceleration": "g"}``.
     **options
         Whatever else the command ``mmt session import`` has, by the names of
-        `mmt.session.importing.options.ImportOptions`: ``rate_hz``, ``blanks_as_gaps``,
-        ``longest_gap_s``, ``stamps``, ``episode``, ``header``, ``sheet``, ``separator``,
-        ``decimal``, ``missing``, ``offsets``.
+        `mmt.session.importing.options.ImportOptions`: ``rate_hz``, ``acceleration_rate_hz``,
+        ``blanks_as_gaps``, ``longest_gap_s``, ``stamps``, ``episode``, ``header``, ``sheet``,
+        ``separator``, ``decimal``, ``missing``, ``offsets``.
 
     Raises
     ------

@@ -36,6 +36,8 @@ class SessionInfo:
     the recorded scene is not valid, and where the numerics are not installed."""
     rate_hz: float | None
     """Frames a second by the recorded times, gaps counted as frames; None below two."""
+    acceleration_rate_hz: float | None
+    """Samples of acceleration a second, likewise; None without acceleration."""
     channels: tuple[Channel, ...]
     scene: str | None
     """The scene's name, None where the file holds no scene."""
@@ -51,6 +53,8 @@ class SessionInfo:
     """What happened to the control of the robot, a sentence each with its session time."""
     outputs: int
     """Samples of the leader's output."""
+    output_rate_hz: float | None
+    """Its samples a second; None without output."""
     listeners: tuple[JsonObject, ...]
     """What is known of each that listened to the shared model, in the order in which they left;
     only its ``id`` and ``name`` where its leaving was not recorded."""
@@ -70,6 +74,8 @@ def info(path: str | Path) -> SessionInfo:
     is_mcap = path.suffix.lower() == ".mcap"
     session = scanned_session(scan_mcap(path)) if is_mcap else read_session(path)
     frames = session.frames
+    rate_hz = _rate_hz(session)
+    accelerates = "acceleration" in session.channels
     return SessionInfo(
         path=path,
         size_bytes=_size_bytes(path),
@@ -77,7 +83,10 @@ def info(path: str | Path) -> SessionInfo:
         frames=len(frames),
         missing_frames=missing_frames(frames),
         faults=_faults(session),
-        rate_hz=_rate_hz(session),
+        rate_hz=rate_hz,
+        acceleration_rate_hz=session.samples_per_frame * rate_hz
+        if rate_hz and accelerates
+        else None,
         channels=session.channels,
         scene=_scene_name(session),
         session_id=session.session_id,
@@ -87,6 +96,7 @@ def info(path: str | Path) -> SessionInfo:
         control=control_periods(session.events, duration_s(frames)),
         hand_overs=tuple(_hand_overs(session)),
         outputs=sum(len(output.vibration_m_s2) for output in session.outputs),
+        output_rate_hz=session.outputs[0].rate_hz if session.outputs else None,
         listeners=_listeners(session.events),
         complete=session.complete,
     )
@@ -113,7 +123,10 @@ def _faults(session: RecordedSession) -> "SignalFaults | None":
     from mmt.texture.signals.filtering import StreamFilter
     from mmt.texture.signals.numbering import StreamNumbering
 
-    stream = StreamFilter((scene.texture or Texture()).settings(float(scene.session.rate_hz)))
+    settings = (scene.texture or Texture()).settings(
+        float(scene.session.rate_hz), session.samples_per_frame
+    )
+    stream = StreamFilter(settings)
     frames = StreamNumbering().number(session.frames)
     for start in range(0, len(frames), _FILTERED_AT_ONCE):
         stream.process(frames[start : start + _FILTERED_AT_ONCE])

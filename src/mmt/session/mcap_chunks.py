@@ -15,7 +15,7 @@ from mcap.stream_reader import get_chunk_data_stream
 
 from mmt.core.errors import InputError
 from mmt.session.data import JsonObject
-from mmt.session.mcap_reader import checked_frame_schema, parse_event, parse_json
+from mmt.session.mcap_reader import frame_codec, parse_event, parse_json
 from mmt.session.mcap_records import HEAD, Records, open_records
 from mmt.session.mcap_scan import DAMAGE, chunk_messages, most_bytes, read_index, unpacked
 from mmt.session.mcap_writer import (
@@ -27,6 +27,7 @@ from mmt.session.mcap_writer import (
     SCENE_METADATA,
     SESSION_METADATA,
 )
+from mmt.session.messages import FrameCodec
 
 _CHUNKS_TOGETHER: Final = 8
 """Chunks that are decoded at once, some seconds of a session."""
@@ -38,7 +39,7 @@ _MESSAGE_HEAD: Final = 22
 class InOrder(NamedTuple):
     """What a session file holds beside its frames; events only where control could change hands."""
 
-    schema: bytes
+    codec: FrameCodec
     scene: JsonObject | None
     annotations: bytes
     complete: bool
@@ -72,11 +73,10 @@ def open_in_order(path: Path) -> InOrder | None:
             events = _events(path, stream, summary) if handed_over else []
     except (*DAMAGE, OSError):
         return None
-    schemas = {c.topic: summary.schemas.get(c.schema_id) for c in summary.channels.values()}
-    if BACKFILL_TOPIC in schemas:
+    if BACKFILL_TOPIC in (channel.topic for channel in summary.channels.values()):
         return None
     return InOrder(
-        checked_frame_schema(path, schemas, metadata.get(SESSION_METADATA, {})),
+        frame_codec(path, summary.channels, summary.schemas, metadata.get(SESSION_METADATA, {})),
         scene,
         attached[-1] if attached else b"",
         not metadata.get(RECOVERY_METADATA),

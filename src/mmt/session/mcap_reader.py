@@ -19,6 +19,7 @@ from mmt.core.errors import InputError
 from mmt.session.data import JsonObject, OutputBlock, RecordedSession
 from mmt.session.mcap_scan import Scan, scan_mcap
 from mmt.session.mcap_writer import (
+    ACCELERATION_RATE,
     ANNOTATIONS_ATTACHMENT,
     BACKFILL_TOPIC,
     EVENTS_TOPIC,
@@ -90,22 +91,16 @@ def scanned_frames(scan: Scan) -> RecordArray:
     InputError
         The file is not a session, or of a newer version.
     """
-    _check_kind(scan)
-    schema = scan.schema_of(FRAMES_TOPIC)
-    codec = FrameCodec(schema.data if schema else b"")
+    if not scan.channels and not scan.whole:
+        raise InputError(f"session {scan.path}: nothing in it can be read: {scan.problem}")
+    about = scan.metadata_of(SESSION_METADATA)
+    codec = frame_codec(scan.path, scan.channels, scan.schemas, about)
     frames = codec.decode([block.data for block in scan.on_topic(FRAMES_TOPIC)])
     late = scan.on_topic(BACKFILL_TOPIC)
     if not late:
         return frames
     filled = np.concatenate([frames, codec.decode([block.data for block in late])])
     return filled[np.argsort(filled["sequence"], kind="stable")]
-
-
-def _check_kind(scan: Scan) -> None:
-    if not scan.channels and not scan.whole:
-        raise InputError(f"session {scan.path}: nothing in it can be read: {scan.problem}")
-    schemas = {c.topic: scan.schemas.get(c.schema_id) for c in scan.channels.values()}
-    checked_frame_schema(scan.path, schemas, scan.metadata_of(SESSION_METADATA))
 
 
 def _event(scan: Scan, message: Message, start_ns: int) -> JsonObject:
@@ -125,24 +120,47 @@ def _outputs(scan: Scan, start_ns: int) -> list[OutputBlock]:
     if schema is None or not messages:
         return []
     codec = OutputCodec(schema.data)
-    return [OutputBlock((m.log_time - start_ns) / 1e9, *codec.decode(m.data)) for m in messages]
+    return [
+        output_block(scan.path, codec, message, scan.channels[message.channel_id], start_ns)
+        for message in messages
+    ]
 
 
-def checked_frame_schema(
-    path: Path, schemas: Mapping[str, Schema | None], metadata: Mapping[str, str]
-) -> bytes:
-    """Return the schema of a file's frames, from its schemas by topic and the session's metadata.
+def output_block(
+    path: Path, codec: OutputCodec, message: Message, channel: Channel, start_ns: int
+) -> OutputBlock:
+    """Return a message with the leader's output; `start_ns` is session time zero.
+
+    Raises
+    ------
+    InputError
+        It does not parse, or its channel has a rate that there is not.
+    """
+    mode, vibration_m_s2 = codec.decode(message.data)
+    rate_hz = 1000.0 * _samples_per_frame(path, channel)
+    return OutputBlock((message.log_time - start_ns) / 1e9, mode, vibration_m_s2, rate_hz)
+
+
+def frame_codec(
+    path: Path,
+    channels: Mapping[int, Channel],
+    schemas: Mapping[int, Schema],
+    metadata: Mapping[str, str],
+) -> FrameCodec:
+    """Return the codec of a file's frames, from its channels, schemas and session's metadata.
 
     Raises
     ------
     InputError
         The file is not a session, or of a newer version.
     """
-    schema = schemas.get(FRAMES_TOPIC)
-    if schema is None or schema.name != FRAME_BLOCK:
+    by_topic = {channel.topic: channel for channel in channels.values()}
+    channel = by_topic.get(FRAMES_TOPIC)
+    schema = None if channel is None else schemas.get(channel.schema_id)
+    if channel is None or schema is None or schema.name != FRAME_BLOCK:
         raise InputError(
             f"session {path}: an MCAP file without the topic {FRAMES_TOPIC} of "
-            f"{FRAME_BLOCK}; its topics: {', '.join(sorted(schemas)) or 'none'}"
+            f"{FRAME_BLOCK}; its topics: {', '.join(sorted(by_topic)) or 'none'}"
         )
     version = metadata.get("format_version", "1")
     if not version.isdecimal() or int(version) > FORMAT_VERSION:
@@ -150,7 +168,18 @@ def checked_frame_schema(
             f"session {path}: format version {version}, this program reads up to "
             f"{FORMAT_VERSION}; update mmt-haptics"
         )
-    return bytes(schema.data)
+    return FrameCodec(bytes(schema.data), _samples_per_frame(path, channel))
+
+
+def _samples_per_frame(path: Path, channel: Channel) -> int:
+    """Return the samples of acceleration, or of the output, in a frame's time."""
+    text = channel.metadata.get(ACCELERATION_RATE, "1000")
+    if not re.fullmatch(r"([1-9]|10)000", text):
+        raise InputError(
+            f"session {path}: {ACCELERATION_RATE} of {channel.topic} is {text!r}, it must be a "
+            "multiple of 1000, to 10000"
+        )
+    return int(text) // 1000
 
 
 def parse_event(path: Path, data: bytes, channel: Channel) -> dict[str, Any]:

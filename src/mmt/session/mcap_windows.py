@@ -15,7 +15,8 @@ from mmt.core.errors import InputError
 from mmt.core.frames import Channel
 from mmt.session.data import JsonObject, OutputBlock
 from mmt.session.mcap_reader import (
-    checked_frame_schema,
+    frame_codec,
+    output_block,
     parse_event,
     parse_json,
     scanned_session,
@@ -30,7 +31,7 @@ from mmt.session.mcap_writer import (
     SCENE_METADATA,
     SESSION_METADATA,
 )
-from mmt.session.messages import FrameCodec, OutputCodec
+from mmt.session.messages import OutputCodec
 from mmt.session.windows import MemoryWindows, SessionWindows, Window, overlapping
 
 _CHUNKS_KEPT: Final = 64
@@ -69,9 +70,10 @@ class McapWindows:
         )
         about = metadata.get(SESSION_METADATA, {})
         self.session_id: str | None = about.get("session_id")
-        schemas = {c.topic: summary.schemas.get(c.schema_id) for c in summary.channels.values()}
-        self._codec = FrameCodec(checked_frame_schema(path, schemas, about))
+        self._codec = frame_codec(path, summary.channels, summary.schemas, about)
         self.channels: tuple[Channel, ...] = self._codec.channels
+        self.samples_per_frame = self._codec.samples_per_frame
+        schemas = {c.topic: summary.schemas.get(c.schema_id) for c in summary.channels.values()}
         output_schema = schemas.get(OUTPUT_TOPIC)
         self._output_codec = OutputCodec(output_schema.data) if output_schema else None
         self._utc_offset_ns = utc_offset_ns(about) or 0
@@ -84,7 +86,7 @@ class McapWindows:
                 [index.message_end_time for index in self._chunks],
             )
         )
-        # a message's time is that of the first of its samples, of which it has 20 or few more
+        # a message's time is that of its beginning, and it lasts 20 ms or little more
         self.duration_s = float(self._ends_s.max()) + 0.02
         self.has_output = self._output_codec is not None
         self.events: Sequence[JsonObject] = self._read_events()
@@ -239,8 +241,8 @@ class McapWindows:
 
     def _output(self, message: Message) -> OutputBlock:
         assert self._output_codec is not None  # noqa: S101 - the topic has a schema
-        mode, vibration_m_s2 = self._output_codec.decode(message.data)
-        return OutputBlock((message.log_time - self._start_ns) / 1e9, mode, vibration_m_s2)
+        channel = self._mcap_channels[message.channel_id]
+        return output_block(self.path, self._output_codec, message, channel, self._start_ns)
 
 
 def open_windows(path: str | Path) -> SessionWindows:

@@ -15,6 +15,7 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
 from mmt.core.arrays import FloatArray, RecordArray
+from mmt.core.errors import InputError
 from mmt.core.existing_files import replacing
 from mmt.core.frames import Channel, channels_of
 from mmt.core.version import __version__
@@ -38,6 +39,7 @@ from mmt.session.messages import (
 )
 from mmt.session.packed_index import pack_index
 from mmt.session.plot_messages import (
+    ACCELERATION_SAMPLE,
     LOG,
     PLOT_SAMPLE,
     SCALARS,
@@ -52,8 +54,11 @@ from mmt.session.plot_messages import (
     vibration_sample_schema,
 )
 
-FORMAT_VERSION: Final = 2
-"""Version 1, whose events are JSON messages and whose times have no date, is read too."""
+FORMAT_VERSION: Final = 3
+"""That of files with several samples of acceleration a frame."""
+VERSION_AT_1_KHZ: Final = 2
+"""That of all others, which older programs read. Version 1, whose events are JSON messages and
+whose times have no date, is read too."""
 FRAMES_PER_BLOCK: Final = 20
 CHUNK_BYTES: Final = 64 * 1024
 PROFILE: Final = "mmt"
@@ -66,12 +71,15 @@ OUTPUT_TOPIC: Final = "/output"
 EVENTS_TOPIC: Final = "/events"
 LOG_TOPIC: Final = "/log"
 SCALARS_TOPIC: Final = "/scalars"
+ACCELERATION_TOPIC: Final = "/acceleration"
 VIBRATION_TOPIC: Final = "/vibration"
 
 SESSION_METADATA: Final = "mmt.session"
 SCENE_METADATA: Final = "mmt.scene"
 UTC_OFFSET: Final = "utc_offset_ns"
 """Key of `SESSION_METADATA`: UTC minus the clock of the machine that recorded."""
+ACCELERATION_RATE: Final = "acceleration_rate_hz"
+"""Key of the metadata of topics, where a frame has several samples of acceleration."""
 RECOVERY_METADATA: Final = "mmt.recovery"
 
 ANNOTATIONS_ATTACHMENT: Final = "annotations"
@@ -98,6 +106,8 @@ class SessionWriter:
     scalars
         Write each frame and each sample of the output as a message of its own as well, for
         tools that plot numbers.
+    samples_per_frame
+        Samples of acceleration in a frame, and of the output in its time.
     """
 
     def __init__(
@@ -109,21 +119,31 @@ class SessionWriter:
         *,
         utc_offset_ns: int = 0,
         scalars: bool = False,
+        samples_per_frame: int = 1,
     ) -> None:
         self._writer = open_writer(stream)
-        self._frames = FrameCodec.of_channels(channels)
+        self._frames = FrameCodec.of_channels(channels, samples_per_frame)
         self._plot = PlotCodec(channels)
         self._output = OutputCodec()
         self._event, self._log = event_codec(), LogCodec()
-        self._scalar = ScalarCodec(channels) if scalars else None
+        several = samples_per_frame > 1
+        slow = [channel for channel in channels if not (several and channel == "acceleration")]
+        plain = {SCALARS_TOPIC: (SCALARS, slow)}
+        if several and "acceleration" in channels:
+            plain[ACCELERATION_TOPIC] = (ACCELERATION_SAMPLE, ["acceleration"])
+        self._scalars = {t: ScalarCodec(*each) for t, each in plain.items() if scalars and each[1]}
         self._vibration = VibrationCodec() if scalars else None
         self._utc_offset_ns = utc_offset_ns
+        self._samples_per_frame = samples_per_frame
         self._models = 0
+        rate = {ACCELERATION_RATE: str(1000 * samples_per_frame)} if several else {}
+        self._metadata = dict.fromkeys((FRAMES_TOPIC, BACKFILL_TOPIC, OUTPUT_TOPIC), rate)
         self._writer.add_metadata(
             SESSION_METADATA,
             {
-                "format_version": str(FORMAT_VERSION),
+                "format_version": str(FORMAT_VERSION if several else VERSION_AT_1_KHZ),
                 "rate_hz": "1000",
+                **rate,
                 "channels": ",".join(channels),
                 "created_utc": datetime.now(UTC).isoformat(timespec="milliseconds"),
                 UTC_OFFSET: str(utc_offset_ns),
@@ -140,7 +160,7 @@ class SessionWriter:
             OUTPUT_TOPIC: (OUTPUT_BLOCK, output_schema()),
             EVENTS_TOPIC: (EVENT, event_schema()),
             LOG_TOPIC: (LOG, log_schema()),
-            SCALARS_TOPIC: (SCALARS, scalars_schema(channels)),
+            **{topic: (each[0], scalars_schema(*each)) for topic, each in plain.items()},
             VIBRATION_TOPIC: (VIBRATION_SAMPLE, vibration_sample_schema()),
         }
         self._channels = {topic: self._register(topic) for topic in (FRAMES_TOPIC, PLOT_TOPIC)}
@@ -148,7 +168,8 @@ class SessionWriter:
     def _register(self, topic: str) -> int:
         name, schema = self._schemas[topic]
         schema_id = self._writer.register_schema(name, SchemaEncoding.Protobuf, schema)
-        return self._writer.register_channel(topic, MessageEncoding.Protobuf, schema_id)
+        metadata = self._metadata.get(topic, {})
+        return self._writer.register_channel(topic, MessageEncoding.Protobuf, schema_id, metadata)
 
     def _add(
         self, topic: str, data: bytes, log_time_ns: int, time_ns: int, sequence: int = 0
@@ -178,12 +199,9 @@ class SessionWriter:
             (PLOT_TOPIC, self._plot.encode(frames)),
         ):
             self._add(each, data, log_time_ns, time_ns, sequence)
-        if self._scalar is not None:
-            for frame in frames:
-                at_ns = int(frame["time_ns"])
-                logged_ns = log_time_ns + at_ns - time_ns
-                data = self._scalar.encode(frame)
-                self._add(SCALARS_TOPIC, data, logged_ns, at_ns, int(frame["sequence"]))
+        for plain, codec in self._scalars.items():
+            for number, at_ns, data in codec.encode(frames):
+                self._add(plain, data, log_time_ns + at_ns - time_ns, at_ns, number)
 
     def write_output(self, log_time_ns: int, mode: str, vibration_m_s2: FloatArray) -> None:
         """Write a block of the leader's output, samples (n,) of one mode."""
@@ -192,7 +210,7 @@ class SessionWriter:
         self._add(OUTPUT_TOPIC, data, log_time_ns, log_time_ns)
         if self._vibration is not None:
             for sample, value in enumerate(vibration_m_s2.tolist()):
-                at_ns = log_time_ns + sample * FRAME_PERIOD_NS
+                at_ns = log_time_ns + sample * FRAME_PERIOD_NS // self._samples_per_frame
                 self._add(VIBRATION_TOPIC, self._vibration.encode(at_ns, value), at_ns, at_ns)
 
     def write_event(self, event: str, log_time_ns: int) -> None:
@@ -244,7 +262,7 @@ def write_mcap(path: Path, session: RecordedSession, *, scalars: bool = False) -
     Raises
     ------
     InputError
-        The folder does not exist or may not be written.
+        The folder does not exist or may not be written, or acceleration and output differ in rate.
     MmtError
         Writing failed, for instance because the disk is full.
     """
@@ -256,6 +274,14 @@ def _write_all(stream: BinaryIO, session: RecordedSession, *, scalars: bool) -> 
     frames = session.frames
     start_ns = max(0, int(frames["time_ns"][0])) if len(frames) else 0
     began_utc_ns = session.began_utc_ns or time.time_ns()
+    rates = {output.rate_hz for output in session.outputs}
+    if "acceleration" in session.channels:
+        rates.add(1000.0 * session.samples_per_frame)
+    if len(rates) > 1:
+        raise InputError(
+            f"session {session.path}: acceleration and the leader's output are at "
+            f"{' and '.join(f'{rate:g}' for rate in sorted(rates))} Hz; a file holds one rate"
+        )
     writer = SessionWriter(
         stream,
         channels_of(frames.dtype),
@@ -263,6 +289,7 @@ def _write_all(stream: BinaryIO, session: RecordedSession, *, scalars: bool) -> 
         session.session_id,
         utc_offset_ns=began_utc_ns - start_ns,
         scalars=scalars,
+        samples_per_frame=round(max(rates, default=1000.0) / 1000.0),
     )
 
     def log_time_ns(time_s: float) -> int:

@@ -99,18 +99,27 @@ def message_class(schema: bytes, name: str) -> Any:
 
 
 class FrameCodec:
-    """Turn blocks of frames into ``mmt.FrameBlock`` messages and back."""
+    """Turn blocks of frames into ``mmt.FrameBlock`` messages and back.
 
-    def __init__(self, schema: bytes) -> None:
+    Parameters
+    ----------
+    schema
+        That of the messages; it says which channels frames have.
+    samples_per_frame
+        Samples of acceleration in a frame, and of the leader's output in its time.
+    """
+
+    def __init__(self, schema: bytes, samples_per_frame: int = 1) -> None:
         self._message = message_class(schema, FRAME_BLOCK)
         fields = self._message.DESCRIPTOR.fields_by_name
         self.channels = tuple(c for c in CHANNELS if FIELD_OF_CHANNEL[c] in fields)
-        self.dtype = frame_dtype(self.channels)
+        self.samples_per_frame = samples_per_frame
+        self.dtype = frame_dtype(self.channels, samples_per_frame)
 
     @classmethod
-    def of_channels(cls, channels: Sequence[Channel]) -> Self:
+    def of_channels(cls, channels: Sequence[Channel], samples_per_frame: int = 1) -> Self:
         """Return the codec of the current layout for these channels."""
-        return cls(frame_schema(channels))
+        return cls(frame_schema(channels), samples_per_frame)
 
     def encode(self, frames: RecordArray) -> bytes:
         """Return a block of frames (n,) as one message; about 12 us for n = 20."""

@@ -3,20 +3,21 @@
 mmt writes them and reads none of them; the layout is in ``docs/reference/session-file.md``.
 """
 
-from collections.abc import Sequence
-from typing import Any, Final
+from collections.abc import Iterator, Sequence
+from typing import Final
 
 import numpy as np
 from google.protobuf import descriptor_pb2, timestamp_pb2
 
 from mmt.core.arrays import RecordArray
-from mmt.core.frames import FIELD_OF_CHANNEL, Channel, channels_of
-from mmt.session.data import axis_columns
+from mmt.core.frames import FIELD_OF_CHANNEL, Channel, acceleration_samples, channels_of
+from mmt.session.data import FRAME_PERIOD_NS, axis_columns
 from mmt.session.messages import Field, message_class, message_schema
 
 PLOT_SAMPLE: Final = "mmt.PlotSample"
 LOG: Final = "foxglove.Log"
 SCALARS: Final = "mmt.Scalars"
+ACCELERATION_SAMPLE: Final = "mmt.AccelerationSample"
 VIBRATION_SAMPLE: Final = "mmt.VibrationSample"
 
 _MEANS: Final[tuple[Channel, ...]] = ("position", "force")
@@ -64,11 +65,11 @@ def log_schema() -> bytes:
     return bytes(files.SerializeToString())
 
 
-def scalars_schema(channels: Sequence[Channel]) -> bytes:
-    """Return the schema of ``mmt.Scalars``: one frame, a field for each axis of each channel."""
+def scalars_schema(message: str, channels: Sequence[Channel]) -> bytes:
+    """Return the schema of one sample of channels: a field for each axis of each."""
     names = [name for channel in channels for name in axis_columns(channel)]
     fields = [("time_ns", Field.TYPE_SFIXED64, False)]
-    return message_schema(SCALARS, fields + [(name, Field.TYPE_FLOAT, False) for name in names])
+    return message_schema(message, fields + [(name, Field.TYPE_FLOAT, False) for name in names])
 
 
 def vibration_sample_schema() -> bytes:
@@ -96,7 +97,7 @@ class PlotCodec:
                     mean = frames[FIELD_OF_CHANNEL[channel]].mean(axis=0, dtype=np.float64)
                     values |= zip(axis_columns(channel), mean.tolist(), strict=True)
             if "acceleration" in channels:
-                acceleration = frames["acceleration_m_s2"].astype(np.float64)
+                acceleration = acceleration_samples(frames).astype(np.float64)
                 vibration = acceleration - acceleration.mean(axis=0)
                 rms = np.sqrt(np.mean(np.sum(vibration**2, axis=1)))
                 values["vibration_rms_m_s2"] = float(rms)
@@ -117,18 +118,25 @@ class LogCodec:
 
 
 class ScalarCodec:
-    """Turn frames into ``mmt.Scalars`` messages, one each."""
+    """Turn the samples of channels into messages of `scalars_schema`, one each."""
 
-    def __init__(self, channels: Sequence[Channel]) -> None:
-        self._message = message_class(scalars_schema(channels), SCALARS)
+    def __init__(self, message: str, channels: Sequence[Channel]) -> None:
+        self._message = message_class(scalars_schema(message, channels), message)
         self._fields = {FIELD_OF_CHANNEL[channel]: axis_columns(channel) for channel in channels}
 
-    def encode(self, frame: Any) -> bytes:
-        """Return a frame, shape (), as one message."""
-        values: dict[str, float] = {"time_ns": int(frame["time_ns"])}
-        for field, names in self._fields.items():
-            values |= zip(names, frame[field].tolist(), strict=True)
-        return bytes(self._message(**values).SerializeToString())
+    def encode(self, frames: RecordArray) -> Iterator[tuple[int, int, bytes]]:
+        """Yield each sample of frames (n,): its frame's sequence, its time (ns), its message."""
+        columns = [frames[field].reshape(-1, 3).tolist() for field in self._fields]
+        several = len(columns[0]) // len(frames)
+        times_ns, sequence = frames["time_ns"].tolist(), frames["sequence"].tolist()
+        for place, vectors in enumerate(zip(*columns, strict=True)):
+            frame, sample = divmod(place, several)
+            before_ns = (several - 1 - sample) * FRAME_PERIOD_NS // several
+            values: dict[str, float] = {"time_ns": times_ns[frame] - before_ns}
+            for names, vector in zip(self._fields.values(), vectors, strict=True):
+                values |= zip(names, vector, strict=True)
+            message = self._message(**values)
+            yield sequence[frame], message.time_ns, bytes(message.SerializeToString())
 
 
 class VibrationCodec:

@@ -24,7 +24,7 @@ import numpy.typing as npt
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.core.existing_files import exists_error, numbered
-from mmt.core.frames import Channel, frame_dtype, ordered_channels
+from mmt.core.frames import Channel, frame_dtype, ordered_channels, samples_per_frame
 from mmt.session.assembling import FrameAssembler, OutputAssembler
 from mmt.session.data import JsonObject, to_json
 from mmt.session.mcap_writer import SessionWriter
@@ -83,6 +83,8 @@ class McapRecorder:
         is never replaced.
     scalars
         Write each frame as a message of plain numbers as well, see `SessionWriter`.
+    samples_per_frame
+        Samples of acceleration in a frame, and of the output in its time.
 
     Raises
     ------
@@ -103,12 +105,13 @@ class McapRecorder:
         begins_s: float = 0.0,
         existing: Existing = "refuse",
         scalars: bool = False,
+        samples_per_frame: int = 1,
     ) -> None:
         self.frames = 0
         """Frames that are in the file, up to the last flush."""
         self.error: str | None = None
         """Why recording stopped, None while it runs."""
-        self._dtype = frame_dtype(ordered_channels(channels))
+        self._dtype = frame_dtype(ordered_channels(channels), samples_per_frame)
         self._on_error = on_error
         self._clock = clock
         self._limit = queue_limit
@@ -129,6 +132,7 @@ class McapRecorder:
                 session_id,
                 utc_offset_ns=time.time_ns() - clock(),
                 scalars=scalars,
+                samples_per_frame=samples_per_frame,
             )
         except OSError as error:  # the scene alone may fill what is left of a disk
             with suppress(OSError):
@@ -136,7 +140,7 @@ class McapRecorder:
             raise InputError(f"recording {self.path}: {error.strerror or error}") from error
         self._frame_assembler = FrameAssembler(self._dtype, self._write_frames)
         self._backfill_assembler = FrameAssembler(self._dtype, self._write_backfill)
-        self._output_assembler = OutputAssembler(self._writer.write_output)
+        self._output_assembler = OutputAssembler(self._writer.write_output, samples_per_frame)
         # A daemon, so that a program that dies without `close` is not held back.
         self._thread = threading.Thread(target=self._run, name="mmt-recorder", daemon=True)
         self._thread.start()
@@ -185,8 +189,8 @@ class McapRecorder:
     ) -> None:
         if frames.dtype is not self._dtype and frames.dtype != self._dtype:
             raise InputError(
-                f"recording {self.path}: frames have {frames.dtype.names}, "
-                f"expected {self._dtype.names}"
+                f"recording {self.path}: frames have {_described(frames.dtype)}, "
+                f"expected {_described(self._dtype)}"
             )
         self._recorded_frames += len(frames)
         self._put(_Record(kind, log_time_ns, frames.tobytes(), len(frames)))
@@ -307,6 +311,10 @@ class McapRecorder:
         self.error = reason
         if self._on_error is not None:
             self._on_error(reason)
+
+
+def _described(dtype: np.dtype[Any]) -> str:
+    return f"{dtype.names} with {samples_per_frame(dtype)} samples of acceleration each"
 
 
 class _TakenError(Exception):

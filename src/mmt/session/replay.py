@@ -43,11 +43,14 @@ class ReplaySource:
         Start again at the end, endlessly.
     gaps
         "keep" or "skip", see above.
+    samples_per_frame
+        Samples of acceleration in a frame, where it is sent; the session must have as many.
 
     Raises
     ------
     InputError
-        The session holds no frames or lacks a channel, or the speed is not above zero.
+        The session holds no frames, lacks a channel or has another rate of acceleration, or the
+        speed is not above zero.
     """
 
     def __init__(
@@ -58,6 +61,7 @@ class ReplaySource:
         speed: float = 1.0,
         loop: bool = False,
         gaps: Literal["keep", "skip"] = "keep",
+        samples_per_frame: int = 1,
     ) -> None:
         if not 0 < speed < float("inf"):
             raise InputError(f"replay speed is {speed}, it must be above zero")
@@ -65,7 +69,7 @@ class ReplaySource:
         self._speed = speed
         self._loop = loop
         self._gaps = gaps
-        self._frames = _chosen_frames(session, ordered_channels(channels))
+        self._frames = _chosen_frames(session, ordered_channels(channels), samples_per_frame)
         steps, times_ns = _plan(session.frames, close_gaps=gaps == "skip")
         self._sequence: IntArray = np.concatenate([[0], np.cumsum(steps)])
         self._time_ns: IntArray = np.concatenate([[0], np.cumsum(times_ns)])
@@ -146,7 +150,9 @@ class ReplaySource:
         self._closed = True
 
 
-def _chosen_frames(session: RecordedSession, channels: tuple[Channel, ...]) -> RecordArray:
+def _chosen_frames(
+    session: RecordedSession, channels: tuple[Channel, ...], samples_per_frame: int
+) -> RecordArray:
     name = session.path
     if len(session.frames) == 0:
         raise InputError(f"replay of {name}: the session holds no frames")
@@ -156,7 +162,14 @@ def _chosen_frames(session: RecordedSession, channels: tuple[Channel, ...]) -> R
             f"replay of {name}: the session has no {' and no '.join(lacking)}, "
             f"which the scene needs; it has {', '.join(session.channels)}"
         )
-    chosen = np.empty(len(session.frames), dtype=frame_dtype(channels))
+    recorded = session.samples_per_frame
+    if "acceleration" in channels and recorded != samples_per_frame:
+        raise InputError(
+            f"replay of {name}: its acceleration is at {1000 * recorded} Hz, the scene's at "
+            f"{1000 * samples_per_frame}: write acceleration_rate_hz = {1000 * recorded} under "
+            "[session]"
+        )
+    chosen = np.empty(len(session.frames), dtype=frame_dtype(channels, samples_per_frame))
     for field in ("sequence", "time_ns", *(FIELD_OF_CHANNEL[channel] for channel in channels)):
         chosen[field] = session.frames[field]
     return chosen

@@ -3,11 +3,15 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from mmt.core.arrays import RecordArray
+from mmt.core.frames import samples_per_frame
 from mmt.session.data import JsonObject, RecordedSession
 from mmt.session.files import read_session
+
+if TYPE_CHECKING:
+    from mmt.session.messages import FrameCodec
 
 _MCAP: Final = ".mcap"
 
@@ -17,13 +21,18 @@ class SessionStream:
     """A session whose frames stay in its file; the rest is as of `RecordedSession`."""
 
     path: Path
-    schema: bytes = field(repr=False)
-    """That of the messages with frames."""
+    codec: "FrameCodec" = field(repr=False)
+    """That of its messages with frames."""
     scene: JsonObject | None = None
     annotations: bytes = b""
     complete: bool = True
     events: Sequence[JsonObject] = ()
     """Only where control of the robot could change hands."""
+
+    @property
+    def samples_per_frame(self) -> int:
+        """Samples of acceleration in a frame."""
+        return samples_per_frame(self.codec.dtype)
 
     def blocks(self) -> Iterator[RecordArray]:
         """Yield the frames (n,) of one chunk after the other; every call begins anew.
@@ -34,11 +43,9 @@ class SessionStream:
             The file is damaged; the message says how to recover it.
         """
         from mmt.session.mcap_chunks import frame_payloads
-        from mmt.session.messages import FrameCodec
 
-        codec = FrameCodec(self.schema)
         for payloads in frame_payloads(self.path):
-            yield codec.decode(payloads)
+            yield self.codec.decode(payloads)
 
     def whole(self) -> RecordedSession:
         """Return the session with all its frames in memory."""

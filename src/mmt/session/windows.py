@@ -44,6 +44,8 @@ class SessionWindows(Protocol):
     scene: JsonObject | None
     session_id: str | None
     channels: tuple[Channel, ...]
+    samples_per_frame: int
+    """Samples of acceleration in a frame, and of the output in its time."""
     duration_s: float
     events: Sequence[JsonObject]
     """In order, each with its recording time as ``at_s``."""
@@ -64,11 +66,7 @@ class SessionWindows(Protocol):
 
 def overlapping(outputs: Sequence[OutputBlock], begin_s: float, end_s: float) -> list[OutputBlock]:
     """Return the blocks that have a sample from `begin_s` up to before `end_s`."""
-    return [
-        output
-        for output in outputs
-        if output.time_s < end_s and output.time_s + len(output.vibration_m_s2) / 1e3 > begin_s
-    ]
+    return [output for output in outputs if output.time_s < end_s and output.end_s > begin_s]
 
 
 class MemoryWindows:
@@ -89,11 +87,13 @@ class MemoryWindows:
         self.scene: JsonObject | None = session.scene
         self.session_id: str | None = session.session_id
         self.channels: tuple[Channel, ...] = session.channels
+        rates = [session.samples_per_frame, *(round(o.rate_hz / 1e3) for o in session.outputs[:1])]
+        self.samples_per_frame = max(rates)
         self.has_output = bool(session.outputs)
         self._frames = session.frames
         self._time_s = np.maximum.accumulate(session.time_s)
         self._outputs = list(session.outputs)
-        ends_s = [o.time_s + len(o.vibration_m_s2) / 1e3 for o in self._outputs[-1:]]
+        ends_s = [output.end_s for output in self._outputs[-1:]]
         self.duration_s = max([duration_s(session.frames), float(self._time_s[-1]), *ends_s])
         self.events: Sequence[JsonObject] = [
             {**event, "at_s": event_time_s(event)} for event in session.events

@@ -12,13 +12,17 @@ from annotated_types import Ge, Gt, Le, Lt
 
 from mmt.core.bounds import RateHz, check_fields
 from mmt.core.errors import SettingError
-from mmt.texture.autoregression.order_limit import Order
+from mmt.core.frames import MOST_SAMPLES
+from mmt.texture.autoregression.order_limit import LARGEST_ORDER, Order
 
 Method = Literal["field", "published"]
 Axis = Literal["x", "y", "z"]
 VibrationAxis = Literal["x", "y", "z", "dft321"]
 Inputs = Literal["isotropic", "anisotropic"]
 Criterion = Literal["distance", "uncertainty"]
+
+ORDER_AT_1_KHZ: Final = 16
+"""The filters of all rates remember about as long, up to the largest order."""
 
 LONGEST_BRIDGED: Final = 5
 """Missing frames in a row that are filled."""
@@ -96,6 +100,11 @@ class CriterionScale:
         return value >= threshold if self.rises else value <= threshold
 
 
+def usual_order(rate_hz: float) -> int:
+    """Return the order of filters at a sampling rate, if it is not chosen."""
+    return min(LARGEST_ORDER, round(ORDER_AT_1_KHZ * max(1.0, rate_hz / 1e3)))
+
+
 def surface_check_frames(rate_hz: float) -> int:
     """Return the frames between two checks of the stream for another surface, 50 ms."""
     return max(1, round(0.05 * rate_hz))
@@ -135,8 +144,8 @@ class TextureSettings:
     normal: Axis = "z"
     """The surface's normal axis; speed is taken in the plane across it, force along it."""
 
-    order: Order = 16
-    """Order of all autoregressive filters, 1 to 64."""
+    order: Order | Literal["auto"] = "auto"
+    """Order of all autoregressive filters, 1 to 64, or `ORDER_AT_1_KHZ` times the rate in kHz."""
 
     overlap_samples: Annotated[int, Ge(0), Le(2000)] = 200
     """Newest samples into which a segment must not reach to be final."""
@@ -238,4 +247,19 @@ class ModellingSettings(TextureSettings):
     """Settings of the online modelling: the keys of ``[texture]``, and the stream's rate."""
 
     rate_hz: RateHz = 1000.0
-    """Sampling rate of the stream."""
+    """Rate of the stream's frames."""
+
+    samples_per_frame: Annotated[int, Ge(1), Le(MOST_SAMPLES)] = 1
+    """Samples of acceleration in a frame."""
+
+    @property
+    def vibration_rate_hz(self) -> float:
+        """Sampling rate of acceleration and vibration, and of the model."""
+        return self.rate_hz * self.samples_per_frame
+
+    @property
+    def filter_order(self) -> int:
+        """The order of the filters, a number in place of ``"auto"``."""
+        if self.order != "auto":
+            return self.order
+        return usual_order(self.vibration_rate_hz)

@@ -7,7 +7,7 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import DeviceLost, InputError
-from mmt.core.frames import FIELD_OF_CHANNEL
+from mmt.core.frames import FIELD_OF_CHANNEL, acceleration_samples
 from mmt.devices.protocols import Vector
 from mmt.leader.part import Part, Session, Tick
 from mmt_bridges.lerobot.handle import ActionHandle
@@ -46,7 +46,9 @@ class ObservingPart(Part):
         self._fields = [FIELD_OF_CHANNEL[c] for c in channels if c != "acceleration"]
         self._vibrates = "acceleration" in channels
         self._newest: Any = None
-        self._accelerations: deque[list[float]] = deque(maxlen=LONGEST_FRAMES)
+        self._accelerations: deque[list[float]] = deque(
+            maxlen=LONGEST_FRAMES * session.samples_per_frame
+        )
         self._level_m_s2 = 0.0
 
     def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
@@ -54,7 +56,7 @@ class ObservingPart(Part):
         _ = arrival_ns
         self._newest = frames[-1]
         if self._vibrates:
-            self._accelerations.extend(frames["acceleration_m_s2"].tolist())
+            self._accelerations.extend(acceleration_samples(frames).tolist())
 
     def tick(self, tick: Tick) -> None:
         """Say once that there is something to observe."""

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from mmt.core.arrays import IntArray
 from mmt.core.errors import InputError
-from mmt.core.frames import FIELD_OF_CHANNEL
+from mmt.core.frames import FIELD_OF_CHANNEL, acceleration_samples
 from mmt.session.data import FRAME_PERIOD_NS, RecordedSession
 
 FRAMES_HZ: Final = 1_000_000_000 // FRAME_PERIOD_NS
@@ -61,7 +61,9 @@ def low_rate_rows(session: RecordedSession, fps: int) -> dict[str, Column]:
         )
     newest = np.searchsorted(row_of_frame, np.arange(count), side="right") - 1
     states = {
-        c: _vibration(frames["acceleration_m_s2"], row_of_frame, count)
+        c: _vibration(
+            acceleration_samples(frames), row_of_frame.repeat(session.samples_per_frame), count
+        )
         if c == "acceleration"
         else frames[FIELD_OF_CHANNEL[c]][newest]
         for c in session.channels
@@ -89,17 +91,17 @@ def _column(values: npt.NDArray[np.float32]) -> Column:
 
 
 def _vibration(
-    acceleration_m_s2: npt.NDArray[np.float32], row_of_frame: IntArray, count: int
+    acceleration_m_s2: npt.NDArray[np.float32], row_of_sample: IntArray, count: int
 ) -> npt.NDArray[np.float32]:
     """Return the rms (n, 1) over each row, its mean removed, of the three axes together."""
-    row = row_of_frame[row_of_frame < count]
-    frames = np.bincount(row, minlength=count)
-    filled = np.maximum(frames, 1)
+    row = row_of_sample[row_of_sample < count]
+    samples = np.bincount(row, minlength=count)
+    filled = np.maximum(samples, 1)
     variance = np.zeros(count)
     for axis in acceleration_m_s2[: len(row)].astype(np.float64).T:
         mean = np.bincount(row, axis, minlength=count) / filled
         variance += np.bincount(row, (axis - mean[row]) ** 2, minlength=count) / filled
-    held = np.maximum.accumulate(np.where(frames > 0, np.arange(count), 0))
+    held = np.maximum.accumulate(np.where(samples > 0, np.arange(count), 0))
     return np.sqrt(variance[held, None]).astype(np.float32)
 
 

@@ -61,6 +61,7 @@ class LslPart(PublishingPart[Streams]):
             self._stream_name,
             scene.channels(),
             self._session.rate_hz,
+            self._session.samples_per_frame,
             self._session.log.session_id,
         )
 

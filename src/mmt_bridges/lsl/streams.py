@@ -1,4 +1,6 @@
-"""Streams of the Lab Streaming Layer (LSL), by pylsl: one of frames, one of events.
+"""Streams of the Lab Streaming Layer (LSL), by pylsl: of frames and of events.
+
+Where a frame has several samples of acceleration, these have a stream of their own.
 
 They are described as in https://github.com/sccn/xdf/wiki/Meta-Data.
 """
@@ -14,6 +16,7 @@ from mmt.core.extras import require
 from mmt.core.frames import FIELD_OF_CHANNEL, Channel
 from mmt.leader.publishing import Block, Marker
 from mmt.session.data import axis_columns
+from mmt_bridges.sample_stamps import sample_stamps_ns
 
 _UNITS: Final[dict[Channel, str]] = {"position": "mm", "force": "N", "acceleration": "m/s2"}
 _BUFFERED_S: Final = 60
@@ -21,18 +24,20 @@ _BUFFERED_S: Final = 60
 
 
 class Streams:
-    """The two outlets: samples at a nominal rate, and markers.
+    """The outlets: samples at nominal rates, and markers.
 
     Parameters
     ----------
     name
-        The streams' names are this with ``-frames`` and ``-events`` behind it.
+        The streams' names are this with ``-frames``, ``-acceleration`` and ``-events`` behind it.
     channels
         What the frames carry.
     rate_hz
-        Nominal rate.
+        Nominal rate of the frames.
+    samples_per_frame
+        Samples of acceleration in a frame.
     session_id
-        Stands in the description of both.
+        Stands in the description of each.
 
     Raises
     ------
@@ -41,46 +46,62 @@ class Streams:
     """
 
     def __init__(
-        self, name: str, channels: Sequence[Channel], rate_hz: float, session_id: str
+        self,
+        name: str,
+        channels: Sequence[Channel],
+        rate_hz: float,
+        samples_per_frame: int,
+        session_id: str,
     ) -> None:
         lsl = load_pylsl()
         self.clock_s: Callable[[], float] = lsl.local_clock
-        self._fields = [FIELD_OF_CHANNEL[channel] for channel in channels]
         source = f"mmt-{socket.gethostname()}-{name}"
-        frames = lsl.StreamInfo(
-            f"{name}-frames",
-            "Haptics",
-            3 * len(channels),
-            rate_hz,
-            lsl.cf_float32,
-            f"{source}-frames",
-        )
-        _describe(frames, channels)
-        events = lsl.StreamInfo(
-            f"{name}-events", "Markers", 1, lsl.IRREGULAR_RATE, lsl.cf_string, f"{source}-events"
-        )
-        for info in (frames, events):
+
+        def outlet(part: str, kind: str, width: int, rate_hz: float, form: Any, of: Any) -> Any:
+            info = lsl.StreamInfo(f"{name}-{part}", kind, width, rate_hz, form, f"{source}-{part}")
+            if of:
+                _describe(info, of)
             info.desc().append_child_value("manufacturer", "mmt")
             info.desc().append_child_value("session_id", session_id)
-        self._frames = lsl.StreamOutlet(frames, max_buffered=_BUFFERED_S)
-        self._events = lsl.StreamOutlet(events, max_buffered=_BUFFERED_S)
+            return lsl.StreamOutlet(info, max_buffered=_BUFFERED_S)
+
+        self._sampled: list[tuple[Any, Sequence[Channel], int]] = [
+            (outlet(part, "Haptics", 3 * len(of), k * rate_hz, lsl.cf_float32, of), of, k)
+            for part, of, k in _sampled_streams(channels, samples_per_frame)
+        ]
+        self._events = outlet("events", "Markers", 1, lsl.IRREGULAR_RATE, lsl.cf_string, ())
 
     @property
     def have_recipients(self) -> bool:
         """Whether somebody receives one of them."""
-        return bool(self._frames.have_consumers() or self._events.have_consumers())
+        outlets = [self._events, *(outlet for outlet, _, _ in self._sampled)]
+        return any(outlet.have_consumers() for outlet in outlets)
 
     def push_frames(self, blocks: Sequence[Block]) -> None:
-        """Push blocks of frames, one sample a frame with a stamp of its own."""
-        values = [
-            np.concatenate([block.frames[field] for block in blocks]) for field in self._fields
-        ]
+        """Push blocks of frames, each sample with a stamp of its own."""
         stamps_ns = np.concatenate([b.frames["time_ns"] + b.ahead_ns for b in blocks])
-        self._frames.push_chunk(np.concatenate(values, axis=1), (stamps_ns / 1e9).tolist())
+        for outlet, channels, samples in self._sampled:
+            values = [
+                np.concatenate([b.frames[FIELD_OF_CHANNEL[c]].reshape(-1, 3) for b in blocks])
+                for c in channels
+            ]
+            stamps_s = (sample_stamps_ns(stamps_ns, samples).ravel() / 1e9).tolist()
+            outlet.push_chunk(np.concatenate(values, axis=1), stamps_s)
 
     def push_marker(self, marker: Marker) -> None:
         """Push an event."""
         self._events.push_sample([marker.text], marker.time_ns / 1e9)
+
+
+def _sampled_streams(
+    channels: Sequence[Channel], samples_per_frame: int
+) -> list[tuple[str, Sequence[Channel], int]]:
+    """Return name, channels and samples a frame of each stream."""
+    if samples_per_frame == 1 or "acceleration" not in channels:
+        return [("frames", channels, 1)]
+    once: list[Channel] = [channel for channel in channels if channel != "acceleration"]
+    frames: list[tuple[str, Sequence[Channel], int]] = [("frames", once, 1)] if once else []
+    return [*frames, ("acceleration", ["acceleration"], samples_per_frame)]
 
 
 def _describe(info: Any, channels: Sequence[Channel]) -> None:

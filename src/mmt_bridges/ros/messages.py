@@ -7,6 +7,7 @@ step of single precision is no less than 2**-25 of it.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from operator import itemgetter
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import FIELD_OF_CHANNEL, Channel
 from mmt.session.data import JsonObject, to_json
+from mmt_bridges.sample_stamps import sample_stamps_ns
 
 
 class Topic(NamedTuple):
@@ -74,18 +76,25 @@ class Messages:
     def frames(
         self, frames: RecordArray, channels: Iterable[Channel], since_ns: int
     ) -> Iterator[Message]:
-        """Yield the messages of frames (n,), whose times are UTC less `since_ns`."""
+        """Yield the messages of frames (n,) by time; these are UTC less `since_ns`.
+
+        Each sample of acceleration has one, with a stamp of its own.
+        """
         made = []
         for channel in channels:
             vectors = frames[FIELD_OF_CHANNEL[channel]].astype(np.float64)
+            vectors = vectors.reshape(len(frames), -1, 3)
             values = (vectors / 1e3 if channel == "position" else vectors).tolist()
-            made.append((CHANNEL_TOPICS[channel], self._make[channel], values))
+            stamps_ns = sample_stamps_ns(frames["time_ns"] + since_ns, vectors.shape[1]).tolist()
+            made.append((CHANNEL_TOPICS[channel], self._make[channel], values, stamps_ns))
         number = self._of["std_msgs/msg/UInt32"]
         for row, (time_ns, sequence) in enumerate(frames[["time_ns", "sequence"]].tolist()):
-            stamp_ns = time_ns + since_ns
-            yield stamp_ns, SEQUENCE, number(sequence)
-            for topic, make, values in made:
-                yield stamp_ns, topic, make(self._header(stamp_ns, topic.frame_id), values[row])
+            messages: list[Message] = [(time_ns + since_ns, SEQUENCE, number(sequence))]
+            for topic, make, values, stamps_ns in made:
+                for stamp_ns, vector in zip(stamps_ns[row], values[row], strict=True):
+                    header = self._header(stamp_ns, topic.frame_id)
+                    messages.append((stamp_ns, topic, make(header, vector)))
+            yield from sorted(messages, key=itemgetter(0))
 
     def event(self, stamp_ns: int, event: JsonObject) -> Iterator[Message]:
         """Yield the message of an event, and that of its sentence."""

@@ -93,6 +93,7 @@ class RosPart(PublishingPart["RosProcess"]):
                 "namespace": self._namespace,
                 "channels": scene.channels(),
                 "scene": to_json(scene.dump()),
+                "samples_per_frame": self._session.samples_per_frame,
             }
         )
 

@@ -55,11 +55,17 @@ class Publisher:
         What the frames carry.
     scene
         The resolved scene as JSON, which is published at once.
+    samples_per_frame
+        Samples of acceleration in a frame.
     """
 
-    def __init__(self, namespace: str, channels: Iterable[Channel], scene: str) -> None:
+    def __init__(
+        self, namespace: str, channels: Iterable[Channel], scene: str, samples_per_frame: int
+    ) -> None:
         self._channels = tuple(channels)
-        self._dtype = frame_dtype(self._channels)
+        self._dtype = frame_dtype(self._channels, samples_per_frame)
+        acceleration = CHANNEL_TOPICS["acceleration"]
+        self._kept = _KEPT | {acceleration: _KEPT_FRAMES * samples_per_frame}
         self._store = get_typestore(Stores.LATEST)
         self._messages = Messages(self._store.types)
         import rclpy  # here, as that of another Python's ROS fails, which is to be told
@@ -109,7 +115,7 @@ class Publisher:
         return self._node.create_publisher(
             getattr(import_module(f"{package}.{part}"), kind),
             topic.name.removeprefix("/mmt/"),
-            QoSProfile(depth=_KEPT.get(topic, _KEPT_FRAMES), durability=late),
+            QoSProfile(depth=self._kept.get(topic, _KEPT_FRAMES), durability=late),
         )
 
 

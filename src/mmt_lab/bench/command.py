@@ -30,7 +30,7 @@ def run_benches(
         Folder of the report, None for none.
     options
         Options of the stages, each for those that have it: ``duration``, ``realtime``,
-        ``strangers``, ``loss``.
+        ``strangers``, ``loss``, ``acceleration_rate``.
 
     Returns
     -------

@@ -9,7 +9,8 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
-from mmt.scene import Link, Scene, Simulated, Texture
+from mmt.scene import Link, Scene, Session, Simulated, Texture
+from mmt.testing.simulation.known_surfaces import KnownSurface
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.recorded_path import LARGEST_SCALE, load_path
 from mmt.testing.simulation.textures import SURFACES, get_surface
@@ -52,6 +53,8 @@ class Case:
         Kind of the simulated hand.
     noise
         Whether the sensors have noise and a resolution.
+    acceleration_rate_hz
+        Rate of the acceleration.
     """
 
     texture: str
@@ -61,10 +64,29 @@ class Case:
     force_scale: float = 1.0
     hand: str = "strokes"
     noise: bool = True
+    acceleration_rate_hz: int = 1000
+
+    @property
+    def surface(self) -> KnownSurface:
+        """The texture at the rate of the acceleration."""
+        return get_surface(self.texture, float(self.acceleration_rate_hz))
+
+    @property
+    def samples_per_frame(self) -> int:
+        """Samples of acceleration in a frame."""
+        return self.acceleration_rate_hz // 1000
+
+    @property
+    def _at_rate(self) -> str:
+        return f" at {self.samples_per_frame} kHz" if self.samples_per_frame > 1 else ""
 
     @property
     def group(self) -> str:
         """What it is counted with."""
+        return self._kind + self._at_rate
+
+    @property
+    def _kind(self) -> str:
         if self.stroke is not None:
             return "recorded strokes"
         if not get_surface(self.texture).isotropic:
@@ -76,16 +98,18 @@ class Case:
     @property
     def name(self) -> str:
         """The texture, or the recorded stroke, over which seeds, or textures, are gathered."""
-        return Path(self.texture).name if self.stroke is None else self.stroke.stem
+        name = Path(self.texture).name if self.stroke is None else self.stroke.stem
+        return name + self._at_rate
 
     @property
     def labels(self) -> dict[str, Any]:
-        """What every figure of it is labelled with: group, name, texture and seed."""
+        """What every figure of it is labelled with: group, name, texture, seed and rate."""
         return {
             "group": self.group,
             "name": self.name,
             "texture": self.texture,
             "seed": self.seed,
+            "acceleration_rate_hz": self.acceleration_rate_hz,
         }
 
     @property
@@ -97,6 +121,7 @@ class Case:
         """Simulate the session: a hand that takes all headings where they count."""
         grained = self.inputs == "anisotropic"
         scene = Scene(
+            session=Session(acceleration_rate_hz=self.acceleration_rate_hz),
             link=Link(),
             texture=Texture(),
             simulated=Simulated(noise=self.noise),

@@ -17,10 +17,9 @@ import numpy as np
 from mmt.core.arrays import BoolArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.evaluation.grid_errors import GridErrors
-from mmt.evaluation.levels import root_mean_square
+from mmt.evaluation.levels import LOWEST_HZ, root_mean_square
 from mmt.evaluation.strokes_made import StrokesMade
 from mmt.evaluation.truth import KnownTexture, TruthAt
-from mmt.testing.simulation.textures import get_surface
 from mmt.texture.completion.uncertainty import PRIOR_S
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import ModelHistory, build, stream_blocks
@@ -61,7 +60,7 @@ class Judged:
 
     Attributes
     ----------
-    group, name, texture, seed
+    group, name, texture, seed, acceleration_rate_hz
         As in the `Case`.
     spoil
         What spoils the session, empty if nothing does.
@@ -75,6 +74,11 @@ class Judged:
         Of a model that states its error: the share that it expects and the true one of the same
         strokes, and the root mean square of the level's errors over the strokes that were made,
         each over its predicted standard deviation. None of other models.
+    bands_db
+        Errors of the power in each band, root mean square over the strokes made; empty without a
+        model.
+    above_500_hz
+        Share of the texture's power over these strokes that an acceleration at 1 kHz lacks.
     """
 
     group: str
@@ -90,6 +94,9 @@ class Judged:
     expected: float | None = None
     true: float | None = None
     standardised: float | None = None
+    acceleration_rate_hz: int = 1000
+    bands_db: tuple[float, ...] = ()
+    above_500_hz: float | None = None
 
 
 @dataclass(frozen=True)
@@ -115,7 +122,11 @@ def check_methods(names: Sequence[str]) -> None:
 
 def settings_of(case: Case, method: str) -> ModellingSettings:
     """Return the settings of a method for a session, whole or without an ingredient."""
-    return ModellingSettings(inputs=case.inputs, **METHODS[method.partition("-")[0]])
+    return ModellingSettings(
+        inputs=case.inputs,
+        samples_per_frame=case.samples_per_frame,
+        **METHODS[method.partition("-")[0]],
+    )
 
 
 def blocks_of(frames: RecordArray) -> list[RecordArray]:
@@ -162,14 +173,17 @@ class SessionJudge:
 
     def __init__(self, case: Case, frames: RecordArray) -> None:
         self.case = case
-        self.truth = KnownTexture(get_surface(case.texture))
-        made, stream = StrokesMade(ModellingSettings()), StreamFilter()
+        self.truth = KnownTexture(case.surface)
+        settings = ModellingSettings(samples_per_frame=case.samples_per_frame)
+        made, stream = StrokesMade(settings), StreamFilter(settings)
         self._stroked_s = []
         for block in blocks_of(frames):
             made.add(stream.process(block))
             self._stroked_s.append(made.total_s)
         strokes = made.strokes()
         self.made: TruthAt = self.truth.at(strokes)
+        density = self.truth.spectrum(strokes, self.truth.frequencies_hz)[:, LOWEST_HZ:].sum(axis=0)
+        self._above_500_hz = float(density[501 - LOWEST_HZ :].sum() / density.sum())
         count = len(strokes.force_n)
         self._place_s = (np.arange(count) + 0.5) * made.total_s / count
         self.judged: list[Judged] = []
@@ -188,7 +202,13 @@ class SessionJudge:
         for moment, time_s in moments_of(history).items():
             number = history.number(time_s)
             model = history.model(number)
-            judged = Judged(**labels, moment=moment, time_s=time_s, **self._figures(model))
+            judged = Judged(
+                **labels,
+                moment=moment,
+                time_s=time_s,
+                above_500_hz=self._above_500_hz,
+                **self._figures(model),
+            )
             if number in shares and model is not None:
                 _, expected, true = shares[number]
                 standardised = self._standardised(model)
@@ -199,16 +219,22 @@ class SessionJudge:
             self.certainties.append(Certainty(**own, updates=tuple(shares.values())))
 
     def _figures(self, model: TextureModel | None) -> dict[str, Any]:
-        """Return the number of samples of a model, and its figures."""
+        """Return the number of samples of a model, its figures and its errors by bands."""
         if model is None:
             return {"samples": 0, "figures": dict.fromkeys(SHARES, 0.0)}
         plane_db = self.truth.plane.level_errors_db(model)
+        errors = self.made.errors(model)
         figures = {
-            **figures_of(self.made.errors(model)),
+            **figures_of(errors),
             "plane_within_jnd": within_jnd(plane_db),
             "plane_power_error_db": root_mean_square(plane_db),
         }
-        return {"samples": len(model.samples), "figures": figures}
+        bands_db = np.sqrt(np.mean(np.square(errors.bands_db), axis=0))
+        return {
+            "samples": len(model.samples),
+            "figures": figures,
+            "bands_db": tuple(bands_db.tolist()),
+        }
 
     def _mixed_share(self, model: TextureModel, time_s: float) -> float:
         """Return the true share over strokes like those up to a time, and over the plane."""

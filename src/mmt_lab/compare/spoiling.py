@@ -13,6 +13,7 @@ import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray, RecordArray
 from mmt.core.errors import InputError
+from mmt.core.frames import acceleration_samples, samples_per_frame
 from mmt.testing.simulation.sensors import ACCELERATION_RANGE_M_S2
 
 MOMENT_S: Final = 12.0
@@ -31,7 +32,7 @@ Spoil = Callable[[RecordArray, np.random.Generator], RecordArray]
 """Returns new frames (n,), or fewer."""
 
 Change = Callable[[FloatArray, FloatArray], FloatArray]
-"""Returns the acceleration (n, 3) as it is changed, given the time since the moment (n,), s."""
+"""Returns accelerations (n, 3) as they are changed, given the time since the moment (n,), s."""
 
 
 def spoilt(frames: RecordArray, name: str, seed: int) -> RecordArray:
@@ -51,9 +52,12 @@ def check_spoils(names: Sequence[str]) -> None:
 
 def _changed(change: Change, frames: RecordArray, _: np.random.Generator) -> RecordArray:
     """Return frames whose acceleration is changed."""
-    time_s = 1e-9 * (frames["time_ns"] - frames["time_ns"][0]) - MOMENT_S
+    frame_s = 1e-9 * (frames["time_ns"] - frames["time_ns"][0]) - MOMENT_S
+    count = samples_per_frame(frames.dtype)
+    time_s = (frame_s[:, np.newaxis] - 1e-3 / count * np.arange(count)[::-1]).ravel()
     found = frames.copy()
-    found["acceleration_m_s2"] = change(frames["acceleration_m_s2"].astype(np.float64), time_s)
+    values = change(acceleration_samples(frames).astype(np.float64), time_s)
+    found["acceleration_m_s2"] = values.reshape(found["acceleration_m_s2"].shape)
     return found
 
 

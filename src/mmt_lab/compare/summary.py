@@ -101,6 +101,11 @@ class MethodComparison:
         """What spoils sessions, in its order."""
         return [spoil for spoil in dict.fromkeys(one.spoil for one in self.judged) if spoil]
 
+    @property
+    def several_rates(self) -> bool:
+        """Whether there is another rate of the acceleration than 1 kHz."""
+        return any(one.acceleration_rate_hz != 1000 for one in self.judged)
+
     def names(self, group: str) -> list[str]:
         """Return the textures or strokes of a group."""
         return list(dict.fromkeys(one.name for one in self.judged if one.group == group))

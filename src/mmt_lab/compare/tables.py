@@ -1,7 +1,7 @@
 """Tables, sentences and the figure of a comparison of methods."""
 
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Final
 
 import numpy as np
@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 from mmt.core.arrays import FloatArray
 from mmt.core.palette import LIGHT
 from mmt.evaluation.document import Table
-from mmt.evaluation.levels import Across, root_mean_square
+from mmt.evaluation.levels import Across, across, band_edges_hz, root_mean_square
 from mmt.evaluation.texts import number
-from mmt_lab.compare.judging import FIGURES, SHARES, Certainty, Judged
+from mmt_lab.compare.judging import FIGURES, SHARES, TIMES_S, Certainty, Judged
 from mmt_lab.compare.summary import RUN_TO_RUN_DB, MethodComparison
 
 DIGITS: Final = dict(zip(FIGURES, (2, 2, 2, 2, 3, 2, 2), strict=True))
@@ -72,6 +72,39 @@ def errors_table(
         f"over {RUN_TO_RUN_DB} dB, by which one real surface differs from run to run."
     )
     return Table(columns, rows, caption)
+
+
+def rates_table(comparison: MethodComparison) -> Table:
+    """Return what each rate of the acceleration gives at the last moment, over all textures."""
+    last = f"{TIMES_S[-1]:g} s"
+    chosen = [one for one in comparison.judged if (one.moment, one.spoil) == (last, "")]
+    rows = []
+    for rate_hz, method in product(
+        dict.fromkeys(one.acceleration_rate_hz for one in chosen), comparison.methods
+    ):
+        own = [o for o in chosen if (o.acceleration_rate_hz, o.method) == (rate_hz, method)]
+        modelled = np.array([one.bands_db for one in own if one.bands_db])
+        if not len(modelled):
+            continue
+        edges_hz = band_edges_hz(float(rate_hz))
+        middles_hz = np.sqrt(edges_hz[1:] * edges_hz[:-1])
+        cells = []
+        for low_hz, high_hz in pairwise((0.0, 500.0, 1000.0, np.inf)):
+            inside = modelled[:, (middles_hz >= low_hz) & (middles_hz < high_hz)]
+            cells.append(number(root_mean_square(inside) if inside.size else None, 2))
+        lacking: dict[str, float] = {one.name: one.above_500_hz or 0.0 for one in own}
+        missing = across(lacking.values(), larger_is_better=False)
+        share = float(np.mean([one.figures[SHARES[0]] for one in own]))
+        parts = (number(100.0 * value, 1) for value in (missing.mean, missing.worst))
+        rows.append([f"{rate_hz / 1000:g}", method, *cells, number(share, 3), " / ".join(parts)])
+    columns = ["kHz", "method", "to 500 Hz (dB)", "to 1000 Hz (dB)", "above (dB)"]
+    caption = (
+        f"By the rate of the acceleration, at {last}: error of the power in bands, root mean "
+        "square over bands, strokes made and sessions; mean share of these strokes within one JND "
+        "up to 1 kHz; share of the power above 500 Hz, which 1 kHz leaves out: mean over textures "
+        "/ mean of the five largest. A band counts where its middle is."
+    )
+    return Table([*columns, TITLES[SHARES[0]], "above 500 Hz (%)"], rows, caption)
 
 
 def falls_table(comparison: MethodComparison) -> Table:

@@ -149,7 +149,7 @@ def played(
     ):
         if not missing:
             vibration.on_frames(frames[index : index + 1], now_ns)
-        output[index] = buffer.pull(now_ns)
+        (output[index],) = buffer.pull(now_ns)
     return output
 
 
@@ -198,7 +198,7 @@ def _times() -> tuple[Records, float, float]:
 def _time_gaps(concealment: Concealment, values: list[float], count: int) -> FloatArray:
     """Return the microseconds of gaps' first and further samples, and of others; (3, count)."""
     for value in values:
-        concealment.play(value)
+        concealment.play((value,))
     times = np.empty((3, count))
     for index in range(count):
         instants = [time.perf_counter_ns()]
@@ -208,10 +208,10 @@ def _time_gaps(concealment: Concealment, values: list[float], count: int) -> Flo
             concealment.bridge()
         instants.append(time.perf_counter_ns())
         for value in values[:_FADE]:
-            concealment.play(value)
+            concealment.play((value,))
         between = time.perf_counter_ns()
         for value in values:
-            concealment.play(value)
+            concealment.play((value,))
         there = (time.perf_counter_ns() - between) / len(values)
         first, further = np.diff(instants)
         times[:, index] = first, further / _TIMED, there

@@ -1,5 +1,6 @@
 """The whole pipeline: how good the leader's model is, by session time and by processing time."""
 
+from functools import partial
 from itertools import product
 from typing import Final
 
@@ -11,7 +12,8 @@ from mmt.session.data import RecordedSession
 from mmt.texture.online.history import ModelHistory, build, stream_blocks
 from mmt.texture.settings import Method, ModellingSettings
 from mmt.texture.signals.metrics import within_jnd
-from mmt_lab.bench.measuring import spread
+from mmt.texture.synthesis.synthesizer import Synthesizer
+from mmt_lab.bench.measuring import interleave, spread
 from mmt_lab.bench.textures import session
 from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import (
@@ -40,6 +42,7 @@ DURATION_S: Final = 18.0
 MOMENTS_S: Final = (3.0, 4.0, 6.0, 8.0, 10.0, 12.0, 15.0, 18.0)
 PERIODS_S: Final = (0.25, 0.5, 1.0, 2.0)
 ROUNDS: Final = 3
+RATES_KHZ: Final = (1, 2, 5, 10)
 
 
 def run() -> Findings:
@@ -78,7 +81,14 @@ def run() -> Findings:
             *_panels("session", "by session time", SESSION, by_session),
             *_panels("processing", "by processing time", PROCESSING, by_processing),
         ),
-        records=(Records("textures", "At the end of the session, by texture", tuple(rows)),),
+        records=(
+            Records("textures", "At the end of the session, by texture", tuple(rows)),
+            Records(
+                "rates",
+                f"By the rate of the acceleration, on {SURFACES[0]}, an update every second",
+                tuple(_rate_row(*one) for one in product(RATES_KHZ, METHODS)),
+            ),
+        ),
     )
 
 
@@ -143,6 +153,27 @@ def _row(run: ModelRun) -> dict[str, str | float | None]:
         "processing (ms)": run.spent_ms(DURATION_S),
         "an update (ms)": float(run.update_ms.mean()),
         "longest update (ms)": float(run.update_ms.max()),
+    }
+
+
+def _rate_row(rate_khz: int, method: Method) -> dict[str, str | float | None]:
+    """Return what an update and a second of rendered vibration cost at a rate."""
+    recorded = session(SURFACES[0], DURATION_S, acceleration_rate_hz=1000 * rate_khz)
+    settings = ModellingSettings(method=method, samples_per_frame=rate_khz)
+    run = ModelRun(recorded, settings, 1.0, ROUNDS)
+    rendered_ms = None
+    model = run.history.model(len(run.history.updates) - 1)
+    if model is not None:
+        motion = (np.full(1000 * rate_khz, value) for value in (100.0, 1.0))
+        render = partial(Synthesizer(model, seed=1).render, *motion)
+        rendered_ms = interleave({"render": render}, ROUNDS)["render"].median * _MILLISECONDS
+    return {
+        "acceleration (kHz)": rate_khz,
+        "method": method,
+        "order": run.history.updates[-1].order,
+        "an update (ms)": float(run.update_ms.mean()),
+        "longest update (ms)": float(run.update_ms.max()),
+        "a second rendered (ms)": rendered_ms,
     }
 
 

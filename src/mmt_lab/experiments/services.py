@@ -8,7 +8,7 @@ import asyncio
 import os
 import secrets
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Annotated, Final
 
@@ -19,10 +19,11 @@ from mmt.core.children import python_command
 from mmt.core.errors import InputError
 from mmt.core.realtime import require_real_time
 from mmt.evaluation.run_verdict import median_of_known
+from mmt.scene.files import ENVIRONMENT_PREFIX
 from mmt_lab.bench import strangers as disturbing
 from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.harness.demo_services import run_demo_services
-from mmt_lab.harness.experiment import Duration, Experiment, RealTime
+from mmt_lab.harness.experiment import AccelerationRate, Duration, Experiment, RealTime
 from mmt_lab.harness.findings import Findings, Records
 from mmt_lab.harness.processes import spawn_context
 
@@ -55,23 +56,31 @@ Strangers = Annotated[
 
 
 def run(
-    duration: Duration = 20.0, realtime: RealTime = False, strangers: Strangers = False
+    duration: Duration = 20.0,
+    realtime: RealTime = False,
+    strangers: Strangers = False,
+    acceleration_rate: AccelerationRate = 1000,
 ) -> Findings:
     """Run the demo's services; with --realtime or --strangers with and without them in turns."""
     if realtime and strangers:
         raise InputError("give --realtime or --strangers, not both")
+    if (realtime or strangers) and acceleration_rate != 1000:
+        raise InputError("--acceleration-rate: not with --realtime or --strangers")
     if strangers:
         return disturbed(duration)
-    return compare(duration) if realtime else measure(duration)
+    return compare(duration) if realtime else measure(duration, acceleration_rate)
 
 
-def measure(duration_s: float) -> Findings:
+def measure(duration_s: float, acceleration_rate_hz: int = 1000) -> Findings:
     """Run the demo's scene once, with both services as processes."""
-    run = asyncio.run(run_demo_services(duration_s))
+    key = ENVIRONMENT_PREFIX + "SESSION__ACCELERATION_RATE_HZ"
+    environment = {**os.environ, key: str(acceleration_rate_hz)}
+    run = asyncio.run(run_demo_services(duration_s, environment=environment))
     leader, follower = run.leader, run.follower
     link, ticks = leader["link"], leader["ticks"]
     wrong = link["lost"] + link["out_of_order"]
-    unrendered = link["frames"] - leader["vibration"]["actuator"]["samples"]
+    due = link["frames"] * (acceleration_rate_hz // 1000)
+    unrendered = due - leader["vibration"]["actuator"]["samples"]
     texture = leader["texture"]
     rows: dict[str, Figure] = {
         "frames": ("frames received", link["frames"]),
@@ -89,21 +98,23 @@ def measure(duration_s: float) -> Findings:
     modelling = texture["process"] or {}  # unknown if it ended before the session
     for key, what in (("core_share", "share of a core"), ("memory_mb", "memory (MB)")):
         rows[f"modelling_{key}"] = (f"leader's modelling process, {what}", modelling.get(key))
-    rows |= _beside_modelling(duration_s)
+    rows |= _beside_modelling(duration_s, environment)
     about = (
-        f"Leader and follower as two processes, {duration_s:g} s: the demo's scene, and for ticks "
+        f"Leader and follower as two processes, {duration_s:g} s, acceleration at "
+        f"{acceleration_rate_hz / 1000:g} kHz: the demo's scene, and for ticks "
         "while modelling a rough texture, whose model is never complete."
     )
     return single_figures("Services", about, rows)
 
 
-def _beside_modelling(duration_s: float) -> dict[str, Figure]:
+def _beside_modelling(duration_s: float, environment: Mapping[str, str]) -> dict[str, Figure]:
     """Return how late the leader's ticks are while it models, and otherwise, in the same runs."""
     rows: dict[str, Figure] = {}
     beside = ", beside two busy processes"
     for busy in (0, 2):
         with _busy_processes(busy):
-            ticks = asyncio.run(run_demo_services(duration_s, "rough-texture")).leader["ticks"]
+            rough = run_demo_services(duration_s, "rough-texture", environment=environment)
+            ticks = asyncio.run(rough).leader["ticks"]
         p99_ms, p99_otherwise_ms, share, share_otherwise = (
             ticks[f"late_{when}_{figure}"]
             for figure in ("p99_ms", "share_1ms")

@@ -25,7 +25,7 @@ from typing import Annotated, Final, Literal
 import typer
 
 from mmt.core.errors import InputError
-from mmt.scene import Hand
+from mmt.scene import Hand, Session
 from mmt.scene.files import table_from
 from mmt.scene.simulated_tables import HAND_KINDS
 from mmt.texture.signals.amplitude_spectra import Spectra
@@ -58,6 +58,17 @@ HandKind = Annotated[
     ),
 ]
 """Kind of the simulated hand, ``kind`` of ``[hand]``; see `hand_of`."""
+
+AccelerationRates = Annotated[
+    str,
+    typer.Option(metavar="HZ,HZ", help="Rates of the acceleration: 1000, 2000 and on to 10000."),
+]
+"""Rates of the acceleration between commas; see `rates_of`."""
+
+AccelerationRate = Annotated[
+    int, typer.Option(metavar="HZ", help="Services: acceleration_rate_hz of the scene.")
+]
+"""Rate of the acceleration of a run of both services."""
 
 Workers = Annotated[
     int | None,
@@ -171,6 +182,23 @@ def chosen_textures(textures: str | None) -> list[str]:
     for name in chosen:
         get_surface(name)
     return chosen
+
+
+def rates_of(listed: str) -> list[int]:
+    """Return the rates between the commas of ``--acceleration-rate``.
+
+    Raises
+    ------
+    InputError
+        One is no rate of a scene, or no number.
+    """
+    try:
+        return [
+            table_from(Session, "session", {"acceleration_rate_hz": int(rate)}).acceleration_rate_hz
+            for rate in listed.split(",")
+        ]
+    except ValueError as error:
+        raise InputError(f"--acceleration-rate {listed}: {error}") from error
 
 
 def hand_of(kind: str, *, isotropic: bool = True) -> Hand:

@@ -177,6 +177,6 @@ def _score(
     model = NetworkModel.from_contents(found.pool.model(chosen).contents)
     fresh = segments_of(stroke(row, FRESH_S, seed), settings)
     return [
-        HeldOutRecording(one, settings.rate_hz, spectra).approximate(model, number)
+        HeldOutRecording(one, settings.vibration_rate_hz, spectra).approximate(model, number)
         for number, one in enumerate(fresh)
     ]

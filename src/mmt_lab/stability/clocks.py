@@ -80,9 +80,9 @@ def play(lateness_ms: FloatArray, clocks: Callable[[int], tuple[int, int]]) -> F
         while frame < count and arrivals_ms[frame] <= tick:
             follower_ns, _ = clocks(frame)
             arrival_ns = round(arrivals_ms[frame] * 1e6) + leader_ns
-            buffer.push(frame, frame * PERIOD_NS + follower_ns, arrival_ns, frame + 1.0 / 3.0)
+            buffer.push(frame, frame * PERIOD_NS + follower_ns, arrival_ns, (frame + 1.0 / 3.0,))
             frame += 1
-        played[tick] = buffer.pull(tick * PERIOD_NS + leader_ns)
+        (played[tick],) = buffer.pull(tick * PERIOD_NS + leader_ns)
     return played
 
 

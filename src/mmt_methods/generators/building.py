@@ -96,7 +96,7 @@ class GeneratorModeller:
         self._samples = [AlignedBlock.concatenate(self._samples)]
         return Observed(
             time_s=time_s,
-            rate_hz=self._settings.rate_hz,
+            rate_hz=self._settings.vibration_rate_hz,
             inputs=self._settings.inputs,
             samples=self._samples[0],
             segments=tuple(self._segments.values()),

@@ -68,7 +68,8 @@ class GeneratingPart(Part):
         self._session, self._generator = session, generator
         self._origin = origin(generator)
         table = session.scene.rendering
-        fade = round(table.crossfade_ms * session.rate_hz / 1000) if table is not None else 0
+        fade_s = table.crossfade_ms / 1000 if table is not None else 0.0
+        fade = round(fade_s * session.acceleration_rate_hz)
         self.vibration = GeneratedVibration(generator, synthesizer, fade)
         self._crossfade_samples = fade
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
@@ -121,10 +122,13 @@ class GeneratingPart(Part):
             theirs.close()
         for end in between:
             end.close()
-        scene = self._session.scene
+        session, scene = self._session, self._session.scene
+        texture = scene.texture
         setup = {
             "name": self._generator,
-            "settings": scene.texture.settings(self._session.rate_hz) if scene.texture else None,
+            "settings": texture.settings(session.rate_hz, session.samples_per_frame)
+            if texture
+            else None,
             "limit_m_s2": scene.actuator.limit_m_s2 if scene.actuator else 0.0,
             "seed": scene.session.seed,
             "crossfade_samples": self._crossfade_samples,

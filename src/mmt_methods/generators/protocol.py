@@ -28,14 +28,14 @@ class Observed:
     time_s
         Session time of the newest frame.
     rate_hz
-        Sampling rate of the session, and of the vibration that is asked for.
+        Sampling rate of the vibration that is measured and asked for, k times that of the frames.
     inputs
         ``"anisotropic"`` where the session's texture is modelled over velocity and force,
         ``"isotropic"`` where it is modelled over speed and force.
     samples
         Every frame so far, filtered: ``speed_mm_s`` (n,), ``velocity_mm_s`` (n, 2) in the plane
         of the surface, ``normal_force_n`` (n,), ``position_mm`` (n, 3), and ``vibration_m_s2``
-        (n, 1), high-passed at 10 Hz, (n, 3) where three axes are modelled. ``index`` (n,)
+        (n, k, 1), high-passed at 10 Hz, (n, k, 3) where three axes are modelled. ``index`` (n,)
         jumps where frames are missing; ``valid`` (n,) is False while filters settle.
     segments
         Stretches of these of nearly constant speed and force, that models are fitted to, in the

@@ -91,8 +91,10 @@ def _pool(sources: list[Path], scene_file: Path | None) -> "Pool":
         return pool_models(models, [str(path) for path in sources])
     sessions = [read_session(path) for path in sources]
     scene = scene_of(sessions[0], scene_file)
-    texture = scene.texture or Texture()
-    return pool_sessions(sessions, texture.settings(float(scene.session.rate_hz)))
+    texture, session = scene.texture or Texture(), scene.session
+    return pool_sessions(
+        sessions, texture.settings(float(session.rate_hz), session.samples_per_frame)
+    )
 
 
 def _published(pool: "Pool") -> "Selection":

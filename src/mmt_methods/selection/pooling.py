@@ -51,7 +51,7 @@ class Pool:
                 samples.space,
             ),
             method=self.settings.method,
-            rate_hz=self.settings.rate_hz,
+            rate_hz=self.settings.vibration_rate_hz,
         )
 
 
@@ -75,7 +75,7 @@ def pool_sessions(sessions: Sequence[RecordedSession], settings: ModellingSettin
     if not segments:
         raise MmtError("too few steady strokes: there is no segment to select from")
     vibration = [part.vibration_m_s2 for part in segments]
-    fits = burg_batch(vibration, settings.order)
+    fits = burg_batch(vibration, settings.filter_order)
     samples = TextureSamples(
         np.array([part.inputs(space) for part in segments]),
         reflection_to_lsf(fits.reflection),

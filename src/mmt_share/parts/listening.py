@@ -120,7 +120,7 @@ class ListeningPart(Part):
             if model is None:
                 self._completing.withhold()
                 continue
-            self._completing.use_shared(model, about.surface)
+            await self._completing.use_shared(model, about.surface)
             if self.first_s is None:
                 self.first_s = round(loop.time() - begun_s, 3)
                 self._session.journal.event(

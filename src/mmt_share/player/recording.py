@@ -2,9 +2,11 @@
 
 The page tells its motion; the vibration is what the model renders of that, with an excitation of
 its own. A session's time is that of touching its texture. Where the hand is put down anew, one
-frame's number is left out, so that filters start anew there, as between trials.
+frame's number is left out, so that filters start anew there, as between trials. A frame has as many
+samples of vibration as the fastest of the models has in 1 ms.
 """
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
@@ -14,7 +16,7 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.core.existing_files import require_absent
-from mmt.core.frames import CHANNELS, empty_frames
+from mmt.core.frames import CHANNELS, MOST_SAMPLES, empty_frames
 from mmt.rendering import close, open_textures, render, touch
 from mmt.session.data import FRAME_PERIOD_NS
 from mmt.session.recorder import Existing, McapRecorder
@@ -65,8 +67,10 @@ class TouchRecorder:
         self._files: dict[int, _TextureFile] = {}
         self._down: _TextureFile | None = None
         self._refusal: str | None = None
+        fastest_hz = max(model.rate_hz for model in models)
+        self._samples = min(max(1, math.ceil(fastest_hz * _FRAME_S)), MOST_SAMPLES)
         self._textures = open_textures(
-            models, output_hz=1.0 / _FRAME_S, estimate_hz=_ESTIMATE_HZ, seed=seed
+            models, output_hz=self._samples / _FRAME_S, estimate_hz=_ESTIMATE_HZ, seed=seed
         )
         self._existing: Existing = "replace" if replace else "refuse"
         for texture in range(len(names)):
@@ -98,7 +102,7 @@ class TouchRecorder:
         if self._down is not None:
             self._down = None
             touch(self._textures, None)
-            render(self._textures, _SILENCE)
+            render(self._textures, _SILENCE * self._samples)
 
     def record(self, texture: int, steps: Sequence[Step]) -> None:
         """Record a part of a stroke over a texture.
@@ -120,7 +124,7 @@ class TouchRecorder:
             file.begin(steps[0])
         for step in steps:
             touch(self._textures, texture, *step.velocity_mm_s, step.force_n)
-            file.write(step, render(self._textures, step.duration_ms))
+            file.write(step, render(self._textures, step.duration_ms * self._samples))
 
     def close(self) -> list[tuple[Path, float]]:
         """End the files; return each with its seconds."""
@@ -131,17 +135,23 @@ class TouchRecorder:
 
     def _open(self, texture: int) -> "_TextureFile":
         name, model = self._names[texture], self._models[texture]
-        recorder = McapRecorder(self.path_of(texture), channels=CHANNELS, existing=self._existing)
+        recorder = McapRecorder(
+            self.path_of(texture),
+            channels=CHANNELS,
+            existing=self._existing,
+            samples_per_frame=self._samples,
+        )
         recorder.attach_model(model.to_bytes(), 0.0)
         recorder.record_event({"time_s": 0.0, "event": f"{name} is played", "texture": name})
-        return _TextureFile(recorder)
+        return _TextureFile(recorder, self._samples)
 
 
 class _TextureFile:
     """The session of one texture."""
 
-    def __init__(self, recorder: McapRecorder) -> None:
+    def __init__(self, recorder: McapRecorder, samples_per_frame: int) -> None:
         self.recorder = recorder
+        self._samples = samples_per_frame
         self.frames = 0
         self._sequence = -1
         self._path_mm = np.zeros(2)
@@ -152,8 +162,8 @@ class _TextureFile:
         self._path_mm = np.array(step.position_mm)
 
     def write(self, step: Step, vibration_m_s2: FloatArray) -> None:
-        count = len(vibration_m_s2)
-        frames = empty_frames(count)
+        count = len(vibration_m_s2) // self._samples
+        frames = empty_frames(count, samples_per_frame=self._samples)
         frames["sequence"] = self._sequence + np.arange(count)
         frames["time_ns"] = frames["sequence"].astype(np.int64) * FRAME_PERIOD_NS
         back = (np.array(step.position_mm) - self._path_mm) / _RETURN_S
@@ -161,7 +171,8 @@ class _TextureFile:
         counted = np.arange(1, count + 1)[:, None]
         frames["position_mm"][:, :2] = self._path_mm + counted * step_mm
         frames["force_n"][:, 2] = step.force_n
-        frames["acceleration_m_s2"][:, 2] = vibration_m_s2
+        along = frames["acceleration_m_s2"][..., 2]
+        along[:] = vibration_m_s2.reshape(along.shape)
         self._path_mm = self._path_mm + count * step_mm
         self._sequence += count
         self.frames += count

@@ -116,7 +116,7 @@ def random_models(draw: st.DrawFn) -> TextureModel:
     """Models whose filters have reflection coefficients of magnitude up to 0.999."""
     random = np.random.default_rng(draw(st.integers(0, 2**32)))
     space = draw(st.sampled_from([ISOTROPIC, ANISOTROPIC]))
-    order, count = draw(st.integers(1, 40)), draw(st.integers(1, 30))
+    order, count = draw(st.integers(1, 64)), draw(st.integers(1, 30))
     largest = draw(st.sampled_from([0.5, 0.9, 0.999]))
     reflection = largest * random.uniform(-1.0, 1.0, (count, order)) ** 3
     variance = random.uniform(0.0, 2.0, count)
@@ -128,7 +128,7 @@ def random_models(draw: st.DrawFn) -> TextureModel:
         output_power(variance, reflection),
         space,
     )
-    rate_hz = draw(st.sampled_from([1000.0, 2500.0]))
+    rate_hz = draw(st.sampled_from([1000.0, 2500.0, 10_000.0]))
     return TextureModel(
         samples, method=draw(st.sampled_from(["field", "published"])), rate_hz=rate_hz
     )
@@ -151,6 +151,12 @@ def test_poles_at_the_unit_circle_and_models_that_grow_give_the_same_samples(met
     assert error(growing, strokes(growing[0], 6000, 4), white, 1) < 1e-9
     poles = stiff(5, method, scale=1e-12)
     assert error([poles], strokes(poles, 6000, 4), white, 1) < 1e-6
+
+
+def test_a_model_of_ten_kilohertz_gives_the_same_samples() -> None:
+    made = load_model("oak").at_rate(10_000.0)
+    white = np.random.default_rng(1).standard_normal(20_000)
+    assert error([made], strokes(made, 20_000, 2), white, 10) < 1e-9
 
 
 def changed(**changes: Any) -> str:

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from monitor_messages import unpack
 
 from mmt.core.errors import InputError
+from mmt.core.frames import frame_dtype
 from mmt.leader.output.vibration import Mode
 from mmt.scene import Scene
 from mmt.session.data import OutputBlock, RecordedSession
@@ -39,6 +40,34 @@ def test_samples_stand_at_their_moment_and_a_gap_stays_empty() -> None:
     assert np.flatnonzero(np.isnan(shown)).tolist() == list(range(512 - 300, 512 - 250))
     later = traces.measured(whole, 2.1, SETTINGS)  # nothing came for a tenth of a second
     assert np.flatnonzero(np.isnan(later)).tolist() == list(range(412, 512))
+
+
+def test_several_samples_a_frame_are_shown_at_their_own_rate() -> None:
+    frames = np.zeros(2000, frame_dtype(samples_per_frame=4))
+    frames["sequence"] = np.arange(2000)
+    time_s = np.arange(1, 8001) / 4000
+    tone = np.sin(2 * np.pi * 1500.0 * time_s)
+    frames["acceleration_m_s2"][..., 2] = tone.reshape(-1, 4)
+    settings = ModellingSettings(samples_per_frame=4)
+    present = np.arange(2000) // 5 != 1990 // 5
+    end = Window(frames["sequence"][present] / 1e3, frames[present])
+    shown = traces.measured(end, 2.0, settings)
+    missing = np.isnan(shown)
+    assert np.flatnonzero(missing).tolist() == list(range(512 - 40, 512 - 20))
+    np.testing.assert_allclose(shown[~missing], tone[-512:][~missing], atol=0.15)
+    blocks = [OutputBlock(t, "streamed", np.full(400, 10 * t), 4000.0) for t in (1.0, 1.1)]
+    played = traces.played(blocks, 1.2).vibration_m_s2
+    np.testing.assert_array_equal(played, [10.0] * 112 + [11.0] * 400)
+
+
+def test_the_page_is_told_the_rate_of_what_vibrates() -> None:
+    frames = np.zeros(2000, frame_dtype(["acceleration"], samples_per_frame=4))
+    frames["sequence"] = np.arange(2000)
+    frames["time_ns"] = np.arange(2000) * 1_000_000
+    recording = ViewedRecording(MemoryWindows(RecordedSession(frames)))
+    assert unpack(recording.opening())["rate_hz"] == 4000.0
+    measured = unpack(recording.moment(1.999))["arrays"]["measured"]
+    assert (measured == 0.0).all()
 
 
 def test_what_was_played_stands_at_its_moment() -> None:

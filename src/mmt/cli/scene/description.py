@@ -51,6 +51,8 @@ class SceneDescription:
     streams: tuple[Stream, ...]
     robot_limits: str | None
     """Where, how fast and how hard the robot may be moved, None where none is."""
+    acceleration: str | None
+    """Samples of acceleration in a frame and where their band ends, None where there is one."""
     hand_force: str | None
     """Where the hand's force comes from and how late, None where no handle renders."""
 
@@ -70,6 +72,7 @@ def describe_scene(scene: Scene) -> SceneDescription:
         follower=_side(scene, FOLLOWER) if scene.source is not None else None,
         streams=_streams(scene),
         robot_limits=scene.describe_motion_limits(),
+        acceleration=scene.describe_acceleration(),
         hand_force=scene.describe_hand_force(),
     )
 
@@ -92,7 +95,12 @@ def _streams(scene: Scene) -> tuple[Stream, ...]:
     at_once = max(1.0, speed)  # frames that fall due in a tick travel together
     gathered = at_once * math.ceil(scene.link.frames_per_message / at_once)
     frames = _stream(
-        "up", FRAMES, channels, frame_dtype(channels).itemsize, gathered, rate_hz * speed
+        "up",
+        FRAMES,
+        channels,
+        frame_dtype(channels, scene.session.samples_per_frame).itemsize,
+        gathered,
+        rate_hz * speed,
     )
     if not scene.commands:
         return (frames,)

@@ -9,6 +9,8 @@ from mmt.devices.accelerometer_axes import AxesOptions
 
 _Z_HZ: Final = 550.0
 """The sensor's own z axis ends here, whatever its capacitor; x and y at 1600 Hz (data sheet)."""
+LARGEST_BANDWIDTH_HZ: Final = 1600.0
+BAND: Final = "the sensor itself ends at 1600 Hz along its X and Y, at 550 Hz along its Z"
 _MICROFARAD_HZ: Final = 5.0
 """f = 5 uF / C: the filter of the sensor's 32 kOhm and the board's capacitor (data sheet)."""
 
@@ -20,10 +22,10 @@ class Adxl335Options(AxesOptions):
 
     supply_v: float = Field(3.3, ge=1.8, le=3.6)
     """The sensor's supply; its output is a share of it."""
-    bandwidth_hz: float = Field(50.0, ge=0.5, le=1600.0)
+    bandwidth_hz: float = Field(50.0, ge=0.5, le=LARGEST_BANDWIDTH_HZ)
     """-3 dB, by the board's capacitors; breakout boards ship with 0.1 uF, which is 50 Hz."""
-    band_hz: float = Field(500.0, gt=0.0, le=1600.0)
-    """Highest frequency that the scene wants; half its rate."""
+    band_hz: float = Field(500.0, gt=0.0, le=LARGEST_BANDWIDTH_HZ)
+    """Highest frequency that the scene wants; half its acceleration's rate."""
     serial: str | None = Field(None, min_length=1, max_length=64)
     """Names the stored calibration; None takes the number that USB gives."""
     stuck_s: float = Field(1.0, ge=0.05, le=3600.0)

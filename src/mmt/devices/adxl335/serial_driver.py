@@ -11,7 +11,7 @@ from serial.tools import list_ports
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.adxl335.framing import Counts, Frame, FrameDecoder, Timeline
-from mmt.devices.adxl335.options import SerialOptions
+from mmt.devices.adxl335.options import BAND, SerialOptions
 from mmt.devices.adxl335.sensor import Adxl335
 from mmt.devices.drivers import read_options
 from mmt.devices.protocols import SensorReading, Vector
@@ -83,6 +83,7 @@ class SerialBoard:
 
 
 NAME: Final = "adxl335-serial"
+RATES: Final = {NAME: f"2000 samples a second, or what its sketch is changed to; {BAND}"}
 _FIRST_FRAMES: Final = 3
 """Good frames that must come before the board counts as connected."""
 _TEXT_SHARE: Final = 0.95

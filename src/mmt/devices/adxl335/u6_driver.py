@@ -5,15 +5,20 @@ from typing import Any, Final, cast
 
 from pydantic import Field, field_validator
 
-from mmt.devices.adxl335.options import Adxl335Options
+from mmt.devices.adxl335.options import BAND, Adxl335Options
 from mmt.devices.adxl335.sensor import Adxl335
 from mmt.devices.discovery import missing_libusb
 from mmt.devices.drivers import read_options
 from mmt.devices.labjack.board import U6Voltages
 from mmt.devices.labjack.packets import Channel
+from mmt.devices.labjack.sharing import MOST_SAMPLES_HZ
 from mmt.devices.protocols import Vector
 
 NAME: Final = "adxl335-u6"
+MOST_HZ: Final = MOST_SAMPLES_HZ // 3
+"""Of three inputs at the converter's quickest resolution, by which a U6 is streamed here."""
+
+RATES: Final = {NAME: f"100 to {MOST_HZ} samples a second (rate_hz); {BAND}"}
 
 missing = missing_libusb
 
@@ -25,8 +30,8 @@ class U6Options(Adxl335Options):
     """Serial number of the U6; None takes the only one."""
     inputs: tuple[int, int, int] = (0, 1, 2)
     """To which the sensor's X, Y, Z go; 0 to 13."""
-    rate_hz: float = Field(2000.0, ge=100.0, le=4000.0)
-    """Samples a second; twice the session's rate keeps vibration up to half of it."""
+    rate_hz: float = Field(2000.0, ge=100.0, le=MOST_HZ)
+    """Samples a second; twice those of the frames keep vibration up to half of these."""
 
     @field_validator("inputs")
     @classmethod

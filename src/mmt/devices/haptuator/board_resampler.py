@@ -1,4 +1,4 @@
-"""From a session that writes a sample a millisecond to a board that buffers and plays.
+"""From a session that writes its samples each millisecond to a board that buffers and plays.
 
 Each sample is interpolated to the board's rate at once. How far the board's buffer is filled tells
 which clock is ahead, and the step from instant to instant follows it by 0.5 % at most, as in
@@ -17,8 +17,8 @@ from mmt.devices.haptuator.resampling import AFTER, BEFORE, FillController, Inte
 
 _CAPACITY: Final = 4096
 _LARGEST_WRITE: Final = 1024
-_LEAST_SLACK: Final = 20.0
-"""Session's samples beyond the wanted fill before it is caught up with."""
+_LEAST_SLACK_S: Final = 0.02
+"""Beyond the wanted fill before it is caught up with."""
 
 
 class BoardResampler:
@@ -27,7 +27,7 @@ class BoardResampler:
     Parameters
     ----------
     rate_hz
-        Sampling rate of the session.
+        Sampling rate of the session's vibration.
     board_rate_hz
         Rate of the board's converter.
     buffer_ms
@@ -40,7 +40,7 @@ class BoardResampler:
         self._per_sample = board_rate_hz / rate_hz
         self._rate_hz = rate_hz
         self._target = buffer_ms * rate_hz / 1000.0
-        self._slack = max(_LEAST_SLACK, self._target)
+        self._slack = max(_LEAST_SLACK_S * rate_hz, self._target)
         self._written = BEFORE + AFTER
         self._position = float(BEFORE)
         self._slipping = False

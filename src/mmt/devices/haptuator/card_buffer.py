@@ -1,4 +1,4 @@
-"""Between a session that writes a sample a millisecond and a card that asks for blocks.
+"""Between a session that writes its samples each millisecond and a card that asks for blocks.
 
 The two run on clocks of their own. A ring takes the session's samples; the card's blocks are
 interpolated from it. How far the ring is filled tells which clock is ahead, and the step from
@@ -19,9 +19,10 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.devices.haptuator.resampling import AFTER, BEFORE, FillController, Interpolator
 
-_CAPACITY: Final = 4096
-_LEAST_SLACK: Final = 20.0
-"""Samples beyond the wanted fill before the reading jumps."""
+_CAPACITY_S: Final = 4
+"""At least; what lies in it is a power of two of samples."""
+_LEAST_SLACK_S: Final = 0.02
+"""Beyond the wanted fill before the reading jumps."""
 _FADE_S: Final = 0.002
 
 
@@ -45,14 +46,16 @@ class CardBuffer:
     def __init__(
         self, rate_hz: float, card_rate_hz: float, block_frames: int, buffer_ms: float
     ) -> None:
-        self._ring = np.zeros(_CAPACITY)
+        capacity = 1 << round(_CAPACITY_S * rate_hz).bit_length()
+        self._ring = np.zeros(capacity)
+        self._mask = capacity - 1
         self._interpolator = Interpolator(self._ring)
         self._rate_hz = rate_hz
         self._card_rate_hz = card_rate_hz
         block = block_frames * rate_hz / card_rate_hz
         self.target = block + AFTER + buffer_ms * rate_hz / 1000.0
         """Samples that lie ahead of the reading when a block is asked for."""
-        self._most = self.target + max(_LEAST_SLACK, self.target)
+        self._most = self.target + max(_LEAST_SLACK_S * rate_hz, self.target)
         self._fade = max(1, round(_FADE_S * card_rate_hz))
         self._written = 0
         self._position = 0.0
@@ -77,7 +80,7 @@ class CardBuffer:
 
     def write(self, samples: Iterable[float]) -> None:
         """Append samples; those that are never read are written over."""
-        ring, written, mask = self._ring, self._written, _CAPACITY - 1
+        ring, written, mask = self._ring, self._written, self._mask
         for sample in samples:
             ring[written & mask] = sample
             written += 1
@@ -143,7 +146,7 @@ class CardBuffer:
         aim = written - self.target
         share = np.linspace(0.0, 1.0, frames)
         there = (written - AFTER - aim) / step >= frames
-        if not there or written - self._position > _CAPACITY // 2:
+        if not there or written - self._position > len(self._ring) // 2:
             # what lay there is written over, or the block is longer than agreed: start again
             self._stop(written)
             self._idle_since = written - math.ceil(self.target) - BEFORE

@@ -15,7 +15,7 @@ from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.core.guards import SampleGuard
 from mmt.devices.calibrations import calibration_file, load_calibration, save_calibration
-from mmt.devices.haptuator.equaliser import Equaliser, Level
+from mmt.devices.haptuator.equaliser import TAPS, Equaliser, Level, taps_at
 from mmt.devices.haptuator.options import HaptuatorOptions
 from mmt.devices.protocols import ActuatorStatistics
 from mmt.texture.signals.biquad import BiquadFilter, bessel_low_pass, butterworth_high_pass
@@ -72,8 +72,8 @@ _HIGHEST_SHARE: Final = 0.4999
 class VoltageDrive:
     """Keep samples within the band, even them out, scale them to volts, and limit the voltage.
 
-    Plain Python, some 2 us a sample, and as much for an equaliser. A sample that is not finite
-    counts as clipped, and the filters let it die away.
+    Plain Python, some 2 us a sample, and as much for an equaliser of 1 kHz; longer ones go through
+    numpy. A sample that is not finite counts as clipped, and the filters let it die away.
 
     Parameters
     ----------
@@ -95,8 +95,8 @@ class VoltageDrive:
     ) -> None:
         level = level or level_of(options)
         self._scale = level.volts_per_m_s2
-        self._taps = level.taps
-        self._history = deque([0.0] * len(level.taps), maxlen=len(level.taps))
+        self._taps = taps_at(level.taps, rate_hz)
+        self._history = deque([0.0] * len(self._taps), maxlen=len(self._taps))
         self._guard = SampleGuard(options.largest_v, round(FADE_S * rate_hz))
         low_hz = level.low_hz if options.low_hz is None else options.low_hz
         sections = [butterworth_high_pass(low_hz, rate_hz)]
@@ -125,9 +125,8 @@ class VoltageDrive:
     def convert(self, samples_m_s2: Sequence[float] | FloatArray) -> list[float]:
         """Return the voltages (V) for samples (n,), m/s2."""
         values = samples_m_s2 if isinstance(samples_m_s2, Sequence) else samples_m_s2.tolist()
-        scale, filters = self._scale, self._filters
-        taps, history = self._taps, self._history
-        volts = []
+        filters = self._filters
+        kept = []
         for value in values:
             if math.isfinite(value):
                 self._peak = max(self._peak, abs(value))
@@ -136,14 +135,30 @@ class VoltageDrive:
             wanted = value
             for step in filters:  # they take what is not finite for what came before
                 wanted = step(wanted)
-            if len(taps) > 1:
-                history.appendleft(wanted)
-                wanted = sum(map(mul, taps, history))
-            voltage = self._guard.step(wanted * scale)
+            kept.append(wanted)
+        volts = []
+        for wanted in self._evened(kept):
+            voltage = self._guard.step(wanted * self._scale)
             self._sum_squares += voltage * voltage
             volts.append(voltage)
         self._samples += len(values)
         return volts
+
+    def _evened(self, values: list[float]) -> list[float]:
+        """Return samples (n,) behind the equaliser."""
+        taps, history = self._taps, self._history
+        if len(taps) == 1:
+            return values
+        if len(taps) > TAPS:
+            before = list(history)[-2::-1]  # oldest first, all but the very oldest
+            history.extendleft(values)
+            evened: list[float] = np.convolve(before + values, taps, mode="valid").tolist()
+            return evened
+        evened = []
+        for value in values:
+            history.appendleft(value)
+            evened.append(sum(map(mul, taps, history)))
+        return evened
 
     def gain(self, frequencies_hz: FloatArray) -> FloatArray:
         """Return the acceleration at the handle over the one that is asked for, by frequency.

@@ -5,13 +5,13 @@ from collections.abc import Sequence
 from typing import Final
 
 from mmt.core.arrays import FloatArray
+from mmt.core.errors import InputError
 from mmt.core.guards import SampleGuard
 from mmt.devices.haptuator.drive import FADE_S, VoltageDrive
 from mmt.devices.haptuator.equaliser import Level
 from mmt.devices.haptuator.options import HaptuatorOptions
+from mmt.devices.protocols import USUAL_RATE_HZ
 
-RATE_HZ: Final = 1000.0
-"""Rate of the session, which has no other."""
 SILENCE_NS: Final = 500_000_000
 """A card that asks for nothing, or a board that reports nothing, for this long is lost."""
 
@@ -19,7 +19,7 @@ _SMOOTHING: Final = 0.02
 
 
 class HaptuatorDriver(ABC):
-    """A `VoltageActuator`; a driver adds how voltages get to the converter.
+    """A `VoltageActuator` that is `RateFollowing`; a driver adds how voltages get to the converter.
 
     Parameters
     ----------
@@ -34,10 +34,27 @@ class HaptuatorDriver(ABC):
     def __init__(
         self, options: HaptuatorOptions, output_rate_hz: float, level: Level | None = None
     ) -> None:
-        self._drive = VoltageDrive(options, RATE_HZ, level)
-        self._to_volts = options
+        self._to_volts, self._level, self._output_rate_hz = options, level, output_rate_hz
+        self._rate_hz = USUAL_RATE_HZ
+        self._drive = VoltageDrive(options, self._rate_hz, level)
         self._guard = SampleGuard(options.largest_v, round(FADE_S * output_rate_hz))
         self._latency_s: float | None = None
+
+    def set_rate(self, rate_hz: float) -> None:
+        """Take the rate of the samples; see `RateFollowing`.
+
+        Raises
+        ------
+        InputError
+            The converter is slower.
+        """
+        if rate_hz > self._output_rate_hz:
+            raise InputError(
+                f"the converter plays {self._output_rate_hz:g} samples a second, the session's "
+                f"acceleration_rate_hz is {rate_hz:g}: lower it, or raise the converter's rate"
+            )
+        self._rate_hz = rate_hz
+        self._drive = VoltageDrive(self._to_volts, rate_hz, self._level)
 
     @abstractmethod
     def _check(self) -> None:
@@ -45,7 +62,7 @@ class HaptuatorDriver(ABC):
 
     @abstractmethod
     def _play(self, volts: list[float]) -> None:
-        """Play voltages (n,), V, at the session's rate, after those before; never blocks."""
+        """Play voltages (n,), V, at the samples' rate, after those before; never blocks."""
 
     def calibrate(self) -> None:  # noqa: B027 - nothing is missing
         """Do nothing: what the actuator makes of a volt is an option."""

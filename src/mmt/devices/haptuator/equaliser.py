@@ -18,9 +18,10 @@ from pydantic import Field
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.devices.haptuator.options import DATA_SHEET_LOW_HZ
+from mmt.devices.protocols import USUAL_RATE_HZ
 
-RATE_HZ: Final = 1000.0
-"""Rate of the session, the only one that is supported."""
+RATE_HZ: Final = USUAL_RATE_HZ
+"""Rate at which a sweep is played and an equaliser is fitted; see `taps_at` for others."""
 TAPS: Final = 32
 
 _SEGMENT: Final = 256
@@ -78,6 +79,19 @@ class Equaliser(Level):
     """And with it."""
     coherence: float
     """Share of the acceleration's power that the voltage explains, median over the band."""
+
+
+def taps_at(taps: tuple[float, ...], rate_hz: float) -> tuple[float, ...]:
+    """Return the taps of 1 kHz for another rate, k kHz: the same gain, of minimum phase again.
+
+    It lasts as long, with k times as many taps. Above 500 Hz the gain of 500 Hz goes on.
+    """
+    several = round(rate_hz / RATE_HZ)
+    if several == 1 or len(taps) == 1:
+        return taps
+    gain = np.abs(np.fft.rfft(taps, 4 * _SEGMENT))
+    wanted = np.concatenate([gain, np.full((several - 1) * 2 * _SEGMENT, gain[-1])])
+    return tuple(_minimum_phase(wanted)[: several * len(taps)].tolist())
 
 
 def sweep(amplitude_v: float, low_hz: float, high_hz: float, duration_s: float) -> FloatArray:
@@ -152,7 +166,8 @@ def fit_equaliser(
     inside = np.flatnonzero(band)
     wanted[: inside[0]] = wanted[inside[0]]
     wanted[inside[-1] :] = wanted[inside[-1]]
-    taps = _minimum_phase(wanted)
+    taps = _minimum_phase(wanted)[:TAPS]
+    taps[-_FADE:] *= 0.5 + 0.5 * np.cos(np.pi * np.arange(1, _FADE + 1) / (_FADE + 1))
     gain = np.abs(np.fft.rfft(taps, 4 * _SEGMENT))
     if gain.max() > bound:  # cutting the filter short has let its gain overshoot
         taps = taps * (bound / gain.max())
@@ -234,11 +249,10 @@ def _smooth(values: FloatArray) -> FloatArray:
 
 
 def _minimum_phase(magnitude: FloatArray) -> FloatArray:
-    """Return the first taps of the minimum-phase filter of a magnitude, faded at the end."""
+    """Return the taps of the minimum-phase filter of a magnitude."""
     cepstrum = np.fft.irfft(np.log(magnitude))
     half = len(cepstrum) // 2
     cepstrum[1:half] *= 2.0
     cepstrum[half + 1 :] = 0.0
-    taps: FloatArray = np.fft.irfft(np.exp(np.fft.rfft(cepstrum)))[:TAPS]
-    taps[-_FADE:] *= 0.5 + 0.5 * np.cos(np.pi * np.arange(1, _FADE + 1) / (_FADE + 1))
+    taps: FloatArray = np.fft.irfft(np.exp(np.fft.rfft(cepstrum)))
     return taps

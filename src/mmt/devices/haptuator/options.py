@@ -7,12 +7,15 @@ from typing import Annotated, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from mmt.core.arrays import FloatArray
+from mmt.core.frames import MOST_SAMPLES
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
-LARGEST_HZ = 1000.0
+LARGEST_HZ = 500.0 * MOST_SAMPLES
+"""Half the largest rate of a session's acceleration."""
 DATA_SHEET_LOW_HZ = 90.0
-"""Lower end of the band of a TL002-14R."""
+DATA_SHEET_HIGH_HZ = 1000.0
+"""The band of a TL002-14R."""
 
 
 class HaptuatorOptions(BaseModel):
@@ -31,7 +34,7 @@ class HaptuatorOptions(BaseModel):
     low_hz: float | None = Field(default=None, ge=1, le=400)
     """Below this it is not driven: a second-order high-pass. None takes what the sweep that is
     stored for `serial` has found, or the data sheet's `DATA_SHEET_LOW_HZ` without one."""
-    high_hz: float = Field(default=LARGEST_HZ, ge=20, le=LARGEST_HZ)
+    high_hz: float = Field(default=DATA_SHEET_HIGH_HZ, ge=20, le=LARGEST_HZ)
     """Above this it is not driven: a second-order low-pass, where the signal reaches so far."""
 
     @model_validator(mode="after")

@@ -13,7 +13,7 @@ from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.drivers import read_options
 from mmt.devices.haptuator.board import HaptuatorBoard
 from mmt.devices.haptuator.board_resampler import BoardResampler
-from mmt.devices.haptuator.driver import RATE_HZ, SILENCE_NS, HaptuatorDriver
+from mmt.devices.haptuator.driver import SILENCE_NS, HaptuatorDriver
 from mmt.devices.haptuator.framing import FULL_SCALE, MOST_SAMPLES, Report, Reset, Samples
 from mmt.devices.haptuator.options import HaptuatorOptions
 from mmt.devices.haptuator.resampling import AFTER
@@ -88,6 +88,11 @@ class SerialHaptuator(HaptuatorDriver):
         self._under_way: deque[tuple[int, int]] = deque()
         self._earlier = (0, 0)
 
+    def set_rate(self, rate_hz: float) -> None:
+        """Take the rate of the samples; see `RateFollowing`."""
+        super().set_rate(rate_hz)
+        self._resampler = self._new_resampler()
+
     def connect(self) -> None:
         """Open the port, empty the board's buffer and wait for its report.
 
@@ -140,7 +145,7 @@ class SerialHaptuator(HaptuatorDriver):
     def _play(self, volts: list[float]) -> None:
         ahead = self._ahead(time.monotonic_ns() - self._report_ns)
         self._send(self._resampler.push(volts, ahead))
-        self._note_latency(AFTER / RATE_HZ + ahead / self._options.board_rate_hz)
+        self._note_latency(AFTER / self._rate_hz + ahead / self._options.board_rate_hz)
 
     def close(self) -> None:
         """Close the port; the board fades by itself. Calling it twice is harmless."""
@@ -162,7 +167,8 @@ class SerialHaptuator(HaptuatorDriver):
         )
 
     def _new_resampler(self) -> BoardResampler:
-        return BoardResampler(RATE_HZ, float(self._options.board_rate_hz), self._options.buffer_ms)
+        options = self._options
+        return BoardResampler(self._rate_hz, float(options.board_rate_hz), options.buffer_ms)
 
     def _reset(self) -> Report:
         """Reset the board, and return its first report afterwards."""

@@ -15,7 +15,7 @@ from mmt.core.extras import require
 from mmt.devices.drivers import read_options
 from mmt.devices.haptuator import sound_library
 from mmt.devices.haptuator.card_buffer import CardBuffer
-from mmt.devices.haptuator.driver import RATE_HZ, SILENCE_NS, HaptuatorDriver
+from mmt.devices.haptuator.driver import SILENCE_NS, HaptuatorDriver
 from mmt.devices.haptuator.equaliser import Level
 from mmt.devices.haptuator.options import HaptuatorOptions
 from mmt.devices.haptuator.sound_library import load_sounddevice
@@ -159,6 +159,11 @@ class SoundHaptuator(HaptuatorDriver):
         self._card_underflows = 0
         self._card_latency_s = 0.0
 
+    def set_rate(self, rate_hz: float) -> None:
+        """Take the rate of the samples; see `RateFollowing`."""
+        super().set_rate(rate_hz)
+        self._buffer = self._new_buffer()
+
     def connect(self) -> None:
         """Open the output; silence is played until the first samples have come.
 
@@ -242,7 +247,7 @@ class SoundHaptuator(HaptuatorDriver):
     def _new_buffer(self) -> CardBuffer:
         options = self._options
         return CardBuffer(
-            RATE_HZ, float(options.card_rate_hz), self._block_frames, options.buffer_ms
+            self._rate_hz, float(options.card_rate_hz), self._block_frames, options.buffer_ms
         )
 
     def _release(self) -> None:
@@ -266,7 +271,7 @@ class SoundHaptuator(HaptuatorDriver):
             ahead_s = times.outputBufferDacTime - times.currentTime
             if not 0.0 < ahead_s < _LONGEST_AHEAD_S:  # not every system fills both in
                 ahead_s = self._card_latency_s
-            self._note_latency(ahead_s + self._buffer.fill / RATE_HZ)
+            self._note_latency(ahead_s + self._buffer.fill / self._rate_hz)
 
     def _on_finished(self) -> None:
         self._ended = True

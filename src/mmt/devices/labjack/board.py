@@ -33,7 +33,7 @@ class U6Voltages:
     channels
         The inputs, in the order of the volts; 1 to 14.
     rate_hz
-        Scans a second, 100 to 4000.
+        Scans a second, 100 and above; with the inputs, 50 000 samples a second.
     box
         Serial number of the U6; None takes the only one.
     backend
@@ -112,8 +112,8 @@ class U6Voltages:
 def _check(channels: Sequence[Channel], rate_hz: float) -> None:
     if not 1 <= len(channels) <= INPUTS:
         raise InputError(f"a LabJack U6 has {INPUTS} inputs, not {len(channels)}")
-    if not 100.0 <= rate_hz <= 4000.0:
-        raise InputError(f"rate_hz {rate_hz:g}: a LabJack U6 is read at 100 to 4000 Hz here")
+    if rate_hz < 100.0:
+        raise InputError(f"rate_hz {rate_hz:g}: a LabJack U6 is read at 100 Hz and above here")
     if rate_hz * len(channels) > MOST_SAMPLES_HZ:
         raise InputError(
             f"rate_hz {rate_hz:g}: a LabJack U6 takes {MOST_SAMPLES_HZ} samples a second, which "
@@ -144,7 +144,7 @@ class BoardOptions(BaseModel):
     """Each against the next input of its pair; the inputs are then even."""
     gain: Literal[1, 10, 100, 1000] = 1
     """Gain of every input: +-10 V, +-1 V, +-0.1 V, +-0.01 V."""
-    rate_hz: float = Field(2000.0, ge=100.0, le=4000.0)
+    rate_hz: float = Field(2000.0, ge=100.0, le=MOST_SAMPLES_HZ)
     """Readings a second."""
     box: int | None = Field(None, ge=1)
     """Serial number of the U6; None takes the only one."""

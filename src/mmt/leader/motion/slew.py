@@ -8,8 +8,8 @@ from mmt.core.guards import ForceGuard, SampleGuard
 from mmt.devices.protocols import Vector
 from mmt.leader.motion.feedback import ForceDisplay
 
-_FADE: Final = 0.1
-"""Change of the vibration's loudness from sample to sample."""
+_FADE_TICKS: Final = 10
+"""Over so many the vibration fades out, and in again."""
 
 
 class GuardedDisplay:
@@ -54,13 +54,19 @@ class VibrationSlew:
         Largest magnitude, m/s2.
     largest_step_m_s2
         Largest change from one sample to the next, in m/s2; infinite for none.
+    samples_per_tick
+        Samples in a tick.
     """
 
-    def __init__(self, limit_m_s2: float, largest_step_m_s2: float = math.inf) -> None:
+    def __init__(
+        self, limit_m_s2: float, largest_step_m_s2: float = math.inf, samples_per_tick: int = 1
+    ) -> None:
+        fade = _FADE_TICKS * samples_per_tick
         self._largest_step = largest_step_m_s2
         self._last = 0.0
         self._loudness = 1.0
-        self.guard: Final = SampleGuard(limit_m_s2)
+        self._loudness_step = 1.0 / fade
+        self.guard: Final = SampleGuard(limit_m_s2, fade)
         """Counts what was not finite."""
         self.limited_samples = 0
         """Samples that were to change by more."""
@@ -68,11 +74,11 @@ class VibrationSlew:
     def limit(self, vibration: FloatArray, *, silent: bool = False) -> None:
         """Bound the next samples (n,) in m/s2, in place; fade them out where they are silent."""
         last, step, guarded = self._last, self._largest_step, self.guard.step
-        goal = 0.0 if silent else 1.0
+        goal, fade = 0.0 if silent else 1.0, self._loudness_step
         for index, wanted in enumerate(vibration.tolist()):
             played = guarded(wanted)
             if silent or self._loudness < 1.0:
-                self._loudness += min(max(goal - self._loudness, -_FADE), _FADE)
+                self._loudness += min(max(goal - self._loudness, -fade), fade)
                 played *= self._loudness
             if not -step <= played - last <= step:
                 self.limited_samples += 1

@@ -2,11 +2,13 @@
 
 Three ways: go on from a model of the newest samples, repeat these, or fade out. The first two
 share their course: a gap begins with a continuation of what was played last, at full level for
-50 ms, silent after 100 ms; when samples are there again, five of them fade over to the stream.
+50 ms, silent after 100 ms; when frames are there again, the output fades over to the stream within
+5 ms. All of them take and give a frame of 1 ms at a time, of one sample or several.
 """
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Final, Literal, Protocol
 
 import numpy as np
@@ -17,56 +19,69 @@ Way = Literal["model", "repetition", "silence"]
 """How gaps are concealed."""
 
 GoOn = Callable[[FloatArray, FloatArray], FloatArray]
-"""Continues the newest samples (`PAST_SAMPLES`,) under a course of gains (n,): returns (n,)."""
+"""Continues the samples of the newest 128 ms (m,) under a course of gains (n,): returns (n,)."""
 
-PAST_SAMPLES: Final = 128
-LONGEST_SAMPLES: Final = 100
-"""Nothing is invented for longer: 100 ms."""
+LONGEST_FRAMES: Final = 100
+"""Longest gap that is concealed: 100 ms."""
 
-_FULL_SAMPLES: Final = 50
-_RUN_OUT_SAMPLES: Final = 20
+_PAST_FRAMES: Final = 128
+_FULL_FRAMES: Final = 50
+_RUN_OUT_FRAMES: Final = 20
 _FADE_STEP: Final = 0.2
+"""Change of a gain from frame to frame."""
 _PAID_BACK: Final = 2
+_ORDER_OF_ONE: Final = 16
+_LARGEST_ORDER: Final = 32
+"""Of the model that goes on; a fit must take a small part of a tick."""
 
 
-def _course() -> FloatArray:
-    """Return the gains of an endless gap's samples: full, a raised cosine down, zero."""
-    fading = np.arange(1, LONGEST_SAMPLES - _FULL_SAMPLES + 1) / (LONGEST_SAMPLES - _FULL_SAMPLES)
-    falling = 0.5 + 0.5 * np.cos(np.pi * fading)
-    return np.concatenate([np.ones(_FULL_SAMPLES), falling, np.zeros(_RUN_OUT_SAMPLES)])
+@cache
+def _courses(samples_per_frame: int) -> tuple[FloatArray, FloatArray]:
+    """Return the gains of an endless gap's samples (n,), and those of a fade (n,)."""
+    fading = (LONGEST_FRAMES - _FULL_FRAMES) * samples_per_frame
+    falling = 0.5 + 0.5 * np.cos(np.pi * (np.arange(1, fading + 1) / fading))
+    full, silent = _FULL_FRAMES * samples_per_frame, _RUN_OUT_FRAMES * samples_per_frame
+    gains = np.concatenate([np.ones(full), falling, np.zeros(silent)])
+    release = 1.0 - _FADE_STEP / samples_per_frame * np.arange(1, len(gains) + 1)
+    return gains, np.maximum(0.0, release)
 
 
-_COURSE: Final = _course()
-_RELEASE: Final = np.maximum(0.0, 1.0 - _FADE_STEP * np.arange(1, len(_COURSE) + 1))
+def course(invented: int, samples_per_frame: int = 1) -> FloatArray:
+    """Return the gains of a gap, (n,), where so many frames of the allowance are used up.
 
-
-def course(invented: int) -> FloatArray:
-    """Return the gains of a gap, (n,), where so much of the allowance is used up.
-
-    None falls from one sample to the next by more than a fade does.
+    Full, a raised cosine down, zero; none falls by more than a fade does from one to the next.
     """
-    gains: FloatArray = np.maximum(_COURSE[invented:], _RELEASE[: len(_COURSE) - invented])
-    return gains
+    gains, release = _courses(samples_per_frame)
+    left = gains[invented * samples_per_frame :]
+    return np.maximum(left, release[: len(left)])
 
 
 class Concealment(Protocol):
-    """Makes the output from samples that are there and samples that are missing."""
+    """Makes the output from frames that are there and frames that are missing."""
 
     @property
     def silent(self) -> bool:
         """Whether the output is silent, so that the stream may jump."""
 
-    def play(self, value: float) -> float:
-        """Return the output for a sample that is there."""
+    def play(self, values: Sequence[float]) -> Sequence[float]:
+        """Return the output for the samples of a frame that is there."""
 
-    def bridge(self) -> float:
-        """Return the output for one that is missing."""
+    def bridge(self) -> Sequence[float]:
+        """Return the output for a frame that is missing."""
 
 
 class FadeOut:
-    """Hold the last sample and fade it out within five; fade the next ones in."""
+    """Hold the last sample and fade it out within 5 ms; fade the next ones in.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    samples_per_frame
+        Samples of vibration in a frame.
+    """
+
+    def __init__(self, samples_per_frame: int = 1) -> None:
+        self._count = samples_per_frame
+        self._step = _FADE_STEP / samples_per_frame
         self._gain = 0.0
         self._last = 0.0
 
@@ -75,70 +90,90 @@ class FadeOut:
         """Whether the output is silent."""
         return self._gain == 0.0
 
-    def play(self, value: float) -> float:
-        """Return the sample, faded in after a gap."""
-        self._last = value
-        self._gain = min(1.0, self._gain + _FADE_STEP)
-        return self._gain * value
+    def play(self, values: Sequence[float]) -> Sequence[float]:
+        """Return the samples, faded in after a gap."""
+        self._last = values[-1]
+        return values if self._gain == 1.0 else self._faded(values, self._step)
 
-    def bridge(self) -> float:
+    def bridge(self) -> Sequence[float]:
         """Return the last sample, fading."""
-        self._gain = max(0.0, self._gain - _FADE_STEP)
-        return self._gain * self._last
+        return self._faded([self._last] * self._count, -self._step)
+
+    def _faded(self, values: Sequence[float], step: float) -> list[float]:
+        gain, faded = self._gain, []
+        for value in values:
+            gain = min(1.0, max(0.0, gain + step))
+            faded.append(gain * value)
+        self._gain = gain
+        return faded
 
 
 class Continuation:
     """Go on with what was played last, and fade back to the stream.
 
-    A continuation is made once, when a gap begins. What is invented is bounded: each sample of
-    it takes from an allowance of `LONGEST_SAMPLES`, each that arrives gives two back, and the
+    A continuation is made once, when a gap begins. What is invented is bounded: each frame of
+    it takes from an allowance of `LONGEST_FRAMES`, each that arrives gives two back, and the
     level falls as the allowance runs out. While nothing is missing, the output is the stream.
 
     Parameters
     ----------
     go_on
         Makes the continuation.
+    samples_per_frame
+        Samples of vibration in a frame.
     """
 
-    def __init__(self, go_on: GoOn) -> None:
+    def __init__(self, go_on: GoOn, samples_per_frame: int = 1) -> None:
         self._go_on = go_on
-        self._past = deque([0.0] * PAST_SAMPLES, maxlen=PAST_SAMPLES)
+        self._silence = [0.0] * samples_per_frame
+        self._step = _FADE_STEP / samples_per_frame
+        past = _PAST_FRAMES * samples_per_frame
+        self._past = deque([0.0] * past, maxlen=past)
         self._share = 0.0  # of the stream in the output
         self._continued: list[float] = []
         self._place = 0
-        self._invented = LONGEST_SAMPLES
+        self._invented = LONGEST_FRAMES
 
     @property
     def silent(self) -> bool:
         """Whether the output is silent."""
         return self._share == 0.0 and self._place >= len(self._continued)
 
-    def play(self, value: float) -> float:
-        """Return the sample, faded over to after a gap."""
+    def play(self, values: Sequence[float]) -> Sequence[float]:
+        """Return the samples, faded over to after a gap."""
         self._invented = max(0, self._invented - _PAID_BACK)
         if self._share < 1.0:
-            self._share = min(1.0, self._share + _FADE_STEP)
-            value = self._share * value + (1.0 - self._share) * self._next()
-        self._past.append(value)
-        return value
+            values = self._faded_over(values)
+        self._past.extend(values)
+        return values
 
-    def bridge(self) -> float:
-        """Return the next sample of the continuation."""
+    def bridge(self) -> Sequence[float]:
+        """Return the next samples of the continuation."""
         if self._share > 0.0:
             self._share = 0.0
-            past = np.fromiter(self._past, np.float64, PAST_SAMPLES)
-            self._continued = self._go_on(past, course(self._invented)).tolist()
+            past = np.fromiter(self._past, np.float64, len(self._past))
+            gains = course(self._invented, len(self._silence))
+            self._continued = self._go_on(past, gains).tolist()
             self._place = 0
-        self._invented = min(LONGEST_SAMPLES, self._invented + 1)
-        value = self._next()
-        self._past.append(value)
-        return value
+        self._invented = min(LONGEST_FRAMES, self._invented + 1)
+        values = self._next()
+        self._past.extend(values)
+        return values
 
-    def _next(self) -> float:
-        if self._place >= len(self._continued):
-            return 0.0
-        self._place += 1
-        return self._continued[self._place - 1]
+    def _faded_over(self, values: Sequence[float]) -> list[float]:
+        """Return a frame of the stream, over what is left of the continuation."""
+        share, mixed = self._share, []
+        for value, continued in zip(values, self._next(), strict=True):
+            share = min(1.0, share + self._step)
+            mixed.append(share * value + (1.0 - share) * continued)
+        self._share = share
+        return mixed
+
+    def _next(self) -> Sequence[float]:
+        """Return the continuation's next frame."""
+        begin = self._place
+        self._place += len(self._silence)
+        return self._continued[begin : self._place] or self._silence
 
 
 def backwards(past: FloatArray, gain: FloatArray) -> FloatArray:
@@ -147,20 +182,22 @@ def backwards(past: FloatArray, gain: FloatArray) -> FloatArray:
     return repeated
 
 
-def modelled(seed: int) -> GoOn:
+def modelled(seed: int, samples_per_frame: int = 1) -> GoOn:
     """Return what goes on from a model of the newest samples; imports the compiled numerics."""
     from mmt.texture.synthesis.concealment import continuation
 
     generator = np.random.default_rng(seed)
+    order = min(_LARGEST_ORDER, _ORDER_OF_ONE * samples_per_frame)
 
     def go_on(past: FloatArray, gain: FloatArray) -> FloatArray:
-        return continuation(past, gain, generator.standard_normal(len(gain)))
+        return continuation(past, gain, generator.standard_normal(len(gain)), order)
 
     return go_on
 
 
-def build_concealment(way: Way, seed: int) -> Concealment:
+def build_concealment(way: Way, seed: int, samples_per_frame: int = 1) -> Concealment:
     """Return the concealment of a scene; `seed` decides what a model invents."""
     if way == "silence":
-        return FadeOut()
-    return Continuation(modelled(seed) if way == "model" else backwards)
+        return FadeOut(samples_per_frame)
+    go_on = modelled(seed, samples_per_frame) if way == "model" else backwards
+    return Continuation(go_on, samples_per_frame)

@@ -1,5 +1,6 @@
 """The part that puts each new model to use, and switches the output to it."""
 
+import asyncio
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal, Protocol
 
@@ -65,6 +66,7 @@ class ModelOutput(Part):
         self._since_s = 0.0
         self._said = SignalFaults()
         self._new_faults = SignalFaults()  # of the newest update
+        self._said_rate = ""  # of the newest shared model
         self.fell = ""
         """Why the newest update expects less to be right than the one before, "" if it does not."""
         self._rendered: int | None = None  # the surface whose model is rendered
@@ -98,7 +100,9 @@ class ModelOutput(Part):
         return None if self._log.update is None else self._log.update.model
 
     def begin(self) -> None:
-        """Tell what the actuator makes of a saved model."""
+        """Tell if a saved model is of another rate, and what the actuator makes of it."""
+        if self._synthesizing is not None and self._synthesizing.said:
+            self._event(self._synthesizing.said)
         self._tell_of_skin(self.rendered)
 
     def faults(self) -> list[str]:
@@ -203,15 +207,15 @@ class ModelOutput(Part):
             synthesizing.synthesizer.model = model
         self._rendered = surface
 
-    def use_shared(self, model: "TextureModel", surface: int | None) -> None:
-        """Render a model that another leader shares; that of another surface is faded in.
+    async def use_shared(self, model: "TextureModel", surface: int | None) -> None:
+        """Render a model that another leader shares; that of another surface is faded in."""
+        from mmt.leader.output.synthesis import at_session_rate
 
-        Raises
-        ------
-        InputError
-            It is of another rate than the session.
-        """
-        model.check_rate(self._session.rate_hz)
+        rate_hz = self._session.acceleration_rate_hz
+        model, said = await asyncio.to_thread(at_session_rate, model, rate_hz)
+        if said and said != self._said_rate:
+            self._event(said)
+        self._said_rate = said
         self._render(model, surface)
         self.takes_over = True
         self._choose()

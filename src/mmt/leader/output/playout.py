@@ -1,7 +1,7 @@
 """Streamed vibration through a buffer that bridges the network's jitter.
 
-Samples are played in the order of their sequence numbers, one a tick, a delay after the
-quickest frame would have arrived. The delay follows the jitter that is seen. A sample that is
+Frames of vibration are played in the order of their sequence numbers, one a tick, a delay after
+the quickest frame would have arrived. The delay follows the jitter that is seen. A frame that is
 missing when its turn comes is concealed (`mmt.leader.output.concealment`); when the stream stops,
 the buffer runs empty and the output falls silent, so that nothing older than the buffer is ever
 played. A step in either clock is noticed, the follower's by its sequence numbers and the
@@ -10,6 +10,7 @@ leader's by its ticks, and the clocks are compared anew.
 
 from bisect import bisect_right
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -19,8 +20,8 @@ _RING: Final = 4096
 _WINDOW_TICKS: Final = 2000
 _SPREAD_EVERY: Final = 100
 _SLIP_EVERY: Final = 20
-_RESYNC_SAMPLES: Final = 50
-_MARGIN_SAMPLES: Final = 2
+_RESYNC_FRAMES: Final = 50
+_MARGIN_FRAMES: Final = 2
 _CLOCK_STEP_NS: Final = 100_000_000
 
 
@@ -28,9 +29,9 @@ _CLOCK_STEP_NS: Final = 100_000_000
 class PlayoutStatistics:
     """What the buffer did.
 
-    ``delay_ms`` is the present distance between the newest frame's instant and the sample
-    that is played; ``bridged`` counts samples that were missing at their turn, ``late`` those
-    that came after it, ``slips`` single samples skipped or repeated to hold the delay and
+    ``delay_ms`` is the present distance between the newest frame's instant and the one
+    that is played; ``bridged`` counts frames that were missing at their turn, ``late`` those
+    that came after it, ``slips`` single frames skipped or repeated to hold the delay and
     ``resyncs`` jumps after an interruption.
     """
 
@@ -49,14 +50,14 @@ class PlayoutBuffer:
     ----------
     delay_ms
         Fixed delay, or "auto": the 99th percentile of the arrivals' lateness over the last
-        two seconds and two samples more. Frames that are later than the longest delay do not
+        two seconds and two frames more. Frames that are later than the longest delay do not
         count, since no delay would save them.
     longest_delay_ms
         Bound of the automatic delay.
     period_ns
-        Time between samples.
+        Time between frames.
     concealment
-        What is played where samples are missing; None fades out and in.
+        What is played where frames are missing; None fades out and in, with one sample a frame.
     """
 
     def __init__(
@@ -70,9 +71,9 @@ class PlayoutBuffer:
         self._period_ns = period_ns
         self._automatic = delay_ms == "auto"
         self._longest = max(1, round(longest_delay_ms * 1e6 / period_ns))
-        fixed = _MARGIN_SAMPLES if delay_ms == "auto" else round(delay_ms * 1e6 / period_ns)
+        fixed = _MARGIN_FRAMES if delay_ms == "auto" else round(delay_ms * 1e6 / period_ns)
         self._delay = min(max(fixed, 0), self._longest)
-        self._values = [0.0] * _RING
+        self._values: list[Sequence[float]] = [()] * _RING
         self._sequences = [-1] * _RING
         self._newest = -1
         self._next: int | None = None
@@ -83,8 +84,8 @@ class PlayoutBuffer:
         self._ticks = 0
         self._played = self._bridged = self._late = self._slips = self._resyncs = 0
 
-    def push(self, sequence: int, time_ns: int, arrival_ns: int, value: float) -> None:
-        """Take one sample with the follower's time stamp and the leader's arrival time."""
+    def push(self, sequence: int, time_ns: int, arrival_ns: int, values: Sequence[float]) -> None:
+        """Take a frame's samples, its follower's time stamp and the leader's arrival time."""
         lag = arrival_ns - time_ns
         if self._anchor is not None:
             expected_ns = self._anchor[1] + (sequence - self._anchor[0]) * self._period_ns
@@ -99,11 +100,11 @@ class PlayoutBuffer:
             self._newest = sequence
             self._anchor = (sequence, time_ns)
         place = sequence % _RING
-        self._values[place] = value
+        self._values[place] = values
         self._sequences[place] = sequence
 
-    def pull(self, now_ns: int) -> float:
-        """Return the sample of this tick; call once for each tick, missed ones included."""
+    def pull(self, now_ns: int) -> Sequence[float]:
+        """Return the samples of this tick; call once for each tick, missed ones included."""
         self._ticks += 1
         if self._now_ns is not None:
             step_ns = now_ns - self._now_ns - self._period_ns
@@ -115,7 +116,7 @@ class PlayoutBuffer:
                 self._follow_jitter()
             self._hold_delay(self._due(now_ns, self._anchor))
         if self._next is None:
-            return 0.0
+            return self._concealment.bridge()
         sequence = self._next
         self._next = sequence + 1
         place = sequence % _RING
@@ -138,7 +139,7 @@ class PlayoutBuffer:
         )
 
     def age_ms(self, clock_offset_ns: int | None) -> float | None:
-        """Return how long after its measurement a sample is played.
+        """Return how long after its measurement a frame is played.
 
         Parameters
         ----------
@@ -168,16 +169,16 @@ class PlayoutBuffer:
             return
         saved = bisect_right(lags, lags[0] + self._longest * self._period_ns)
         spread = lags[min(saved - 1, (99 * saved) // 100)] - lags[0]
-        wanted = -(-spread // self._period_ns) + _MARGIN_SAMPLES
+        wanted = -(-spread // self._period_ns) + _MARGIN_FRAMES
         self._delay = min(int(wanted), self._longest)
 
     def _hold_delay(self, due: int) -> None:
-        """Slip by one sample now and then; jump after an interruption or in silence."""
+        """Slip by one frame now and then; jump after an interruption or in silence."""
         if self._next is None:
             self._next = due if due >= 0 else None
             return
         off = due - self._next
-        if abs(off) > _RESYNC_SAMPLES:
+        if abs(off) > _RESYNC_FRAMES:
             self._next = due
             self._resyncs += 1
         elif abs(off) > 1 and self._concealment.silent:

@@ -10,7 +10,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.arrays import RecordArray
-from mmt.leader.output.concealment import LONGEST_SAMPLES, build_concealment
+from mmt.leader.output.concealment import LONGEST_FRAMES, build_concealment
 from mmt.leader.output.playout import PlayoutBuffer
 from mmt.leader.output.three_axes import ThreeAxes
 from mmt.leader.part import Part, Session
@@ -38,18 +38,39 @@ class StreamedVibration(Part):
     """High-pass the streamed acceleration and hand it to the playout buffer.
 
     Where the model is of three axes together, by DFT321, so is the stream: `ThreeAxes`.
+
+    Parameters
+    ----------
+    buffer
+        Plays the vibration of frames.
+    axis
+        Direction of the acceleration that is played.
+    rate_hz
+        Rate of the frames.
+    samples_per_frame
+        Samples of acceleration in a frame.
     """
 
-    def __init__(self, buffer: PlayoutBuffer, axis: VibrationAxis, rate_hz: float) -> None:
+    def __init__(
+        self, buffer: PlayoutBuffer, axis: VibrationAxis, rate_hz: float, samples_per_frame: int = 1
+    ) -> None:
         self.buffer = buffer
         self._session: Session | None = None
-        high_pass = butterworth_high_pass(VIBRATION_CUTOFF_HZ, rate_hz)
-        self._axis: int | slice
+        several = samples_per_frame > 1
+        high_pass = butterworth_high_pass(VIBRATION_CUTOFF_HZ, samples_per_frame * rate_hz)
+        self._samples: tuple[slice | int | None, ...]
+        """Takes each frame's samples out of the field, which has no axis for a single one."""
         self._high_pass: BiquadFilter | _AllAxes
         if axis == "dft321":
-            self._axis, self._high_pass = slice(None), _AllAxes(high_pass)
+            self._samples = (slice(None), slice(None) if several else None)
+            self._high_pass = _AllAxes(high_pass, rate_hz)
         else:
-            self._axis, self._high_pass = _AXES[axis], BiquadFilter(high_pass)
+            only = _AXES[axis]
+            self._samples = (
+                slice(None),
+                *((slice(None), only) if several else (slice(only, only + 1),)),
+            )
+            self._high_pass = BiquadFilter(high_pass)
         self._next: int | None = None
         self._peak = 0.0
 
@@ -64,9 +85,9 @@ class StreamedVibration(Part):
             table.delay_ms,
             table.longest_delay_ms,
             session.period_ns,
-            build_concealment(scene.concealment, scene.session.seed),
+            build_concealment(scene.concealment, scene.session.seed, session.samples_per_frame),
         )
-        made = cls(buffer, texture.axis, session.rate_hz)
+        made = cls(buffer, texture.axis, session.rate_hz, session.samples_per_frame)
         made._session = session
         return made
 
@@ -95,41 +116,42 @@ class StreamedVibration(Part):
         return with an offset that decays for longer than the gap lasted. It restarts after a
         longer one, and where the acceleration has moved by more than it vibrates.
         """
-        values = frames["acceleration_m_s2"][:, self._axis].tolist()
+        values = frames["acceleration_m_s2"][self._samples].tolist()
         sequences = frames["sequence"].tolist()
         times_ns = frames["time_ns"].tolist()
         high_pass = self._high_pass
-        for sequence, time_ns, value in zip(sequences, times_ns, values, strict=True):
-            vibration = high_pass.step(value)
+        for sequence, time_ns, samples in zip(sequences, times_ns, values, strict=True):
+            vibration = high_pass.steps(samples)
             if sequence != self._next and not self._goes_on(sequence, vibration):
                 high_pass.reset()
-                vibration = high_pass.step(value)
+                vibration = high_pass.steps(samples)
             self._next = sequence + 1
-            self._peak = max(abs(vibration), _PEAK_DECAY * self._peak)
+            largest = max(map(abs, vibration))
+            self._peak = max(largest, _PEAK_DECAY * self._peak)
             self.buffer.push(sequence, time_ns, arrival_ns, vibration)
 
-    def _goes_on(self, sequence: int, vibration: float) -> bool:
-        """Say whether a sample continues those before the gap."""
-        near = self._next is not None and 0 < sequence - self._next <= LONGEST_SAMPLES
-        return near and abs(vibration) <= _PEAKS * self._peak
+    def _goes_on(self, sequence: int, vibration: Sequence[float]) -> bool:
+        """Say whether a frame's samples continue those before the gap."""
+        near = self._next is not None and 0 < sequence - self._next <= LONGEST_FRAMES
+        return near and max(map(abs, vibration)) <= _PEAKS * self._peak
 
 
 class _AllAxes:
     """Stands for the filter of one axis where all three are played, high-passed and reduced."""
 
-    def __init__(self, high_pass: Biquad) -> None:
+    def __init__(self, high_pass: Biquad, rate_hz: float) -> None:
         self._filters = tuple(BiquadFilter(high_pass) for _ in range(3))
-        self._together = ThreeAxes(high_pass.rate_hz)
+        self._together = ThreeAxes(rate_hz)
 
     def reset(self) -> None:
         """Restart the filters; the directions stay."""
         for each in self._filters:
             each.reset()
 
-    def step(self, acceleration_m_s2: Sequence[float]) -> float:
-        """Return the vibration of the next sample of each axis."""
-        x, y, z = map(BiquadFilter.step, self._filters, acceleration_m_s2)
-        return self._together.step((x, y, z))
+    def steps(self, acceleration_m_s2: Sequence[Sequence[float]]) -> list[float]:
+        """Return the vibration of a frame's samples, each of three axes."""
+        x, y, z = map(BiquadFilter.steps, self._filters, zip(*acceleration_m_s2, strict=True))
+        return self._together.steps(x, y, z)
 
 
 class StreamedMotion(Part):

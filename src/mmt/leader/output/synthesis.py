@@ -6,7 +6,23 @@ from mmt.leader.output.model_crossfade import ModelCrossfade
 from mmt.leader.part import Part, Session
 
 if TYPE_CHECKING:
+    from mmt.texture.model.texture_model import TextureModel
     from mmt.texture.synthesis.synthesizer import Synthesizer
+
+
+def at_session_rate(model: "TextureModel", rate_hz: float) -> "tuple[TextureModel, str]":
+    """Return a model at the rate of a session's vibration, and a sentence if it was of another.
+
+    Slow for a large model: not for the event loop.
+    """
+    if model.rate_hz == rate_hz:
+        return model, ""
+    above = f"above {min(model.rate_hz, rate_hz) / 2.0:g} Hz"
+    what = (
+        f"nothing {above} is in it" if model.rate_hz < rate_hz else f"what is {above} is left out"
+    )
+    said = f"the model is of {model.rate_hz:g} Hz and is played at {rate_hz:g} Hz: {what}"
+    return model.at_rate(rate_hz), said
 
 
 class SynthesizingPart(Part):
@@ -18,13 +34,19 @@ class SynthesizingPart(Part):
         Renders from one model.
     crossfade
         The same, where it goes from one surface's model to another's.
+    said
+        A sentence that is to be told of the saved model, "" for none.
     """
 
     def __init__(
-        self, synthesizer: "Synthesizer | ModelCrossfade", crossfade: "ModelCrossfade | None" = None
+        self,
+        synthesizer: "Synthesizer | ModelCrossfade",
+        crossfade: "ModelCrossfade | None" = None,
+        said: str = "",
     ) -> None:
         self.synthesizer = synthesizer
         self.crossfade = crossfade
+        self.said = said
 
     @classmethod
     def build(cls, session: Session) -> "SynthesizingPart | None":
@@ -33,7 +55,7 @@ class SynthesizingPart(Part):
         Raises
         ------
         InputError
-            The scene names a model that cannot be read, or is of another rate.
+            The scene names a model that cannot be read.
         """
         scene, table = session.scene, session.scene.rendering
         if table is None or scene.actuator is None:
@@ -47,16 +69,16 @@ class SynthesizingPart(Part):
                 limit_m_s2=limit_m_s2,
             )
 
-        first = made(scene.session.seed)
+        first, said = made(scene.session.seed), ""
         if table.model is not None:
             from mmt.models import find_model
             from mmt.texture.model.texture_model import TextureModel
 
-            first.model = TextureModel.load(find_model(table.model))
-            first.model.check_rate(session.rate_hz)
+            saved = TextureModel.load(find_model(table.model))
+            first.model, said = at_session_rate(saved, session.acceleration_rate_hz)
         several = scene.texture is not None and scene.texture.surfaces is not None
         if not several and not scene.is_given("model"):
-            return cls(first)
-        samples = round(table.crossfade_ms * session.rate_hz / 1000)
+            return cls(first, said=said)
+        samples = round(table.crossfade_ms * session.acceleration_rate_hz / 1000)
         crossfade = ModelCrossfade(first, made(scene.session.seed + 1), crossfade_samples=samples)
-        return cls(crossfade, crossfade)
+        return cls(crossfade, crossfade, said)

@@ -1,4 +1,4 @@
-"""One channel of vibration that has the power of three, sample by sample.
+"""One channel of vibration that has the power of three, frame by frame.
 
 DFT321 keeps the sum of the three axes' power spectra, but needs blocks of samples (Landin, Romano,
 McMahan and Kuchenbecker, "Dimensional reduction of high-frequency accelerations for haptic
@@ -6,12 +6,13 @@ rendering", EuroHaptics 2010). What is streamed must leave at once. It is the su
 acceleration along three directions at right angles, those in which it is uncorrelated: so the power
 of the sum is the sum of the powers, and the spectrum is that of DFT321 wherever the three are
 uncorrelated at each frequency, as for a vibration along one direction or from independent axes.
-The directions follow the covariance of the last tenth of a second, one Jacobi rotation a sample
+The directions follow the covariance of the last tenth of a second, one Jacobi rotation a frame
 (Golub and Van Loan, *Matrix Computations*, section 8.5), of at most 45 degrees: no direction
-changes its sense. Cost: about 6 us a sample in plain Python.
+changes its sense. Cost: about 5 us a frame in plain Python, and 0.5 us a sample.
 """
 
 import math
+from collections.abc import Sequence
 from typing import Final
 
 from mmt.core.arrays import Vector
@@ -28,7 +29,7 @@ class ThreeAxes:
     Parameters
     ----------
     rate_hz
-        Sampling rate.
+        Rate of the frames.
     """
 
     def __init__(self, rate_hz: float) -> None:
@@ -37,14 +38,26 @@ class ThreeAxes:
         self._directions: list[Vector] = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
         self._turn = 0
 
-    def step(self, vibration: Vector) -> float:
-        """Return the sample (m/s2) for one of three axes, their offsets removed."""
-        x, y, z = vibration
-        share = self._share
-        new = (x * x, y * y, z * z, x * y, x * z, y * z)
-        xx, yy, zz, xy, xz, yz = (
-            old + share * (now - old) for old, now in zip(self._covariance, new, strict=True)
-        )
+    def steps(
+        self, x_m_s2: Sequence[float], y_m_s2: Sequence[float], z_m_s2: Sequence[float]
+    ) -> list[float]:
+        """Return a frame's samples (m/s2) for those of three axes (k,), their offsets removed."""
+        new_xx = new_yy = new_zz = new_xy = new_xz = new_yz = 0.0
+        for x, y, z in zip(x_m_s2, y_m_s2, z_m_s2, strict=True):
+            new_xx += x * x
+            new_yy += y * y
+            new_zz += z * z
+            new_xy += x * y
+            new_xz += x * z
+            new_yz += y * z
+        count, share = len(x_m_s2), self._share
+        xx, yy, zz, xy, xz, yz = self._covariance
+        xx += share * (new_xx / count - xx)
+        yy += share * (new_yy / count - yy)
+        zz += share * (new_zz / count - zz)
+        xy += share * (new_xy / count - xy)
+        xz += share * (new_xz / count - xz)
+        yz += share * (new_yz / count - yz)
         self._covariance = (xx, yy, zz, xy, xz, yz)
         whole = xx + yy + zz
         if whole > _SMALLEST:
@@ -53,14 +66,20 @@ class ThreeAxes:
         u, v, w = a + d + g, b + e + h, c + f + i
         power = xx * u * u + yy * v * v + zz * w * w + 2.0 * (xy * u * v + xz * u * w + yz * v * w)
         gain = math.sqrt(whole / power) if whole < 9.0 * power and whole > _SMALLEST else 1.0
-        return gain * (u * x + v * y + w * z)
+        return [
+            gain * (u * x + v * y + w * z) for x, y, z in zip(x_m_s2, y_m_s2, z_m_s2, strict=True)
+        ]
 
     def _rotate(self, rows: tuple[Vector, Vector, Vector]) -> None:
         """Rotate the next pair of directions to where the two are uncorrelated."""
         first, second = _PAIRS[self._turn]
         self._turn = (self._turn + 1) % 3
         p, q = self._directions[first], self._directions[second]
-        p_p, p_q, q_q = _form(rows, p, p), _form(rows, p, q), _form(rows, q, q)
+        (a, b, c), (d, e, f) = p, q
+        x, y, z = _product(rows, p)
+        p_p = a * x + b * y + c * z
+        x, y, z = _product(rows, q)
+        p_q, q_q = a * x + b * y + c * z, d * x + e * y + f * z
         if abs(p_q) <= 1e-12 * (p_p + q_q) + _SMALLEST:
             return
         ratio = (q_q - p_p) / (2.0 * p_q)
@@ -71,12 +90,10 @@ class ThreeAxes:
         self._directions[second] = _mixed(sine, p, cosine, q)
 
 
-def _form(rows: tuple[Vector, Vector, Vector], one: Vector, other: Vector) -> float:
-    a, b, c = other
-    d, e, f = one
+def _product(rows: tuple[Vector, Vector, Vector], vector: Vector) -> Vector:
+    a, b, c = vector
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = rows
-    x, y, z = xx * a + xy * b + xz * c, xy * a + yy * b + yz * c, xz * a + yz * b + zz * c
-    return d * x + e * y + f * z
+    return xx * a + xy * b + xz * c, xy * a + yy * b + yz * c, xz * a + yz * b + zz * c
 
 
 def _mixed(share: float, one: Vector, rest: float, other: Vector) -> Vector:

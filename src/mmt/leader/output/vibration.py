@@ -1,14 +1,20 @@
 """The part that plays vibration, and its switch between the stream and the model."""
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Final, Literal, Protocol, get_args, runtime_checkable
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.devices.protocols import RespondingActuator, VibrationActuator
+from mmt.core.errors import InputError
+from mmt.devices.protocols import (
+    USUAL_RATE_HZ,
+    RateFollowing,
+    RespondingActuator,
+    VibrationActuator,
+)
 from mmt.leader.motion.hand import loss_metrics
 from mmt.leader.motion.slew import VibrationSlew
 from mmt.leader.part import Part, Session, Tick
@@ -44,7 +50,7 @@ class MotionFollowing(SynthesizedVibration, Protocol):
 
 
 class VibrationSwitch:
-    """Choose between two sources of vibration, sample by sample.
+    """Choose between two sources of vibration, sample by sample, some samples a tick.
 
     The crossfade keeps the power of two uncorrelated signals (gains cosine and sine). It can
     be turned round at any moment, also in mid-fade, without a step.
@@ -52,23 +58,26 @@ class VibrationSwitch:
     Parameters
     ----------
     streamed
-        Called once a sample with the leader's time in ns, returns the streamed vibration in
-        m/s2; None where the scene has none.
+        Called once a tick with the leader's time in ns, returns the samples of the streamed
+        vibration in m/s2; None where the scene has none.
     synthesized
         The model's vibration, None where the scene has none.
     crossfade_samples
         Length of a full fade; 0 switches at once.
     period_ns
-        Time between samples.
+        Time between ticks.
+    samples_per_tick
+        Samples of vibration in a tick.
     """
 
     def __init__(
         self,
-        streamed: Callable[[int], float] | None,
+        streamed: Callable[[int], Sequence[float]] | None,
         synthesized: SynthesizedVibration | None,
         *,
         crossfade_samples: int,
         period_ns: int = 1_000_000,
+        samples_per_tick: int = 1,
     ) -> None:
         self._streamed = streamed
         self.synthesized: Final = synthesized
@@ -76,6 +85,7 @@ class VibrationSwitch:
         self._unheard = synthesized if isinstance(synthesized, MotionFollowing) else None
         self._step = 1.0 / crossfade_samples if crossfade_samples > 0 else 1.0
         self._period_ns = period_ns
+        self._samples_per_tick = samples_per_tick
         self._share = 0.0  # of the synthesized vibration
         self._target = 0.0
 
@@ -108,27 +118,37 @@ class VibrationSwitch:
             What drives the model, in the order of its input space, each of shape (n,).
         """
         count = len(inputs[0])
-        output = np.zeros(count)
-        if self._share != self._target or self._share > 0.0:
-            model = self.synthesized
-            synthesized = model.render(*inputs) if model is not None else output
-        else:
-            synthesized = output
+        streamed = self._pulled(now_ns, count // self._samples_per_tick)
+        if self._share == self._target == 0.0:
             if self._unheard is not None:
                 self._unheard.follow(*inputs)
-        for index in range(count):
-            tick_ns = now_ns - (count - 1 - index) * self._period_ns
-            streamed = self._streamed(tick_ns) if self._streamed is not None else 0.0
+            return np.array(streamed) if streamed else np.zeros(count)
+        model = self.synthesized
+        synthesized = model.render(*inputs) if model is not None else np.zeros(count)
+        if self._share == self._target == 1.0:
+            return synthesized
+        output = np.empty(count)
+        for index, heard in enumerate(streamed or [0.0] * count):
             self._advance()
             if self._share == 0.0:
-                value = streamed
+                value = heard
             elif self._share == 1.0:
                 value = float(synthesized[index])
-            else:  # in plain numbers, of which a tick has one: arrays take six times as long
+            else:  # in plain numbers, of which a tick has few: arrays take six times as long
                 angle = 0.5 * math.pi * self._share
-                value = math.cos(angle) * streamed + math.sin(angle) * float(synthesized[index])
+                value = math.cos(angle) * heard + math.sin(angle) * float(synthesized[index])
             output[index] = value
         return output
+
+    def _pulled(self, now_ns: int, ticks: int) -> Sequence[float]:
+        """Return the streamed samples of the elapsed ticks, none where nothing is streamed."""
+        if self._streamed is None:
+            return ()
+        if ticks == 1:
+            return self._streamed(now_ns)
+        first_ns = now_ns - (ticks - 1) * self._period_ns
+        times_ns = range(first_ns, now_ns + 1, self._period_ns)
+        return [value for time_ns in times_ns for value in self._streamed(time_ns)]
 
     def _advance(self) -> None:
         if self._share < self._target:
@@ -175,6 +195,10 @@ class VibrationPart(Part):
         normal = (session.scene.texture or Texture()).normal
         self._first, self._second = (k for k, name in enumerate("xyz") if name != normal)
         self._motion = motion
+        self._inputs_before: tuple[float, ...] = ()
+        self._samples = session.samples_per_frame
+        self._back = np.arange(self._samples - 1, 0, -1) / self._samples
+        """How far the motion still is from a tick's end, in ticks, at its samples but the last."""
         self._on_output: list[Callable[[int, str, FloatArray], None]] = []
         if reconnecting is not None:
             reconnecting.watch(session.journal.event)
@@ -198,18 +222,20 @@ class VibrationPart(Part):
         scene, table = session.scene, session.scene.actuator
         if table is None:
             return None
-        actuator, reconnecting = _actuator(table)
+        actuator, reconnecting = _actuator(table, session.acceleration_rate_hz)
         crossfade_ms = scene.rendering.crossfade_ms if scene.rendering is not None else 0.0
         switch = VibrationSwitch(
             playout.buffer.pull if playout is not None else None,
             renderer if generated is None else generated,
-            crossfade_samples=round(crossfade_ms * session.rate_hz / 1000),
+            crossfade_samples=round(crossfade_ms * session.acceleration_rate_hz / 1000),
             period_ns=session.period_ns,
+            samples_per_tick=session.samples_per_frame,
         )
         if renderer is not None and renderer.model is not None:
             switch.use_model(True)
-        step = math.inf if table.slew_m_s3 == "off" else table.slew_m_s3 / session.rate_hz
-        slew = VibrationSlew(table.limit_m_s2, step)
+        rate_hz = session.acceleration_rate_hz
+        step = math.inf if table.slew_m_s3 == "off" else table.slew_m_s3 / rate_hz
+        slew = VibrationSlew(table.limit_m_s2, step, session.samples_per_frame)
         return cls(session, actuator, switch, slew, reconnecting, motion)
 
     @property
@@ -242,11 +268,12 @@ class VibrationPart(Part):
             return
         elapsed = tick.elapsed
         inputs = self._inputs(*self._drive(tick))
-        vibration = self.switch.render(tick.now_ns, *(np.full(elapsed, x) for x in inputs))
+        vibration = self.switch.render(tick.now_ns, *self._courses(inputs, elapsed))
         self._guard(vibration, silent=tick.hand_lost or tick.given)
         self.actuator.write(vibration)
         mode = self.switch.mode
-        first_ns = tick.now_ns - (elapsed - 1) * self._session.period_ns
+        behind = len(vibration) - 1
+        first_ns = tick.now_ns - behind * self._session.period_ns // self._samples
         for listener in self._on_output:
             listener(first_ns, mode, vibration)
         if mode != self.mode:
@@ -323,9 +350,31 @@ class VibrationPart(Part):
             return x_mm_s, y_mm_s, force_n
         return (x_mm_s * x_mm_s + y_mm_s * y_mm_s) ** 0.5, force_n
 
+    def _courses(self, inputs: tuple[float, ...], elapsed: int) -> list[FloatArray]:
+        """Return the inputs at each sample of the elapsed ticks, each of shape (n,).
 
-def _actuator(table: Actuator) -> "tuple[VibrationActuator, ReconnectingActuator | None]":
-    """Return the scene's actuator, and once more where it may be lost and come back."""
+        They go over from those of the tick before within one tick, along a line: in steps the
+        amplitude would change a thousand times a second.
+        """
+        count = elapsed * self._samples
+        courses = [np.full(count, value) for value in inputs]
+        if self._samples > 1 and len(inputs) == len(self._inputs_before):
+            for course, value, before in zip(courses, inputs, self._inputs_before, strict=True):
+                course[: self._samples - 1] += (before - value) * self._back
+        self._inputs_before = inputs
+        return courses
+
+
+def _actuator(
+    table: Actuator, rate_hz: float
+) -> "tuple[VibrationActuator, ReconnectingActuator | None]":
+    """Return the scene's actuator, and once more where it may be lost and come back.
+
+    Raises
+    ------
+    InputError
+        The driver cannot be used, or does not play samples of this rate.
+    """
     if table.driver is None:
         from mmt.testing.simulation.actuator import SimulatedActuator
 
@@ -333,5 +382,14 @@ def _actuator(table: Actuator) -> "tuple[VibrationActuator, ReconnectingActuator
     from mmt.devices.drivers import load_device
     from mmt.devices.reconnection import ReconnectingActuator
 
-    reconnecting = ReconnectingActuator(load_device(table.driver, table.options, role="actuator"))
+    device = load_device(table.driver, table.options, role="actuator")
+    if isinstance(device, RateFollowing):
+        device.set_rate(rate_hz)
+    elif rate_hz != USUAL_RATE_HZ:
+        raise InputError(
+            f"actuator.driver {table.driver!r} plays {USUAL_RATE_HZ:g} samples a second, "
+            f"session.acceleration_rate_hz is {rate_hz:g}: set it to {USUAL_RATE_HZ:g}, or use "
+            "a driver that follows the session's rate (it has 'set_rate')"
+        )
+    reconnecting = ReconnectingActuator(device)
     return reconnecting, reconnecting

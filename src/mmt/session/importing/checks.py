@@ -5,13 +5,15 @@ The bounds are those of a hand that strokes a surface with a tool; they are wide
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
-from mmt.core.frames import FIELD_OF_CHANNEL, Channel
+from mmt.core.frames import FIELD_OF_CHANNEL, MOST_SAMPLES, Channel, samples_per_frame
 from mmt.core.units import GRAVITY_M_S2
 from mmt.session.importing.options import ImportOptions
+from mmt.session.importing.resampling import RATE_HZ
 from mmt.session.importing.samples import Samples
 from mmt.session.importing.stamps import Stamps
 
@@ -22,6 +24,11 @@ _LARGEST_FORCE_N = 50.0
 _SMALLEST_FORCE_N = 0.05
 _LEAST_VIBRATION_M_S2 = 0.05
 _LOWEST_RATE_HZ = 700.0
+_SAME_RATE = 0.99
+"""Share of a rate down to which another counts as the same."""
+_LEAST_LEFT_OUT = 0.01
+"""Share of the power above the band that is kept from which it is said."""
+_WELCH_ROWS: Final = 1024
 _LONGEST_HELD_S = 0.05
 _LEAST_CLIPPED = 0.005
 """Share of the rows at the end of a range from which it is said."""
@@ -92,6 +99,9 @@ def assess(
     if "acceleration" in samples.values:
         rate_hz = 1.0 / stamps["acceleration"].period_s
         warnings += _of_acceleration(samples.values["acceleration"], rate_hz, options)
+        kept_hz = RATE_HZ * samples_per_frame(frames.dtype)
+        if resampled:
+            warnings += _left_out(samples.values["acceleration"], rate_hz, kept_hz)
     for channel in ("force", "acceleration"):
         if channel in samples.values:
             warnings += _of_sensor(channel, samples.values[channel], 1.0 / stamps[channel].period_s)
@@ -223,12 +233,33 @@ def _of_acceleration(
     elif 0 < spread < _LEAST_VIBRATION_M_S2:
         unit = _other_unit("acceleration", "g", options)
         sentences.append(f"acceleration: it varies by {spread:.2g} m/s2 rms only; {unit}")
-    if rate_hz < _LOWEST_RATE_HZ:
+    asked_hz = options.acceleration_rate_hz
+    if rate_hz < max(_LOWEST_RATE_HZ, _SAME_RATE * (asked_hz or 0)):
+        felt = "; texture is felt up to 500 Hz" if rate_hz < _LOWEST_RATE_HZ else ""
         sentences.append(
-            f"acceleration: at {rate_hz:.0f} Hz nothing above {rate_hz / 2:.0f} Hz is in it; "
-            "texture is felt up to 500 Hz"
+            f"acceleration: at {rate_hz:.0f} Hz nothing above {rate_hz / 2:.0f} Hz is in it{felt}"
         )
     return sentences
+
+
+def _left_out(acceleration_m_s2: FloatArray, rate_hz: float, kept_hz: float) -> list[str]:
+    """Say how much of the power is above the band that a rate keeps, and how it would be kept."""
+    if _SAME_RATE * rate_hz <= kept_hz:
+        return []
+    from scipy.signal import welch
+
+    rows = min(_WELCH_ROWS, len(acceleration_m_s2))
+    frequency_hz, density = welch(acceleration_m_s2, rate_hz, nperseg=rows, axis=0)
+    power = density.sum(axis=1)
+    above = power[frequency_hz > kept_hz / 2].sum()
+    if above <= _LEAST_LEFT_OUT * power.sum():
+        return []
+    whole_hz = min(RATE_HZ * np.ceil(_SAME_RATE * rate_hz / RATE_HZ), RATE_HZ * MOST_SAMPLES)
+    keeps = f": --acceleration-rate {whole_hz:.0f} keeps it to {whole_hz / 2:.0f} Hz"
+    return [
+        f"acceleration: {100 * above / power.sum():.0f} % of its power is above {kept_hz / 2:.0f} "
+        f"Hz and is left out{keeps if whole_hz > kept_hz else ''}"
+    ]
 
 
 def _of_sensor(channel: str, values: FloatArray, rate_hz: float) -> list[str]:

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, Channel
 from mmt.core.units import DATE, QUANTITIES, unit_factor, unit_in_name
+from mmt.session.data import FRAME_PERIOD_S, sample_times_s
 from mmt.session.importing.columns import (
     MESSAGE_PARTS,
     SHOWN_COLUMNS,
@@ -19,7 +21,7 @@ from mmt.session.importing.columns import (
     listed,
 )
 from mmt.session.importing.options import ImportOptions, Source
-from mmt.session.importing.samples import Samples, continued
+from mmt.session.importing.samples import Samples, continued, name_of
 
 
 def to_samples(columns: Columns, options: ImportOptions) -> Samples:
@@ -51,6 +53,8 @@ class _Mapping:
     def samples(self) -> Samples:
         values: dict[Channel, FloatArray] = {}
         times: dict[Channel, FloatArray] = {}
+        names = dict.fromkeys(CHANNELS, self._columns.row_name)
+        sequence = self._columns.values.get("sequence")
         for channel in CHANNELS:
             vectors = self._vectors(channel)
             if vectors is None:
@@ -61,7 +65,14 @@ class _Mapping:
                     f"{self._origin}: {channel} has {len(vectors)} rows, its times "
                     f"({name}) {len(time_s)}"
                 )
-            values[channel] = vectors
+            if vectors.ndim == 3:
+                several = vectors.shape[1]
+                steps_s = np.diff(time_s) if sequence is None else FRAME_PERIOD_S
+                period_s = float(np.median(steps_s)) if len(time_s) > 1 else 0.0
+                time_s = sample_times_s(time_s, several, period_s)
+                rows = np.repeat(np.arange(len(vectors)), several)
+                names[channel] = partial(name_of, names[channel], rows)
+            values[channel] = vectors.reshape(-1, 3)
             times[channel] = _shared(time_s, times.values())
         if not values:
             raise InputError(
@@ -72,14 +83,18 @@ class _Mapping:
         if self._by_name:
             units = ", ".join(list(self._by_name.values())[:SHOWN_COLUMNS])
             self._note(f"by the columns' names: {units}; --unit says another, as position_z=mm")
-        sequence = self._columns.values.get("sequence")
         return Samples(
-            *(self._origin, values, times, dict.fromkeys(values, self._columns.row_name), sequence),
+            origin=self._origin,
+            values=values,
+            times=times,
+            row_names={channel: names[channel] for channel in values},
+            sequence=sequence,
             notes=tuple(self._notes),
             told=frozenset(self._told),
         )
 
     def _vectors(self, channel: Channel) -> FloatArray | None:
+        """Return a channel (n, 3), or (n, k, 3) where a row has k samples; None without it."""
         whole = self._column(channel, channel)
         if whole is not None:
             if whole.ndim == 1 and channel != "position":
@@ -101,14 +116,15 @@ class _Mapping:
                     f"{STANDARD_NAMES[f'{channel}_{axis}']}); map it, to 0 where there is none: "
                     f"--map {channel}_{axis}=0"
                 )
-        lengths = {len(values) for values in given.values() if values.ndim}
-        if len(lengths) != 1:
+        shapes = {values.shape for values in given.values() if values.ndim}
+        if len(shapes) != 1:
+            sizes = ", ".join(" x ".join(map(str, shape)) for shape in sorted(shapes))
             raise InputError(
                 f"{self._origin}: the three axes of {channel} end in different rows: "
-                f"{', '.join(map(str, sorted(lengths))) or 'all are constants'}"
+                f"{sizes or 'all are constants'}"
             )
-        rows = lengths.pop()
-        return np.column_stack([np.broadcast_to(given[axis], rows) for axis in "xyz"])
+        shape = shapes.pop()
+        return np.stack([np.broadcast_to(given[axis], shape) for axis in "xyz"], axis=-1)
 
     def _path(self) -> FloatArray | None:
         """Return positions along x that have the speed which is mapped, None without one."""
@@ -141,8 +157,9 @@ class _Mapping:
                     f"{source.name}, which has shape {values.shape}; components count from 0"
                 )
             values = values[:, source.component]
+        sampled = quantity == "acceleration" and target not in self._options.columns
         lacks_rows = quantity in ("time", "speed") and values.ndim == 0
-        if target not in CHANNELS and (values.ndim > 1 or lacks_rows):
+        if target not in CHANNELS and (values.ndim > 1 + sampled or lacks_rows):
             raise InputError(
                 f"{self._origin}: {source.name} has shape {values.shape}, it must have shape (n,) "
                 f"for {target}; a component is mapped as in --map {target}={source.name}[0]"

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, fields
 from typing import Final
 
 from mmt.core.errors import InputError
-from mmt.core.frames import CHANNELS
+from mmt.core.frames import CHANNELS, MOST_SAMPLES
 from mmt.core.units import QUANTITIES, unit_factor
 from mmt.session.importing.stamps import StampChoice
 
@@ -76,6 +76,9 @@ class ImportOptions:
     """The decimal sign of a text, "." or ","; None is the point, and a comma where it is one."""
     missing: tuple[str, ...] = ()
     """What stands in cells without a value, beside what mostly does."""
+    acceleration_rate_hz: int | None = None
+    """Rate at which acceleration is kept, 1000 to 10000 in steps of 1000; None is 1000, or that of
+    an exported session."""
     offsets: Mapping[str, str] = field(default_factory=dict)
     """Of several files by name, but the first: seconds that are added to the times, or "match"."""
 
@@ -108,6 +111,11 @@ class ImportOptions:
                 raise InputError(
                     f"--offset {name}={offset}: it is a number of seconds, or {MATCHED}"
                 )
+        rate_hz = self.acceleration_rate_hz
+        if rate_hz is not None and rate_hz not in range(1000, 1000 * MOST_SAMPLES + 1, 1000):
+            raise InputError(
+                f"--acceleration-rate {rate_hz}: it is a multiple of 1000, to {1000 * MOST_SAMPLES}"
+            )
         if self.header is not None and self.header < 1:
             raise InputError(f"--header {self.header}: lines count from 1")
         if self.decimal not in (None, ".", ","):
@@ -124,7 +132,11 @@ class ImportOptions:
             for name, value in pairs.items():
                 parts += [option, f"{name}={value}"]
         named = {"columns", "units", "offsets"}
-        names = {"rate_hz": "rate", "longest_gap_s": "longest-gap"}
+        names = {
+            "rate_hz": "rate",
+            "longest_gap_s": "longest-gap",
+            "acceleration_rate_hz": "acceleration-rate",
+        }
         for each in fields(self):
             value = getattr(self, each.name)
             if each.name in named or value == each.default:

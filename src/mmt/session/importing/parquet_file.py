@@ -10,13 +10,17 @@ import numpy.typing as npt
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.core.extras import require
-from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, frame_dtype
+from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, MOST_SAMPLES, frame_dtype
 from mmt.core.units import DATE
-from mmt.session.data import axis_columns
+from mmt.session.data import field_columns
 from mmt.session.importing.columns import Columns, parsed_events, parsed_scene, reading
 from mmt.session.importing.options import ImportOptions
 
-_OF_FRAMES: Final = {"sequence", "time_ns", *(n for c in CHANNELS for n in axis_columns(c))}
+_COUNTS: Final = range(1, MOST_SAMPLES + 1)
+_OF_FRAMES: Final = {
+    *("sequence", "time_ns"),
+    *(name for c in CHANNELS for count in _COUNTS for name in field_columns(c, count)),
+}
 _TICKS: Final = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
 
@@ -131,14 +135,23 @@ def _is_session(names: Sequence[str]) -> bool:
 
 def _frames(columns: Mapping[str, npt.NDArray[Any]]) -> RecordArray | None:
     """Return the frames (n,) of a session, None where the columns are not as mmt writes them."""
-    channels = [c for c in CHANNELS if set(axis_columns(c)) <= columns.keys()]
+    counts = {
+        c: count
+        for c in CHANNELS
+        for count in _COUNTS
+        if set(field_columns(c, count)) <= columns.keys()
+    }
+    channels = list(counts)
     kinds: dict[str, type[np.generic]] = {"sequence": np.uint32, "time_ns": np.int64}
-    kinds |= dict.fromkeys((name for c in channels for name in axis_columns(c)), np.float32)
+    kinds |= dict.fromkeys((n for c in channels for n in field_columns(c, counts[c])), np.float32)
     if not channels or any(columns[name].dtype != kind for name, kind in kinds.items()):
         return None
-    frames = np.zeros(len(columns["sequence"]), dtype=frame_dtype(channels))
+    dtype = frame_dtype(channels, counts.get("acceleration", 1))
+    frames = np.zeros(len(columns["sequence"]), dtype=dtype)
     frames["sequence"], frames["time_ns"] = columns["sequence"], columns["time_ns"]
     for channel in channels:
-        for axis, name in enumerate(axis_columns(channel)):
-            frames[FIELD_OF_CHANNEL[channel]][:, axis] = columns[name]
+        names = field_columns(channel, counts[channel])
+        values = frames[FIELD_OF_CHANNEL[channel]].reshape(len(frames), len(names))
+        for place, name in enumerate(names):
+            values[:, place] = columns[name]
     return frames

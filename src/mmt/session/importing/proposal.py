@@ -83,7 +83,8 @@ def propose(path: str | Path, options: ImportOptions | None = None) -> Proposal:
     options = replace(options, columns=mapped)
     columns = read_columns(path, wanted_names(options), options)
     options = replace(options, units={**options.units, **_time_unit(columns, options)})
-    found = set(mapped) | {target for target, name in STANDARD_NAMES.items() if name in names}
+    standard = {*names, *_with_vectors(names)}
+    found = set(mapped) | {target for target, name in STANDARD_NAMES.items() if name in standard}
     of_messages = any(text.startswith("/") for text in mapped.values())
     timed = "time" in found or of_messages or bool(read.times) or options.rate_hz is not None
     lacking = [] if timed else ["time"]
@@ -132,11 +133,15 @@ def _guess(names: Sequence[str]) -> dict[str, str]:
 
 
 def _with_vectors(names: Sequence[str]) -> Iterator[str]:
-    """Yield the names, those of three elements as their array's: a[0], a[1], a[2] as a."""
+    """Yield the names, those of three elements as their array's: a[0], a[1], a[2] as a.
+
+    Elements of what has a standard name are always those of an array.
+    """
     bases = [re.sub(r"[\[(]\d+[\])]$", "", name) for name in names]
     counts = Counter(base for base, name in zip(bases, names, strict=True) if base != name)
     yield from dict.fromkeys(
-        base if counts[base] == 3 else name for base, name in zip(bases, names, strict=True)
+        base if counts[base] == 3 or base in STANDARD_NAMES.values() else name
+        for base, name in zip(bases, names, strict=True)
     )
 
 

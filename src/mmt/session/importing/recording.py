@@ -9,7 +9,7 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
-from mmt.core.frames import FIELD_OF_CHANNEL, Channel
+from mmt.core.frames import FIELD_OF_CHANNEL, Channel, samples_per_frame
 from mmt.session.data import RecordedSession
 from mmt.session.formats import find_format, suffixes
 from mmt.session.importing.checks import ImportReport, assess
@@ -75,9 +75,12 @@ def import_columns(
     """
     each = options_of_each(options, files) if len(files) > 1 else [options]
     columns = read[0]
-    of_mmt = len(read) == 1 and options == ImportOptions(episode=options.episode)
-    if columns.frames is not None and of_mmt:
-        frames, resampled = columns.frames, False
+    frames, resampled = columns.frames, False
+    own_hz = None if frames is None else 1000 * samples_per_frame(frames.dtype)
+    plain = [
+        ImportOptions(episode=options.episode, acceleration_rate_hz=hz) for hz in (None, own_hz)
+    ]
+    if frames is not None and len(read) == 1 and options in plain:
         samples, stamps = _of_frames(columns.origin, frames)
     else:
         parts = [to_samples(c, o) for c, o in zip(read, each, strict=True)]
@@ -86,7 +89,9 @@ def import_columns(
         for part in parts:
             part.check()
         samples = joined(parts, [file.name for file in files], options)
-        frames, stamps, resampled = to_frames(samples, options.longest_gap_s, options.stamps)
+        frames, stamps, resampled = to_frames(
+            samples, options.longest_gap_s, options.stamps, options.acceleration_rate_hz
+        )
     began_ns = columns.began_utc_ns
     session = RecordedSession(
         frames=frames,
@@ -106,11 +111,11 @@ def _of_frames(origin: str, frames: RecordArray) -> tuple[Samples, dict[Channel,
     if len(frames) == 0:
         raise InputError(f"{origin}: it holds no frame")
     whole = RecordedSession(frames)
-    values = {c: frames[FIELD_OF_CHANNEL[c]].astype(np.float64) for c in whole.channels}
-    stamps = on_the_grid(whole.time_s, frames["sequence"].astype(np.int64))
-    names = dict.fromkeys(values, ROW_NUMBER.format)
-    samples = Samples(origin, values, dict.fromkeys(values, whole.time_s), names)
-    return samples, dict.fromkeys(values, stamps)
+    vectors, numbers = whole.vectors(), frames["sequence"].astype(np.int64)
+    values = {c: vectors[FIELD_OF_CHANNEL[c]].astype(np.float64) for c in whole.channels}
+    stamps = on_the_grid(values, whole.time_s, numbers, whole.samples_per_frame)
+    times = {channel: each.time_s for channel, each in stamps.items()}
+    return Samples(origin, values, times, dict.fromkeys(values, ROW_NUMBER.format)), stamps
 
 
 def read_columns(

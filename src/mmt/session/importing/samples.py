@@ -80,7 +80,7 @@ class Samples:
             time_s = self.times[channel]
             whole = np.isfinite(vectors).all(axis=1) & np.isfinite(time_s)
             values[channel] = vectors[whole]
-            names[channel] = partial(_name_of, self.row_names[channel], np.flatnonzero(whole))
+            names[channel] = partial(name_of, self.row_names[channel], np.flatnonzero(whole))
             times[channel] = shared.setdefault((id(time_s), whole.tobytes()), time_s[whole])
         return replace(self, values=values, times=times, row_names=names)
 
@@ -110,7 +110,8 @@ class Samples:
             )
 
 
-def _name_of(name: Callable[[int], str], rows: IntArray, place: int) -> str:
+def name_of(name: Callable[[int], str], rows: IntArray, place: int) -> str:
+    """Return what the row at a place of `rows` (n,) is called."""
     return name(int(rows[place]))
 
 

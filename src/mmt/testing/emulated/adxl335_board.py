@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from mmt.devices.adxl335.framing import Counts, Frame, encode_frame
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, Calibration, nominal
+from mmt.devices.adxl335.options import LARGEST_BANDWIDTH_HZ
 from mmt.devices.adxl335.sensor import TYPICAL_RANGE_M_S2
 from mmt.devices.protocols import Vector
 
@@ -238,7 +239,13 @@ class EmulatedAdxl335Board:
 
 
 def in_lab(world: "World", seed: int, _clockwork: "Clockwork") -> EmulatedAdxl335Board:
-    """Return the accelerometer of the virtual lab."""
+    """Return the accelerometer of the virtual lab, which sends a frame each half millisecond."""
+    samples = world.samples_per_frame
     return EmulatedAdxl335Board(
-        world.acceleration_m_s2, rate_hz=2000.0, bandwidth_hz=1000.0, clock_ppm=-70.0, seed=seed
+        world.acceleration_m_s2,
+        rate_hz=2000.0 * samples,
+        per_frame=samples,
+        bandwidth_hz=min(1000.0 * samples, LARGEST_BANDWIDTH_HZ),
+        clock_ppm=-70.0,
+        seed=seed,
     )

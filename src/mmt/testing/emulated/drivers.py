@@ -8,8 +8,10 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import DeviceLost, InputError
+from mmt.core.frames import MOST_SAMPLES
 from mmt.devices.drivers import Role, load_device, read_options
 from mmt.devices.protocols import (
+    USUAL_RATE_HZ,
     ActuatorStatistics,
     Device,
     SampledSensor,
@@ -45,11 +47,13 @@ class LabOptions(HandleLabOptions):
 
     surface: str = "plastic"
     """Name of a simulated surface."""
+    acceleration_rate_hz: int = Field(1000, ge=1000, le=1000 * MOST_SAMPLES, multiple_of=1000)
+    """Rate at which the world shakes, as in ``[session]``; accelerometers measure at twice it."""
 
     @property
     def arguments(self) -> tuple[str, ...]:
         """Arguments of the lab's process."""
-        return (self.surface, *super().arguments)
+        return (self.surface, str(self.acceleration_rate_hz // 1000), *super().arguments)
 
 
 AnyLab = TypeVar("AnyLab", bound=HandleLabOptions)
@@ -184,8 +188,7 @@ class VirtualDevice(ABC, Generic[AnyDevice]):
         """Start the lab, and connect the real driver to it."""
         address = self._enter()
         if self._device is None or address != self._connected_to:
-            made: Any = load_device(self._driver, {**address, **self._options}, role=self._role)
-            self._device, self._connected_to = made, address
+            self._device, self._connected_to = self._made(address), address
         self._connected().connect()
 
     def calibrate(self) -> None:
@@ -197,6 +200,11 @@ class VirtualDevice(ABC, Generic[AnyDevice]):
         if self._device is not None:
             self._device.close()
         self._lab.leave(self)
+
+    def _made(self, address: dict[str, Any]) -> AnyDevice:
+        """Return the real driver for these options and one's own."""
+        made: Any = load_device(self._driver, {**address, **self._options}, role=self._role)
+        return made  # type: ignore[no-any-return]
 
     @abstractmethod
     def _enter(self) -> dict[str, Any]:
@@ -276,6 +284,11 @@ class VirtualHaptuator(VirtualDevice[_Haptuator]):
             "virtual-haptuator", "haptuator-serial", options,
             lab=_HANDLE_LAB, lab_options=HandleLabOptions, port="lab", full_scale_v=1.0,
         )  # fmt: skip
+        self._rate_hz = USUAL_RATE_HZ
+
+    def set_rate(self, rate_hz: float) -> None:
+        """Take the rate of the samples, for the real driver."""
+        self._rate_hz = rate_hz
 
     def write(self, samples_m_s2: Sequence[float] | FloatArray) -> None:
         """Play samples (n,), m/s2."""
@@ -298,6 +311,11 @@ class VirtualHaptuator(VirtualDevice[_Haptuator]):
     def statistics(self) -> ActuatorStatistics:
         """Counts and levels of the real driver."""
         return self._connected().statistics
+
+    def _made(self, address: dict[str, Any]) -> _Haptuator:
+        made = super()._made(address)
+        made.set_rate(self._rate_hz)
+        return made
 
     def _enter(self) -> dict[str, Any]:
         return self._lab.enter(self, *self._lab_arguments)["haptuator"]

@@ -1,6 +1,6 @@
 """A lab in a process of its own: the world, and emulated devices that measure it.
 
-Its robot is moved by datagrams, or is another that a third argument names, as ``ur``. It prints
+Its robot is moved by datagrams, or is another that the last argument names, as ``ur``. It prints
 the robot's address as one line of JSON, that of a sensor when a line of its standard input names
 it, and ends when that input ends, as it does with the process that started it.
 
@@ -35,12 +35,12 @@ class LabDevice(Protocol):
         """End it."""
 
 
-def main(surface: str, seed: str, robot_name: str = "robot") -> None:
+def main(surface: str, samples_per_frame: str, seed: str, robot_name: str = "robot") -> None:
     """Run the lab until standard input ends."""
     ask_for_short_turns(0)  # the service that it is a child of goes first
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     clockwork = Clockwork(TICK_NS)
-    world = World(surface, int(seed), clockwork)
+    world = World(surface, int(seed), clockwork, int(samples_per_frame))
 
     def device(name: str) -> LabDevice:
         made: LabDevice = load(offered(GROUP)[name], name)(world, int(seed), clockwork)

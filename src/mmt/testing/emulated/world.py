@@ -3,7 +3,7 @@
 import time
 from typing import Final
 
-from mmt.core.frames import CHANNELS
+from mmt.core.frames import CHANNELS, acceleration_samples
 from mmt.devices.protocols import Vector
 from mmt.scene import Simulated
 from mmt.testing.emulated.clockwork import Clockwork
@@ -18,8 +18,6 @@ _KEPT: Final = 256
 _MOST_AT_ONCE: Final = 200
 """After a longer hold-up the world's time skips."""
 
-_State = tuple[Vector, Vector, Vector]
-
 
 class World:
     """A robot that follows commands on a surface of known texture.
@@ -32,6 +30,8 @@ class World:
         Seed of the texture.
     clockwork
         Whose thread it runs in; None for one of its own.
+    samples_per_frame
+        Samples of acceleration in a millisecond, which bound what its surface shakes with.
 
     Raises
     ------
@@ -40,12 +40,20 @@ class World:
     """
 
     def __init__(
-        self, surface: str = "plastic", seed: int = 1, clockwork: Clockwork | None = None
+        self,
+        surface: str = "plastic",
+        seed: int = 1,
+        clockwork: Clockwork | None = None,
+        samples_per_frame: int = 1,
     ) -> None:
         settings = Simulated(surface=surface, noise=False)
-        self._follower = SimulatedFollower(settings, channels=CHANNELS, seed=seed)
-        at_rest = (START_MM, (0.0, 0.0, 0.0), (0.0, 0.0, 9.80665))
-        self._states: list[_State] = [at_rest] * _KEPT
+        self.samples_per_frame: Final = samples_per_frame
+        self._follower = SimulatedFollower(
+            settings, channels=CHANNELS, seed=seed, samples_per_frame=samples_per_frame
+        )
+        self._positions: list[Vector] = [START_MM] * _KEPT
+        self._forces: list[Vector] = [(0.0, 0.0, 0.0)] * _KEPT
+        self._accelerations: list[Vector] = [(0.0, 0.0, 9.80665)] * _KEPT * samples_per_frame
         self._newest = 0
         self._begun_ns = time.monotonic_ns()
         self._due = 0
@@ -69,25 +77,26 @@ class World:
 
     def position_mm(self, time_ns: int) -> Vector:
         """Return where the tip is at a time of the monotonic clock."""
-        return self._at(time_ns, 0)
+        return self._at(time_ns, self._positions)
 
     def force_n(self, time_ns: int) -> Vector:
         """Return the force of the surface on the tool."""
-        return self._at(time_ns, 1)
+        return self._at(time_ns, self._forces)
 
     def acceleration_m_s2(self, time_ns: int) -> Vector:
         """Return the proper acceleration of the tool, gravity included."""
-        return self._at(time_ns, 2)
+        return self._at(time_ns, self._accelerations)
 
-    def _at(self, time_ns: int, field: int) -> Vector:
-        """Interpolate by the cubic through four states; before and after them the nearest."""
-        ticks = (time_ns - self._begun_ns) / TICK_NS - _BEHIND_TICKS
-        newest = self._newest
-        ticks = min(max(ticks, newest - _KEPT // 2, 1.0), max(newest - 2.0, 1.0))
-        first = int(ticks)
-        u = ticks - first
-        states = self._states
-        before, start, end, after = (states[(first + k) % _KEPT][field] for k in (-1, 0, 1, 2))
+    def _at(self, time_ns: int, values: list[Vector]) -> Vector:
+        """Interpolate by the cubic through four values; before and after them the nearest."""
+        count = len(values)
+        a_tick = count // _KEPT
+        place = ((time_ns - self._begun_ns) / TICK_NS - _BEHIND_TICKS) * a_tick
+        newest = self._newest * a_tick
+        place = min(max(place, newest - count // 2, 1.0), max(newest - 2.0, 1.0))
+        first = int(place)
+        u = place - first
+        before, start, end, after = (values[(first + k) % count] for k in (-1, 0, 1, 2))
         a = -u * (u - 1) * (u - 2) / 6
         b = (u + 1) * (u - 1) * (u - 2) / 2
         c = -(u + 1) * u * (u - 2) / 2
@@ -106,9 +115,14 @@ class World:
         return self._begun_ns + (self._due + 1) * TICK_NS
 
     def _advance(self, tick: int) -> None:
-        frame = self._follower.step(1, 0, self.command_mm)[0]
-        position, force, acceleration = (
-            tuple(frame[name].tolist()) for name in ("position_mm", "force_n", "acceleration_m_s2")
-        )
-        self._states[tick % _KEPT] = (position, force, acceleration)
+        frame = self._follower.step(1, 0, self.command_mm)
+        samples = acceleration_samples(frame)
+        first = (tick - 1) * len(samples) + 1
+        for values, measured, place in (
+            (self._positions, frame["position_mm"], tick),
+            (self._forces, frame["force_n"], tick),
+            (self._accelerations, samples, first),
+        ):
+            for row, (x, y, z) in enumerate(measured.tolist(), place):
+                values[row % len(values)] = (x, y, z)
         self._newest = tick

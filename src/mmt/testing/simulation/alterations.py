@@ -8,7 +8,6 @@ from typing import Final, Literal
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.testing.simulation import PERIOD_S, RATE_HZ
 from mmt.testing.simulation.strokes import REACH_MM
 
 Quantity = Literal["speed", "force"]
@@ -20,8 +19,9 @@ PATCH_MM: Final = 19.0
 """Mean distance of patches, which are 12 to 30 mm across."""
 
 LAGS: Final = 2048
-"""Samples after which no vibration remembers itself."""
+"""Samples at 1 kHz after which no vibration remembers itself."""
 
+_PART: Final = 1024  # frequencies at once, which bounds the memory
 _PATCHES: Final = 11  # along each side of a square that repeats itself
 _STEEP: Final = 25.0  # of a threshold, which takes some 10 % of its speed or force
 
@@ -98,11 +98,17 @@ class Bursts:
         """Standard deviation of the gain's natural logarithm."""
         return 0.5 * sqrt(log(self.kurtosis / 3.0))
 
-    def widened(self, density: FloatArray, frequencies_hz: FloatArray) -> FloatArray:
-        """Return a density (k, LAGS + 1) from 0 to half the rate as it is with bursts, (k, f)."""
-        kept = np.exp(-2.0 * PERIOD_S / BURST_S * np.arange(LAGS))
+    def widened(
+        self, density: FloatArray, frequencies_hz: FloatArray, rate_hz: float
+    ) -> FloatArray:
+        """Return a density (k, lags + 1) from 0 to half the rate as it is with bursts, (k, f)."""
+        lags = np.arange(density.shape[1] - 1)
+        kept = np.exp(-2.0 * (1.0 / rate_hz) / BURST_S * lags)
         gain = np.exp(-(self.spread**2) * (1.0 - kept))
-        correlation = np.fft.irfft(density, axis=1)[:, :LAGS] * gain
+        correlation = np.fft.irfft(density, axis=1)[:, : len(lags)] * gain
         correlation[:, 1:] *= 2.0
-        turn = np.outer(np.arange(LAGS), frequencies_hz)
-        return np.asarray(correlation @ np.cos(2.0 * pi / RATE_HZ * turn))
+        parts = [
+            correlation @ np.cos(2.0 * pi / rate_hz * np.outer(lags, part))
+            for part in np.split(frequencies_hz, range(_PART, len(frequencies_hz), _PART))
+        ]
+        return np.concatenate(parts, axis=1)

@@ -62,9 +62,14 @@ class AlteredSurface:
         return self.base.friction_coefficient
 
     @property
+    def rate_hz(self) -> float:
+        """As of `Surface`."""
+        return self.base.rate_hz
+
+    @property
     def pole(self) -> float:
         """Pole of the low-pass; 0 lets everything pass."""
-        return 0.0 if self.low_pass_hz is None else exp(-2.0 * pi * self.low_pass_hz / RATE_HZ)
+        return 0.0 if self.low_pass_hz is None else exp(-2.0 * pi * self.low_pass_hz / self.rate_hz)
 
     def spectrum(
         self,
@@ -80,7 +85,7 @@ class AlteredSurface:
         frequencies = np.atleast_1d(np.asarray(frequencies_hz, np.float64))
         if self.bursts is None:
             return self._steady(speed_mm_s, force_n, frequencies, heading_rad)
-        grid = np.linspace(0.0, 0.5 * RATE_HZ, LAGS + 1)
+        grid = np.linspace(0.0, 0.5 * self.rate_hz, round(LAGS * self.rate_hz / RATE_HZ) + 1)
         strokes = np.broadcast_arrays(
             np.atleast_1d(speed_mm_s), force_n, np.nan if heading_rad is None else heading_rad
         )
@@ -90,7 +95,7 @@ class AlteredSurface:
             part = slice(start, start + 64)
             towards = None if heading_rad is None else heading[part]
             steady = self._steady(speed[part], force[part], grid, towards)
-            density[part] = self.bursts.widened(steady, frequencies)
+            density[part] = self.bursts.widened(steady, frequencies, self.rate_hz)
         return density
 
     def power(
@@ -100,7 +105,7 @@ class AlteredSurface:
         heading_rad: npt.ArrayLike | None = None,
     ) -> FloatArray:
         """Return the exact power along the normal, (k,), (m/s2)^2; see `Surface.power`."""
-        return integrated_power(self._steady, speed_mm_s, force_n, heading_rad)
+        return integrated_power(self._steady, self.rate_hz, speed_mm_s, force_n, heading_rad)
 
     def _steady(
         self,
@@ -111,7 +116,7 @@ class AlteredSurface:
     ) -> FloatArray:
         """Return the spectrum (k, f) without bursts."""
         density = self.base.spectrum(speed_mm_s, force_n, frequencies_hz, heading_rad)
-        cosine, pole = np.cos(2.0 * pi / RATE_HZ * frequencies_hz), self.pole
+        cosine, pole = np.cos(2.0 * pi / self.rate_hz * frequencies_hz), self.pole
         density *= (1.0 - pole) ** 2 / (1.0 + pole * pole - 2.0 * pole * cosine)
         if self.level is not None:
             speed, force, _, _ = strokes_on(self, speed_mm_s, force_n, heading_rad)

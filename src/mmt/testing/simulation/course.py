@@ -20,6 +20,7 @@ from mmt.testing.simulation.known_surfaces import KnownSurface, surface_from_ann
 from mmt.testing.simulation.surfaces import COURSE_VERSION
 from mmt.testing.simulation.textures import get_surface
 from mmt.testing.simulation.vibration import vibration_of
+from mmt.testing.simulation.vibration_source import VibrationSource
 
 When = Literal["lifted", "contact", "either"]
 
@@ -78,12 +79,14 @@ class SurfaceCourse:
     Raises
     ------
     InputError
-        There is no surface.
+        There is no surface, or they are of several rates.
     """
 
     def __init__(self, surfaces: Sequence[KnownSurface], changes: Sequence[CourseChange]) -> None:
         if not surfaces:
             raise InputError("a course needs a surface")
+        if len({surface.rate_hz for surface in surfaces}) > 1:
+            raise InputError("the surfaces of a course must be of one rate")
         self.surfaces = tuple(surfaces)
         self.changes = tuple(changes)
 
@@ -111,8 +114,10 @@ class SurfaceCourse:
         return cls(surfaces, changes)
 
     @classmethod
-    def of(cls, settings: Simulated, duration_s: float, seed: int) -> "SurfaceCourse | None":
-        """Draw the course of a scene, None where it has none.
+    def of(
+        cls, settings: Simulated, duration_s: float, seed: int, rate_hz: float = RATE_HZ
+    ) -> "SurfaceCourse | None":
+        """Draw the course of a scene over surfaces at a rate, None where it has none.
 
         Raises
         ------
@@ -125,7 +130,7 @@ class SurfaceCourse:
         if len(set(names)) < len(names):
             raise InputError(f"[simulated.course] names a surface twice: {', '.join(names)}")
         return cls.draw(
-            [get_surface(name) for name in names],
+            [get_surface(name, rate_hz) for name in names],
             stay_s=settings.course.stay_s,
             when=settings.course.change,
             duration_s=duration_s,
@@ -136,6 +141,11 @@ class SurfaceCourse:
     def friction_coefficient(self) -> float:
         """Friction coefficient of the surface on which it begins."""
         return self.surfaces[0].friction_coefficient
+
+    @property
+    def rate_hz(self) -> float:
+        """As of `Surface`."""
+        return self.surfaces[0].rate_hz
 
     @property
     def name(self) -> str:
@@ -160,8 +170,8 @@ class SurfaceCourse:
         return np.array([watch.step(force) for force in force_n.tolist()], dtype=np.int64)
 
 
-class CourseVibration:
-    """The vibration of whichever surface is under the tool; see `Vibration`."""
+class CourseVibration(VibrationSource):
+    """The vibration of whichever surface is under the tool, a frame in each call of `run`."""
 
     def __init__(self, course: SurfaceCourse, generator: np.random.Generator) -> None:
         self._watch = ContactWatch(course.changes)
@@ -178,16 +188,17 @@ class CourseVibration:
         """The surface under the tool."""
         return self._course.surfaces[self._watch.surface]
 
-    def step(
+    def run(
         self,
+        count: int,
         speed_mm_s: float,
         force_n: float,
         heading: tuple[float, float] = (1.0, 0.0),
         position_mm: tuple[float, float] = (0.0, 0.0),
-    ) -> tuple[float, float]:
-        """Return the acceleration along the normal and the heading; see `Vibration.step`."""
+    ) -> list[tuple[float, float]]:
+        """Return the next samples; see `VibrationSource.run`."""
         vibration = self._each[self._watch.step(force_n)]
-        return vibration.step(speed_mm_s, force_n, heading, position_mm)
+        return vibration.run(count, speed_mm_s, force_n, heading, position_mm)
 
 
 def course_from_annotations(annotations: bytes) -> SurfaceCourse:

@@ -30,8 +30,10 @@ from typing import Final
 
 import numpy as np
 
+from mmt.testing.simulation import RATE_HZ
 from mmt.testing.simulation.alterations import Bursts, Level, Patches, Quantity
 from mmt.testing.simulation.altered_surface import AlteredSurface
+from mmt.testing.simulation.bands import with_bands
 from mmt.testing.simulation.grain import Grain
 from mmt.testing.simulation.grained_textures import ridges
 from mmt.testing.simulation.modes import Mode, Resonance
@@ -45,8 +47,8 @@ _UNEVEN: Final = 0.25  # share of the textures with patches, and of those with b
 
 
 @lru_cache(maxsize=128)
-def draw_texture(name: str, seed: int) -> AlteredSurface:
-    """Return the texture of a seed.
+def draw_texture(name: str, seed: int, rate_hz: float = RATE_HZ) -> AlteredSurface:
+    """Return the texture of a seed at a rate.
 
     Parameters
     ----------
@@ -54,6 +56,8 @@ def draw_texture(name: str, seed: int) -> AlteredSurface:
         What it is called.
     seed
         Below `FINAL` for development.
+    rate_hz
+        As of `Surface`; above 1 kHz it has further parts, see `mmt.testing.simulation.bands`.
     """
     random = np.random.default_rng([seed, 40])
     grains = _grains(random)
@@ -75,7 +79,7 @@ def draw_texture(name: str, seed: int) -> AlteredSurface:
     wanted = 10.0 ** (random.uniform(-13.0, 9.0) / 10.0)
     factor = wanted / float(texture.power(100.0, 1.0, 0.0)[0])
     scaled = tuple(replace(mode, power=mode.power * factor) for mode in modes)
-    return replace(texture, base=replace(base, modes=scaled))
+    return replace(texture, base=with_bands(replace(base, modes=scaled), rate_hz, seed))
 
 
 def _grains(random: np.random.Generator) -> list[Grain | None]:

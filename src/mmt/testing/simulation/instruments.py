@@ -10,12 +10,13 @@ import numpy as np
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import frame_dtype, ordered_channels
 from mmt.devices.protocols import Vector
-from mmt.testing.simulation import PERIOD_NS
+from mmt.testing.simulation import PERIOD_NS, RATE_HZ
 from mmt.testing.simulation.course import CourseVibration, SurfaceCourse
 from mmt.testing.simulation.known_surfaces import KnownSurface
 from mmt.testing.simulation.robot import TipState
 from mmt.testing.simulation.sensors import Encoder, ForceGauge, TiltedAccelerometer
-from mmt.testing.simulation.vibration import VibrationSource, vibration_of
+from mmt.testing.simulation.vibration import vibration_of
+from mmt.testing.simulation.vibration_source import VibrationSource
 
 LEAST_SPEED_MM_S: Final = 1.0
 """Below this a heading is not defined; the last one holds."""
@@ -25,7 +26,8 @@ class Instruments:
     """The follower's sensors on a tool that strokes a known surface.
 
     Only what the channels need is computed. The random numbers of one sensor do not
-    depend on which others are there.
+    depend on which others are there. A frame has as many samples of acceleration as the surface's
+    rate has for each tick; between two ticks the tip's own acceleration goes in a straight line.
 
     Parameters
     ----------
@@ -51,19 +53,25 @@ class Instruments:
             np.random.default_rng(part) for part in np.random.SeedSequence([seed, 2]).spawn(3)
         )
         chosen = ordered_channels(channels)
-        self._dtype = frame_dtype(chosen)
-        self._layout = struct.Struct("<Iq" + 3 * len(chosen) * "f")
+        self._samples = round(surface.rate_hz / RATE_HZ)
+        self.dtype = frame_dtype(chosen, self._samples)
+        """Dtype of the frames."""
+        self._shares = [1.0 - (at + 1) / self._samples for at in range(self._samples)]
+        self._layout = struct.Struct(f"<Iq{(self.dtype.itemsize - 12) // 4}f")
         self._with_position = "position" in chosen
         self._with_force = "force" in chosen
         self._with_acceleration = "acceleration" in chosen
-        self._vibration: VibrationSource | CourseVibration = (
+        self._vibration: VibrationSource = (
             CourseVibration(surface, texture)
             if isinstance(surface, SurfaceCourse)
             else vibration_of(surface, texture)
         )
         self._encoder = Encoder(exact=not noise)
         self._gauge = ForceGauge(gauge, exact=not noise)
-        self._accelerometer = TiltedAccelerometer(accelerometer, exact=not noise)
+        self._accelerometer = TiltedAccelerometer(
+            accelerometer, exact=not noise, rate_hz=surface.rate_hz
+        )
+        self._moved: Vector | None = None
         self._heading = (1.0, 0.0)
         self._sequence = 0
         self.start_time_ns = 0
@@ -81,7 +89,7 @@ class Instruments:
         packed = bytearray(self._layout.size * len(tips))
         for index, tip in enumerate(tips):
             self._pack(packed, index * self._layout.size, tip)
-        return np.frombuffer(packed, self._dtype)
+        return np.frombuffer(packed, self.dtype)
 
     def _pack(self, packed: bytearray, offset: int, tip: TipState) -> None:
         values: list[float] = []
@@ -90,19 +98,32 @@ class Instruments:
         if self._with_force:
             values += self._gauge.measure(tip.force_n)
         if self._with_acceleration:
-            values += self._accelerometer.measure(self._shaken(tip))
+            for sample in self._shaken(tip):
+                values += self._accelerometer.measure(sample)
         time_ns = self.start_time_ns + self._sequence * PERIOD_NS
         self._layout.pack_into(packed, offset, self._sequence & 0xFFFFFFFF, time_ns, *values)
         self._sequence += 1
 
-    def _shaken(self, tip: TipState) -> Vector:
-        """Return the tip's acceleration with the texture's vibration added."""
+    def _shaken(self, tip: TipState) -> list[Vector]:
+        """Return the tip's acceleration with the texture's vibration added, sample by sample."""
         u, v, _ = tip.velocity_mm_s
         speed = math.hypot(u, v)
         if speed > LEAST_SPEED_MM_S:
             self._heading = (u / speed, v / speed)
-        normal, along = self._vibration.step(
-            speed, tip.force_n[2], self._heading, tip.position_mm[:2]
+        made = self._vibration.run(
+            self._samples, speed, tip.force_n[2], self._heading, tip.position_mm[:2]
         )
+        u, v = self._heading
         x, y, z = tip.acceleration_m_s2
-        return x + along * self._heading[0], y + along * self._heading[1], z + normal
+        before_x, before_y, before_z = self._moved or tip.acceleration_m_s2
+        self._moved = tip.acceleration_m_s2
+        shaken: list[Vector] = []
+        for left, (normal, along) in zip(self._shares, made, strict=True):
+            shaken.append(
+                (
+                    x + left * (before_x - x) + along * u,
+                    y + left * (before_y - y) + along * v,
+                    z + left * (before_z - z) + normal,
+                )
+            )
+        return shaken

@@ -17,7 +17,7 @@ REFERENCE_SPEED_MM_S: Final = 100.0
 """Speed at which a part's `power` is given; the reference force is 1 N."""
 
 TAPER_HZ: Final = 430.0
-"""A line fades out from here on: it does not reach half the sampling rate."""
+"""A line fades out from here on: it does not reach 500 Hz, half the least sampling rate."""
 
 HIGHEST_HZ: Final = 480.0
 
@@ -57,7 +57,7 @@ class Line:
     """A spectral line of a surface that repeats itself: its frequency is speed over period.
 
     The line's width is ``least_width_hz + relative_width`` times its frequency; its power
-    follows the same law as a resonance's and fades towards half the sampling rate.
+    follows the same law as a resonance's and fades towards 500 Hz.
     """
 
     power: float

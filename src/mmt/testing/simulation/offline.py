@@ -9,7 +9,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError
-from mmt.core.frames import CHANNELS, frame_dtype
+from mmt.core.frames import CHANNELS
 from mmt.scene import Hand, Scene, Simulated
 from mmt.testing.simulation import RATE_HZ
 from mmt.testing.simulation.course import SurfaceCourse
@@ -44,7 +44,7 @@ def simulate_session(
         Its ``[simulated]`` and ``[hand]``, or their defaults where it has none; the
         force is fed back to the hand where it has ``[force_feedback]``.
     surface, duration_s, seed
-        In place of the scene's own.
+        In place of the scene's own; a surface that is given as such has its rate.
     path
         A recorded stroke (see `load_path`) that is replayed in place of the hand's and
         the robot's motion, looped as long as the session lasts.
@@ -61,17 +61,24 @@ def simulate_session(
     Raises
     ------
     InputError
-        The surface, the duration, a scale or the path's file is not usable.
+        The surface, the duration, a scale or the path's file is not usable, or the surface is not
+        at the scene's ``acceleration_rate_hz``.
     """
     settings = scene.simulated or Simulated()
     seed = scene.session.seed if seed is None else seed
     duration_s = scene.session.duration_s if duration_s is None else duration_s
+    rate_hz = float(scene.session.acceleration_rate_hz)
     known: KnownSurface | SurfaceCourse
     if surface is None or isinstance(surface, str):
-        course = SurfaceCourse.of(settings, duration_s, seed) if surface is None else None
-        known = course or get_surface(surface or settings.surface)
+        course = SurfaceCourse.of(settings, duration_s, seed, rate_hz) if surface is None else None
+        known = course or get_surface(surface or settings.surface, rate_hz)
     else:
         known = surface
+    if known.rate_hz != rate_hz:
+        raise InputError(
+            f"surface {known.name} is at {known.rate_hz:g} Hz, the scene's acceleration at "
+            f"{rate_hz:g} Hz (acceleration_rate_hz of [session])"
+        )
     if not (isfinite(duration_s) and duration_s * RATE_HZ >= 1):
         raise InputError(f"duration_s is {duration_s}, it must be above 0")
     count = round(duration_s * RATE_HZ)
@@ -98,7 +105,7 @@ def _stroked(
             x, y, z = frames["force_n"][0].tolist()
             hand.write((x, y, z))
         joined += frames.tobytes()
-    return np.frombuffer(joined, frame_dtype(CHANNELS))
+    return np.frombuffer(joined, follower.dtype)
 
 
 def _replayed(

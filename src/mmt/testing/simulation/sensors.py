@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from mmt.devices.protocols import Vector
-from mmt.testing.simulation import PERIOD_S, RATE_HZ
+from mmt.testing.simulation import RATE_HZ
 from mmt.testing.simulation.noise import NoiseRows
 
 GRAVITY_M_S2: Final = 9.80665
@@ -24,7 +24,7 @@ FORCE_NOISE_N: Final = 0.003
 FORCE_RANGE_N: Final[Vector] = (12.0, 12.0, 17.0)
 
 ACCELERATION_NOISE_M_S2: Final = 150e-6 * GRAVITY_M_S2 * sqrt(0.5 * RATE_HZ)
-"""Root mean square of white noise over the band up to half the rate: 0.033 m/s2."""
+"""Root mean square of white noise over the band up to half of 1 kHz: 0.033 m/s2."""
 ACCELERATION_RANGE_M_S2: Final = 3.6 * GRAVITY_M_S2
 ACCELERATION_RESOLUTION_M_S2: Final = 2.0 * ACCELERATION_RANGE_M_S2 / 4096.0
 """Twelve bits over both signs."""
@@ -81,19 +81,24 @@ class TiltedAccelerometer:
     by the lean of up to `TILT_RAD` about x and y, which wanders over some ten seconds.
     The lean acts on gravity alone; on the vibration it would change the level by 0.2 %.
     Gravity and lean stay where noise and resolution are turned off. All axes are as quiet
-    as the part's X and Y: a lab mounts it so that its noisier Z axis is not the normal.
+    as the part's X and Y: a lab mounts it so that its noisier Z axis is not the normal. The noise
+    has the same density at every rate.
     """
 
-    def __init__(self, generator: np.random.Generator, *, exact: bool) -> None:
+    def __init__(
+        self, generator: np.random.Generator, *, exact: bool, rate_hz: float = RATE_HZ
+    ) -> None:
         self._phase_x, self._phase_y = generator.uniform(0.0, 2.0 * pi, 2).tolist()
         self._noise = NoiseRows(generator, 3)
         self._exact = exact
-        self._tick = 0
+        self._deviation = ACCELERATION_NOISE_M_S2 * sqrt(rate_hz / RATE_HZ)
+        self._period_s = 1.0 / rate_hz
+        self._sample = 0
 
     def measure(self, acceleration_m_s2: Vector) -> Vector:
-        """Return the proper acceleration (m/s2) at the next tick."""
-        time_s = self._tick * PERIOD_S
-        self._tick += 1
+        """Return the proper acceleration (m/s2) at the next sample."""
+        time_s = self._sample * self._period_s
+        self._sample += 1
         turns = 2.0 * pi * time_s
         lean_x = TILT_RAD * sin(turns / _TILT_PERIODS_S[0] + self._phase_x)
         lean_y = TILT_RAD * sin(turns / _TILT_PERIODS_S[1] + self._phase_y)
@@ -106,10 +111,11 @@ class TiltedAccelerometer:
             return x, y, z
         a, b, c = self._noise.next()
         step, limit = ACCELERATION_RESOLUTION_M_S2, ACCELERATION_RANGE_M_S2
+        deviation = self._deviation
         return (
-            _reading(x + ACCELERATION_NOISE_M_S2 * a, step, limit),
-            _reading(y + ACCELERATION_NOISE_M_S2 * b, step, limit),
-            _reading(z + ACCELERATION_NOISE_M_S2 * c, step, limit),
+            _reading(x + deviation * a, step, limit),
+            _reading(y + deviation * b, step, limit),
+            _reading(z + deviation * c, step, limit),
         )
 
 

@@ -27,7 +27,7 @@ from mmt.testing.simulation.grain import Grain
 from mmt.testing.simulation.modes import Line, Mode, Resonance, maps_at
 
 HIGH_PASS_POLE: Final = 0.95
-"""Pole of the fixed high-pass, a corner of 8 Hz, below the band of texture."""
+"""Pole of the fixed high-pass at 1 kHz, a corner of 8 Hz, below the band of texture."""
 
 VERSION: Final = 1
 """Version of the annotations of a texture that is the same in all directions."""
@@ -62,12 +62,20 @@ class Surface:
         Amplitude of the vibration along the heading over that along the normal.
     friction_coefficient
         Coulomb friction between the tool and the surface.
+    rate_hz
+        Samples of its vibration a second.
     """
 
     name: str
     modes: tuple[Mode, ...]
     tangential_share: float = 0.3
     friction_coefficient: float = 0.3
+    rate_hz: float = RATE_HZ
+
+    @property
+    def high_pass_pole(self) -> float:
+        """Pole of the high-pass at the surface's rate."""
+        return float(HIGH_PASS_POLE ** (RATE_HZ / self.rate_hz))
 
     @property
     def isotropic(self) -> bool:
@@ -105,17 +113,17 @@ class Surface:
             The texture depends on the heading, and none is given.
         """
         speed, force, cosine, sine = strokes_on(self, speed_mm_s, force_n, heading_rad)
-        omega = 2.0 * np.pi / RATE_HZ * np.atleast_1d(np.asarray(frequencies_hz, np.float64))
+        omega = 2.0 * np.pi / self.rate_hz * np.atleast_1d(np.asarray(frequencies_hz, np.float64))
         density = np.zeros((speed.size, omega.size))
         for mode in self.modes:
             power, frequency, bandwidth = maps_at(mode, speed, force, cosine, sine)
-            radius = np.exp(-np.pi / RATE_HZ * bandwidth)[:, None]
-            turn = (2.0 * np.pi / RATE_HZ * frequency)[:, None]
+            radius = np.exp(-np.pi / self.rate_hz * bandwidth)[:, None]
+            turn = (2.0 * np.pi / self.rate_hz * frequency)[:, None]
             unit, double = 1.0 + radius * radius, 2.0 * radius
             above = 1.0 / (unit - double * np.cos(omega - turn))
             below = 1.0 / (unit - double * np.cos(omega + turn))
             density += power[:, None] * (1.0 - radius * radius) * (above + below)
-        return density / RATE_HZ * _high_pass(np.cos(omega))
+        return density / self.rate_hz * _high_pass(np.cos(omega), self.high_pass_pole)
 
     def power(
         self,
@@ -127,7 +135,7 @@ class Surface:
 
         Parameters and errors are those of `spectrum`.
         """
-        return integrated_power(self.spectrum, speed_mm_s, force_n, heading_rad)
+        return integrated_power(self.spectrum, self.rate_hz, speed_mm_s, force_n, heading_rad)
 
     def annotations(self) -> bytes:
         """Return the truth as JSON, which `surface_from_parameters` reads."""
@@ -138,8 +146,8 @@ class Surface:
             if isinstance(mode, record)
         ]
         parameters = {
-            "rate_hz": RATE_HZ,
-            "high_pass_pole": HIGH_PASS_POLE,
+            "rate_hz": self.rate_hz,
+            "high_pass_pole": self.high_pass_pole,
             "tangential_share": self.tangential_share,
             "friction_coefficient": self.friction_coefficient,
             "modes": modes,
@@ -151,11 +159,12 @@ class Surface:
 
 def integrated_power(
     spectrum: Callable[..., FloatArray],
+    rate_hz: float,
     speed_mm_s: npt.ArrayLike,
     force_n: npt.ArrayLike,
     heading_rad: npt.ArrayLike | None,
 ) -> FloatArray:
-    """Return the integral (k,) of a `Surface.spectrum`, with its parameters.
+    """Return the integral (k,) of a `Surface.spectrum` at a rate, with its parameters.
 
     The midpoint rule is taken over the period of the spectrum, where its error falls
     exponentially with the number of points: below 1e-12 for the narrowest line here.
@@ -166,8 +175,9 @@ def integrated_power(
         np.nan if heading_rad is None else heading_rad,
     )
     speed, force, heading = (np.ravel(values) for values in strokes)
-    width = 0.5 * RATE_HZ / _POWER_GRID
-    frequencies = (np.arange(_POWER_GRID) + 0.5) * width
+    points = round(_POWER_GRID * rate_hz / RATE_HZ)
+    width = 0.5 * rate_hz / points
+    frequencies = (np.arange(points) + 0.5) * width
     total = np.empty(speed.size)
     for start in range(0, speed.size, 64):
         part = slice(start, start + 64)
@@ -226,6 +236,7 @@ def surface_from_parameters(name: str, parameters: Mapping[str, Any]) -> Surface
         modes=tuple(_mode(part) for part in parameters["modes"]),
         tangential_share=float(parameters["tangential_share"]),
         friction_coefficient=float(parameters["friction_coefficient"]),
+        rate_hz=float(parameters["rate_hz"]),
     )
 
 
@@ -248,7 +259,6 @@ def _without_nothing(part: Mapping[str, object]) -> dict[str, object]:
     return {key: value for key, value in part.items() if value is not None}
 
 
-def _high_pass(cosine: FloatArray) -> FloatArray:
-    pole = HIGH_PASS_POLE
+def _high_pass(cosine: FloatArray, pole: float) -> FloatArray:
     gain = 0.25 * (1.0 + pole) ** 2
     return gain * (2.0 - 2.0 * cosine) / (1.0 + pole * pole - 2.0 * pole * cosine)

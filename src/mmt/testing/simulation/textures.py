@@ -12,6 +12,8 @@ from typing import Final
 from zlib import crc32
 
 from mmt.core.errors import InputError
+from mmt.testing.simulation import RATE_HZ
+from mmt.testing.simulation.bands import with_bands
 from mmt.testing.simulation.grained_textures import GRAINED, ridges
 from mmt.testing.simulation.known_surfaces import KnownSurface
 from mmt.testing.simulation.modes import Resonance
@@ -111,8 +113,8 @@ apart is said with `GRAINED`."""
 _DRAWN: Final = re.compile(r"(drawn|final)-(\d{1,6})", re.ASCII)
 
 
-def get_surface(name: str) -> KnownSurface:
-    """Return the known texture of this name.
+def get_surface(name: str, rate_hz: float = RATE_HZ) -> KnownSurface:
+    """Return the known texture of this name at a rate.
 
     Parameters
     ----------
@@ -120,6 +122,9 @@ def get_surface(name: str) -> KnownSurface:
         One of `SURFACES`; a model's file; ``drawn-N``, a texture drawn for development, or
         ``final-N``, see `mmt.testing.simulation.drawn_textures`; or one of these followed by
         ``+patches`` or ``+bursts``, see `mmt.testing.simulation.altered_surface.alter`.
+    rate_hz
+        Samples of acceleration a second, a multiple of 1000; above it a texture that is no model
+        has bands above 500 Hz as well, see `mmt.testing.simulation.bands`.
 
     Raises
     ------
@@ -127,20 +132,20 @@ def get_surface(name: str) -> KnownSurface:
         There is none, the message lists those there are; or the file is not usable.
     """
     if name in SURFACES:
-        return SURFACES[name]
+        return with_bands(SURFACES[name], rate_hz, crc32(name.encode()))
     if drawn := _DRAWN.fullmatch(name):
         from mmt.testing.simulation.drawn_textures import FINAL, draw_texture
 
-        return draw_texture(name, int(drawn[2]) + FINAL * (drawn[1] == "final"))
+        return draw_texture(name, int(drawn[2]) + FINAL * (drawn[1] == "final"), rate_hz)
     if name.lower().endswith((".npz", ".xml")):
         from mmt.testing.simulation.model_surface import load_surface
 
-        return load_surface(name)
+        return load_surface(name, rate_hz)
     base, altered, alteration = name.rpartition("+")
     if altered:
         from mmt.testing.simulation.altered_surface import alter
 
-        return alter(get_surface(base), alteration, crc32(name.encode()))
+        return alter(get_surface(base, rate_hz), alteration, crc32(name.encode()))
     raise InputError(
         f"surface is {name!r}, allowed are {', '.join(SURFACES)}, drawn-N and final-N (N up to "
         "999999), and files of models (.npz, .xml), each with +patches or +bursts behind it or not"

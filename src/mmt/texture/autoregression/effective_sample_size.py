@@ -14,7 +14,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.forms import lsf_to_ar
-from mmt.texture.autoregression.reshaping import PERIOD, relative_density
+from mmt.texture.autoregression.reshaping import period_of, relative_density, shares
 
 LEAST: Final = 2.0
 """Least effective sample size: narrower lines than the spectral grid resolves end here."""
@@ -22,10 +22,8 @@ LEAST: Final = 2.0
 UNKNOWN: Final = 100.0
 """Effective sample size assumed where the length is not known: a scatter of 0.6 dB."""
 
-_WEIGHTS: Final = np.r_[0.5, np.ones(PERIOD // 2 - 1), 0.5] / (PERIOD // 2)
 
-
-def effective_samples(lsf: FloatArray, counts: FloatArray) -> FloatArray:
+def effective_samples(lsf: FloatArray, counts: FloatArray, rate_hz: float) -> FloatArray:
     """Return the effective sample size nu of each stretch, from `LEAST` to its length, (n,).
 
     Parameters
@@ -35,15 +33,17 @@ def effective_samples(lsf: FloatArray, counts: FloatArray) -> FloatArray:
         in (0, pi).
     counts
         Number of samples of each, shape (n,).
+    rate_hz
+        Sampling rate.
     """
     longest = np.asarray(counts, dtype=np.float64)
-    return np.asarray(np.maximum(longest * _independent(lsf), LEAST))
+    return np.asarray(np.maximum(longest * _independent(lsf, period_of(rate_hz)), LEAST))
 
 
-def _independent(lsf: FloatArray) -> FloatArray:
+def _independent(lsf: FloatArray, period: int) -> FloatArray:
     """Return effective over actual sample size, above 0 and at most 1, shape (n,)."""
     if not len(lsf):
         return np.empty(0)
-    density = relative_density(lsf_to_ar(np.array(lsf)))
-    share = np.square(density @ _WEIGHTS) / (np.square(density) @ _WEIGHTS)
+    density, weights = relative_density(lsf_to_ar(np.array(lsf)), period), shares(period)
+    share = np.square(density @ weights) / (np.square(density) @ weights)
     return np.asarray(np.minimum(share, 1.0))

@@ -33,6 +33,7 @@ from mmt.core.errors import InputError
 from mmt.texture.autoregression.burg import ReflectionFits, burg, burg_batch
 from mmt.texture.autoregression.lsf import (
     ar_to_reflection_each_into,
+    lsf_inverse_gain_each_into,
     lsf_to_ar_each_into,
     reflection_to_ar_each_into,
 )
@@ -49,6 +50,7 @@ __all__ = [
     "ar_to_reflection",
     "burg",
     "burg_batch",
+    "lsf_output_power",
     "lsf_spectrum",
     "lsf_to_ar",
     "lsf_to_reflection",
@@ -153,6 +155,19 @@ def output_power(variance: float | FloatArray, reflection: FloatArray) -> FloatA
     k = _checked_reflection(reflection)
     power: FloatArray = np.asarray(variance) / np.prod((1.0 - k) * (1.0 + k), axis=-1)
     return power
+
+
+def lsf_output_power(variance: FloatArray, lsf: FloatArray) -> FloatArray:
+    """Return `output_power` (n,) of line spectral frequencies (n, m), by far sooner.
+
+    Raises
+    ------
+    InputError
+        The frequencies do not ascend strictly inside (0, pi), or the order is out of range.
+    """
+    gain = np.empty(len(lsf))
+    lsf_inverse_gain_each_into(_checked_lsf(lsf), gain)
+    return np.asarray(variance / gain)
 
 
 def _convert(

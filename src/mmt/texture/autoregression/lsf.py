@@ -165,6 +165,14 @@ def lsf_inverse_gain(lsf: FloatArray, work: FloatArray) -> float:
     return 1.0 / gain
 
 
+@kernel("void(f8[:, ::1], f8[::1])")
+def lsf_inverse_gain_each_into(lsf: FloatArray, gain: FloatArray) -> None:
+    """Do `lsf_inverse_gain` for every row (n, m), into (n,)."""
+    work = np.empty(2 * lsf.shape[1])
+    for row in range(len(lsf)):
+        gain[row] = lsf_inverse_gain(lsf[row], work)
+
+
 @kernel("void(f8[::1], f8[::1])")
 def reflection_to_ar_into(reflection: FloatArray, ar: FloatArray) -> None:
     """Write the coefficients (m,) of the filter with the reflection coefficients (m,).

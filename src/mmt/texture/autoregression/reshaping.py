@@ -5,6 +5,8 @@ in the sense of linear prediction (Markel and Gray, Linear Prediction of Speech,
 3.3). It follows by Levinson's recursion and is stable, as autocorrelations are positive definite.
 """
 
+import math
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -12,21 +14,37 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 
 PERIOD: Final = 1024
-"""Samples after which autocorrelations repeat: spectra have `PERIOD` / 2 + 1 frequencies."""
+"""Samples after which autocorrelations repeat, at least: spectra have half as many frequencies, and
+one more."""
 
 LARGEST_REFLECTION: Final = 1.0 - 1e-9
 _TINY: Final = 1e-300
+_RESOLVED_HZ: Final = 1.25
 
 
-def relative_density(ar: FloatArray) -> FloatArray:
+def period_of(rate_hz: float) -> int:
+    """Return the period at a sampling rate, a power of two that resolves 1.25 Hz."""
+    return max(PERIOD, 1 << math.ceil(math.log2(max(rate_hz / _RESOLVED_HZ, 1.0))))
+
+
+@cache
+def shares(period: int) -> FloatArray:
+    """Return the weights of a spectrum's frequencies in its mean, (f,)."""
+    inside = np.ones(period // 2 - 1)
+    return np.asarray(np.r_[0.5, inside, 0.5] / (period // 2))
+
+
+def relative_density(ar: FloatArray, period: int = PERIOD) -> FloatArray:
     """Return the spectra of filters over their maxima, from 0 to half the rate, (k, f).
 
     Parameters
     ----------
     ar
         Filter coefficients without the leading 1, shape (k, order).
+    period
+        Twice the number of frequencies less one.
     """
-    response = np.fft.rfft(np.insert(ar, 0, 1.0, axis=1), PERIOD, axis=1)
+    response = np.fft.rfft(np.insert(ar, 0, 1.0, axis=1), period, axis=1)
     inverse = np.maximum(np.square(response.real) + np.square(response.imag), _TINY)
     return np.asarray(inverse.min(axis=1, keepdims=True) / inverse)
 
@@ -37,7 +55,7 @@ def reflection_of(density: FloatArray, order: int) -> tuple[FloatArray, FloatArr
     Parameters
     ----------
     density
-        One-sided, for a rate of 1, from 0 to 0.5 evenly, not negative, (k, `PERIOD` / 2 + 1).
+        One-sided, for a rate of 1, from 0 to 0.5 evenly, not negative, (k, f).
     order
         At least 1.
 

@@ -97,7 +97,9 @@ class BlockCutter:
             used &= (low >= least) & (high <= _LARGEST_CHANGE * low)
         measured = part.measured[rows]
         used &= 2 * measured.sum(axis=1) >= length
-        power = self._measure(part.vibration_m_s2[rows], measured)
+        _, per_frame, axes = part.vibration_m_s2.shape
+        vibration = part.vibration_m_s2[rows].reshape(-1, length * per_frame, axes)
+        power = self._measure(vibration, np.repeat(measured, per_frame, axis=1))
         used &= np.isfinite(power).all(axis=tuple(range(1, power.ndim)))
         velocity = part.velocity_mm_s[rows].mean(axis=1)
         mean = (

@@ -11,7 +11,7 @@ disturbs the blocks of a moment together: a row is worth less than its blocks wo
 and one that disagrees with all others can be told (`mmt.texture.field.observations`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final, Self
 
@@ -135,6 +135,14 @@ class FieldCells:
             two = two._coarser()
         keys, sums = np.vstack([one.keys, two.keys]), np.vstack([one.sums, two.sums])
         return self._gathered(self.directed, keys, sums, one.moment_blocks)
+
+    def scaled(self, gain: FloatArray) -> Self:
+        """Return the rows with powers times positive gains, (r,)."""
+        count, power, first, second = self.sums.T
+        more = np.log(gain)
+        squares = second + more * (2.0 * first + more * count)
+        sums = np.column_stack([count, power * gain, first + more * count, squares])
+        return replace(self, sums=sums)
 
     def _coarser(self) -> "FieldCells":
         keys = self.keys.copy()

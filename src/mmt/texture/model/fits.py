@@ -21,6 +21,7 @@ from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.burg import ReflectionFits, burg_batch
 from mmt.texture.autoregression.effective_sample_size import effective_samples
 from mmt.texture.autoregression.forms import reflection_to_lsf
+from mmt.texture.autoregression.order_limit import LARGEST_ORDER
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import Inputs, ModellingSettings
 from mmt.texture.signals.high_pass import without_high_pass
@@ -28,7 +29,8 @@ from mmt.texture.space.inputs import InputSpace
 from mmt.texture.space.samples import TextureSamples
 
 RESOLVING_ORDER: Final = 24
-"""Order by which lines are resolved; a segment has at least four times as many samples."""
+"""Order by which lines are resolved, for each sample of a frame and up to the largest; a segment
+has at least four times as many samples."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,7 @@ def fit_segments(
 
     ``behind_high_pass`` says whether filters and powers are as measured.
     """
-    order = settings.order
+    order = settings.filter_order
     usable = [
         each for each in segments if 2 * each.measured_count > len(each.vibration_m_s2) > order
     ]
@@ -74,13 +76,19 @@ def fit_segments(
         return []
     vibration = [segment.vibration_m_s2 for segment in usable]
     counts = np.array([segment.measured_count for segment in usable])
-    resolving = min(RESOLVING_ORDER, settings.shortest_samples // 4)  # what the shortest one bears
+    rate_hz, per_frame = settings.vibration_rate_hz, settings.samples_per_frame
+    shortest = min(RESOLVING_ORDER, settings.shortest_samples // 4)  # what the shortest one bears
+    resolving = min(per_frame * shortest, LARGEST_ORDER)
     fits = burg_batch(vibration, max(order, resolving))
-    effective = effective_samples(_lsf_of(fits, resolving), counts)
+    effective = effective_samples(_lsf_of(fits, resolving), counts, rate_hz)
     lsf, measured = _lsf_of(fits, order), np.array([segment.measured_gain for segment in usable])
     variance, power = fits.variances[:, order] * measured, fits.power * measured
     if not behind_high_pass:
-        reflection, gain = without_high_pass(fits.reflection, order, settings.rate_hz)
+        means = fits
+        if per_frame > 1:
+            frames = [each.reshape(-1, per_frame).mean(axis=1) for each in vibration]
+            means = burg_batch(frames, max(order // per_frame, shortest))
+        reflection, gain = without_high_pass(fits, means, order, rate_hz, per_frame)
         lsf, power = reflection_to_lsf(reflection), power * gain
         variance = power * np.prod(1.0 - np.square(reflection), axis=1)
     fitted = [

@@ -66,7 +66,7 @@ class TextureModel(Played):
     field
         Blocks by which the level of ``"field"`` is estimated; None for the samples alone.
     rate_hz
-        Sampling rate of the filters.
+        Sampling rate of the filters, that of the vibration.
     at_once
         Whether all that rendering needs is computed now, and not when it is first asked for.
 
@@ -103,20 +103,18 @@ class TextureModel(Played):
         if at_once:
             self.prepared()
 
-    def check_rate(self, rate_hz: float) -> None:
-        """Check that the model is of a session's rate: at another its pitch would be another.
+    def at_rate(self, rate_hz: float) -> "TextureModel":
+        """Return the model at a sampling rate: itself, or with filters of the same spectra.
 
-        Raises
-        ------
-        InputError
-            It is not.
+        Below the lower of both Nyquist frequencies what it renders sounds alike, and above it there
+        is nothing. See `mmt.texture.model.resampling` for the method and its errors.
         """
-        if self.rate_hz != rate_hz:
-            raise InputError(
-                f"the model is of {self.rate_hz:g} Hz, the session of {rate_hz:g} Hz: what is at "
-                f"100 Hz on its surface would be played at {100 * rate_hz / self.rate_hz:g} Hz; "
-                "build it anew from the recording"
-            )
+        check("rate_hz", rate_hz, RateHz)
+        if rate_hz == self.rate_hz:
+            return self
+        from mmt.texture.model.resampling import resampled
+
+        return TextureModel(**resampled(self.contents, float(rate_hz))._asdict())
 
     def __repr__(self) -> str:
         samples, space = self.samples, self.space

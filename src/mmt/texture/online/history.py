@@ -12,7 +12,7 @@ from mmt.core.arrays import RecordArray
 from mmt.core.bounds import check
 from mmt.core.drawn import Drawn
 from mmt.core.errors import InputError
-from mmt.core.frames import check_frame_rate, check_frames
+from mmt.core.frames import check_frame_rate, check_frames, samples_per_frame
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.log import ModelLog
 from mmt.texture.online.modeller import OnlineModeller, carry_out
@@ -80,7 +80,8 @@ def build_model(
     frames
         Shape (n,), with position, force and acceleration, as `mmt.read_session` gives them.
     settings
-        How to model; None takes the defaults.
+        How to model; None takes the defaults. How many samples of the acceleration a frame has,
+        the frames say.
     update_s
         Session time between two updates of the model.
 
@@ -100,9 +101,10 @@ def build_model(
     True
     """
     check("settings", settings, ModellingSettings | None)
-    settings = settings or ModellingSettings()
-    check("update_s", update_s, Annotated[float, Gt(0)])
     check_frames(frames)
+    settings = settings or ModellingSettings()
+    settings = replace(settings, samples_per_frame=samples_per_frame(frames.dtype))
+    check("update_s", update_s, Annotated[float, Gt(0)])
     if len(frames) == 0:
         raise InputError("there are no frames, so no model can be built")
     period_frames = max(1, round(update_s * settings.rate_hz))

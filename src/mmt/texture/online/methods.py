@@ -147,6 +147,6 @@ def made(
         replace(unpacked(packed, InputSpace(settings.inputs)), noise_power=noise_power),
         method=settings.method,
         field=cells,
-        rate_hz=settings.rate_hz,
+        rate_hz=settings.vibration_rate_hz,
         at_once=False,
     )

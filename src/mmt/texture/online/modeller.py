@@ -202,7 +202,7 @@ class OnlineModeller:
             removed=work.removed_count,
             distance=distance_sum(points),
             progress=criterion.progress,
-            order=self.settings.order,
+            order=self.settings.filter_order,
             started=criterion.started,
             stopped=criterion.stopped,
             source=work.source,

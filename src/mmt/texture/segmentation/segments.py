@@ -12,7 +12,7 @@ from mmt.texture.space.inputs import InputSpace
 
 
 class SampleRange(NamedTuple):
-    """Samples by absolute number, `start` included and `stop` not."""
+    """Frames by absolute number, `start` included and `stop` not."""
 
     start: int
     stop: int
@@ -22,12 +22,12 @@ class SampleRange(NamedTuple):
 class Segment:
     """One stationary stretch.
 
-    ``start`` and ``stop`` are absolute sample numbers, half-open. ``speed_mm_s``,
+    ``start`` and ``stop`` are absolute numbers of frames, half-open. ``speed_mm_s``,
     ``velocity_mm_s`` (x, y in the plane of the surface) and ``force_n`` are means.
-    ``vibration_m_s2`` (stop - start,) is a copy, one axis or DFT321.
-    ``time_ns`` is the time of the last sample. ``final`` is False where a later update may
-    still replace the segment. ``measured`` (stop - start,) says which samples of the vibration are
-    measured and not filled, None if all are.
+    ``vibration_m_s2`` (k (stop - start),) is a copy, one axis or DFT321, k samples a frame.
+    ``time_ns`` is the time of the last frame. ``final`` is False where a later update may
+    still replace the segment. ``measured`` (k (stop - start),) says which samples of the
+    vibration are measured and not filled, None if all are.
     """
 
     start: int
@@ -43,7 +43,9 @@ class Segment:
     @classmethod
     def from_block(cls, part: AlignedBlock, span: SampleRange, *, final: bool) -> Self:
         """Return the segment of the samples `span`, which `part` holds."""
-        vibration = part.vibration_m_s2
+        _, per_frame, axes = part.vibration_m_s2.shape
+        vibration = part.vibration_m_s2.reshape(-1, axes)
+        measured = np.repeat(part.measured, per_frame)
         return cls(
             start=span.start,
             stop=span.stop,
@@ -53,10 +55,10 @@ class Segment:
                 float(part.velocity_mm_s[:, 1].mean()),
             ),
             force_n=float(part.normal_force_n.mean()),
-            vibration_m_s2=dft321(vibration) if vibration.shape[1] == 3 else vibration[:, 0].copy(),
+            vibration_m_s2=dft321(vibration) if axes == 3 else vibration[:, 0].copy(),
             time_ns=int(part.time_ns[-1]),
             final=final,
-            measured=None if part.measured.all() else part.measured.copy(),
+            measured=None if measured.all() else measured,
         )
 
     @property

@@ -1,6 +1,6 @@
-"""The vibration in an accelerometer's signal: judged, bridged and high-passed, element by element.
+"""The vibration in an accelerometer's signal: judged, bridged and high-passed, sample by sample.
 
-An element leaves a fixed number of elements after it came, and with it what is known by then:
+A sample leaves a fixed number of samples after it came, and with it what is known by then:
 whether it was a measurement (`mmt.texture.signals.validity`), and what lies behind a gap that is
 bridged (`mmt.texture.signals.bridging`). Behind a longer gap the high-pass restarts in the steady
 state of the offset before it: gravity does not change in a gap. If it did all the same, it starts
@@ -14,10 +14,10 @@ import numpy as np
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
 from mmt.core.compiled import kernel
 from mmt.texture.signals.biquad import SMALLEST, Biquad
-from mmt.texture.signals.bridging import HISTORY, fill
+from mmt.texture.signals.bridging import fill, history_of
 from mmt.texture.signals.validity import Cause, ChannelStates, judge
 
-_OFFSET_SAMPLES: Final = 300.0  # of the running means of offset and power
+_OFFSET_FRAMES: Final = 300.0  # of the running means of offset and power
 _CHANGED_OFFSET: Final = 2.0  # deviations
 
 _MEASURED, _SATURATED = int(Cause.MEASURED), int(Cause.SATURATED)
@@ -28,14 +28,17 @@ _AGE, _KNOWN, _LOST, _LEFT, _COUNT = range(5)
 
 
 class Vibration(NamedTuple):
-    """Elements that have left: ``vibration_m_s2`` (n, axes), ``cause``, ``valid`` (n,)."""
+    """Frames that have left: ``vibration_m_s2`` (n, k, axes), ``cause``, ``valid`` (n,).
+
+    A frame is valid if all its samples are; its cause is that of the first which is not measured.
+    """
 
     vibration_m_s2: FloatArray
     cause: IntArray
     valid: BoolArray
 
 
-@kernel("void(f8[:, ::1], b1[::1], b1[::1], i8, i8, i8, i8[::1])")
+@kernel("void(f8[:, ::1], b1[::1], b1[::1], i8, i8, i8, i8, i8[::1])")
 def _bridge(
     samples: FloatArray,
     unknown: BoolArray,
@@ -43,6 +46,7 @@ def _bridge(
     row: int,
     newest: int,
     longest_bridged: int,
+    per_frame: int,
     state: IntArray,
 ) -> None:
     """Fill the gap that begins at a row if it is short, else note that the filter is lost."""
@@ -61,7 +65,7 @@ def _bridge(
     if stop == end or stop - row > longest_bridged:
         state[_LOST] = 1
         return
-    fill(samples, unknown, row, stop, state[_KNOWN], end - 1)
+    fill(samples, unknown, row, stop, state[_KNOWN], end - 1, per_frame)
     state[_LEFT] = stop - row - 1
 
 
@@ -100,7 +104,7 @@ def _restart(
 
 @kernel("void(f8[::1], f8[::1], f8[:, ::1], f8[::1])")
 def _filter(sample: FloatArray, taps: FloatArray, axes: FloatArray, vibration: FloatArray) -> None:
-    """Filter one element, all axes."""
+    """Filter one sample, all axes."""
     for axis in range(len(sample)):
         output = taps[0] * sample[axis] + axes[axis, _FIRST]
         first = taps[1] * sample[axis] - taps[3] * output + axes[axis, _SECOND]
@@ -110,11 +114,13 @@ def _filter(sample: FloatArray, taps: FloatArray, axes: FloatArray, vibration: F
         vibration[axis] = output
 
 
-@kernel("void(f8[::1], f8[::1], f8[:, ::1], i8[::1])")
-def _learn(sample: FloatArray, vibration: FloatArray, axes: FloatArray, state: IntArray) -> None:
-    """Take a measured element into the running means of offset and power."""
+@kernel("void(f8[::1], f8[::1], f8[:, ::1], i8[::1], f8)")
+def _learn(
+    sample: FloatArray, vibration: FloatArray, axes: FloatArray, state: IntArray, longest: float
+) -> None:
+    """Take a measured sample into the running means of offset and power."""
     state[_COUNT] += 1
-    share = 1.0 / min(float(state[_COUNT]), _OFFSET_SAMPLES)
+    share = 1.0 / min(float(state[_COUNT]), longest)
     for axis in range(len(sample)):
         axes[axis, _OFFSET] += share * (sample[axis] - axes[axis, _OFFSET])
         axes[axis, _POWER] += share * (vibration[axis] ** 2 - axes[axis, _POWER])
@@ -141,8 +147,9 @@ def _process(
     vibration: FloatArray,
     valid: BoolArray,
 ) -> None:
-    """Judge each new element, and let the one `delay` before it leave."""
+    """Judge each new sample, and let the one `delay` before it leave."""
     waiting, first = begins
+    per_frame = len(samples) // max(len(motion), 1)
     delay, settling, longest_bridged = limits
     unknown = np.empty(len(cause), np.bool_)
     for row in range(first):
@@ -154,7 +161,7 @@ def _process(
             continue
         for at in range(row, newest + 1):
             unknown[at] = cause[at] not in (_MEASURED, _SATURATED)
-        _bridge(samples, unknown, restart, row, newest, longest_bridged, state)
+        _bridge(samples, unknown, restart, row, newest, longest_bridged, per_frame, state)
         if state[_LOST] and unknown[row]:
             state[_KNOWN] = 0
             continue
@@ -162,7 +169,7 @@ def _process(
             _restart(samples, unknown, restart, row, newest, settling, taps, axes, state)
         _filter(samples[row], taps, axes, vibration[row])
         if not unknown[row]:
-            _learn(samples[row], vibration[row], axes, state)
+            _learn(samples[row], vibration[row], axes, state, _OFFSET_FRAMES * per_frame)
         valid[row] = cause[row] != _SATURATED and state[_AGE] >= settling
         state[_AGE] += 1
         state[_KNOWN] += 1
@@ -175,37 +182,41 @@ def taps_of(section: Biquad) -> FloatArray:
 
 
 class VibrationFilter:
-    """Judge, bridge and high-pass a stream of acceleration; cost: some 0.2 us an element and axis.
+    """Judge, bridge and high-pass a stream of acceleration; cost: some 0.2 us a sample and axis.
 
     Parameters
     ----------
     high_pass
-        The filter.
+        The filter, at the rate of the samples.
     axes
         Number of axes; a gap in one is a gap in all.
+    per_frame
+        Samples in a frame, k.
     delay
-        Number of elements after which one leaves.
+        Number of frames after which one leaves.
     settling
         Number of samples for which a restarted high-pass is not valid.
     longest_bridged
-        Number of elements without a measurement, one behind the other, that are filled.
+        Number of frames without a measurement, one behind the other, that are filled.
     least : (2,)
-        Tangential motion in mm a sample, and force in N, from which on the tool strokes.
+        Tangential motion in mm a frame, and force in N, from which on the tool strokes.
     """
 
     def __init__(
         self,
         high_pass: Biquad,
         axes: int,
+        per_frame: int,
         delay: int,
         settling: int,
         longest_bridged: int,
         least: FloatArray,
     ) -> None:
         self._taps = taps_of(high_pass)
-        self._limits = np.array([delay, settling, longest_bridged])
+        self._limits = np.array([per_frame * delay, settling, per_frame * longest_bridged])
+        self._per_frame = per_frame
         self._least = least
-        self._channels = ChannelStates(axes)
+        self._channels = ChannelStates(axes, per_frame)
         self._axes = np.zeros((axes, 4))
         self._all = np.zeros(5, np.int64)
         self._history = 0
@@ -221,23 +232,27 @@ class VibrationFilter:
     def process(
         self, samples: FloatArray, motion: FloatArray, missing: BoolArray, restart: BoolArray
     ) -> Vibration:
-        """Take in elements, and return those that leave.
+        """Take in frames, and return those that leave.
 
         Parameters
         ----------
-        samples : (n, axes)
+        samples : (n, k, axes)
         motion : (n, 3)
             Raw tangential position in mm, and normal force in N.
         missing : (n,)
-            Elements to be filled: they stand for frames that did not come.
+            Frames to be filled: they did not come.
         restart : (n,)
-            Elements in front of which frames are missing that have no elements.
+            Frames in front of which others are missing that are not filled.
         """
+        per_frame = self._per_frame
         first = len(self._samples)
-        joined = np.concatenate([self._samples, samples])
-        cause = np.concatenate([self._cause, np.where(missing, int(Cause.MISSING), _MEASURED)])
+        joined = np.concatenate([self._samples, samples.reshape(-1, samples.shape[2])])
+        gone = np.repeat(np.where(missing, int(Cause.MISSING), _MEASURED), per_frame)
+        cause = np.concatenate([self._cause, gone])
         moved = np.concatenate([self._motion, motion])
-        starts = np.concatenate([self._restart, restart])
+        begins = np.zeros(gone.shape, np.bool_)
+        begins[::per_frame] = restart
+        starts = np.concatenate([self._restart, begins])
         leaving = slice(self._history, max(self._history, len(joined) - int(self._limits[0])))
         vibration, valid = np.zeros_like(joined), np.zeros(len(joined), np.bool_)
         channels = self._channels
@@ -258,8 +273,14 @@ class VibrationFilter:
             vibration,
             valid,
         )
-        kept = max(0, leaving.stop - HISTORY)
+        kept = max(0, leaving.stop - history_of(per_frame)) // per_frame * per_frame
         self._history = leaving.stop - kept
         self._samples, self._cause = joined[kept:], cause[kept:]
-        self._motion, self._restart = moved[kept:], starts[kept:]
-        return Vibration(vibration[leaving], cause[leaving], valid[leaving])
+        self._motion, self._restart = moved[kept // per_frame :], starts[kept:]
+        causes = cause[leaving].reshape(-1, per_frame)
+        worst = (causes != _MEASURED).argmax(axis=1)
+        return Vibration(
+            vibration[leaving].reshape(-1, per_frame, vibration.shape[1]),
+            causes[np.arange(len(causes)), worst],
+            np.logical_and.reduce(valid[leaving].reshape(-1, per_frame), axis=1),
+        )

@@ -32,7 +32,8 @@ class AlignedBlock(Columns):
     ``velocity_mm_s`` (n, 2) is the velocity in the plane orthogonal to the normal axis,
     along its two axes in their order, ``speed_mm_s`` (n,) its magnitude.
     ``normal_force_n`` (n,) is positive when pressing, else 0. ``vibration_m_s2`` is high-
-    passed, (n, 1) for an axis and (n, 3) for DFT321, which is applied to whole segments.
+    passed, k samples a frame: (n, k, 1) for an axis and (n, k, 3) for DFT321, which is applied to
+    whole segments.
     ``valid`` (n,) is False while the filters settle after a gap, and where the acceleration is no
     measurement. ``measured`` (n,) is False there, and where a short gap is filled: such samples are
     valid, stand between others, and count for nothing.
@@ -63,7 +64,7 @@ class AlignedBlock(Columns):
             velocity_mm_s=np.zeros((0, 2)),
             speed_mm_s=number,
             normal_force_n=number,
-            vibration_m_s2=np.zeros((0, 1)),
+            vibration_m_s2=np.zeros((0, 1, 1)),
             valid=np.zeros(0, np.bool_),
             measured=np.zeros(0, np.bool_),
         )

@@ -13,6 +13,7 @@ differ from those of a double integrator by less than 1e-7 and lose the digits o
 
 import cmath
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
@@ -142,22 +143,29 @@ class BiquadFilter:
 
     def step(self, value: float) -> float:
         """Filter one sample."""
-        value = float(value)  # a float32 scalar would pull the states down to its precision
-        if not -LARGEST <= value <= LARGEST:
-            if not self._started:
-                return 0.0
-            value = self._held
-        elif not self._started:
-            self._started = True
-            self._first, self._second = self._biquad.steady_state(value)
-        self._held = value
-        section = self._biquad
-        output = section.b0 * value + self._first
-        first = section.b1 * value - section.a1 * output + self._second
-        second = section.b2 * value - section.a2 * output
-        self._first = first if first > SMALLEST or first < -SMALLEST else 0.0
-        self._second = second if second > SMALLEST or second < -SMALLEST else 0.0
-        return output
+        return self.steps((value,))[0]
+
+    def steps(self, values: Iterable[float]) -> list[float]:
+        """Filter the next samples."""
+        section, filtered = self._biquad, []
+        for given in values:
+            value = float(given)  # a float32 scalar would pull the states down to its precision
+            if not -LARGEST <= value <= LARGEST:
+                if not self._started:
+                    filtered.append(0.0)
+                    continue
+                value = self._held
+            elif not self._started:
+                self._started = True
+                self._first, self._second = section.steady_state(value)
+            self._held = value
+            output = section.b0 * value + self._first
+            first = section.b1 * value - section.a1 * output + self._second
+            second = section.b2 * value - section.a2 * output
+            self._first = first if first > SMALLEST or first < -SMALLEST else 0.0
+            self._second = second if second > SMALLEST or second < -SMALLEST else 0.0
+            filtered.append(output)
+        return filtered
 
 
 def _bilinear(

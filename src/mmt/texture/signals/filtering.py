@@ -1,10 +1,11 @@
 """From raw frames to aligned speed, normal force and vibration, causally and online.
 
 Motion and force pass a Bessel low-pass (20 Hz, as paper C), acceleration a Butterworth
-high-pass (10 Hz; it takes gravity away). The filters delay: the motion by 10.8 samples at
+high-pass (10 Hz; it takes gravity away). The filters delay: the motion by 10.8 frames at
 the defaults and the speed, a backward difference, by 0.5 more; the vibration by less than
-one. A frame is therefore given out only when the motion that belongs to it has passed its
-filter, `StreamFilter.delay_samples` frames later, under its own sequence number and time.
+one, and where a frame has several samples of it these lie before the frame's time. A frame is
+therefore given out only when the motion that belongs to it has passed its filter,
+`StreamFilter.delay_samples` frames later, under its own sequence number and time.
 
 A few missing frames in a row are filled: motion and force by a straight line, acceleration as
 `mmt.texture.signals.bridging` says. A longer gap restarts the filters of motion; that of the
@@ -22,7 +23,8 @@ import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray, RecordArray
 from mmt.core.compiled import kernel
-from mmt.core.frames import check_frames
+from mmt.core.errors import InputError
+from mmt.core.frames import check_frames, samples_per_frame
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.acceleration import VibrationFilter, taps_of
 from mmt.texture.signals.aligned import AlignedBlock
@@ -58,13 +60,14 @@ class StreamFilter:
     anew or wrap (`mmt.texture.signals.numbering`); those that come late or twice are ignored. Their
     times are not looked at otherwise.
 
-    Cost: about 0.1 ms a block plus 0.5 us a frame (four channels and one; 0.8 us with three);
-    feed it many at a time. The results are the same to the bit for any partition into blocks.
+    Cost: about 0.1 ms a block plus 0.5 us a frame (four channels and one; 0.8 us with three) and
+    0.2 us for each further sample of a frame and axis; feed it many at a time. The results are the
+    same to the bit for any partition into blocks.
 
     Parameters
     ----------
     settings
-        Its axes, rate, and longest gap to fill; least speed and force from which on the tool
+        Its axes, rates, and longest gap to fill; least speed and force from which on the tool
         strokes: there alone a value can be held. None takes the defaults.
 
     Raises
@@ -77,8 +80,8 @@ class StreamFilter:
         settings = settings or ModellingSettings()
         rate_hz, axis = settings.rate_hz, settings.axis
         low_pass = bessel_low_pass(MOTION_CUTOFF_HZ, rate_hz)
-        high_pass = butterworth_high_pass(VIBRATION_CUTOFF_HZ, rate_hz)
-        self._rate_hz = rate_hz
+        high_pass = butterworth_high_pass(VIBRATION_CUTOFF_HZ, settings.vibration_rate_hz)
+        self._rate_hz, self._per_frame = rate_hz, settings.samples_per_frame
         self._normal = _AXES.index(settings.normal)
         self._tangential = [k for k in range(3) if k != self._normal]
         self._axes = [0, 1, 2] if axis == "dft321" else [_AXES.index(axis)]
@@ -86,11 +89,17 @@ class StreamFilter:
         self._longest_bridged = settings.longest_bridged_samples
         self._least = np.array([settings.least_speed_mm_s / rate_hz, settings.least_force_n])
         speed = low_pass.delay_samples(0.0) + 0.5
-        vibration = high_pass.delay_samples(min(10.0 * VIBRATION_CUTOFF_HZ, rate_hz / 4.0))
-        self.delay_samples = max(0, round(speed - vibration))
-        """By how much the vibration is held back to meet the speed: the difference of the group
-        delays at low frequency and a decade above the high-pass's cutoff."""
-        self.warm_up_samples = high_pass.settling_samples(SETTLED_SHARE)
+        vibration = high_pass.delay_samples(
+            min(10.0 * VIBRATION_CUTOFF_HZ, high_pass.rate_hz / 4.0)
+        )
+        middle = vibration + 0.5 * (self._per_frame - 1)
+        self.delay_samples = max(0, round(speed - middle / self._per_frame))
+        """Frames by which the vibration is held back to meet the speed: the difference of the group
+        delays at low frequency and a decade above the high-pass's cutoff, less half a frame's
+        samples."""
+        self._settling = high_pass.settling_samples(SETTLED_SHARE)
+        self.warm_up_samples = -(-self._settling // self._per_frame)
+        """Frames for which a restarted high-pass is not valid."""
         self._motion_settling = low_pass.settling_samples(SETTLED_SHARE)
         self.reset()
 
@@ -101,8 +110,9 @@ class StreamFilter:
         self._vibration = VibrationFilter(
             self._high_pass,
             axes,
+            self._per_frame,
             self.delay_samples,
-            self.warm_up_samples,
+            self._settling,
             self._longest_bridged,
             self._least,
         )
@@ -111,7 +121,7 @@ class StreamFilter:
         self._numbering = StreamNumbering()
         self.first, self.newest = 0, -1
         """Session's numbers of the first frame and of the newest one."""
-        self._gaps = FrameGaps(self._normal, self._axes, self._longest_bridged)
+        self._gaps = FrameGaps(self._normal, self._axes, self._longest_bridged, self._per_frame)
         self._waiting = np.zeros((2, 0), np.int64)
         self._bridged = 0
         self._causes = np.zeros(len(Cause), np.int64)
@@ -138,9 +148,16 @@ class StreamFilter:
         Raises
         ------
         InputError
-            They are no frames, or lack position, force or acceleration.
+            They are no frames, lack position, force or acceleration, or have another number of
+            samples of the acceleration than the settings say.
         """
         check_frames(frames)
+        given = samples_per_frame(frames.dtype)
+        if given != self._per_frame:
+            raise InputError(
+                f"a frame has {given} samples of the acceleration, the settings say "
+                f"samples_per_frame = {self._per_frame}"
+            )
         numbered = self._numbering.number(frames)
         if len(numbered):
             self.first = int(numbered["sequence"][0]) if self.newest < 0 else self.first

@@ -16,7 +16,8 @@ LARGEST_MEASUREMENT: Final = 1e6
 class Elements(Columns):
     """Frames that came, or that are ``missing`` (n,) and filled, one behind the other.
 
-    ``motion`` (n, 4) is position in mm and normal force in N, ``acceleration`` (n, axes) in m/s2.
+    ``motion`` (n, 4) is position in mm and normal force in N, ``acceleration`` (n, k, axes) in
+    m/s2, k samples a frame.
     """
 
     index: IntArray
@@ -37,14 +38,15 @@ class FrameGaps:
         Numbers of the axes of acceleration that are used.
     longest_bridged
         Missing frames in a row that are filled.
+    per_frame
+        Samples of acceleration in a frame.
     """
 
-    def __init__(self, normal: int, axes: list[int], longest_bridged: int) -> None:
+    def __init__(self, normal: int, axes: list[int], longest_bridged: int, per_frame: int) -> None:
         self._normal, self._axes, self._longest_bridged = normal, axes, longest_bridged
         none = np.zeros(0, np.int64)
-        self._newest = Elements(
-            none, none, np.zeros((0, 4)), np.zeros((0, len(axes))), np.zeros(0, np.bool_)
-        )
+        acceleration = np.zeros((0, per_frame, len(axes)))
+        self._newest = Elements(none, none, np.zeros((0, 4)), acceleration, none > 0)
         self._missed = 0
         self.not_finite = 0
         """Frames with a number that is not finite, or beyond `LARGEST_MEASUREMENT`."""
@@ -85,9 +87,12 @@ class FrameGaps:
         motion = np.empty((len(frames), 4))
         motion[:, :3] = frames["position_mm"]
         motion[:, 3] = frames["force_n"][:, self._normal]
-        acceleration = frames["acceleration_m_s2"][:, self._axes].astype(np.float64)
+        raw = frames["acceleration_m_s2"].reshape(
+            len(frames), self._newest.acceleration.shape[1], 3
+        )
+        acceleration = raw[:, :, self._axes].astype(np.float64)
         good = (np.abs(motion) <= LARGEST_MEASUREMENT).all(axis=1)
-        good &= (np.abs(acceleration) <= LARGEST_MEASUREMENT).all(axis=1)
+        good &= (np.abs(acceleration) <= LARGEST_MEASUREMENT).all(axis=(1, 2))
         last = self._newest.index[-1] if len(self._newest.index) else -1
         newer = (
             index > np.maximum.accumulate(np.concatenate([[last], np.where(good, index, -1)]))[:-1]

@@ -4,6 +4,10 @@ A Butterworth filter of second order with its corner at 10 Hz leaves ``1 / (1 + 
 the power at f Hz: 0.94 at 20 Hz, half at 10 Hz, 0.29 at 8 Hz. Spectra that were fitted to what
 it leaves are divided by it. Below `LOWEST_HZ` there is too little of the texture left beside the
 hand's own motion, and no more is given back than there.
+
+A filter resolves what its memory is long enough for, 16 ms and more at 1 kHz but 6 at 10 kHz: there
+it shows no high-pass. So where a frame has several samples of the vibration, the lowest frequencies
+are those of filters that are fitted to the means of the frames.
 """
 
 from functools import cache
@@ -12,36 +16,47 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.texture.autoregression.forms import reflection_to_ar
-from mmt.texture.autoregression.reshaping import PERIOD, reflection_of, relative_density
+from mmt.texture.autoregression.forms import ReflectionFits, ar_spectrum, reflection_to_ar
+from mmt.texture.autoregression.reshaping import period_of, reflection_of, relative_density, shares
 from mmt.texture.signals.biquad import VIBRATION_CUTOFF_HZ
 
 LOWEST_HZ: Final = 8.0
 
+_LOW_HZ: Final = 50.0
+"""Below this the means of frames tell the spectrum: the high-pass takes 0.2 % of the power here."""
+
 
 def without_high_pass(
-    reflection: FloatArray, order: int, rate_hz: float
+    fits: ReflectionFits, means: ReflectionFits, order: int, rate_hz: float, per_frame: int
 ) -> tuple[FloatArray, FloatArray]:
     """Return the filters of vibration before the high-pass, and its power over that behind it.
 
     Parameters
     ----------
-    reflection
-        Reflection coefficients of filters fitted behind the high-pass, (k, m), of an order that is
-        high enough to show it.
+    fits
+        Filters fitted behind the high-pass, k of them.
+    means
+        Filters fitted to the means of frames, of an order that is high enough to show it.
     order
         Of the filters that are returned.
-    rate_hz
-        Sampling rate.
+    rate_hz, per_frame
+        Sampling rate, and samples in a frame; with one, `means` are not looked at.
 
     Returns
     -------
     reflection, gain
         Shapes (k, order) and (k,), the gain being 1 or more.
     """
-    density = relative_density(reflection_to_ar(reflection))
+    period = period_of(rate_hz)
+    density = relative_density(reflection_to_ar(fits.reflection), period)
+    if per_frame > 1:
+        frame_hz = rate_hz / per_frame
+        low_hz = np.arange(0.0, min(_LOW_HZ, 0.5 * frame_hz), rate_hz / period)
+        scale = np.maximum(fits.power, _TINY) / (density @ shares(period))
+        low = ar_spectrum(reflection_to_ar(means.reflection), means.variance, low_hz, frame_hz)
+        density[:, : len(low_hz)] = 0.5 * rate_hz * low / scale[:, None]
     restored, power = reflection_of(density * _given_back(rate_hz), order)
-    return restored, power / (density @ _WEIGHTS)
+    return restored, 2.0 * power / (density @ shares(period))
 
 
 def gain_without_high_pass(reflection: FloatArray, rate_hz: float) -> FloatArray:
@@ -54,15 +69,16 @@ def gain_without_high_pass(reflection: FloatArray, rate_hz: float) -> FloatArray
     rate_hz
         Sampling rate.
     """
-    density = relative_density(reflection_to_ar(reflection))
-    return np.asarray((density @ _WEIGHTS) / (density @ (_WEIGHTS / _given_back(rate_hz))))
+    period = period_of(rate_hz)
+    density, weights = relative_density(reflection_to_ar(reflection), period), shares(period)
+    return np.asarray((density @ weights) / (density @ (weights / _given_back(rate_hz))))
 
 
-_WEIGHTS: Final = np.r_[0.5, np.ones(PERIOD // 2 - 1), 0.5] / PERIOD
-"""Of a spectrum in its power."""
+_TINY: Final = 1e-300
 
 
 @cache
 def _given_back(rate_hz: float) -> FloatArray:
-    frequency_hz = np.arange(PERIOD // 2 + 1) * (rate_hz / PERIOD)
+    period = period_of(rate_hz)
+    frequency_hz = np.arange(period // 2 + 1) * (rate_hz / period)
     return np.asarray(1.0 + (VIBRATION_CUTOFF_HZ / np.maximum(frequency_hz, LOWEST_HZ)) ** 4)

@@ -15,7 +15,7 @@ import numpy as np
 from mmt.texture.signals.aligned import AlignedBlock
 
 WINDOW: Final = 50
-"""Samples of a window, which is used whole or not at all."""
+"""Frames of a window, which is used whole or not at all."""
 
 LEAST_WINDOWS: Final = 4
 """Least windows from which the noise is estimated."""
@@ -51,7 +51,7 @@ def _still_powers(block: AlignedBlock) -> list[float]:
     if not count:
         return []
     part = block[: count * WINDOW]
-    power = np.square(part.vibration_m_s2).sum(axis=1).reshape(count, WINDOW).mean(axis=1)
+    power = np.square(part.vibration_m_s2).sum(axis=2).reshape(count, -1).mean(axis=1)
     still = part.normal_force_n.reshape(count, WINDOW).max(axis=1) < _IN_AIR_N
     still |= part.speed_mm_s.reshape(count, WINDOW).max(axis=1) < _AT_REST_MM_S
     still &= part.valid.reshape(count, WINDOW).all(axis=1) & np.isfinite(power)

@@ -30,7 +30,7 @@ from mmt.core.compiled import kernel
 
 
 class Cause(IntEnum):
-    """Why an element carries no measurement of the acceleration; `MEASURED` where it does."""
+    """Why a sample is no measurement of the acceleration; `MEASURED` if it is one."""
 
     MEASURED = 0
     MISSING = 1
@@ -43,19 +43,19 @@ CHANCE: Final = 1e-6
 """Chance of a run of repeats, or of equal extremes, below which it is no chance."""
 
 RECENT: Final = 100
-"""Samples after which an extreme that did not come again is no recent one."""
+"""Frames after which an extreme that did not come again is no recent one."""
 
 LEAST_LEARNT: Final = 100
 """Values from which something is learnt of a channel; if an octave has less, those behind smaller
-steps count too. A texture may begin silent for as many."""
+steps count too. A texture may begin silent for as many frames."""
 
 _EVIDENCE: Final = -math.log(CHANCE)
 _COUNTED: Final = 20  # repeats of a run that are learnt from: one long run is one event
 _OCTAVES: Final = 80
 _LOWEST_OCTAVE: Final = -50
-_MEAN_SAMPLES: Final = 12000.0
-_NEAR_MEAN: Final = 4.5  # deviations over the root of the samples: some 98 % of means of textures
-_ACTIVITY_SAMPLES: Final = 128.0
+_MEAN_FRAMES: Final = 12000.0
+_NEAR_MEAN: Final = 4.5  # deviations over the root of the frames: some 98 % of means of textures
+_ACTIVITY_FRAMES: Final = 128.0
 _DECLINED: Final = 0.5  # of the activity: 3 of 100 silences begin from further away
 _LEAST_STEPS: Final = 8.0  # of the resolution, by which a value that is looked at differs
 _LEAST_ACTIVE: Final = 0.01  # of the activity, likewise
@@ -67,11 +67,10 @@ _MEASURED, _MISSING, _HELD, _SATURATED, _CONSTANT = (int(cause) for cause in Cau
 # columns of the state of an axis, and of the trackers of its extremes
 _LAST, _REPEATS, _STEP, _OCTAVE, _DECIDED, _MEAN, _POWER, _COUNT = range(8)
 _RESOLUTION, _CHANGES, _ACTIVITY, _UPPER, _LOWER = range(8, 13)
-_BEFORE: Final = 13  # and those behind it: the last values before the run
-_BEFORE_KEPT: Final = 3
-_STOPS: Final = _BEFORE + _BEFORE_KEPT  # and those behind it: values at which runs stopped
+_STOPS: Final = 13  # and those behind it: values at which runs stopped
 _STOPS_KEPT: Final = 4
-_WIDTH: Final = _STOPS + _STOPS_KEPT
+_BEFORE: Final = _STOPS + _STOPS_KEPT  # and all behind it: the last values before the run
+_BEFORE_FRAMES: Final = 3
 _EXTREME, _ALIKE, _NEAR, _SINCE = range(4)
 
 # What a run of repeats is: within chance, beyond it at rest or in the air, or, in a stroke,
@@ -80,13 +79,21 @@ _UNDECIDED, _AT_REST, _SILENT, _HOLDING = 0.0, 1.0, 2.0, 3.0
 
 
 class ChannelStates:
-    """What is known of each axis of an accelerometer, as `judge` keeps it."""
+    """What is known of each axis of an accelerometer, as `judge` keeps it.
 
-    def __init__(self, axes: int) -> None:
-        self.axes = np.zeros((axes, _WIDTH))
+    Parameters
+    ----------
+    axes
+        Number of axes.
+    per_frame
+        Samples in a frame.
+    """
+
+    def __init__(self, axes: int, per_frame: int) -> None:
+        self.axes = np.zeros((axes, _BEFORE + _BEFORE_FRAMES * per_frame))
         self.axes[:, _RESOLUTION] = self.axes[:, _UPPER] = np.inf
         self.axes[:, _LOWER] = -np.inf
-        self.axes[:, _STOPS:] = np.nan
+        self.axes[:, _STOPS:_BEFORE] = np.nan
         self.repeats: FloatArray = np.zeros((axes, _OCTAVES, 2))
         """For each octave of steps: values that could have been repeated, and that were."""
         self.extremes: FloatArray = np.zeros((axes, 4, 4))
@@ -99,13 +106,16 @@ class ChannelStates:
         return bool(self.axes[:, _CHANGES].any())
 
 
-@kernel("b1(f8[::1], f8, f8, f8, b1)")
+@kernel("b1(f8[::1], f8, f8, f8, i8)")
 def _is_rail(
-    tracker: FloatArray, value: float, mean: float, resolution: float, recent: bool
+    tracker: FloatArray, value: float, mean: float, resolution: float, recent: int
 ) -> bool:
-    """Take a value into the tracker of an upper extreme; return whether this proves a rail."""
+    """Take a value into the tracker of an upper extreme; return whether this proves a rail.
+
+    `recent` is the number of samples for which an extreme is one; 0 for good.
+    """
     tracker[_SINCE] += 1.0
-    if recent and tracker[_SINCE] > RECENT:
+    if recent > 0 and tracker[_SINCE] > recent:
         tracker[_EXTREME] = -np.inf
     beyond = tracker[_EXTREME] - value
     reach = max(4.0 * resolution, 0.25 * (max(value, tracker[_EXTREME]) - mean))
@@ -131,16 +141,18 @@ def _is_rail(
 @kernel("b1(f8[::1], f8, f8[:, ::1], f8[:, ::1])")
 def _step(state: FloatArray, value: float, repeats: FloatArray, extremes: FloatArray) -> bool:
     """Take in a value that differs from the one before; return whether it proves a rail."""
+    per_frame = (len(state) - _BEFORE) // _BEFORE_FRAMES
     size = abs(value - state[_LAST])
-    for place in range(_STOPS - 1, _BEFORE, -1):
+    for place in range(len(state) - 1, _BEFORE, -1):
         state[place] = state[place - 1]
     state[_BEFORE] = state[_LAST]
+    over_frame = abs(value - state[_BEFORE + per_frame - 1])
     if state[_DECIDED] == _UNDECIDED and state[_REPEATS] < _COUNTED and state[_CHANGES]:
         repeats[int(state[_OCTAVE]), 0] += 1.0
     stopped = state[_DECIDED] != _UNDECIDED or state[_REPEATS] >= _COUNTED
     stopped &= state[_DECIDED] != _HOLDING or state[_CHANGES] == 0.0
-    if stopped and not (state[_STOPS:] == state[_LAST]).any():
-        state[_STOPS + 1 :] = state[_STOPS:-1].copy()
+    if stopped and not (state[_STOPS:_BEFORE] == state[_LAST]).any():
+        state[_STOPS + 1 : _BEFORE] = state[_STOPS : _BEFORE - 1].copy()
         state[_STOPS] = state[_LAST]
     state[_CHANGES] += 1.0
     state[_RESOLUTION] = min(state[_RESOLUTION], size)
@@ -149,16 +161,17 @@ def _step(state: FloatArray, value: float, repeats: FloatArray, extremes: FloatA
     state[_OCTAVE] = min(max(octave, 0), _OCTAVES - 1)
     state[_STEP], state[_LAST] = size, value
     state[_REPEATS], state[_DECIDED] = 0.0, _UNDECIDED
-    count, mean = min(state[_CHANGES], _MEAN_SAMPLES), state[_MEAN]
+    count, mean = min(state[_CHANGES], _MEAN_FRAMES * per_frame), state[_MEAN]
     state[_MEAN] = mean + (value - mean) / count
     state[_POWER] += ((value - mean) ** 2 - state[_POWER]) / count
-    state[_ACTIVITY] += (abs(value - mean) - state[_ACTIVITY]) / min(count, _ACTIVITY_SAMPLES)
+    recently = min(count, _ACTIVITY_FRAMES * per_frame)
+    state[_ACTIVITY] += (abs(value - mean) - state[_ACTIVITY]) / recently
     found = False
     # Of noise of a few steps of the converter the extreme is a frequent value itself.
     least = max(_LEAST_STEPS * state[_RESOLUTION], _LEAST_ACTIVE * state[_ACTIVITY])
-    for tracker in range(4 if size >= least else 0):
+    for tracker in range(4 if over_frame >= least else 0):
         sign = 1.0 if tracker < 2 else -1.0
-        recent = tracker % 2 == 0
+        recent = RECENT * per_frame if tracker % 2 == 0 else 0
         if _is_rail(
             extremes[tracker], sign * value, sign * state[_MEAN], state[_RESOLUTION], recent
         ):
@@ -170,12 +183,13 @@ def _step(state: FloatArray, value: float, repeats: FloatArray, extremes: FloatA
 @kernel("b1(f8[::1])")
 def _is_silence(state: FloatArray) -> bool:
     """Return whether a value that is repeated is one at which a vibration has ended."""
-    away = np.abs(state[_BEFORE:_STOPS] - state[_LAST]).mean()
+    away = np.abs(state[_BEFORE:] - state[_LAST]).mean()
     declined = away <= _DECLINED * state[_ACTIVITY] + state[_RESOLUTION]
     if state[_DECIDED] != _AT_REST and not declined:
         return False
-    again = np.abs(state[_STOPS:] - state[_LAST]) <= state[_RESOLUTION]
-    near = _NEAR_MEAN * math.sqrt(state[_POWER] / min(state[_CHANGES], _MEAN_SAMPLES))
+    again = np.abs(state[_STOPS:_BEFORE] - state[_LAST]) <= state[_RESOLUTION]
+    frames = state[_CHANGES] / ((len(state) - _BEFORE) // _BEFORE_FRAMES)
+    near = _NEAR_MEAN * math.sqrt(state[_POWER] / min(frames, _MEAN_FRAMES))
     near += 0.5 * state[_RESOLUTION]
     first = np.isnan(state[_STOPS]) and abs(state[_LAST] - state[_MEAN]) <= near
     return bool(first or again.any())
@@ -198,13 +212,15 @@ def _is_surprise(state: FloatArray, repeats: FloatArray) -> bool:
 def _strokes(
     motion: FloatArray, restart: BoolArray, at: int, samples: int, least: FloatArray
 ) -> bool:
-    """Return whether the tool slid under force during the newest samples up to an element."""
-    first = at
-    while first > 0 and at - first < samples and not restart[first]:
+    """Return whether the tool slid under force in the frames of the newest samples up to `at`."""
+    per_frame = len(restart) // len(motion)
+    last = first = at // per_frame
+    frames = -(-samples // per_frame)
+    while first > 0 and last - first < frames and not restart[first * per_frame]:
         first -= 1
-    x_mm, y_mm, _ = motion[at] - motion[first]
-    slid = first < at and math.hypot(x_mm, y_mm) >= least[0] * (at - first)
-    return bool(slid and motion[first : at + 1, 2].mean() >= least[1])
+    x_mm, y_mm, _ = motion[last] - motion[first]
+    slid = first < last and math.hypot(x_mm, y_mm) >= least[0] * (last - first)
+    return bool(slid and motion[first : last + 1, 2].mean() >= least[1])
 
 
 @kernel("b1(f8[::1], f8[:, ::1], f8[:, ::1], b1[::1], f8[::1], i8, i8)")
@@ -247,22 +263,22 @@ def judge(
     repeats: FloatArray,
     extremes: FloatArray,
 ) -> None:
-    """Judge the newest element, and what it says of those before it.
+    """Judge the newest sample, and what it says of those before it.
 
     Parameters
     ----------
-    samples : (n, axes)
-        Raw acceleration; missing elements hold anything.
-    cause : (n,)
-        See `Cause`; those of the elements `at` - `reach` to `at` may be set.
+    samples : (n k, axes)
+        Raw acceleration, k samples for each of n frames; missing ones hold anything.
+    cause : (n k,)
+        See `Cause`; those of the samples `at` - `reach` to `at` may be set.
     motion : (n, 3)
         Raw tangential position in mm, and normal force in N.
-    restart : (n,)
-        Elements in front of which frames are missing that have no elements.
+    restart : (n k,)
+        First samples of frames in front of which frames are missing that have no elements.
     least : (2,)
-        Motion in mm a sample, and force in N, from which on the tool strokes.
+        Motion in mm a frame, and force in N, from which on the tool strokes.
     at, reach
-        The newest element, and how many before it are still open.
+        The newest sample, and how many before it are still open.
     axes, repeats, extremes
         See `ChannelStates`.
     """

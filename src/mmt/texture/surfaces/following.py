@@ -1,9 +1,11 @@
 """When the tool came onto another surface in a recorded session, faster than real time."""
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from typing import Literal, NamedTuple
 
 from mmt.core.arrays import RecordArray
+from mmt.core.frames import check_frames, samples_per_frame
 from mmt.texture.online.surface_changes import SaidSurface, SurfaceChange
 from mmt.texture.settings import ModellingSettings, SurfaceSettings, surface_check_frames
 from mmt.texture.signals.numbering import StreamNumbering
@@ -39,7 +41,7 @@ def follow_surfaces(
         Shape (n,), with position, force and acceleration.
     settings
         How to model; its ``surfaces`` says how surfaces are told apart, None takes the
-        defaults.
+        defaults. How many samples of the acceleration a frame has, the frames say.
     said
         What persons have said meanwhile: `mmt.texture.surfaces.said_surfaces` of the events of a
         recording.
@@ -51,7 +53,9 @@ def follow_surfaces(
     >>> list(mmt.follow_surfaces(wood))
     []
     """
+    check_frames(frames)
     settings = settings or ModellingSettings()
+    settings = replace(settings, samples_per_frame=samples_per_frame(frames.dtype))
     first = int(frames["sequence"][0]) if len(frames) else 0
     for change in surface_changes(frames, settings, said):
         yield FoundSurface(

@@ -5,6 +5,7 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
+from mmt.core.frames import acceleration_samples
 from mmt.scene import Scene, Texture
 from mmt.texture.signals.biquad import BiquadFilter, butterworth_high_pass
 from mmt.web.binary_messages import pack
@@ -37,7 +38,8 @@ class LiveMessages:
         self._normal = _AXES[texture.normal]
         self._tangential = [axis for axis in range(3) if axis != self._normal]
         self._axis = _AXES[texture.normal if texture.axis == "dft321" else texture.axis]
-        self._filter = BiquadFilter(butterworth_high_pass(_HIGH_PASS_HZ, self._rate_hz))
+        vibration_hz = float(scene.session.acceleration_rate_hz)
+        self._filter = BiquadFilter(butterworth_high_pass(_HIGH_PASS_HZ, vibration_hz))
         self._measured = 0
         self._played = 0
 
@@ -63,13 +65,12 @@ class LiveMessages:
         return pack("live", values, {"measured": measured, "played": played[-MOST_SAMPLES:]})
 
     def _vibration(self, frames: RecordArray | None) -> FloatArray:
-        """Return the high-passed acceleration (n,) of new frames, the newest ones at most."""
+        """Return the high-passed acceleration (n,) of new frames, the newest samples at most."""
         if frames is None or not _has(frames, "acceleration_m_s2"):
             return np.zeros(0)
-        self._measured += len(frames)
-        values = frames["acceleration_m_s2"][-MOST_SAMPLES:, self._axis].tolist()
-        step = self._filter.step
-        return np.array([step(value) for value in values])
+        samples = acceleration_samples(frames)
+        self._measured += len(samples)
+        return np.array(self._filter.steps(samples[-MOST_SAMPLES:, self._axis].tolist()))
 
     def _motion(self, frames: RecordArray | None) -> dict[str, Any]:
         """Return force and position of the newest frame, and the hand's point in the plane."""

@@ -30,13 +30,13 @@ def hello(scene: Scene, session_id: str) -> bytes:
 
 
 def hello_header(scene: Scene, session_id: str) -> dict[str, Any]:
-    """Return names, limits and thresholds of a session."""
+    """Return names, limits and thresholds of a session; ``rate_hz`` is the vibration's."""
     return {
         "session": scene.session.name,
         "id": session_id,
         "version": __version__,
         "parts": [name for name, runs in scene.parts().items() if runs],
-        "rate_hz": scene.session.rate_hz,
+        "rate_hz": scene.session.acceleration_rate_hz,
         "inputs": (scene.texture or Texture()).inputs,
         "maximum_speed_mm_s": MAXIMUM_SPEED_MM_S,
         "maximum_force_n": MAXIMUM_FORCE_N,

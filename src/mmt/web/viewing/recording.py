@@ -40,7 +40,9 @@ class ViewedRecording:
         self._remarks: list[str] = []
         self.scene = self._scene()
         self._texture = self.scene.texture or Texture()
-        self.settings = self._texture.settings(float(self.scene.session.rate_hz))
+        self.settings = self._texture.settings(
+            float(self.scene.session.rate_hz), windows.samples_per_frame
+        )
         self._link = LinkRecord(windows.events)
         self._rebuilding = self._rebuild()
 
@@ -73,6 +75,7 @@ class ViewedRecording:
         windows = self.windows
         header = {
             **states.hello_header(self.scene, windows.session_id or ""),
+            "rate_hz": self.settings.vibration_rate_hz,
             "session": windows.path.name,
             "scene": self.scene.session.name if windows.scene is not None else None,
             "duration_s": windows.duration_s,

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray, RecordArray
+from mmt.core.frames import acceleration_samples, samples_per_frame
 from mmt.session.data import OutputBlock
 from mmt.session.windows import Window
 from mmt.texture.model.texture_model import TextureModel
@@ -19,7 +20,7 @@ from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.synthesis.synthesizer import Synthesizer
 
 SHOWN: Final = 512
-"""Samples of vibration on the page."""
+"""Samples of vibration on the page, at its own rate: half a second at 1 kHz."""
 RECENT_S: Final = 10.0
 """What a moment knows of the past: the trail, and how long blocks were under way."""
 _COURSE_POINTS: Final = 1500
@@ -30,7 +31,7 @@ _STEP: Final = 40
 _TRAIL: Final = 120
 _HIGH_PASS_HZ: Final = 10.0
 _SETTLING: Final = 200
-_LATE_SAMPLES: Final = 50
+_LATE_S: Final = 0.05
 """By which a block may begin late or early and still follow the one before."""
 _BLOCK: Final = 1000
 """Rendering begins at multiples of it, so that a jump to a later moment plays the same samples."""
@@ -39,7 +40,7 @@ _AXES: Final = {"x": 0, "y": 1, "z": 2}
 
 @dataclass(frozen=True, eq=False)
 class Played:
-    """What drove the actuator in the last half second (512,), and whether a model had a part."""
+    """What drove the actuator in the last 512 samples (512,), and whether a model had a part."""
 
     vibration_m_s2: FloatArray
     modelled: FloatArray
@@ -51,19 +52,21 @@ def numbers(frames: RecordArray) -> IntArray:
 
 
 def measured(window: Window, end_s: float, settings: ModellingSettings) -> FloatArray:
-    """Return the high-passed acceleration (512,) up to a moment."""
+    """Return the newest samples of the high-passed acceleration (512,) up to a moment."""
     if "acceleration_m_s2" not in (window.frames.dtype.names or ()):
         return np.full(SHOWN, np.nan)
-    newest = slice(-(SHOWN + _SETTLING), None)
+    several = samples_per_frame(window.frames.dtype)
+    newest = slice(-(-(-SHOWN // several) + _SETTLING), None)
     frames, time_s = window.frames[newest], window.time_s[newest]
     axis = _AXES[settings.normal if settings.axis == "dft321" else settings.axis]
-    step = BiquadFilter(butterworth_high_pass(_HIGH_PASS_HZ, settings.rate_hz)).step
-    values = [step(value) for value in frames["acceleration_m_s2"][:, axis].tolist()]
-    return _placed(np.array(values), numbers(frames), _last_number(frames, time_s, end_s))
+    step = BiquadFilter(butterworth_high_pass(_HIGH_PASS_HZ, settings.rate_hz * several)).step
+    values = [step(value) for value in acceleration_samples(frames)[:, axis].tolist()]
+    last = _last_number(frames, time_s, end_s)
+    return _placed(np.array(values), numbers(frames), last, several)
 
 
 def played(outputs: Sequence[OutputBlock], end_s: float) -> Played:
-    """Return what the leader wrote to its actuator up to a moment.
+    """Return the newest samples that the leader wrote to its actuator up to a moment.
 
     A tick that is late writes what it missed at once: the stream has no hole, though the times
     of its blocks have. Blocks that all but meet are therefore put together.
@@ -72,8 +75,8 @@ def played(outputs: Sequence[OutputBlock], end_s: float) -> Played:
     later = None
     for block in reversed(outputs):
         count = len(block.vibration_m_s2)
-        first = SHOWN - round((end_s - block.time_s) * 1e3)
-        if later is not None and abs(later - first - count) <= _LATE_SAMPLES:
+        first = SHOWN - round((end_s - block.time_s) * block.rate_hz)
+        if later is not None and abs(later - first - count) <= _LATE_S * block.rate_hz:
             first = later - count
         later = first
         begin, stop = max(0, first), min(SHOWN, first + count)
@@ -90,16 +93,17 @@ def synthesized(
     sequence = numbers(window.frames)
     if len(sequence) == 0:
         return Played(np.full(SHOWN, np.nan), np.ones(SHOWN))
-    begin = (int(sequence[-1]) - SHOWN - _SETTLING) // _BLOCK * _BLOCK
+    several = settings.samples_per_frame
+    begin = (int(sequence[-1]) - -(-SHOWN // several) - _SETTLING) // _BLOCK * _BLOCK
     frames = window.frames[sequence >= begin - _SETTLING]
     aligned = StreamFilter(settings).process(frames)
     aligned = aligned[int(np.searchsorted(aligned.index, begin)) :]
     velocity = np.ascontiguousarray(aligned.velocity_mm_s.T)
     motion = (*velocity,) if model.space.directed else (aligned.speed_mm_s,)
-    inputs = [np.ascontiguousarray(values) for values in (*motion, aligned.normal_force_n)]
+    inputs = [np.repeat(values, several) for values in (*motion, aligned.normal_force_n)]
     rendered = Synthesizer(model, seed=begin % 2**31).render(*inputs)
     last = _last_number(window.frames, window.time_s, end_s)
-    return Played(_placed(rendered, aligned.index, last), np.ones(SHOWN))
+    return Played(_placed(rendered, aligned.index, last, several), np.ones(SHOWN))
 
 
 def course(window: Window) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -120,8 +124,8 @@ def modes(outputs: Sequence[OutputBlock]) -> list[tuple[float, float, str]]:
     spans: list[tuple[float, float, str]] = []
     for block in outputs:
         mode = "synthesized" if block.mode == "fading" else block.mode
-        begin_s, end_s = block.time_s, block.time_s + len(block.vibration_m_s2) / 1e3
-        if spans and spans[-1][2] == mode and begin_s - spans[-1][1] < _LATE_SAMPLES / 1e3:
+        begin_s, end_s = block.time_s, block.end_s
+        if spans and spans[-1][2] == mode and begin_s - spans[-1][1] < _LATE_S:
             begin_s, _, _ = spans.pop()
         spans.append((begin_s, end_s, mode))
     return [span for span in spans if span[2] != "silent"]
@@ -162,10 +166,11 @@ def _last_number(frames: RecordArray, time_s: FloatArray, end_s: float) -> int:
     return int(frames["sequence"][-1]) + max(0, round((end_s - float(time_s[-1])) * 1e3) - 1)
 
 
-def _placed(values: FloatArray, sequence: IntArray, last: int) -> FloatArray:
-    """Return values (n,) by their numbers in the last 512, NaN where there is none."""
+def _placed(values: FloatArray, sequence: IntArray, last: int, several: int) -> FloatArray:
+    """Return values (n k,) of frames (n,) up to the `last` in the last 512, NaN where is none."""
     shown = np.full(SHOWN, np.nan)
-    places = sequence - (last - SHOWN + 1)
+    samples = (several * sequence[:, None] + np.arange(several)).ravel()
+    places = samples - (several * (last + 1) - SHOWN)
     inside = (places >= 0) & (places < SHOWN)
     shown[places[inside]] = values[inside]
     return shown

@@ -11,7 +11,7 @@ const HISTORY = 250;
 const SPECTRA_EVERY_MS = 200;
 
 const $ = (id) => document.getElementById(id);
-const ages = Array.from({ length: SHOWN }, (_, i) => i - SHOWN + 1);
+const agesMs = (rateHz) => Array.from({ length: SHOWN }, (_, i) => (1000 * (i - SHOWN + 1)) / rateHz);
 const axes = [["x", "streamed"], ["y", "synthesized"], ["z", "third"]];
 
 /** Put a text where it is not there yet. */
@@ -143,7 +143,7 @@ export class Panels {
     this.plane.draw(this.trail);
     const { plots, rings, history } = this;
     const played = (modelled) => rings.played.values.map((value, i) => (rings.modelled.values[i] === modelled ? value : null));
-    plots.vibration.set([ages, rings.measured.values, played(0), played(1)]);
+    plots.vibration.set([agesMs(this.hello.rate_hz), rings.measured.values, played(0), played(1)]);
     plots.force.set([history.time, ...history.force]);
     plots.position.set([history.time, ...history.position]);
     if (now - this.spectraAt > SPECTRA_EVERY_MS) this.#spectra(now);

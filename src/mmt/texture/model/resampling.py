@@ -1,0 +1,72 @@
+"""A model at another sampling rate: filters with the same spectra.
+
+The spectrum of each filter, up to the lower of both Nyquist frequencies, is that of the vibration
+at the new rate, and the filter of the new order follows from its autocorrelations (Makhoul, "Linear
+prediction: a tutorial review", Proc. IEEE 63 (1975), 561-580, section IV.C, selective linear
+prediction). To a higher rate nothing is known above the old Nyquist frequency: the spectrum goes on
+at `FLOOR_DB` below its mean, which keeps the equations well conditioned.
+
+Errors of the shipped models, root mean square in dB from 10 to 490 Hz, in the median over strokes:
+0.5 to 0.7 from 1 to 2 kHz, 0.6 to 0.8 to 5 kHz, and 0.7 to 1.2 to 10 kHz, where filters remember
+6 ms in place of 16. What a way back restores is 0.2, 0.4 and 1.1 dB off at most.
+"""
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.texture.autoregression.forms import lsf_to_reflection, output_power, reflection_to_lsf
+from mmt.texture.autoregression.reshaping import period_of, reflection_of
+from mmt.texture.autoregression.spectra import lsf_spectrum
+from mmt.texture.linear_algebra import nearest_rows
+from mmt.texture.model.file import ModelContents
+from mmt.texture.settings import usual_order
+
+FLOOR_DB: Final = 40.0
+"""Level below that of the mean where the vibration is not known. Deeper, the edge takes more of the
+filter: of 20, 30, 40, 50, 60 and 80 dB the errors of HaTT's models are least at 40."""
+
+
+def resampled(contents: ModelContents, rate_hz: float) -> ModelContents:
+    """Return a model's contents at another sampling rate.
+
+    Powers are those within the new band. Cost: some ms a sample at 10 kHz.
+    """
+    samples, ratio = contents.samples, rate_hz / contents.rate_hz
+    density, share = _spectra(samples.lsf, contents.rate_hz, rate_hz)
+    reflection, _ = reflection_of(density, usual_order(rate_hz))
+    power = samples.power * share
+    field = contents.field
+    if field is not None:
+        nearest = nearest_rows(samples.points, field.points)
+        field = field.scaled(share[nearest][field.cell_of_row])
+    resized = replace(
+        samples,
+        lsf=reflection_to_lsf(reflection),
+        variance=power * np.prod((1.0 - reflection) * (1.0 + reflection), axis=1),
+        power=power,
+        noise_power=samples.noise_power * min(ratio, 1.0),
+        counts=None if samples.counts is None else samples.counts * ratio,
+    )
+    return contents._replace(samples=resized, rate_hz=rate_hz, field=field)
+
+
+def _spectra(lsf: FloatArray, before_hz: float, rate_hz: float) -> tuple[FloatArray, FloatArray]:
+    """Return spectra (k, f) at the new rate, and the share of the power that is in its band, (k,).
+
+    The spectra are of filters (k, m), for white noise of variance one.
+    """
+    frequencies_hz = np.linspace(0.0, 0.5 * rate_hz, period_of(rate_hz) // 2 + 1)
+    known = frequencies_hz <= 0.5 * before_hz
+    known_hz = frequencies_hz[known]
+    density = np.empty((len(lsf), len(known)))
+    for row, filter_lsf in enumerate(lsf):  # in one call they would fill the memory
+        density[row, known] = lsf_spectrum(filter_lsf, 1.0, known_hz, before_hz)
+    floor = 10.0 ** (-FLOOR_DB / 10.0)
+    density[:, ~known] = floor * density[:, known].mean(axis=1, keepdims=True)
+    if rate_hz >= before_hz:
+        return density, np.ones(len(lsf))
+    power = output_power(np.ones(len(lsf)), lsf_to_reflection(np.array(lsf)))
+    return density, np.minimum(np.trapezoid(density, frequencies_hz, axis=1) / power, 1.0)

@@ -1,0 +1,300 @@
+"""Several samples of acceleration a frame: known signals come back, what is too fast does not."""
+
+import logging
+import math
+import random
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from instruments import Instrument
+from running_source import RunningSource
+from synthetic_sensors import MS, START_NS, SyntheticSensor
+
+from mmt.core.arrays import RecordArray
+from mmt.core.errors import InputError
+from mmt.core.frames import acceleration_samples, frame_dtype, missing_band
+from mmt.devices.adxl335.gravity import nominal
+from mmt.devices.adxl335.serial_driver import SerialAdxl335
+from mmt.devices.adxl335.u6_driver import U6Adxl335
+from mmt.devices.drivers import load_device
+from mmt.devices.frame_assembly import FrameAssembler, ReadingAges
+from mmt.devices.lanes import WAITING, PolledLane
+from mmt.devices.protocols import SampledSensor, SensorReading, Vector
+from mmt.devices.source import DeviceSource
+from mmt.devices.vibration_lane import VibrationLane
+from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
+from mmt.testing.emulated.labjack_u6 import EmulatedU6
+from mmt.testing.emulated.net_ft import EmulatedNetFt
+from mmt_devices.iio.driver import iio_accelerometer
+from mmt_devices.iio.emulated import EmulatedIio
+
+SAMPLES = st.integers(1, 10)
+
+
+def frames_of(
+    samples_per_frame: int, rate_hz: float, frequency_hz: float, phase: float = 0.3, count: int = 40
+) -> tuple[np.ndarray, np.ndarray]:
+    """Samples (n k,) that are made of a sine as complex numbers, and what it is at their times."""
+    lane = VibrationLane(0, samples_per_frame)
+    found, expected = [], []
+    end_ns = (count + 10) * MS
+    for k in range(math.ceil(end_ns * 1e-9 * rate_hz)):
+        time_ns = round(k * 1e9 / rate_hz)
+        angle = math.tau * frequency_hz * time_ns * 1e-9 + phase
+        lane.add([SensorReading(time_ns, (math.cos(angle), math.sin(angle), 9.81))], time_ns)
+    lane.at(8 * MS)  # until there are readings enough, the rate is not known
+    settled_ns = math.ceil(20.0 * max(1.0, 1000.0 / rate_hz)) * MS
+    for frame in range(count):
+        time_ns = settled_ns + frame * MS + 137_000
+        values = lane.at(time_ns)
+        if values is WAITING:
+            break
+        assert isinstance(values, tuple)
+        found += values
+        for j in range(samples_per_frame):
+            at_s = (time_ns - (samples_per_frame - 1 - j) * MS / samples_per_frame) * 1e-9
+            angle = math.tau * frequency_hz * at_s + phase
+            expected.append(complex(math.cos(angle), math.sin(angle)))
+    x, y, z = np.array(found).reshape(-1, 3).T
+    assert len(x) >= 5 * samples_per_frame
+    assert z == pytest.approx(9.81)
+    return x + 1j * y, np.array(expected)
+
+
+@settings(deadline=None, max_examples=60)
+@given(SAMPLES, st.floats(0.5, 4.0), st.floats(0.01, 0.3), st.floats(0.0, 6.0))
+def test_a_known_sine_comes_back_at_the_times_of_the_samples(
+    samples_per_frame: int, faster: float, share: float, phase: float
+) -> None:
+    """Up to 0.3 of the lower rate within 13 %; within 3 % where readings are filtered."""
+    rate_hz = faster * 1000.0 * samples_per_frame
+    frequency_hz = share * 1000.0 * samples_per_frame * min(1.0, faster)
+    found, expected = frames_of(samples_per_frame, rate_hz, frequency_hz, phase)
+    filtered = samples_per_frame > 1 and faster > 1.11
+    assert np.abs(found - expected).max() <= (0.03 if filtered else 0.13)
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.integers(2, 10), st.floats(1.15, 4.0), st.floats(0.0, 1.0))
+def test_a_tone_above_half_the_rate_of_the_samples_is_40_db_down(
+    samples_per_frame: int, faster: float, place: float
+) -> None:
+    half_hz = 500.0 * samples_per_frame
+    frequency_hz = half_hz + place * (faster - 1.0) * half_hz
+    found, _ = frames_of(samples_per_frame, 2.0 * faster * half_hz, frequency_hz)
+    assert np.abs(found).max() <= 0.01
+
+
+def merged(
+    sensor: SyntheticSensor, samples_per_frame: int, seconds: float
+) -> tuple[RecordArray, FrameAssembler]:
+    """Look at the sensor ten times in a millisecond, with ticks that are late at times."""
+    lane = VibrationLane(sensor.latency_ns, samples_per_frame)
+    force = PolledLane()
+    dtype = frame_dtype(["force", "acceleration"], samples_per_frame)
+    lanes = {"force_n": force, "acceleration_m_s2": lane}
+    ages = ReadingAges([lane])
+    chance = random.Random(7)
+    looks = [(START_NS + k * MS // 10, False) for k in range(round(seconds * 10_000))]
+    ticks = [(START_NS + k * MS, k) for k in range(100, round(seconds * 1000))]
+    looks += [(tick + round(chance.expovariate(1 / 50_000)), True) for tick, _ in ticks]
+    merger = None
+    blocks = []
+    for now_ns, is_tick in sorted(looks):
+        lane.add(sensor.arrived(now_ns), now_ns)
+        if not is_tick:
+            if merger is None:
+                ages.look(now_ns)
+            continue
+        force.record(((now_ns - START_NS) / MS, 0.0, 0.0), now_ns)
+        if merger is None:
+            merger = FrameAssembler(lanes, dtype, MS, ages.hold_back_ns())
+        merger.tick(1, now_ns)
+        blocks.append(merger.frames())
+    assert merger is not None
+    return np.concatenate(blocks), merger
+
+
+@pytest.mark.parametrize("drift", [-100e-6, 30e-6])
+@pytest.mark.parametrize(
+    ("samples_per_frame", "rate_hz"), [(2, 2000), (2, 4000), (5, 3200), (10, 20_000)]
+)
+def test_each_sample_is_of_its_own_time(
+    samples_per_frame: int, rate_hz: float, drift: float
+) -> None:
+    sensor = SyntheticSensor(rate_hz, drift, transport_ns=0)
+    frames, merger = merged(sensor, samples_per_frame, 4.0)
+    times_ms = (frames["time_ns"] - START_NS)[:, None] / MS + np.arange(
+        1 - samples_per_frame, 1
+    ) / samples_per_frame
+    found_ms = acceleration_samples(frames)[:, 0].reshape(times_ms.shape)
+    errors_us = 1e3 * (found_ms.astype(float) - times_ms)[10:]
+    assert np.std(errors_us) < 50
+    assert np.percentile(np.abs(errors_us), 99) < 100
+    assert frames["force_n"][:, 0] == pytest.approx(times_ms[:, -1], abs=1e-3)
+    assert np.diff(frames["sequence"]).max() == 1
+    filtered = rate_hz > 1100 * samples_per_frame
+    most_ms = 1e3 / rate_hz + 0.9 + (4.0 / samples_per_frame if filtered else 0.0)
+    assert merger.hold_back_ns - sensor.latency_ns < most_ms * MS
+
+
+@pytest.mark.parametrize(("samples_per_frame", "rate_hz"), [(2, 4000), (3, 2000), (10, 10_000)])
+def test_while_nothing_is_measured_there_are_no_frames(
+    samples_per_frame: int, rate_hz: float
+) -> None:
+    lane = VibrationLane(0, samples_per_frame)
+    times_ns = [round(k * 1e9 / rate_hz) for k in range(round(0.2 * rate_hz))]
+    for time_ns in times_ns:
+        if not 100 * MS < time_ns < 110 * MS:
+            lane.add([SensorReading(time_ns, (1.0, 2.0, 3.0))], time_ns)
+    there = {ms: lane.at(ms * MS) for ms in range(20, 180)}
+    lacking = [ms for ms, values in there.items() if values is None]
+    assert lacking == list(range(101, 111))
+    for values in there.values():
+        assert values is None or values == pytest.approx((1.0, 2.0, 3.0) * samples_per_frame)
+
+
+def test_a_lost_reading_costs_the_filter_and_no_frame() -> None:
+    lane = VibrationLane(0, 2)
+    for k in range(1000):
+        if k != 500:
+            lane.add([SensorReading(k * MS // 8, (math.cos(0.3 * k), 0.0, 1.0))], k * MS // 8)
+    shaped = []
+    for ms in range(20, 110):
+        x, _, z, u, _, w = lane.at(ms * MS)  # type: ignore[misc]
+        assert (z, w) == pytest.approx((1.0, 1.0))
+        errors = (x - math.cos(0.3 * (8 * ms - 4)), u - math.cos(0.3 * 8 * ms))
+        assert np.abs(errors).max() < 0.06
+        if np.abs(errors).max() > 0.02:
+            shaped.append(ms)
+    assert min(shaped) >= 60
+    assert max(shaped) <= 68
+
+
+def test_a_frame_may_be_asked_for_again() -> None:
+    lane = VibrationLane(0, 4)
+    rng = np.random.default_rng(1)
+    for k in range(400):
+        x, y, z = rng.normal(size=3).tolist()
+        lane.add([SensorReading(k * MS // 8, (x, y, z))], k * MS // 8)
+    for ms in range(10, 40):
+        assert lane.at(ms * MS) == lane.at(ms * MS)
+
+
+def test_ten_samples_a_frame_of_a_quick_sensor_take_little_time() -> None:
+    """Some 0.06 ms on the machine that this was written on."""
+    lane = VibrationLane(0, 10)
+    merger = FrameAssembler({"acceleration_m_s2": lane}, frame_dtype(["acceleration"], 10), MS)
+    spent_ns = []
+    for ms in range(1, 1000):
+        come = [
+            SensorReading((20 * ms + j) * MS // 20, (float(j), 1.0, 2.0)) for j in range(-19, 1)
+        ]
+        began_ns = time.thread_time_ns()
+        lane.add(come, ms * MS)
+        merger.tick(1, ms * MS)
+        merger.frames()
+        spent_ns.append(time.thread_time_ns() - began_ns)
+    print(f"{np.median(spent_ns) / 1e3:.0f} us a tick")
+    assert np.median(spent_ns) < 0.5 * MS
+
+
+def test_a_polled_accelerometer_is_refused() -> None:
+    with pytest.raises(InputError, match=r"1000 samples a second.* 5000 .*adxl335-u6 \(100 to"):
+        DeviceSource(
+            Instrument(), None, Instrument(), ["position", "acceleration"], samples_per_frame=5
+        )
+    DeviceSource(Instrument(), None, Instrument(), ["position"], samples_per_frame=5)
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "samples_hz", "said"),
+    [(2000.0, 5000.0, "nothing above 1000 Hz"), (1999.0, 2000.0, ""), (4000.0, 2000.0, "")],
+)
+def test_what_a_slow_sensor_lacks_is_said(rate_hz: float, samples_hz: float, said: str) -> None:
+    assert said in missing_band(rate_hz, samples_hz)
+    assert bool(said) == bool(missing_band(rate_hz, samples_hz))
+
+
+def shaken(time_ns: int, fast_hz: float) -> Vector:
+    slow, fast = (math.tau * f * time_ns * 1e-9 for f in (100.0, fast_hz))
+    return 10.0 * math.sin(slow), 10.0 * math.sin(fast), 9.81
+
+
+@contextmanager
+def board_of_4_khz(fast_hz: float) -> Iterator[SampledSensor]:
+    """A microcontroller's board at a serial line."""
+    board = EmulatedAdxl335Board(
+        lambda time_ns: shaken(time_ns, fast_hz),
+        rate_hz=4000.0, per_frame=2, bandwidth_hz=1600.0, noise_density=0.0,
+    )  # fmt: skip
+    board.start()
+    yield SerialAdxl335(port=board.address, bandwidth_hz=1600.0)
+    board.stop()
+
+
+@contextmanager
+def u6_of_8_khz(fast_hz: float) -> Iterator[SampledSensor]:
+    """A LabJack U6 at its USB packets."""
+    zero, gain, _ = nominal(3.3)
+    delay_ns = round(1e9 / (math.tau * 1600.0))
+
+    def volts(time_ns: int) -> list[float]:
+        felt = shaken(time_ns - delay_ns, fast_hz)
+        return [zero[i] + gain[i] * felt[i] for i in range(3)] + [0.0] * 11
+
+    yield U6Adxl335(backend=EmulatedU6(volts), rate_hz=8000.0, bandwidth_hz=1600.0)
+
+
+@contextmanager
+def iio_of_4_khz(fast_hz: float) -> Iterator[SampledSensor]:
+    """An ADXL355 at the buffer of industrial I/O."""
+    emulated = EmulatedIio(lambda time_ns: shaken(time_ns, fast_hz), noise_m_s2=0.0)
+    emulated.start()
+    yield iio_accelerometer(**emulated.options, rate_hz=4000.0, stuck_s=60.0)
+    emulated.stop()
+
+
+@pytest.mark.parametrize(
+    ("sensor_of", "samples_per_frame", "fast_hz"),
+    [(board_of_4_khz, 2, 1300.0), (u6_of_8_khz, 3, 2400.0), (iio_of_4_khz, 3, 1800.0)],
+)
+def test_emulated_devices_give_several_samples_a_frame(
+    sensor_of: Callable[[float], AbstractContextManager[SampledSensor]],
+    samples_per_frame: int,
+    fast_hz: float,
+) -> None:
+    """What is slow comes through at its time, what the frames cannot hold does not."""
+    pressed_n = [0.0]
+    box = EmulatedNetFt(lambda _: (0.0, 0.0, pressed_n[0]), noise_n=1e-5)
+    box.start()
+    with sensor_of(fast_hz) as sensor:
+        force = load_device("ati-net-ft", {**box.options, "filter": 0}, role="force_sensor")
+        running = RunningSource(force, sensor, samples_per_frame=samples_per_frame)
+        running.start()  # takes the bias
+        pressed_n[0] = 1.0
+        frames = running.run(lambda number: number >= 1000)[200:]
+        running.source.close()
+    box.stop()
+    assert frames["acceleration_m_s2"].shape == (len(frames), samples_per_frame, 3)
+    earlier_ns = np.arange(1 - samples_per_frame, 1) * (MS / samples_per_frame)
+    times_s = (frames["time_ns"][:, None] + earlier_ns).ravel() * 1e-9
+    x, y, z = acceleration_samples(frames).T.astype(float)
+    assert np.median(np.abs(x - 10.0 * np.sin(math.tau * 100.0 * times_s))) < 2.0
+    assert np.median(np.abs(y)) < 0.2
+    assert np.median(z) == pytest.approx(9.81, abs=0.1)
+    assert np.median(frames["force_n"][:, 2]) == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_sensor_that_is_too_slow_says_so_at_the_start(caplog: pytest.LogCaptureFixture) -> None:
+    with board_of_4_khz(1300.0) as sensor, caplog.at_level(logging.WARNING, "mmt.devices"):
+        running = RunningSource(None, sensor, samples_per_frame=10)
+        running.start()
+        running.source.close()
+    (said,) = (each for each in caplog.messages if "samples a second" in each)
+    assert "the scene takes 10000: nothing above " in said

@@ -1,0 +1,234 @@
+"""Vibration of k kHz beside frames of 1 kHz, from the acceleration to the last guard."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import signal
+
+from mmt.core.arrays import FloatArray
+from mmt.core.frames import frame_dtype
+from mmt.devices.protocols import InterfaceState
+from mmt.leader.motion.slew import VibrationSlew
+from mmt.leader.output.concealment import LONGEST_FRAMES, Way, build_concealment, course
+from mmt.leader.output.playout import PlayoutBuffer
+from mmt.leader.output.stream import StreamedVibration
+from mmt.leader.output.three_axes import ThreeAxes
+from mmt.leader.output.vibration import VibrationPart, VibrationSwitch
+from mmt.leader.part import Session, Tick
+from mmt.scene.files import scene_from_tables
+from mmt.testing.simulation.actuator import SimulatedActuator
+from mmt.texture.settings import VibrationAxis
+
+MS = 1_000_000
+DELAY = 4
+SEVERAL = st.sampled_from([1, 2, 5, 10])
+WAYS: tuple[Way, ...] = ("model", "repetition", "silence")
+
+
+def textured(frames: int, k: int, seed: int = 0) -> FloatArray:
+    """Return noise (frames k,) with two resonances, at 80 and 225 Hz."""
+    generator = np.random.default_rng(seed)
+    poles = [0.95 ** (1 / k) * np.exp(0.5j / k), 0.9 ** (1 / k) * np.exp(1.4j / k)]
+    ar = np.poly([*poles, *np.conj(poles)]).real
+    values = signal.lfilter([1.0], ar, generator.standard_normal(frames * k))
+    return np.asarray(values / values.std())
+
+
+def streamed(
+    values: FloatArray, k: int, way: Way, lost: Sequence[int] = (), axis: VibrationAxis = "z"
+) -> FloatArray:
+    """Return what the switch plays of an acceleration along z of which frames are lost."""
+    count = len(values) // k
+    frames = np.zeros(count, frame_dtype(samples_per_frame=k))
+    frames["sequence"] = np.arange(count)
+    frames["time_ns"] = MS * np.arange(count)
+    along = frames["acceleration_m_s2"][..., 2]
+    along[:] = (9.81 + values).reshape(along.shape)
+    buffer = PlayoutBuffer(DELAY, concealment=build_concealment(way, 1, k))
+    stream = StreamedVibration(buffer, axis, 1000.0, k)
+    switch = VibrationSwitch(buffer.pull, None, crossfade_samples=0, samples_per_tick=k)
+    played, missing = [], set(lost)
+    for number in range(count):
+        if number not in missing:
+            stream.on_frames(frames[number : number + 1], number * MS)
+        played.append(switch.render(number * MS, np.zeros(k), np.zeros(k)))
+    return np.concatenate(played)
+
+
+def high_passed(values: FloatArray, k: int) -> FloatArray:
+    """Return what scipy makes of the acceleration, begun in the first sample's steady state."""
+    b, a = signal.butter(2, 10.0, "highpass", fs=1000.0 * k)
+    measured = (9.81 + values).astype(np.float32).astype(np.float64)
+    return np.asarray(signal.lfilter(b, a, measured, zi=measured[0] * signal.lfilter_zi(b, a))[0])
+
+
+@given(k=SEVERAL, way=st.sampled_from(WAYS), seed=st.integers(0, 99))
+@settings(max_examples=30, deadline=None)
+def test_a_stream_is_played_as_it_is_a_delay_later(k: int, way: Way, seed: int) -> None:
+    values = textured(300, k, seed)
+    played, fade = streamed(values, k, way), 5
+    wanted = high_passed(values, k)
+    np.testing.assert_allclose(
+        played[(DELAY + fade) * k :], wanted[fade * k : -DELAY * k], atol=1e-9
+    )
+
+
+@given(
+    k=SEVERAL,
+    way=st.sampled_from(["model", "repetition"]),
+    gaps=st.lists(st.integers(1, 130), min_size=1, max_size=4),
+    seed=st.integers(0, 30),
+)
+@settings(max_examples=40, deadline=None)
+def test_no_joint_clicks_whatever_is_missing(k: int, way: Way, gaps: list[int], seed: int) -> None:
+    values = textured(250 + 30 * len(gaps) + sum(gaps), k, seed)
+    lost, at = [], 200
+    for gap in gaps:
+        lost += range(at, at + gap)
+        at += gap + 7
+    whole, holed = streamed(values, k, way), streamed(values, k, way, lost)
+    peak, step = np.abs(whole).max(), np.abs(np.diff(whole)).max()
+    # the high-pass goes on from before a gap, with what the gap has hidden from it
+    assert np.abs(holed).max() <= 1.5 * peak
+    # in a fade of 5 ms, a share of the difference between two signals, and what each moves by
+    largest = 1.5 * (max(step, peak / 16) + 0.4 * peak / k)
+    assert np.abs(np.diff(holed)).max() <= largest
+
+
+@given(k=SEVERAL, way=st.sampled_from(WAYS), length=st.integers(1, 200))
+@settings(max_examples=40, deadline=None)
+def test_nothing_is_invented_for_longer_than_a_tenth_of_a_second(
+    k: int, way: Way, length: int
+) -> None:
+    values = textured(500, k)
+    played = streamed(values, k, way, range(200, 200 + length))
+    begin, end = 200 + DELAY, 200 + DELAY + length
+    silent = played[(begin + LONGEST_FRAMES + 20) * k : end * k]
+    assert (silent == 0.0).all()
+    full = played[begin * k : min(end, begin + 50) * k]
+    if way != "silence" and length > 20:
+        assert 0.4 < full.std() / played[100 * k : begin * k].std() < 2.0
+
+
+@pytest.mark.parametrize("k", [1, 2, 5, 10])
+def test_a_gap_takes_as_long_at_any_rate(k: int) -> None:
+    np.testing.assert_allclose(course(0, k)[k - 1 :: k], course(0), atol=1e-12)
+    np.testing.assert_allclose(course(70, k)[k - 1 :: k], course(70), atol=1e-12)
+
+
+@pytest.mark.parametrize("k", [2, 5, 10])
+def test_three_axes_keep_their_power(k: int) -> None:
+    axes = np.column_stack([textured(4000, k, seed) * (seed + 1.0) for seed in range(3)])
+    together = ThreeAxes(1000.0)
+    blocks = axes.reshape(-1, k, 3).transpose(0, 2, 1).tolist()
+    played = np.concatenate([together.steps(*block) for block in blocks])
+    settled = 1000 * k
+    power = np.mean(played[settled:] ** 2) / np.mean((axes[settled:] ** 2).sum(axis=1))
+    assert abs(10.0 * np.log10(power)) < 0.2
+
+
+class Noise:
+    directed = False
+
+    def __init__(self, seed: int) -> None:
+        self._generator = np.random.default_rng(seed)
+
+    def render(self, *inputs: FloatArray) -> FloatArray:
+        return self._generator.standard_normal(len(inputs[0]))
+
+
+@pytest.mark.parametrize("k", [1, 2, 5, 10])
+def test_a_crossfade_keeps_the_power(k: int) -> None:
+    powers = []
+    for seed in range(100):
+        other = np.random.default_rng(1000 + seed)
+        switch = VibrationSwitch(
+            lambda _, other=other: other.standard_normal(k).tolist(),  # type: ignore[misc]
+            Noise(seed),
+            crossfade_samples=50 * k,
+            samples_per_tick=k,
+        )
+        switch.use_model(True)
+        ticks = [switch.render(tick * MS, np.ones(k), np.ones(k)) for tick in range(50)]
+        assert switch.mode == "synthesized"
+        powers.append(np.concatenate(ticks) ** 2)
+    by_tenth = np.mean(powers, axis=0).reshape(10, -1).mean(axis=1)
+    np.testing.assert_allclose(by_tenth, 1.0, atol=0.25)
+
+
+class Heard:
+    """Notes what drives it; plays its first input."""
+
+    directed = False
+
+    def __init__(self) -> None:
+        self.speeds: list[float] = []
+
+    def render(self, *inputs: FloatArray) -> FloatArray:
+        self.speeds += inputs[0].tolist()
+        return inputs[0].copy()
+
+
+@given(
+    k=SEVERAL,
+    ticks=st.lists(st.tuples(st.integers(1, 4), st.floats(0.0, 50.0)), min_size=1, max_size=20),
+)
+@settings(deadline=None)
+def test_the_motion_goes_along_lines_between_the_ticks(
+    k: int, ticks: list[tuple[int, float]]
+) -> None:
+    tables = {"link": {}, "simulated": {}, "hand": {}, "playout": {}, "actuator": {}}
+    rate = {"acceleration_rate_hz": 1000 * k}
+    session = Session(scene_from_tables({"session": rate, **tables}))
+    heard, actuator = Heard(), SimulatedActuator(limit_m_s2=60.0)
+    switch = VibrationSwitch(None, heard, crossfade_samples=0, samples_per_tick=k)
+    switch.use_model(True)
+    part = VibrationPart(session, actuator, switch, VibrationSlew(60.0, samples_per_tick=k))
+    outputs: list[tuple[int, int]] = []
+    part._on_output.append(
+        lambda first_ns, _, vibration: outputs.append((first_ns, len(vibration)))
+    )
+    now, wanted, before = 0, [], ticks[0][1]
+    for elapsed, speed in ticks:
+        now += elapsed
+        state = InterfaceState((0.0, 0.0, -1.0), (speed, 0.0, 0.0), 1.0, True)
+        part.tick(Tick(now_ns=now * MS, elapsed=elapsed, begun=True, state=state))
+        line = before + (speed - before) * np.arange(1, k + 1) / k
+        wanted += [*line, *[speed] * (k * (elapsed - 1))]
+        assert heard.speeds[-1] == pytest.approx(speed, abs=1e-9)
+        before = speed
+    np.testing.assert_allclose(heard.speeds, wanted, atol=1e-9)
+    assert actuator.statistics.samples == now * k == len(wanted)
+    # what is told of the output follows without a gap, its last sample at the tick's time
+    ends_ns = [first_ns + (count - 1) * MS / k for first_ns, count in outputs]
+    np.testing.assert_allclose(ends_ns, MS * np.cumsum([elapsed for elapsed, _ in ticks]), atol=1)
+
+
+@given(
+    k=SEVERAL,
+    values=st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=1, max_size=80),
+    silent=st.booleans(),
+)
+def test_limit_and_slew_hold_for_every_sample(k: int, values: list[float], silent: bool) -> None:
+    largest_step = 60_000.0 / (1000.0 * k)
+    slew = VibrationSlew(60.0, largest_step, k)
+    blocks = [np.array(values[at : at + k]) for at in range(0, len(values), k)]
+    for number, block in enumerate(blocks):
+        slew.limit(block, silent=silent and number > 2)
+    played = np.concatenate([[0.0], *blocks])
+    assert np.isfinite(played).all()
+    assert np.abs(played).max() <= 60.0
+    assert np.abs(np.diff(played)).max() <= largest_step + 1e-9
+
+
+@pytest.mark.parametrize("k", [1, 2, 5, 10])
+def test_what_is_silenced_fades_within_ten_milliseconds(k: int) -> None:
+    slew = VibrationSlew(60.0, samples_per_tick=k)
+    for _ in range(3):
+        slew.limit(np.full(k, 2.0))
+    fading = np.full(10 * k, 2.0)
+    slew.limit(fading, silent=True)
+    np.testing.assert_allclose(fading, 2.0 * (1.0 - np.arange(1, 10 * k + 1) / (10 * k)), atol=1e-9)

@@ -1,0 +1,168 @@
+"""Frames with several samples of acceleration: what is sent is what arrives."""
+
+import time
+
+import msgpack
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from link_samples import (
+    FollowerNotes,
+    LeaderNotes,
+    drawn_frames,
+    follower,
+    hello,
+    leader,
+    until,
+)
+
+from mmt.core.arrays import RecordArray
+from mmt.core.errors import MmtError
+from mmt.core.frames import CHANNELS, MOST_SAMPLES, SEQUENCES, Channel
+from mmt.link.backfill import FrameBuffer
+from mmt.link.endpoint import Endpoint, FollowerEvents, LeaderEvents
+from mmt.link.frame_sender import FrameSender
+from mmt.link.protocol import MAX_MESSAGE_BYTES, MAX_RECORDS_PER_MESSAGE, FollowerHello
+from mmt.link.rate_limit import RateLimit
+from mmt.link.reader import LARGEST_QUANTITY, BlockReader
+from mmt.scene import LARGEST_SPEED
+
+SOME_CHANNELS = st.sets(st.sampled_from(CHANNELS), min_size=1).map(tuple)
+SAMPLES = st.integers(1, MOST_SAMPLES)
+
+
+def spoil(frames: RecordArray, frame: int, sample: int, axis: int, value: float) -> None:
+    frames["acceleration_m_s2"][frame].reshape(-1, 3)[sample, axis] = value
+
+
+def endpoint_into(messages: list[bytes]) -> Endpoint:
+    """A follower's endpoint whose messages are kept."""
+    endpoint = Endpoint(
+        BlockReader(hello().frame_dtype, "commands"),
+        50,
+        1000,
+        FollowerEvents(on_commands=lambda *_: None),
+        lambda _: None,
+    )
+    endpoint.outbox.put = lambda records, message: messages.append(message)  # type: ignore[method-assign]
+    return endpoint
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    SOME_CHANNELS,
+    SAMPLES,
+    st.integers(1, MAX_RECORDS_PER_MESSAGE),
+    st.lists(st.integers(1, 130), min_size=1, max_size=5),
+    st.integers(0, 2**31),
+)
+def test_what_a_follower_sends_is_what_a_leader_reads(
+    channels: tuple[Channel, ...], samples: int, gathered: int, counts: list[int], seed: int
+) -> None:
+    said = hello(channels=channels, samples_per_frame=samples, frames_per_message=gathered)
+    heard = FollowerHello.from_auth(msgpack.unpackb(msgpack.packb(said.to_auth())))
+    assert heard == said
+    messages: list[bytes] = []
+    sender = FrameSender(said, endpoint_into(messages))
+    reader = BlockReader(heard.frame_dtype, "frames")
+    kept = FrameBuffer(heard.frame_dtype, sum(counts))
+    sent: list[RecordArray] = []
+    for count in counts:
+        frames = drawn_frames(sum(map(len, sent)), count, said.frame_dtype, seed)
+        sent.append(frames)
+        sender.put(frames)
+        kept.put(frames.tobytes())
+    sender.flush()
+    assert max(map(len, messages)) <= MAX_MESSAGE_BYTES
+    read = [reader.read((msgpack.unpackb(each)["data"][1],), 10**12) for each in messages]
+    whole = np.concatenate(sent)
+    assert np.array_equal(np.concatenate([block for block in read if block is not None]), whole)
+    assert reader.rejected == {}
+    assert np.array_equal(kept.select([(0, SEQUENCES)]), whole)
+
+
+@settings(max_examples=50, deadline=None)
+@given(SAMPLES, st.data(), st.sampled_from([np.nan, np.inf, -np.inf, 1.01 * LARGEST_QUANTITY]))
+def test_one_bad_sample_rejects_its_frame_alone(
+    samples: int, data: st.DataObject, bad: float
+) -> None:
+    said = hello(channels=CHANNELS, samples_per_frame=samples)
+    frames = drawn_frames(0, 5, said.frame_dtype)
+    row = data.draw(st.integers(0, 5 * samples - 1))
+    spoil(frames, row // samples, row % samples, data.draw(st.integers(0, 2)), bad)
+    reader = BlockReader(said.frame_dtype, "frames")
+    read = reader.read((frames.tobytes(),), 0)
+    assert read is not None
+    assert np.array_equal(read, np.delete(frames, row // samples))
+    assert sum(reader.rejected.values()) == 1
+    other = BlockReader(hello(channels=CHANNELS, samples_per_frame=11 - samples).frame_dtype, "f")
+    assert other.read((frames[:1].tobytes(),), 0) is None
+    assert other.rejected == {"size": 1}
+
+
+async def test_frames_of_ten_samples_cross_the_link_and_come_again() -> None:
+    up, filled, gone = LeaderNotes(), list[RecordArray](), list[tuple[int, int]]()
+    events = LeaderEvents(
+        on_frames=lambda block, arrival_ns: up.blocks.append(block),
+        on_backfill=filled.append,
+        on_gone=gone.extend,
+        on_error=up.errors.append,
+    )
+    sent = drawn_frames(0, 300, hello(channels=CHANNELS, samples_per_frame=10).frame_dtype)
+    spoil(sent, 5, 5, 1, np.nan)
+    async with (
+        leader(events=events, channels=CHANNELS, samples_per_frame=10) as server,
+        follower(
+            server.port,
+            FollowerNotes(),
+            channels=CHANNELS,
+            samples_per_frame=10,
+            keep_frames=300,
+            frames_per_message=100,
+        ) as client,
+    ):
+        client.send_frames(sent)
+        await until(lambda: len(up.sequences) == 299)
+        await until(lambda: server._endpoint.outbox.is_open)
+        server.request_frames([(0, 50)])
+        await until(lambda: sum(map(len, filled)) == 49 and gone)
+    assert np.array_equal(np.concatenate(up.blocks), np.delete(sent, 5))
+    assert np.array_equal(np.concatenate(filled), np.delete(sent[:50], 5))
+    assert gone == [(5, 6)]
+    assert up.errors == []
+
+
+@pytest.mark.parametrize(("theirs", "ours"), [(5, 10), (1, 10), (10, 1)])
+async def test_other_samples_a_frame_are_refused_with_a_sentence(theirs: int, ours: int) -> None:
+    async with leader(channels=CHANNELS, samples_per_frame=ours) as server:
+        with pytest.raises(
+            MmtError,
+            match=f"the follower sends {theirs} samples of acceleration a frame, the leader's "
+            rf"scene needs {ours} \(acceleration_rate_hz of \[session\]\): use the same scene",
+        ):
+            async with follower(server.port, channels=CHANNELS, samples_per_frame=theirs):
+                pass
+        assert not server.connected
+        async with follower(server.port, channels=CHANNELS, samples_per_frame=ours):
+            assert server.connected
+
+
+def test_a_hello_says_more_only_where_frames_hold_more() -> None:
+    plain = hello(channels=CHANNELS).to_auth()
+    assert plain["protocol"] == 1
+    assert "samples_per_frame" not in plain
+    several = hello(channels=CHANNELS, samples_per_frame=5).to_auth()
+    assert several == {**plain, "protocol": 2, "samples_per_frame": 5}
+    assert hello(channels=("position",), samples_per_frame=5).to_auth()["protocol"] == 1
+
+
+def test_a_replay_of_the_largest_frames_stays_within_the_rate_limit() -> None:
+    dropped: list[str] = []
+    limit = RateLimit(1000, dropped.append, pytest.fail)
+    size = hello(channels=CHANNELS, samples_per_frame=MOST_SAMPLES).frame_dtype.itemsize
+    assert size == 156
+    now_ns = time.monotonic_ns()
+    for tick in range(60_000):
+        assert limit.passes(round(LARGEST_SPEED) * size + 40, now_ns + tick * 1_000_000)
+    assert dropped == []

@@ -1,0 +1,182 @@
+"""Frames with several samples of the acceleration: the same figures as with one, in more detail."""
+
+import numpy as np
+import pytest
+import scipy.signal
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_filtering import assert_identical, in_blocks
+
+import mmt
+from mmt.core.arrays import RecordArray
+from mmt.core.errors import InputError
+from mmt.core.frames import frame_dtype
+from mmt.texture.autoregression.burg import burg
+from mmt.texture.autoregression.forms import (
+    ar_spectrum,
+    lsf_spectrum,
+    lsf_to_reflection,
+    reflection_to_ar,
+    reflection_to_lsf,
+)
+from mmt.texture.online.history import build_model
+from mmt.texture.settings import ModellingSettings
+from mmt.texture.signals.bridging import fill
+from mmt.texture.signals.filtering import StreamFilter
+
+
+def stroked(acceleration: np.ndarray) -> RecordArray:
+    """Frames of a stroke at 100 mm/s and 1 N, with acceleration (n, k, 3)."""
+    count, per_frame, _ = acceleration.shape
+    frames = np.zeros(count, frame_dtype(samples_per_frame=per_frame))
+    frames["sequence"] = np.arange(count)
+    frames["time_ns"] = 1_000_000 * np.arange(count)
+    frames["position_mm"][:, 0] = 0.1 * np.arange(count)
+    frames["force_n"][:, 2] = 1.0
+    frames["acceleration_m_s2"] = acceleration.reshape(frames["acceleration_m_s2"].shape)
+    return frames
+
+
+def textured(count: int, per_frame: int, seed: int = 0) -> np.ndarray:
+    """Acceleration (n, k, 3) of a texture with its power at 100 to 400 Hz, and gravity."""
+    random = np.random.default_rng(seed)
+    band = scipy.signal.butter(2, [100, 400], "bandpass", fs=1000.0 * per_frame, output="sos")
+    white = random.standard_normal((count * per_frame, 3)) * np.sqrt(per_frame)
+    gravity = np.array([0.1, 0.2, -9.8])
+    return (scipy.signal.sosfilt(band, white, axis=0) + gravity).reshape(count, per_frame, 3)
+
+
+def several(per_frame: int, **kept: object) -> ModellingSettings:
+    return ModellingSettings(samples_per_frame=per_frame, **kept)  # type: ignore[arg-type]
+
+
+@st.composite
+def spoilt_streams(draw: st.DrawFn) -> tuple[RecordArray, list[int]]:
+    """Streams with runs that are held, a rail, broken numbers and missing frames; and a cut."""
+    per_frame = draw(st.sampled_from([2, 10]))
+    count = draw(st.integers(60, 400))
+    made = np.round(textured(count, per_frame, draw(st.integers(0, 99))), 2)
+    if draw(st.booleans()):
+        made = np.minimum(made, np.quantile(made, 0.99, axis=(0, 1)))
+    flat = made.reshape(-1, 3)
+    for start in draw(st.lists(st.integers(0, len(flat) - 1), max_size=4)):
+        flat[start : start + draw(st.integers(2, 20 * per_frame))] = flat[start]
+    for broken in draw(st.lists(st.integers(0, len(flat) - 1), max_size=3)):
+        flat[broken, 2] = np.nan
+    came = np.ones(count, np.bool_)
+    for start in draw(st.lists(st.integers(1, count - 1), max_size=4)):
+        came[start : start + draw(st.integers(1, 9))] = False
+    return stroked(made)[came], draw(st.lists(st.integers(0, 60), max_size=10))
+
+
+@given(spoilt=spoilt_streams(), axis=st.sampled_from(["z", "dft321"]))
+@settings(max_examples=40, deadline=None)
+def test_the_cut_into_blocks_does_not_matter(spoilt: tuple[RecordArray, list[int]], axis) -> None:
+    frames, lengths = spoilt
+    kept = several(frames["acceleration_m_s2"].shape[1], axis=axis)
+    stream = StreamFilter(kept)
+    whole = stream.process(frames)
+    for cut in (lengths, [1] * len(frames)):
+        again = StreamFilter(kept)
+        assert_identical(in_blocks(again, frames, cut), whole)
+        assert again.faults == stream.faults
+
+
+@pytest.mark.parametrize("per_frame", [2, 5, 10])
+def test_the_vibration_is_filtered_at_its_own_rate_and_meets_the_motion(per_frame: int) -> None:
+    acceleration = textured(800, per_frame)
+    stream = StreamFilter(several(per_frame, axis="z"))
+    aligned = stream.process(stroked(acceleration))
+    rate_hz = 1000.0 * per_frame
+    high_pass = scipy.signal.butter(2, 10.0, "highpass", fs=rate_hz, output="sos")
+    samples = acceleration[:, :, 2].astype(np.float32).ravel().astype(float)
+    start = scipy.signal.sosfilt_zi(high_pass) * samples[0]
+    expected = scipy.signal.sosfilt(high_pass, samples, zi=start)[0]
+    found = aligned.vibration_m_s2.ravel()
+    np.testing.assert_allclose(found, expected[: len(found)], atol=1e-9)
+    # the speed lags by 11.3 frames, the samples lie half a frame before its time in the mean
+    assert stream.delay_samples == 11
+    assert stream.warm_up_samples == StreamFilter().warm_up_samples
+    assert aligned.valid[stream.warm_up_samples :].all()
+
+
+def test_a_frame_is_measured_if_all_its_samples_are() -> None:
+    acceleration = textured(1500, 10)
+    acceleration.reshape(-1, 3)[10_003:10_058] = acceleration.reshape(-1, 3)[10_003]  # 5.5 ms
+    stream = StreamFilter(several(10))
+    aligned = stream.process(stroked(acceleration))
+    assert np.flatnonzero(~aligned.measured).tolist() == list(range(1000, 1006))
+    assert aligned.valid[1000 - 100 : 1100].sum() == 194  # six are too many to fill
+    assert stream.faults.held_s == pytest.approx(0.006)
+
+
+def test_a_gap_is_filled_better_than_by_a_line() -> None:
+    errors = []
+    for seed in range(20):
+        whole = textured(300, 10, seed).reshape(-1, 3)[:, 2:].copy()
+        filled, unknown = whole.copy(), np.zeros(len(whole), np.bool_)
+        unknown[2000:2030] = True
+        line = np.linspace(whole[1999, 0], whole[2030, 0], 32)[1:-1]
+        fill(filled, unknown, 2000, 2030, 2000, 2110, 10)
+        truth = whole[2000:2030, 0]
+        errors.append(
+            [np.square(filled[2000:2030, 0] - truth).sum(), np.square(line - truth).sum()]
+        )
+    by_model, by_line = np.sum(errors, axis=0)
+    assert by_model < 0.7 * by_line
+
+
+@pytest.mark.parametrize("per_frame", [2, 10])
+def test_a_texture_has_the_same_level_and_spectrum_at_any_rate(per_frame: int) -> None:
+    frames, _ = mmt.simulate_session(mmt.Scene(), surface="wood", duration_s=8.0)
+    finer = scipy.signal.resample_poly(
+        frames["acceleration_m_s2"].astype(float), per_frame, 1, axis=0
+    )
+    finer = np.roll(finer, per_frame - 1, axis=0)  # the last of a frame is at its time
+    finer += 0.01 * np.random.default_rng(1).standard_normal(finer.shape)
+    wide = np.zeros(len(frames), frame_dtype(samples_per_frame=per_frame))
+    for name in ("sequence", "time_ns", "position_mm", "force_n"):
+        wide[name] = frames[name]
+    wide["acceleration_m_s2"] = finer.reshape(len(frames), per_frame, 3)
+    usual, found = build_model(frames), build_model(wide)
+    assert [u.samples for u in found.updates] == [u.samples for u in usual.updates]
+    one, other = usual.updates[-1].model, found.updates[-1].model
+    assert one is not None
+    assert other is not None
+    assert other.rate_hz == 1000.0 * per_frame
+    np.testing.assert_array_equal(other.samples.inputs, one.samples.inputs)
+    apart_db = other.level_db(100.0, 1.0)[0] - one.level_db(100.0, 1.0)[0]
+    assert abs(apart_db[0]) < 0.3
+    frequencies_hz = np.arange(20.0, 400.0, 5.0)
+    spectra = (m.spectrum(100.0, 1.0, frequencies_hz=frequencies_hz) for m in (one, other))
+    assert np.std(10.0 * np.log10(np.divide(*spectra))) < 1.5
+    assert found.start_s == usual.start_s
+
+
+def test_frames_of_another_number_of_samples_are_refused() -> None:
+    with pytest.raises(InputError, match="2 samples of the acceleration, the settings say"):
+        StreamFilter().process(stroked(textured(20, 2)))
+
+
+@given(
+    st.lists(st.tuples(st.floats(8.0, 480.0), st.floats(2.0, 100.0)), min_size=1, max_size=8),
+    st.integers(0, 99),
+)
+@settings(max_examples=20, deadline=None)
+def test_resonances_close_to_zero_keep_their_filter_at_the_largest_order(lines, seed: int) -> None:
+    made = np.zeros(4000)
+    for number, (line, width) in enumerate(lines):
+        pole = np.exp((-np.pi * width + 2j * np.pi * line) / 1e4)
+        white = np.random.default_rng(seed + number).standard_normal(4000)
+        ringing = scipy.signal.lfilter([1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], white)
+        made += ringing / ringing.std()
+    made += 1e-3 * made.std() * np.random.default_rng(seed + 100).standard_normal(4000)
+    reflection = burg(made, 64).reflection
+    lsf = reflection_to_lsf(reflection)
+    assert (np.diff(lsf, prepend=0.0, append=np.pi) > 0.0).all()
+    again = reflection_to_lsf(lsf_to_reflection(lsf))
+    np.testing.assert_allclose(again, lsf, rtol=0.0, atol=1e-11)
+    frequencies_hz = np.arange(5.0, 5000.0, 5.0)
+    told = lsf_spectrum(lsf, 1.0, frequencies_hz, 1e4)
+    exact = ar_spectrum(reflection_to_ar(reflection), 1.0, frequencies_hz, 1e4)
+    np.testing.assert_allclose(10.0 * np.log10(told / exact), 0.0, atol=1e-3)
