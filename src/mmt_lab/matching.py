@@ -52,7 +52,7 @@ class Virtual:
 
 
 @dataclass(frozen=True, eq=False)
-class Sample:
+class StrokedSample:
     """A real sample stroked anew.
 
     ``velocity_mm_s`` (n, 2), ``speed_mm_s`` (n,), ``force_n`` (n,) and ``vibration_m_s2`` (n,) are
@@ -76,7 +76,7 @@ class Sample:
 
 
 @dataclass(frozen=True)
-class Pair:
+class MatchedPair:
     """A real sample and a virtual texture: mean spectral error and GFC, median power error."""
 
     error: float
@@ -99,13 +99,13 @@ def virtual_texture(texture: str, seed: int) -> Virtual:
     return Virtual(texture, models["anisotropic"], models["isotropic"], frames.nbytes)
 
 
-def real_sample(texture: str, seed: int) -> Sample:
+def real_sample(texture: str, seed: int) -> StrokedSample:
     """Stroke a texture anew."""
     settings = network_settings("anisotropic")
     stream = StreamFilter(settings)
     block = stream.process(_stroke(texture, STROKED_S, seed))
     first = int(block.index[0])
-    return Sample(
+    return StrokedSample(
         texture,
         block.velocity_mm_s,
         block.speed_mm_s,
@@ -115,18 +115,24 @@ def real_sample(texture: str, seed: int) -> Sample:
     )
 
 
-def compare_pair(sample: Sample, model: TextureModel, seed: int, spectra: Spectra) -> Pair:
+def compare_pair(
+    sample: StrokedSample, model: TextureModel, seed: int, spectra: Spectra
+) -> MatchedPair:
     """Compare what a model renders under the stroke with what was recorded."""
     return _compared(sample.rendered(model, seed), sample.vibration_m_s2, sample, spectra)
 
 
-def two_renderings(sample: Sample, model: TextureModel, seed: int, spectra: Spectra) -> Pair:
+def two_renderings(
+    sample: StrokedSample, model: TextureModel, seed: int, spectra: Spectra
+) -> MatchedPair:
     """Compare two renderings of one model: what is left where the model is the texture."""
     first, other = (sample.rendered(model, seed + number) for number in (0, 1))
     return _compared(first, other, sample, spectra)
 
 
-def _compared(rendered: FloatArray, recorded: FloatArray, sample: Sample, spectra: Spectra) -> Pair:
+def _compared(
+    rendered: FloatArray, recorded: FloatArray, sample: StrokedSample, spectra: Spectra
+) -> MatchedPair:
     errors, scores, powers_db = [], [], []
     nperseg = _WELCH_SAMPLES if spectra is Spectra.WELCH else None
     for part in sample.segments:
@@ -138,4 +144,4 @@ def _compared(rendered: FloatArray, recorded: FloatArray, sample: Sample, spectr
         power, true_power = (float(np.mean(signal[part] ** 2)) for signal in (rendered, recorded))
         powers_db.append(power_error_db(power, true_power))
     median_db = float(np.median(np.abs(powers_db)))  # some strokes are silent in the model
-    return Pair(float(np.mean(errors)), float(np.mean(scores)), median_db)
+    return MatchedPair(float(np.mean(errors)), float(np.mean(scores)), median_db)

@@ -12,7 +12,7 @@ import numpy as np
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.link.access import Access
-from mmt.link.connection import Connection, check_url
+from mmt.link.connection import LeaderConnection, check_url
 from mmt.link.protocol import peer_text
 from mmt.link.rate_limit import PeriodLimit, RateLimit
 from mmt.link.websocket import Send
@@ -111,7 +111,7 @@ class ListenerClient:
         self._asked = False
         self._answers, self._answering = 0, PeriodLimit(ANSWER_PERIOD_S)
         self._emitting: set[asyncio.Task[None]] = set()
-        self._connection = Connection(
+        self._connection = LeaderConnection(
             settings.url,
             {
                 **Hello(settings.name or "", operator is not None, states_hz).as_auth(),

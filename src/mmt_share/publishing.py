@@ -11,7 +11,7 @@ from mmt_share.difference import difference
 from mmt_share.messages import MODEL, About, encode_change, model_message
 
 
-class Published(NamedTuple):
+class PublishedModel(NamedTuple):
     """One state of a model for the wire: its number, and either way to bring it over."""
 
     number: int
@@ -31,7 +31,7 @@ class ModelPublisher:
         self._number = 0
         self._arrays: dict[str, Any] = {}
 
-    def publish(self, model: TextureModel, about: About) -> Published:
+    def publish(self, model: TextureModel, about: About) -> PublishedModel:
         """Return the messages of a model's new state."""
         before, after = self._arrays, arrays_of(model.contents)
         self._arrays = after
@@ -41,4 +41,4 @@ class ModelPublisher:
         if before:
             change = encode_change(self._number, now_ns, about, difference(before, after))
         whole = model_message(self._number, now_ns, about, pack_arrays(after))
-        return Published(self._number, encode_event(MODEL, whole), change)
+        return PublishedModel(self._number, encode_event(MODEL, whole), change)

@@ -12,10 +12,10 @@ from typer.testing import CliRunner, Result
 from mmt.cli import gravity
 from mmt.cli.main import app
 from mmt.core.errors import InputError
-from mmt.devices.adxl335.gravity import GRAVITY_M_S2, UPS, Calibration, rests_from
+from mmt.devices.adxl335.gravity import GRAVITY_M_S2, UPS, GravityCalibration, rests_from
 from mmt.devices.calibrations import load_calibration
 
-TRUE = Calibration((1.60, 1.68, 1.75), (0.0345, 0.033, 0.0325))
+TRUE = GravityCalibration((1.60, 1.68, 1.75), (0.0345, 0.033, 0.0325))
 
 
 @pytest.fixture(autouse=True)
@@ -32,7 +32,7 @@ def felt(up: str) -> tuple[float, float, float]:
     return x, y, z
 
 
-def recorded(path: Path, true: Calibration, **more: object) -> Path:
+def recorded(path: Path, true: GravityCalibration, **more: object) -> Path:
     rests = [
         {
             "up": up,

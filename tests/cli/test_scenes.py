@@ -17,7 +17,7 @@ from mmt.cli import scene_services
 from mmt.cli.main import app
 from mmt.cli.scene import costs as scene_costs
 from mmt.cli.scene import runs as scene_runs
-from mmt.cli.scene.costs import SceneRun, ServiceRun
+from mmt.cli.scene.costs import MeasuredService, SceneRun
 from mmt.cli.scene.runs import SceneRunner
 from mmt.cli.scene_services import DemoRun
 from mmt.core.errors import InputError, MmtError
@@ -41,7 +41,9 @@ def explain(monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
 
     def made(runner: SceneRunner, scene: Scene) -> SceneRun:
         modules = ("numpy", "scipy") if scene.texture is not None else ("numpy",)
-        service = ServiceRun(1.5, 0.3, 90.0 + len(modules), modules, TASKS, {"MainThread": 1.0}, 2)
+        service = MeasuredService(
+            1.5, 0.3, 90.0 + len(modules), modules, TASKS, {"MainThread": 1.0}, 2
+        )
         sides = ("leader", "follower") if scene.source else ("leader",)
         return SceneRun(dict.fromkeys(sides, service), {"up": 71_300.0, "down": 0.0}, None)
 

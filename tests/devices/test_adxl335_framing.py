@@ -14,7 +14,7 @@ from sketches import FIRMWARE, check_whole, compiled, needs_compiler, running
 from mmt.devices.adxl335.framing import (
     MOST_SAMPLES,
     VERSION,
-    Frame,
+    BoardFrame,
     FrameDecoder,
     Timeline,
     encode_frame,
@@ -30,7 +30,7 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "acceleromet
 u16 = st.integers(0, 2**16 - 1)
 u32 = st.integers(0, 2**32 - 1)
 frames = st.builds(
-    Frame,
+    BoardFrame,
     u32,
     u32,
     st.lists(st.tuples(u16, u16, u16), min_size=1, max_size=MOST_SAMPLES).map(tuple),
@@ -45,7 +45,7 @@ def decoder() -> FrameDecoder:
 
 
 @given(st.lists(frames, max_size=5), st.integers(1, 50))
-def test_frames_come_back_however_the_bytes_are_cut(sent: list[Frame], size: int) -> None:
+def test_frames_come_back_however_the_bytes_are_cut(sent: list[BoardFrame], size: int) -> None:
     wire = b"".join(encode_frame(frame) for frame in sent)
     reader, got = decoder(), []
     for at in range(0, len(wire), size):
@@ -63,12 +63,12 @@ def test_stuffed_bytes_hold_no_zero(plain: bytes) -> None:
 
 
 @given(frames, st.data())
-def test_a_flipped_bit_never_passes(frame: Frame, data: st.DataObject) -> None:
+def test_a_flipped_bit_never_passes(frame: BoardFrame, data: st.DataObject) -> None:
     wire = bytearray(encode_frame(frame))
     wire[data.draw(st.integers(0, len(wire) - 1))] ^= 1 << data.draw(st.integers(0, 7))
     reader = decoder()
     got = list(reader.feed(bytes(wire)))
-    after = Frame(1, 2, ((3, 4, 5),))
+    after = BoardFrame(1, 2, ((3, 4, 5),))
     got += reader.feed(b"\0" + encode_frame(after))
     assert got == [after]
     assert 1 <= reader.faults.total() <= 2  # a bit that made a zero cuts the frame in two
@@ -76,7 +76,7 @@ def test_a_flipped_bit_never_passes(frame: Frame, data: st.DataObject) -> None:
 
 @settings(max_examples=50)
 @given(st.binary(max_size=2000), frames)
-def test_after_any_garbage_the_next_frame_is_read(garbage: bytes, frame: Frame) -> None:
+def test_after_any_garbage_the_next_frame_is_read(garbage: bytes, frame: BoardFrame) -> None:
     reader = FrameDecoder()
     reader.feed(garbage)
     assert list(reader.feed(b"\0" + encode_frame(frame)))[-1:] == [frame]
@@ -84,14 +84,14 @@ def test_after_any_garbage_the_next_frame_is_read(garbage: bytes, frame: Frame) 
 
 
 def test_the_first_half_frame_is_no_fault() -> None:
-    wire = encode_frame(Frame(7, 8, ((1, 2, 3),)))
+    wire = encode_frame(BoardFrame(7, 8, ((1, 2, 3),)))
     reader = FrameDecoder()
-    assert list(reader.feed(wire[5:] + wire)) == [Frame(7, 8, ((1, 2, 3),))]
+    assert list(reader.feed(wire[5:] + wire)) == [BoardFrame(7, 8, ((1, 2, 3),))]
     assert not reader.faults
 
 
 def test_another_version_is_counted() -> None:
-    wire = unstuff(encode_frame(Frame(7, 8, ((1, 2, 3),)))[:-1])
+    wire = unstuff(encode_frame(BoardFrame(7, 8, ((1, 2, 3),)))[:-1])
     from binascii import crc_hqx
 
     plain = bytes((VERSION + 1,)) + wire[1:-2]
@@ -104,20 +104,20 @@ def test_another_version_is_counted() -> None:
 @pytest.mark.parametrize("number", [0, MOST_SAMPLES + 1])
 def test_no_frame_is_empty_or_too_long(number: int) -> None:
     with pytest.raises(ValueError, match="1 to 32"):
-        encode_frame(Frame(0, 0, ((1, 2, 3),) * number))
+        encode_frame(BoardFrame(0, 0, ((1, 2, 3),) * number))
 
 
 def test_the_pages_example_is_true() -> None:
     text = PAGE.read_text(encoding="utf-8")
-    example = encode_frame(Frame(1000, 2_000_000, ((2048, 2050, 2458),)))
+    example = encode_frame(BoardFrame(1000, 2_000_000, ((2048, 2050, 2458),)))
     assert example.hex(" ") in text
 
 
 # --- time
 
 
-def one(sequence: int, time_us: int, n: int = 1) -> Frame:
-    return Frame(sequence % 2**32, time_us % 2**32, ((1, 2, 3),) * n)
+def one(sequence: int, time_us: int, n: int = 1) -> BoardFrame:
+    return BoardFrame(sequence % 2**32, time_us % 2**32, ((1, 2, 3),) * n)
 
 
 def test_counters_wrap_without_a_jump() -> None:
@@ -184,11 +184,11 @@ int main() {
 def test_the_sketch_sends_what_python_reads(tmp_path: Path) -> None:
     program = compiled(HARNESS, tmp_path, "-I", str(SKETCH.parent))
     sent = [
-        Frame(0, 0, ((0, 0, 0),)),
-        Frame(2**32 - 1, 2**32 - 1, ((65535, 65535, 65535),) * MOST_SAMPLES),
-        Frame(1000, 2_000_000, ((2048, 2050, 2458),)),
+        BoardFrame(0, 0, ((0, 0, 0),)),
+        BoardFrame(2**32 - 1, 2**32 - 1, ((65535, 65535, 65535),) * MOST_SAMPLES),
+        BoardFrame(1000, 2_000_000, ((2048, 2050, 2458),)),
         *(
-            Frame(256 * k, 65536 * k, tuple((k, 256 * i, 65535 - k) for i in range(k)))
+            BoardFrame(256 * k, 65536 * k, tuple((k, 256 * i, 65535 - k) for i in range(k)))
             for k in range(1, MOST_SAMPLES + 1)
         ),
     ]

@@ -11,7 +11,7 @@ from mmt.core.errors import InputError
 from mmt.devices.adxl335.gravity import (
     GRAVITY_M_S2,
     UPS,
-    Calibration,
+    GravityCalibration,
     Rest,
     calibrate,
     changes,
@@ -20,7 +20,7 @@ from mmt.devices.adxl335.gravity import (
     rests_from,
 )
 
-TRUE = Calibration((1.60, 1.68, 1.75), (0.0345, 0.033, 0.0325))
+TRUE = GravityCalibration((1.60, 1.68, 1.75), (0.0345, 0.033, 0.0325))
 STILL = (0.002, 0.002, 0.003)
 
 
@@ -28,7 +28,7 @@ def felt(up: str) -> list[float]:
     return [GRAVITY_M_S2 * (up[1] == axis) * (1 if up[0] == "+" else -1) for axis in "xyz"]
 
 
-def rest(up: str, true: Calibration = TRUE, acceleration=None, spread=STILL) -> Rest:
+def rest(up: str, true: GravityCalibration = TRUE, acceleration=None, spread=STILL) -> Rest:
     a = felt(up) if acceleration is None else acceleration
     x, y, z = (true.zero_v[i] + true.gain_v_per_m_s2[i] * a[i] for i in range(3))
     return Rest(up, (x, y, z), spread)
@@ -40,7 +40,7 @@ gains = st.tuples(*[st.floats(0.0285, 0.0385)] * 3)
 
 @given(zeros, gains, st.permutations(UPS), st.integers(4, 6))
 def test_what_was_put_in_comes_out(zero, gain, ups, number) -> None:
-    true = Calibration(zero, gain)
+    true = GravityCalibration(zero, gain)
     if {up[1] for up in ups[:number]} != set("xyz"):
         number = 6
     found = calibrate([rest(up, true) for up in ups[:number]], 3.3)
@@ -114,13 +114,13 @@ def test_a_slant_is_told() -> None:
 
 def test_another_supply_than_the_options_say_is_told() -> None:
     assert "check the options for supply" in refused([*six().values()], supply_v=2.0)
-    far = Calibration((2.3, 1.65, 1.65), nominal(3.3).gain_v_per_m_s2)
+    far = GravityCalibration((2.3, 1.65, 1.65), nominal(3.3).gain_v_per_m_s2)
     assert "2.300 V at zero g" in refused([rest(up, far) for up in UPS])
 
 
 def test_what_changed_is_told_by_axis() -> None:
     assert changes(TRUE, TRUE) == []
-    other = Calibration((1.60, 1.75, 1.75), (0.0345, 0.033, 0.0335))
+    other = GravityCalibration((1.60, 1.75, 1.75), (0.0345, 0.033, 0.0335))
     about_y, about_z = changes(other, TRUE)
     assert about_y.startswith("y: zero moved by +2.12 m/s2")
     assert about_z.startswith("z: zero moved by +0.00 m/s2, gain by +3.1 %")

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
-from mmt.devices.adxl335.gravity import GRAVITY_M_S2, Calibration
+from mmt.devices.adxl335.gravity import GRAVITY_M_S2, GravityCalibration
 from mmt.devices.adxl335.serial_driver import SerialAdxl335
 from mmt.devices.calibrations import save_calibration
 from mmt.devices.drivers import load_device
@@ -228,7 +228,7 @@ def test_the_boards_capacitors_are_warned_of_once(boards, drivers, caplog) -> No
 
 
 def test_a_stored_calibration_is_used_and_its_mismatch_told(boards, drivers, caplog) -> None:
-    true = Calibration((1.60, 1.68, 1.75), (0.0345, 0.033, 0.0325), 0.02)
+    true = GravityCalibration((1.60, 1.68, 1.75), (0.0345, 0.033, 0.0325), 0.02)
     save_calibration("adxl335", "bench-3", true.as_dict())
     sensor = drivers(boards(calibration=true), serial="bench-3")
     sensor.connect()

@@ -17,7 +17,7 @@ from mmt.testing.simulation.modes import Line, Resonance
 from mmt.testing.simulation.robot import TipState
 from mmt.testing.simulation.surfaces import Surface
 from mmt.testing.simulation.textures import SURFACES, get_surface
-from mmt.testing.simulation.vibration import Vibration
+from mmt.testing.simulation.vibration import SurfaceVibration
 
 FREQUENCIES_HZ = np.linspace(5.0, 495.0, 981)
 DIRECTED = [surface for surface in GRAINED if not surface.isotropic]
@@ -72,7 +72,7 @@ def test_a_part_is_the_isotropic_one_at_the_speed_that_it_hears(
 @pytest.mark.parametrize(("surface", "heading_deg"), [(CANVAS, 20.0), (CORDUROY, 200.0)])
 def test_spectrum_is_that_of_long_realisations(surface, heading_deg):
     heading = np.radians(heading_deg)
-    vibration = Vibration(surface, np.random.default_rng(3))
+    vibration = SurfaceVibration(surface, np.random.default_rng(3))
     towards = (float(np.cos(heading)), float(np.sin(heading)))
     samples = np.array([vibration.step(180.0, 1.5, towards)[0] for _ in range(42_000)])[2000:]
     frequencies, measured = signal.welch(samples, 1000.0, nperseg=2048)
@@ -165,7 +165,7 @@ def test_without_a_heading_a_directed_texture_has_no_spectrum():
 
 
 def test_isotropic_vibration_is_the_same_to_the_bit_at_all_headings():
-    one, other = (Vibration(get_surface("mesh"), np.random.default_rng(5)) for _ in range(2))
+    one, other = (SurfaceVibration(get_surface("mesh"), np.random.default_rng(5)) for _ in range(2))
     random = np.random.default_rng(6)
     for angle in random.uniform(0.0, 7.0, 300).tolist():
         assert one.step(120.0, 1.0) == other.step(120.0, 1.0, (np.cos(angle), np.sin(angle)))

@@ -22,8 +22,8 @@ from mmt.devices.calibrations import save_calibration
 from mmt.devices.haptuator.drive import VoltageDrive, level_of, store_level
 from mmt.devices.haptuator.equaliser import (
     TAPS,
+    ActuatorLevel,
     Equaliser,
-    Level,
     fit_equaliser,
     sweep,
     taps_at,
@@ -185,7 +185,7 @@ def test_an_equaliser_has_the_same_gain_at_any_rate(k: int) -> None:
     _, above = signal.freqz(taps, worN=np.linspace(500.0, 500.0 * k, 200), fs=rate_hz)
     np.testing.assert_allclose(np.abs(above), abs(np.polyval(fitted.taps, -1.0)), rtol=0.01)
     options = HaptuatorOptions(volts_per_m_s2=0.01, full_scale_v=6.0, low_hz=20.0)
-    drive = VoltageDrive(options, rate_hz, Level(0.01, fitted.taps))
+    drive = VoltageDrive(options, rate_hz, ActuatorLevel(0.01, fitted.taps))
     values = np.random.default_rng(1).normal(size=(40, k))
     volts = np.concatenate([drive.convert(tick) for tick in values])
     sections = [signal.butter(2, 20.0, "highpass", fs=rate_hz)]

@@ -19,11 +19,11 @@ from mmt.devices.haptuator.board_resampler import BoardResampler  # noqa: E402
 from mmt.devices.haptuator.framing import (  # noqa: E402
     FULL_SCALE,
     MOST_SAMPLES,
+    BoardReport,
+    BoardSamples,
     Decoder,
     Message,
-    Report,
     Reset,
-    Samples,
     encode,
 )
 from mmt.devices.haptuator.serial_driver import SerialHaptuator  # noqa: E402
@@ -32,9 +32,9 @@ from mmt.testing.emulated.haptuator_board import EmulatedHaptuatorBoard  # noqa:
 U16 = st.integers(0, 0xFFFF)
 VALUES = st.lists(st.integers(-FULL_SCALE, FULL_SCALE), min_size=1, max_size=MOST_SAMPLES)
 MESSAGES = st.one_of(
-    st.builds(lambda n, v: Samples(n, tuple(v)), U16, VALUES),
+    st.builds(lambda n, v: BoardSamples(n, tuple(v)), U16, VALUES),
     st.just(Reset()),
-    st.builds(Report, st.integers(0, 2**32 - 1), U16, U16, U16, U16, U16),
+    st.builds(BoardReport, st.integers(0, 2**32 - 1), U16, U16, U16, U16, U16),
 )
 
 
@@ -61,7 +61,7 @@ def test_after_garbage_the_next_message_is_heard(garbage: bytes, message: Messag
 
 
 def test_a_flipped_bit_is_never_taken_for_a_message() -> None:
-    content = encode(Samples(7, (100, -200, 0, 32767)))
+    content = encode(BoardSamples(7, (100, -200, 0, 32767)))
     for bit in range(8 * (len(content) - 1)):
         flipped = bytearray(content)
         flipped[bit // 8] ^= 1 << bit % 8
@@ -71,13 +71,13 @@ def test_a_flipped_bit_is_never_taken_for_a_message() -> None:
 
 
 def test_the_example_of_the_page_is_right() -> None:
-    assert encode(Samples(1, (256, -2))).hex(" ") == "04 01 01 01 01 06 01 fe ff 22 92 00"
+    assert encode(BoardSamples(1, (256, -2))).hex(" ") == "04 01 01 01 01 06 01 fe ff 22 92 00"
 
 
 def test_samples_that_do_not_fit_are_refused() -> None:
     for values in ((), (0,) * (MOST_SAMPLES + 1), (FULL_SCALE + 1,)):
         with pytest.raises(ValueError, match=r"frame holds|beyond"):
-            encode(Samples(1, values))
+            encode(BoardSamples(1, values))
 
 
 # --- the board's clock

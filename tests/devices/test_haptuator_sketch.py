@@ -19,10 +19,10 @@ from mmt.devices.drivers import load_device
 from mmt.devices.haptuator.framing import (
     FULL_SCALE,
     MOST_SAMPLES,
+    BoardReport,
+    BoardSamples,
     Decoder,
-    Report,
     Reset,
-    Samples,
     encode,
 )
 from mmt.testing.emulated.haptuator_board import EmulatedHaptuatorBoard
@@ -81,7 +81,7 @@ def messy_turns(seed: int, number: int) -> list[bytes]:
             count = chance.choice((8, 8, 8, 1, MOST_SAMPLES))
             extremes = (0, 1, -1, 256, FULL_SCALE, -FULL_SCALE)
             values = [chance.choice((*extremes, chance.randrange(-9999, 9999)))] * count
-            wire += encode(Samples(sequence, tuple(values)))
+            wire += encode(BoardSamples(sequence, tuple(values)))
         fate = chance.random()
         if fate < 0.02:
             wire += encode(Reset())
@@ -95,7 +95,7 @@ def messy_turns(seed: int, number: int) -> list[bytes]:
         elif fate < 0.14:
             wire = wire[: len(wire) // 2] + b"\0"
         elif fate < 0.16:
-            wire += encode(Report(8000, 1024, 5, 6, 7, 8))  # which is for the host
+            wire += encode(BoardReport(8000, 1024, 5, 6, 7, 8))  # which is for the host
         turns.append(wire)
     return turns
 
@@ -120,7 +120,7 @@ def test_the_sketch_plays_and_reports_as_the_emulated_board(tmp_path, monkeypatc
     decoder = Decoder()
     reports = decoder.feed(b"\0" + b"".join(report for _, report in answers))
     assert len(reports) == len(turns) // 5
-    assert any(isinstance(r, Report) and r.underruns > 3 and r.lost > 3 for r in reports)
+    assert any(isinstance(r, BoardReport) and r.underruns > 3 and r.lost > 3 for r in reports)
 
 
 @needs_compiler
@@ -128,7 +128,7 @@ def test_a_buffer_that_runs_dry_fades_out(tmp_path) -> None:
     program = compiled(HARNESS, tmp_path, "-I", str(SKETCH.parent), "-DFADE=32")
     for end in (b"", encode(Reset())):
         turns = [
-            (b"\0" + encode(Samples(1, (32_000,) * 8)), 8 if not end else 4),
+            (b"\0" + encode(BoardSamples(1, (32_000,) * 8)), 8 if not end else 4),
             (end, 40),
         ]
         (_, _), (tail, _) = played(program, turns)

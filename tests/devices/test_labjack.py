@@ -18,8 +18,14 @@ from mmt.devices.adxl335.gravity import GRAVITY_M_S2, nominal
 from mmt.devices.drivers import load_device
 from mmt.devices.labjack import packets, usb_link
 from mmt.devices.labjack.board import U6Voltages
-from mmt.devices.labjack.packets import Channel, StreamPacket, decode_stream, encode_stream, plan
-from mmt.devices.labjack.scans import Line, nominal_lines, read_lines, write_lines
+from mmt.devices.labjack.packets import (
+    AnalogInput,
+    StreamPacket,
+    decode_stream,
+    encode_stream,
+    plan,
+)
+from mmt.devices.labjack.scans import CentredLines, nominal_lines, read_lines, write_lines
 from mmt.testing.emulated.labjack_u6 import EmulatedU6
 
 u16 = st.integers(0, 2**16 - 1)
@@ -30,7 +36,7 @@ u16 = st.integers(0, 2**16 - 1)
 def test_commands_are_those_of_the_vendors_library() -> None:
     # setChecksum of LabJackPython gives this one in its documentation.
     assert list(packets.command(0x0B, bytes(6))) == [7, 248, 3, 11, 0, 0, 0, 0, 0, 0, 0, 0]
-    channels = (Channel(0), Channel(4, 10), Channel(2, 1000, differential=True))
+    channels = (AnalogInput(0), AnalogInput(4, 10), AnalogInput(2, 1000, differential=True))
     sent = packets.stream_config(plan(channels, 1000.0))
     assert len(sent) == 14 + 2 * 3
     assert sent[1:4] == bytes((0xF8, 7, 0x11))
@@ -83,7 +89,7 @@ def test_an_error_in_a_reply_is_a_sentence() -> None:
 @pytest.mark.parametrize("rate_hz", [100.0, 732.0, 733.0, 1000.0, 4000.0, 16_666.0])
 @pytest.mark.parametrize("number", [1, 3, 9, 14])
 def test_the_planned_rate_is_the_wanted_one(rate_hz: float, number: int) -> None:
-    scanning = plan([Channel(n) for n in range(number)], rate_hz)
+    scanning = plan([AnalogInput(n) for n in range(number)], rate_hz)
     assert 1 <= scanning.interval <= 65535
     assert scanning.samples_per_packet <= packets.MOST_SAMPLES
     assert scanning.clock_hz / scanning.interval == pytest.approx(rate_hz, rel=1e-4)
@@ -95,7 +101,8 @@ def test_the_planned_rate_is_the_wanted_one(rate_hz: float, number: int) -> None
 
 def test_a_calibration_memory_is_read_as_it_is_written() -> None:
     lines = tuple(
-        Line(33_500.0 + k, 3.15e-4 / gain, -3.16e-4 / gain) for k, gain in enumerate(packets.GAINS)
+        CentredLines(33_500.0 + k, 3.15e-4 / gain, -3.16e-4 / gain)
+        for k, gain in enumerate(packets.GAINS)
     )
     for found, wanted in zip(read_lines(write_lines(lines)), lines, strict=True):
         assert list(found) == pytest.approx(list(wanted), rel=0, abs=2**-33)
@@ -149,7 +156,7 @@ def scans(source, number: int) -> list:
 
 def test_nine_inputs_carry_a_force_sensors_gauges_and_an_accelerometer(closing) -> None:
     box = EmulatedU6(level)
-    source = closing(U6Voltages([Channel(n) for n in range(9)], 1000.0, backend=box))
+    source = closing(U6Voltages([AnalogInput(n) for n in range(9)], 1000.0, backend=box))
     source.connect()
     assert source.serial == 360_000_001
     got = scans(source, 300)  # the packets' counter wraps at 256
@@ -161,7 +168,7 @@ def test_nine_inputs_carry_a_force_sensors_gauges_and_an_accelerometer(closing) 
 
 def test_differential_inputs_and_gains(closing) -> None:
     box = EmulatedU6(lambda _: [0.0, 0.0, 0.52, 0.5, -0.3] + [0.0] * 9)
-    channels = [Channel(2, 100, differential=True), Channel(4, 10), Channel(3)]
+    channels = [AnalogInput(2, 100, differential=True), AnalogInput(4, 10), AnalogInput(3)]
     source = closing(U6Voltages(channels, backend=box))
     source.connect()
     for _, volts in scans(source, 20):
@@ -170,7 +177,7 @@ def test_differential_inputs_and_gains(closing) -> None:
 
 def test_what_is_lost_or_spoilt_is_counted_and_times_stay_true(closing) -> None:
     box = EmulatedU6(level)
-    source = closing(U6Voltages([Channel(0), Channel(1), Channel(2)], backend=box))
+    source = closing(U6Voltages([AnalogInput(0), AnalogInput(1), AnalogInput(2)], backend=box))
     source.connect()
     got = scans(source, 20)
     box.lose(5)
@@ -191,7 +198,7 @@ def test_what_is_lost_or_spoilt_is_counted_and_times_stay_true(closing) -> None:
 
 def test_a_box_is_lost_when_unplugged_and_back_when_plugged(closing) -> None:
     box = EmulatedU6(level)
-    source = closing(U6Voltages([Channel(0)], backend=box))
+    source = closing(U6Voltages([AnalogInput(0)], backend=box))
     source.connect()
     scans(source, 5)
     box.unplug()
@@ -208,9 +215,9 @@ def test_a_stream_that_a_program_left_behind_is_ended(closing) -> None:
     box = EmulatedU6(level)
     left = usb_link.U6Link(None, box)
     left.open()
-    left.send(packets.stream_config(plan([Channel(0)], 1000.0)), packets.STREAM_CONFIG)
+    left.send(packets.stream_config(plan([AnalogInput(0)], 1000.0)), packets.STREAM_CONFIG)
     left.start()
-    source = closing(U6Voltages([Channel(5)], backend=box))
+    source = closing(U6Voltages([AnalogInput(5)], backend=box))
     with pytest.raises(MmtError, match="another program has the LabJack U6 open"):
         source.connect()
     left._ending.set()
@@ -223,32 +230,32 @@ def test_a_stream_that_a_program_left_behind_is_ended(closing) -> None:
 def test_what_keeps_a_box_from_being_opened_is_told(monkeypatch) -> None:
     box = EmulatedU6(level)
     with pytest.raises(MmtError, match="with serial number 7 on USB: plug it in; there is 36000"):
-        U6Voltages([Channel(0)], box=7, backend=box).connect()
+        U6Voltages([AnalogInput(0)], box=7, backend=box).connect()
     box.forbid()
     with pytest.raises(MmtError, match="udev rule"):
-        U6Voltages([Channel(0)], backend=box).connect()
+        U6Voltages([AnalogInput(0)], backend=box).connect()
     box.forbid(forbidden=False)
     box.erase()
     with pytest.raises(MmtError, match="is not calibrated"):
-        U6Voltages([Channel(0)], backend=box).connect()
+        U6Voltages([AnalogInput(0)], backend=box).connect()
 
     def absent(**_: object) -> None:
         raise usb.core.NoBackendError("none")
 
     monkeypatch.setattr(usb_link.usb, "core", SimpleNamespace(**vars(usb.core) | {"find": absent}))
     with pytest.raises(MmtError, match=r"libusb 1\.0 is not there: install it"):
-        U6Voltages([Channel(0)]).connect()
+        U6Voltages([AnalogInput(0)]).connect()
 
 
 @pytest.mark.parametrize(
     ("channels", "rate_hz", "message"),
     [
         ([], 1000.0, "14 inputs"),
-        ([Channel(14)], 1000.0, "input 14"),
-        ([Channel(0, 5)], 1000.0, "gain 5"),
-        ([Channel(1, 1, differential=True)], 1000.0, "even half"),
-        ([Channel(0)], 50.0, "rate_hz 50"),
-        ([Channel(n) for n in range(14)], 4000.0, "50000 samples a second, which is 3571 Hz"),
+        ([AnalogInput(14)], 1000.0, "input 14"),
+        ([AnalogInput(0, 5)], 1000.0, "gain 5"),
+        ([AnalogInput(1, 1, differential=True)], 1000.0, "even half"),
+        ([AnalogInput(0)], 50.0, "rate_hz 50"),
+        ([AnalogInput(n) for n in range(14)], 4000.0, "50000 samples a second, which is 3571 Hz"),
     ],
 )
 def test_what_a_box_cannot_do_is_refused(channels, rate_hz, message) -> None:

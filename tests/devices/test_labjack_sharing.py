@@ -19,7 +19,7 @@ from mmt.devices.adxl335.gravity import GRAVITY_M_S2, nominal
 from mmt.devices.drivers import load_device
 from mmt.devices.labjack import sharing
 from mmt.devices.labjack.board import U6Voltages
-from mmt.devices.labjack.packets import Channel
+from mmt.devices.labjack.packets import AnalogInput
 from mmt.testing.emulated.labjack_u6 import EmulatedU6
 
 WAVE_HZ = 5.0
@@ -50,7 +50,7 @@ def level(time_ns: int) -> list[float]:
 
 
 def inputs(*numbers: int, backend: Any, **options: Any) -> U6Voltages:
-    return U6Voltages([Channel(number) for number in numbers], backend=backend, **options)
+    return U6Voltages([AnalogInput(number) for number in numbers], backend=backend, **options)
 
 
 def test_two_readers_have_one_stream_and_each_its_own_inputs(closing) -> None:
@@ -104,7 +104,7 @@ def test_a_reader_that_is_made_late_has_its_inputs_added(closing) -> None:
 def test_what_one_stream_cannot_do_is_refused_and_the_other_goes_on(closing) -> None:
     box = EmulatedU6(level)
     gauges = closing(
-        U6Voltages([Channel(n, 1, differential=True) for n in range(0, 12, 2)], backend=box)
+        U6Voltages([AnalogInput(n, 1, differential=True) for n in range(0, 12, 2)], backend=box)
     )
     gauges.connect()
     for wrong, words in (

@@ -20,14 +20,14 @@ from mmt.core.guards import ForceGuard, SampleGuard
 from mmt.devices.haptuator.drive import VoltageDrive
 from mmt.devices.haptuator.options import HaptuatorOptions
 from mmt.devices.openhaptics.library import Vector3
-from mmt.devices.openhaptics.options import HdOptions, RobotOptions
+from mmt.devices.openhaptics.options import HdOptions, HdRobotOptions
 from mmt.devices.openhaptics.robot import PositionServo
 from mmt.devices.openhaptics.servo import Servo
 from mmt.leader.motion.feedback import StreamedForce
 from mmt.leader.motion.slew import GuardedDisplay, VibrationSlew
 from mmt.testing.simulation.actuator import SimulatedActuator
 from mmt_devices.inverse3.messages import NAMES
-from mmt_devices.inverse3.servo import ForceServo, Found
+from mmt_devices.inverse3.servo import ChosenDevice, ForceServo
 from mmt_devices.universal_robots.servo import ServoPoint, ServoSettings
 
 EXTREME = st.sampled_from(
@@ -192,7 +192,7 @@ class HdRobot(HdHandle):
     """Gets the numbers as its velocity, and as its target."""
 
     def made(self, **options: Any) -> Servo:
-        robot = RobotOptions(stiffness_n_mm=1.0, **options)
+        robot = HdRobotOptions(stiffness_n_mm=1.0, **options)
         return PositionServo(self.library, self.library, 0, robot, LIMIT_N)
 
     def command(self, force_n: Vector) -> None:
@@ -210,7 +210,7 @@ class Inverse3:
             "state": {"cursor_position": state, "cursor_velocity": still},
             "status": {},
         }
-        found = Found("049D", NAMES["3.5"], entry)
+        found = ChosenDevice("049D", NAMES["3.5"], entry)
         self.servo = ForceServo(found, 50.0, ramp_ms, LIMIT_N, lambda: self.now_ns)
 
     def tick(self, force_n: Vector | None) -> Vector:

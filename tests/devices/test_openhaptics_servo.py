@@ -19,7 +19,7 @@ from mmt.devices.openhaptics.constants import (
     explain,
     only_force,
 )
-from mmt.devices.openhaptics.options import RobotOptions
+from mmt.devices.openhaptics.options import HdRobotOptions
 from mmt.devices.openhaptics.robot import PositionServo
 from mmt.devices.openhaptics.servo import STUCK
 from mmt.devices.plausibility import JUMP, NOT_FINITE, OUT_OF_REACH, Watch
@@ -59,7 +59,7 @@ class Frame:
 
 
 def servo(frame: Frame, limit_n: float = 3.0, **options: object) -> PositionServo:
-    made = PositionServo(frame, frame, 0, RobotOptions(**options), limit_n)
+    made = PositionServo(frame, frame, 0, HdRobotOptions(**options), limit_n)
     made.clock = lambda: frame.now_ns
     made.tick_ns = 0
     return made
@@ -109,7 +109,7 @@ def test_damping_is_bounded_from_below_and_above_by_sampling(mass_kg, late_ticks
         if abs(largest - 1.0) < 5e-4:
             continue  # too near to tell in a few seconds
         frame = Frame(mass_kg, late_ticks)
-        options = RobotOptions.model_construct(stiffness_n_mm=1.0, damping_n_s_m=damping)
+        options = HdRobotOptions.model_construct(stiffness_n_mm=1.0, damping_n_s_m=damping)
         made = PositionServo(frame, frame, 0, options, limit_n=3.0)
         made.clock = lambda frame=frame: frame.now_ns
         made.tick_ns = 0
@@ -121,7 +121,7 @@ def test_the_least_damping_that_is_taken_holds_with_measurements_a_tick_late() -
     """b = 3 k T / 2 is the bound for small k T^2 / m; the option refuses less."""
     for factor, stable in ((0.6, False), (1.5, True)):
         frame = Frame(0.5, late_ticks=1)
-        options = RobotOptions.model_construct(stiffness_n_mm=1.0, damping_n_s_m=factor * 1.5)
+        options = HdRobotOptions.model_construct(stiffness_n_mm=1.0, damping_n_s_m=factor * 1.5)
         made = PositionServo(frame, frame, 0, options, limit_n=3.0)
         made.clock = lambda frame=frame: frame.now_ns
         made.tick_ns = 0

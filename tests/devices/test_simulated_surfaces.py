@@ -13,13 +13,13 @@ from mmt.testing.simulation.known_surfaces import surface_from_annotations
 from mmt.testing.simulation.modes import Line, Resonance
 from mmt.testing.simulation.surfaces import HIGH_PASS_POLE, Surface
 from mmt.testing.simulation.textures import SURFACES, get_surface
-from mmt.testing.simulation.vibration import Vibration
+from mmt.testing.simulation.vibration import SurfaceVibration
 
 NAMES = sorted(name for name, surface in SURFACES.items() if surface.isotropic)
 
 
 def _realisation(surface, speed, force, count, seed=3):
-    vibration = Vibration(surface, np.random.default_rng(seed))
+    vibration = SurfaceVibration(surface, np.random.default_rng(seed))
     samples = np.array([vibration.step(speed, force) for _ in range(count + 2000)])
     return samples[2000:]
 
@@ -63,7 +63,7 @@ def test_power_is_the_energy_of_the_impulse_responses(name):
 def test_no_vibration_without_motion_or_contact(name):
     surface = get_surface(name)
     assert surface.power([0.0, 0.0, 100.0, -5.0, 100.0], [0.0, 1.0, 0.0, 1.0, -1.0]).max() == 0.0
-    vibration = Vibration(surface, np.random.default_rng(1))
+    vibration = SurfaceVibration(surface, np.random.default_rng(1))
     for _ in range(500):
         vibration.step(150.0, 1.5)
     rest = [vibration.step(0.0, 1.5) for _ in range(3000)]
@@ -129,7 +129,7 @@ def test_maps_stay_within_bounds(name, speed, force):
 def test_generator_stays_bounded_under_erratic_hands(name, seed):
     surface = SURFACES[name]
     random = np.random.default_rng(seed)
-    vibration = Vibration(surface, random)
+    vibration = SurfaceVibration(surface, random)
     speeds, forces = random.uniform(0, 300, 500), random.uniform(0, 3, 500)
     values = np.array(
         [vibration.step(float(v), float(f)) for v, f in zip(speeds, forces, strict=True)]

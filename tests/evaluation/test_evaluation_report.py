@@ -22,7 +22,7 @@ from mmt.evaluation.document import (
     Listing,
     Paragraph,
     Picture,
-    Table,
+    ReportTable,
     numeric_columns,
     to_markdown,
 )
@@ -179,7 +179,7 @@ def test_tables_for_the_terminal_have_a_row_for_each(evaluations):
 
 
 def test_numbers_stand_to_the_right():
-    table = Table(("a", "b", "c", "d"), [("1", "x", "-", "12 %"), ("-", "2", "", "never")])
+    table = ReportTable(("a", "b", "c", "d"), [("1", "x", "-", "12 %"), ("-", "2", "", "never")])
     assert numeric_columns(table) == [True, False, False, True]
 
 
@@ -187,7 +187,7 @@ def test_texts_are_escaped():
     blocks = [
         Heading("a < b", 2),
         Paragraph("x & y"),
-        Table(("q|r",), [("<td>",)]),
+        ReportTable(("q|r",), [("<td>",)]),
         Listing("t", "</pre>"),
         Picture("p.png", b"", 'a "quoted" <picture>'),
     ]
@@ -202,7 +202,7 @@ def test_no_name_becomes_html_or_a_link_in_markdown():
     blocks = [
         Heading(evil),
         Paragraph(evil),
-        Table((evil,), [(evil,)], evil),
+        ReportTable((evil,), [(evil,)], evil),
         Picture("p.png", b"", evil),
         Listing(evil, "as it is: <b>\n```\n<script>"),
     ]

@@ -10,9 +10,9 @@ from scipy import stats
 
 from mmt.cli.scene import costs as scene_costs
 from mmt.cli.scene.costs import (
+    MeasuredService,
     SceneCosts,
     SceneRun,
-    ServiceRun,
     half_width,
     import_times_s,
     measure_scene,
@@ -65,8 +65,8 @@ def test_the_last_thing_that_the_link_carries_stays() -> None:
 # --- figures
 
 
-def service(start_s: float, modules: tuple[str, ...] = ("json",)) -> ServiceRun:
-    return ServiceRun(start_s, 0.25, 80.0, modules, {"main": 1.0}, {"MainThread": 1.0}, 1)
+def service(start_s: float, modules: tuple[str, ...] = ("json",)) -> MeasuredService:
+    return MeasuredService(start_s, 0.25, 80.0, modules, {"main": 1.0}, {"MainThread": 1.0}, 1)
 
 
 def scene_run(start_s: float, modules: tuple[str, ...] = ("json",)) -> SceneRun:

@@ -11,7 +11,7 @@ from mmt.texture.online.history import build
 from mmt.texture.settings import ModellingSettings
 from mmt_lab.compare import ablations
 from mmt_lab.compare.ablations import INGREDIENTS, Ingredient, without
-from mmt_lab.compare.cases import Case
+from mmt_lab.compare.cases import ComparisonCase
 from mmt_lab.compare.judging import blocks_of
 
 HEADINGS = {"ridges", "nap", "return"}
@@ -30,7 +30,7 @@ def rendered(case, blocks):
     ("texture", "names"), [("glass", set(INGREDIENTS) - HEADINGS), ("corduroy", HEADINGS)]
 )
 def test_each_ingredient_changes_the_model_and_comes_back(texture, names):
-    case = Case(texture, 3)
+    case = ComparisonCase(texture, 3)
     blocks = blocks_of(case.session())[:10]
     whole = rendered(case, blocks)
     for name in sorted(names):

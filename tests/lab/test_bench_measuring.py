@@ -15,9 +15,9 @@ from mmt_lab.harness.findings import (
     Axis,
     Curves,
     Findings,
-    LeftOut,
+    FindingsTable,
     Panel,
-    Records,
+    SkippedMethod,
     Spread,
     Target,
 )
@@ -103,9 +103,9 @@ def test_a_result_is_plain_json():
     result = Findings(
         "S",
         "about",
-        records=(Records("r", "R", ({"a": math.nan, "b": True},)),),
+        records=(FindingsTable("r", "R", ({"a": math.nan, "b": True},)),),
         targets=(Target("t", 2.0, "at least", 1.0),),
-        left_out=(LeftOut("x", "not here", "pip install x"),),
+        left_out=(SkippedMethod("x", "not here", "pip install x"),),
         figures={"k": 1},
     )
     content = json.loads(json.dumps(result.as_dict(), allow_nan=False))

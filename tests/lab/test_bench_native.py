@@ -9,13 +9,13 @@ from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt_lab.bench import c_loops
 from mmt_lab.bench.textures import exact_samples, scattered
-from mmt_lab.harness.findings import LeftOut
+from mmt_lab.harness.findings import SkippedMethod
 
 
 @pytest.fixture(scope="module")
 def loops():
     with c_loops.compiled() as found:
-        if isinstance(found, LeftOut):
+        if isinstance(found, SkippedMethod):
             pytest.skip(f"no C loops: {found.reason}")
         yield found
 
@@ -59,12 +59,12 @@ def test_rendering(loops):
 def test_without_a_compiler_it_is_left_out(monkeypatch):
     monkeypatch.setenv("CC", "/nowhere/cc")
     with c_loops.compiled() as found:
-        assert isinstance(found, LeftOut)
+        assert isinstance(found, SkippedMethod)
         assert "no C compiler" in found.reason
 
 
 def test_a_compiler_that_fails_is_left_out(monkeypatch):
     monkeypatch.setenv("CC", "false")
     with c_loops.compiled() as found:
-        assert isinstance(found, LeftOut)
+        assert isinstance(found, SkippedMethod)
         assert "failed" in found.reason

@@ -7,16 +7,16 @@ import pytest
 from rich.console import Console
 
 from mmt.core.errors import InputError
-from mmt.evaluation.document import Table
+from mmt.evaluation.document import ReportTable
 from mmt.evaluation.table import as_rich
 from mmt_lab.bench.command import write_bench_report
 from mmt_lab.harness.findings import (
     Axis,
     Curves,
     Findings,
-    LeftOut,
+    FindingsTable,
     Panel,
-    Records,
+    SkippedMethod,
     Spread,
     Target,
 )
@@ -45,7 +45,7 @@ def made_result():
         "What was measured.",
         panels=(made_panel(),),
         records=(
-            Records(
+            FindingsTable(
                 "stiff", "Stiff", ({"case": "tone", "stable": True, "error": 0.25, "x": None},)
             ),
         ),
@@ -54,7 +54,7 @@ def made_result():
             Target("slower", 7.0, "at most", 5.0),
             Target("unknown", None, "at most", 5.0),
         ),
-        left_out=(LeftOut("librosa", "cannot be imported", "pip install librosa"),),
+        left_out=(SkippedMethod("librosa", "cannot be imported", "pip install librosa"),),
         name="burg",
     )
 
@@ -109,7 +109,7 @@ def test_what_is_said_once_is_not_repeated():
     assert table.rows == [("mmt", "8", "1e-16"), ("", "16", "raises: no")]
 
     rows = ({"case": "tone", "n": 1}, {"case": "tone", "n": 2}, {"case": "step", "n": 1})
-    assert records_table(Records("r", "R", rows)).rows == [
+    assert records_table(FindingsTable("r", "R", rows)).rows == [
         ("tone", "1"),
         ("", "2"),
         ("step", "1"),
@@ -118,7 +118,7 @@ def test_what_is_said_once_is_not_repeated():
 
 def test_a_table_in_eighty_columns_loses_no_number_and_no_word():
     words = "a method of a rather long name that no peer would ever have"
-    table = Table(
+    table = ReportTable(
         ("method", "order", "remark"),
         [(words, str(number), f"{words} {number}") for number in (8, 123456789)],
     )

@@ -17,7 +17,7 @@ from mmt_lab.experiments import (
     synthesis,
     update,
 )
-from mmt_lab.harness.findings import LeftOut
+from mmt_lab.harness.findings import SkippedMethod
 from mmt_lab.harness.plots import panels_figure
 
 SMALL = {
@@ -181,7 +181,7 @@ def test_a_rarer_renewal_changes_more(results):
         at = errors(result.panels[0], method)
         assert at[1] == 0.0
         assert 0.0 < at[10] < 0.5
-    assert any(isinstance(out, LeftOut) for out in result.left_out) or any(
+    assert any(isinstance(out, SkippedMethod) for out in result.left_out) or any(
         curve.method == synthesis.C for curve in result.panels[0].curves
     )
 

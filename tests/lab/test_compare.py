@@ -11,12 +11,12 @@ from typer.testing import CliRunner
 from mmt.cli.main import app
 from mmt.core.errors import InputError
 from mmt.core.frames import acceleration_samples, empty_frames
-from mmt.evaluation.document import Table
+from mmt.evaluation.document import ReportTable
 from mmt.evaluation.levels import BAND_EDGES_HZ, band_edges_hz, band_errors_db
 from mmt.testing.simulation.textures import SURFACES
 from mmt.texture.settings import START_SHARE, STOP_SHARE
-from mmt_lab.compare.cases import INHOMOGENEOUS, Case, recorded_cases, simulated_cases
-from mmt_lab.compare.judging import FIGURES, Certainty, Judged, check_methods, judge
+from mmt_lab.compare.cases import INHOMOGENEOUS, ComparisonCase, recorded_cases, simulated_cases
+from mmt_lab.compare.judging import FIGURES, Certainty, JudgedMethod, check_methods, judge
 from mmt_lab.compare.spoiling import MOMENT_S, check_spoils, spoilt
 from mmt_lab.compare.summary import RUN_TO_RUN_DB, MethodComparison
 from mmt_lab.compare.tables import (
@@ -35,10 +35,10 @@ from mmt_lab.harness.report import write_report
 TIMES = ("3 s", "10 s", "20 s", "30 s")
 
 
-def judged(method, seed, share, moment="30 s", name="wood", spoil="") -> Judged:
+def judged(method, seed, share, moment="30 s", name="wood", spoil="") -> JudgedMethod:
     figures = {**dict.fromkeys(FIGURES, 1.0), "within_jnd": share}
     labels = ("isotropic", name, name, seed, spoil, method, moment)
-    return Judged(*labels, time_s=8.0, samples=20, figures=figures)
+    return JudgedMethod(*labels, time_s=8.0, samples=20, figures=figures)
 
 
 def comparison(gains, base=0.7, spoil="", moments=("30 s",)) -> MethodComparison:
@@ -91,7 +91,7 @@ def test_every_texture_has_as_many_seeds_as_asked_and_a_group():
 
 
 def test_sensors_without_noise_give_the_texture_itself():
-    noisy, exact = (Case("glass", 5, noise=noise).session() for noise in (True, False))
+    noisy, exact = (ComparisonCase("glass", 5, noise=noise).session() for noise in (True, False))
     np.testing.assert_array_equal(noisy["sequence"], exact["sequence"])
     lifted = exact["force_n"][:, 2] == 0.0
     still = np.flatnonzero(lifted[1:] & lifted[:-1])
@@ -178,12 +178,14 @@ def test_recorded_strokes_are_scaled_into_the_plane_and_others_left_out_with_a_r
 
 @pytest.fixture(scope="module")
 def session():
-    return judge(Case("felt", 3, hand="quick"), ["published", "field"], ["drift"])
+    return judge(ComparisonCase("felt", 3, hand="quick"), ["published", "field"], ["drift"])
 
 
 def test_a_session_is_judged_at_four_times_and_where_each_criterion_is_met(session):
     found, _ = session
-    assert judge(Case("felt", 3, hand="quick"), ["published", "field"], ["drift"]) == session
+    assert (
+        judge(ComparisonCase("felt", 3, hand="quick"), ["published", "field"], ["drift"]) == session
+    )
     for method in ("published", "field"):
         for spoil in ("", "drift"):
             moments = [o.moment for o in found if (o.method, o.spoil) == (method, spoil)]
@@ -209,7 +211,7 @@ def test_a_model_that_states_its_error_is_checked_at_every_update(session):
 
 
 def test_without_a_model_the_shares_are_nought_and_there_are_no_errors():
-    case = Case("felt", 3, hand="pauses")
+    case = ComparisonCase("felt", 3, hand="pauses")
     early = replace(case, seed=4)
     found, _ = judge(early, ["field"])
     assert all(one.samples > 0 or set(one.figures.values()) == {0.0} for one in found)
@@ -318,7 +320,7 @@ def test_a_report_holds_the_figures_and_what_methods_say_of_their_error(tmp_path
     data = json.loads((tmp_path / "summary.json").read_text())
     assert len(data["sessions"]) == 24
     assert data["rows"][0]["figures"]["within_jnd"]["below_half"] == 0
-    assert any(isinstance(block, Table) for block in method_blocks(found))
+    assert any(isinstance(block, ReportTable) for block in method_blocks(found))
 
 
 def test_the_command_compares_on_named_textures(tmp_path):

@@ -21,7 +21,7 @@ from mmt.evaluation.truth import KnownTexture
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.online.history import build as build_models
 from mmt.texture.synthesis.synthesizer import Synthesizer
-from mmt_lab.compare.cases import Case
+from mmt_lab.compare.cases import ComparisonCase
 from mmt_lab.compare.generators import (
     check_generators,
     failures,
@@ -126,7 +126,7 @@ def test_a_generator_that_is_the_texture_has_no_error_and_one_3_db_louder_has_3_
 
 @pytest.mark.parametrize("texture", ["drawn-3", "corduroy"])
 def test_the_estimate_of_our_own_model_agrees_with_its_exact_figures(texture):
-    case = Case(texture, 1000)
+    case = ComparisonCase(texture, 1000)
     blocks = blocks_of(case.session())
     made = StrokesMade.of(blocks, settings_of(case, "field"))
     model = build_models(blocks, settings_of(case, "field")).model_at(10.0)
@@ -167,7 +167,7 @@ def test_a_generator_slower_than_real_time_is_told():
 def test_a_fault_ends_a_session_for_its_generator_alone():
     names = [f"{__name__}:{name}" for name in ("build_late", "build_noise", "build_silent")]
     late, noise, silent = names
-    rendered, faults = judge_generators(Case("wood", 1000), names, 2.0)
+    rendered, faults = judge_generators(ComparisonCase("wood", 1000), names, 2.0)
     moments = {name: [] for name in names}
     for one in rendered:
         moments[one.judged.method].append(one.judged.moment)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mmt.core.errors import MmtError
-from mmt_lab.bench.device_path.children import Child
+from mmt_lab.bench.device_path.children import BenchChild
 from mmt_lab.bench.device_path.frame_times import (
     PERIOD_NS,
     Motion,
@@ -19,7 +19,7 @@ from mmt_lab.bench.device_path.frame_times import (
     time_errors_ms,
     within,
 )
-from mmt_lab.bench.device_path.running import Measured, SetUp
+from mmt_lab.bench.device_path.running import SetUp, SetUpFigures
 from mmt_lab.experiments import devices
 
 START_NS = 7_000_000_000_123
@@ -113,7 +113,9 @@ def test_where_all_was_held_up_there_is_no_figure_without() -> None:
 
 
 def test_a_child_that_fails_is_quoted() -> None:
-    child = Child("mmt_lab.bench.device_path.emulated", "no_such_sensor", "adxl335", "ordinary")
+    child = BenchChild(
+        "mmt_lab.bench.device_path.emulated", "no_such_sensor", "adxl335", "ordinary"
+    )
     try:
         with pytest.raises(MmtError, match=r"emulated has ended: KeyError.*no_such_sensor"):
             child.receive(30.0)
@@ -157,13 +159,13 @@ def test_targets_are_of_the_worst_set_up_and_what_cannot_run_is_left_out(
 
     late = dataclasses.replace(times, latency_p99_ms=9.0)
 
-    def measured(set_up: SetUp, *_: object, **__: object) -> Measured:
+    def measured(set_up: SetUp, *_: object, **__: object) -> SetUpFigures:
         if set_up.name == "broken":
             raise MmtError("no compiler")
         share = 0.1 if set_up.name == "good" else 0.301
         sensors = {"force_sensor": 1.0, "accelerometer": 2.0}
         seen = late if set_up.slow else times
-        return Measured(share, 0.05, 0.02, 100, 0, 0, seen, sensors, [15.0, 16.0], 0.0, [])
+        return SetUpFigures(share, 0.05, 0.02, 100, 0, 0, seen, sensors, [15.0, 16.0], 0.0, [])
 
     monkeypatch.setattr(devices, "measure_set_up", measured)
     names = ("good", "worse", "broken")

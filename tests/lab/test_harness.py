@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from mmt.cli.main import app
 from mmt.core.errors import InputError
-from mmt.evaluation.document import Paragraph, Table
+from mmt.evaluation.document import Paragraph, ReportTable
 from mmt_lab import experiments
 from mmt_lab.harness.experiment import Listed, chosen_textures, listed, load
 from mmt_lab.harness.findings import Findings, Target
@@ -130,7 +130,7 @@ def test_calls_give_the_same_in_processes_and_in_this_one() -> None:
 def test_a_report_shows_blocks_in_place_of_tables_and_the_definitions(tmp_path: Path) -> None:
     found = Findings(
         "Title",
-        tables=[Table(("a",), [("shown in the terminal",)])],
+        tables=[ReportTable(("a",), [("shown in the terminal",)])],
         blocks=lambda: [Paragraph("shown in the report")],
         targets=(Target("speed", None, "at most", 1.0),),
         definitions={"speed": "how fast"},

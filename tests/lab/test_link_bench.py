@@ -6,8 +6,8 @@ import pytest
 
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import COMMAND_DTYPE
-from mmt_lab.bench.link_sides import Report
-from mmt_lab.bench.link_traffic import Measured, Side
+from mmt_lab.bench.link_sides import SideReport
+from mmt_lab.bench.link_traffic import Side, TurnFigures
 from mmt_lab.experiments.link import (
     _missing_at_end,
     _order,
@@ -18,7 +18,7 @@ from mmt_lab.experiments.link import (
 )
 
 
-def measured(**changes: float) -> Measured:
+def measured(**changes: float) -> TurnFigures:
     values: dict[str, float] = {
         "p50_ms": 1.0,
         "p99_ms": 2.0,
@@ -31,7 +31,7 @@ def measured(**changes: float) -> Measured:
         "out_of_order": 0,
         **changes,
     }
-    return Measured("ours", **values)  # type: ignore[arg-type]
+    return TurnFigures("ours", **values)  # type: ignore[arg-type]
 
 
 def test_both_links_are_measured_and_lose_nothing() -> None:
@@ -72,8 +72,8 @@ def test_what_is_lost_is_summed_and_includes_the_tail() -> None:
     result = _summarise(turns, missing_up=3, missing_down=1)
     assert (result.up.lost, result.up.out_of_order, result.up.messages) == (5, 1, 18)
     assert (result.down.lost, result.down.out_of_order) == (1, 0)
-    sender = Report([], {"ours": 10, "bare": 0}, {"ours": -1, "bare": -1})
-    receiver = Report([], {"ours": 0, "bare": 0}, {"ours": 7, "bare": -1})
+    sender = SideReport([], {"ours": 10, "bare": 0}, {"ours": -1, "bare": -1})
+    receiver = SideReport([], {"ours": 0, "bare": 0}, {"ours": 7, "bare": -1})
     assert _missing_at_end(sender, receiver) == {"ours": 2, "bare": 0}
 
 

@@ -12,7 +12,7 @@ from mmt.texture.signals.amplitude_spectra import Spectra
 from mmt_lab.experiments import paper_c
 from mmt_lab.selection import concatenated, table_two
 from mmt_lab.selection.concatenated import (
-    Row,
+    PaperRow,
     data_set,
     recording,
     segments_of,
@@ -22,8 +22,8 @@ from mmt_lab.selection.concatenated import (
 from mmt_lab.selection.table_two import AS_PUBLISHED, ORDER, VARIATIONS, select_from
 from mmt_methods.selection.published import select_published
 
-PLANE = Row("Grass", "sandpaper", 60, 6, directed=False)
-SPACE = Row("Wood", "oak", 70, 7, directed=True)
+PLANE = PaperRow("Grass", "sandpaper", 60, 6, directed=False)
+SPACE = PaperRow("Wood", "oak", 70, 7, directed=True)
 
 
 @pytest.fixture(scope="module")

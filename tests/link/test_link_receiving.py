@@ -27,7 +27,7 @@ from socketio.msgpack_packet import MsgPackPacket
 
 import mmt.link.socket_client
 import mmt.link.websocket
-from mmt.link.packets import Decoded, Packet, binary_event, decode_packet
+from mmt.link.packets import DecodedPacket, Packet, binary_event, decode_packet
 from mmt.link.protocol import MAX_MESSAGE_BYTES, encode_event
 from mmt.link.rate_limit import HANDSHAKE_MESSAGES, HandshakeLimit, RateLimit
 from mmt.link.server import LeaderServer
@@ -272,7 +272,7 @@ async def test_other_events_and_those_too_long_are_the_librarys(
 
     rest = await _receive_rest(receive, no_pong, stays_open, open_gate(), {"frames": pytest.fail})
     assert (rest.type, rest.data) == (WSMsgType.BINARY, data)
-    assert isinstance(rest.data, Decoded) is decoded_here
+    assert isinstance(rest.data, DecodedPacket) is decoded_here
 
 
 @given(st.text(max_size=10), st.binary(max_size=300))

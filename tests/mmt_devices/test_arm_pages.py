@@ -23,12 +23,12 @@ ROOMS = {
 """Where the driver of a page is."""
 OPTIONS: list[tuple[str, type[BaseModel]]] = [
     ("inverse3", haply.HandleOptions),
-    ("inverse3", haply.RobotOptions),
-    ("universal-robots", universal_robots.RobotOptions),
+    ("inverse3", haply.Inverse3RobotOptions),
+    ("universal-robots", universal_robots.UrRobotOptions),
     ("universal-robots", universal_robots.ForceOptions),
-    ("franka", franka.RobotOptions),
+    ("franka", franka.FrankaRobotOptions),
     ("openhaptics", openhaptics.HdOptions),
-    ("openhaptics", openhaptics.RobotOptions),
+    ("openhaptics", openhaptics.HdRobotOptions),
 ]
 
 

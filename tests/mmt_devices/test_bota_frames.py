@@ -2,7 +2,7 @@
 
 import random
 
-from mmt_devices.bota.frames import SIZE, Frame, FrameStream, checksum, pack_frame
+from mmt_devices.bota.frames import SIZE, BotaFrame, FrameStream, checksum, pack_frame
 
 
 def bitwise_crc(content: bytes) -> int:
@@ -24,7 +24,7 @@ def test_the_checksum_is_x25() -> None:
 
 
 def test_a_frame_is_37_bytes_in_the_documented_order() -> None:
-    frame = Frame(5, (1.0, 2.0, 3.0, 0.5, 0.25, -1.0), 0x01020304, 30.0)
+    frame = BotaFrame(5, (1.0, 2.0, 3.0, 0.5, 0.25, -1.0), 0x01020304, 30.0)
     wire = pack_frame(frame)
     assert len(wire) == SIZE
     assert wire[:3] == b"\xaa\x05\x00"
@@ -35,10 +35,10 @@ def test_a_frame_is_37_bytes_in_the_documented_order() -> None:
 
 def test_frames_are_found_however_the_bytes_are_split() -> None:
     generator = random.Random(5)
-    frames = [Frame(0, (k, 0.0, 1.0, 0.0, 0.0, 0.0), 1000 * k, 20.0) for k in range(50)]
+    frames = [BotaFrame(0, (k, 0.0, 1.0, 0.0, 0.0, 0.0), 1000 * k, 20.0) for k in range(50)]
     content = b"App Init\r\n\xaa" + b"".join(map(pack_frame, frames))
     stream = FrameStream()
-    found: list[Frame] = []
+    found: list[BotaFrame] = []
     while content:
         length = generator.randrange(1, 60)
         found += stream.feed(content[:length])

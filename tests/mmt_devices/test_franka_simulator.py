@@ -13,7 +13,7 @@ from franka_simulator import SimulatedArm, simulated_arm
 from mmt.core.errors import DeviceLost, MmtError
 from mmt_devices.franka.control import PositionControl
 from mmt_devices.franka.driver import FrankaForce, FrankaRobot
-from mmt_devices.franka.options import RobotOptions
+from mmt_devices.franka.options import FrankaRobotOptions
 
 franky: Any = pytest.importorskip(
     "franky", reason="franky-control is not installed: see docs/how-to/franka.md"
@@ -59,7 +59,10 @@ def test_the_library_has_what_the_driver_calls() -> None:
             assert asynchronous
             self.motion = motion
 
-    robot, control = Robot(), PositionControl(franky, RobotOptions(host="arm", force_limit_n=10.0))
+    robot, control = (
+        Robot(),
+        PositionControl(franky, FrankaRobotOptions(host="arm", force_limit_n=10.0)),
+    )
     control.target_mm = (510.0, 0.0, 300.0)
     control.turn(robot, State(), 0)
     control.turn(robot, State(), 4_000_000)

@@ -16,9 +16,9 @@ from mmt_devices.inverse3.messages import NAMES, OtherFormatError, listed, parse
 from mmt_devices.inverse3.servo import (
     UNCALIBRATED,
     UNREADABLE,
+    ChosenDevice,
     ForceServo,
-    Found,
-    PositionServo,
+    Inverse3PositionServo,
 )
 
 MS = 1_000_000
@@ -42,12 +42,14 @@ def answer(*arguments: float, **status: bool) -> str:
 
 
 def handle(clock: Clock, names: str = "3.5") -> ForceServo:
-    return ForceServo(Found("049D", NAMES[names], entry()), 50.0, 100.0, 3.0, clock)
+    return ForceServo(ChosenDevice("049D", NAMES[names], entry()), 50.0, 100.0, 3.0, clock)
 
 
-def robot(clock: Clock, **options: float) -> PositionServo:
+def robot(clock: Clock, **options: float) -> Inverse3PositionServo:
     given = {"speed_limit_mm_s": 500.0, "lead_limit_mm": 10.0, **options}
-    return PositionServo(Found("049D", NAMES["3.5"], entry()), 50.0, **given, clock=clock)
+    return Inverse3PositionServo(
+        ChosenDevice("049D", NAMES["3.5"], entry()), 50.0, **given, clock=clock
+    )
 
 
 def said(text: str) -> dict:

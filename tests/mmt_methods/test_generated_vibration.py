@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mmt_methods.generators.vibration import BLOCK_SAMPLES, GeneratedVibration, Rendered
+from mmt_methods.generators.vibration import BLOCK_SAMPLES, GeneratedVibration, RenderedBlock
 
 
 class Ours:
@@ -37,7 +37,7 @@ class Echo:
         number, motion = block
         self.sent.append(number)
         samples = np.frombuffer(motion).reshape(3, BLOCK_SAMPLES)[0].tobytes()
-        self.answers.append(Rendered(number, self.epoch, self.build, 1_000_000, 7, samples))
+        self.answers.append(RenderedBlock(number, self.epoch, self.build, 1_000_000, 7, samples))
 
     def poll(self) -> bool:
         return bool(self.answers) and not self.held

@@ -25,7 +25,7 @@ from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt_share import relay as relay_module
 from mmt_share.messages import SHARING_VERSION, STATE, Hello
 from mmt_share.parts.sharing import SharingPart
-from mmt_share.publishing import ModelPublisher, Published
+from mmt_share.publishing import ModelPublisher, PublishedModel
 from mmt_share.relay import ListenerFeed, Relay
 from mmt_share.tables import Sharing
 
@@ -117,7 +117,7 @@ async def test_the_last_growth_comes_before_the_end(
     """Whether it is being sent when the session ends, or has only just come."""
     publish, begun = ModelPublisher.publish, threading.Event()
 
-    def slow(self: ModelPublisher, *given: Any) -> Published:
+    def slow(self: ModelPublisher, *given: Any) -> PublishedModel:
         begun.set()
         time.sleep(0.2)
         return publish(self, *given)

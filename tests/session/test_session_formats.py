@@ -15,7 +15,7 @@ from mmt.session.formats import GROUP, suffixes
 MODULE = """
 import numpy as np
 from mmt.session.data import RecordedSession
-from mmt.session.importing.columns import Columns
+from mmt.session.importing.columns import SourceColumns
 
 
 def write(path, session):
@@ -28,7 +28,7 @@ def read(path):
 
 
 def read_folder(path, wanted, options):
-    return Columns(f"import {path}", {}, frames=np.load(path / "frames.npy"))
+    return SourceColumns(f"import {path}", {}, frames=np.load(path / "frames.npy"))
 """
 
 

@@ -13,7 +13,7 @@ from mmt.core.arrays import FloatArray
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.surfaces.bands import spectrum_components
-from mmt.texture.surfaces.blocks import AUDIBLE, BlockCutter, SurfaceBlock
+from mmt.texture.surfaces.blocks import AUDIBLE, SurfaceBlock, SurfaceBlockCutter
 from mmt.texture.surfaces.regression import LARGEST, SurfaceRegression, features
 
 
@@ -36,8 +36,8 @@ def stream(
     )
 
 
-def cutter() -> BlockCutter:
-    return BlockCutter(ModellingSettings())
+def cutter() -> SurfaceBlockCutter:
+    return SurfaceBlockCutter(ModellingSettings())
 
 
 # --- blocks

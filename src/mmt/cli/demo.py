@@ -21,7 +21,7 @@ from mmt.cli.common import (
     summary_table,
     write_json,
 )
-from mmt.cli.emulated_pair import Pair, coil_log, hand_log, pair_named, write_emulated
+from mmt.cli.emulated_pair import SceneFiles, coil_log, hand_log, pair_named, write_emulated
 from mmt.cli.ending import print_ending, typed
 from mmt.cli.guests import invite, with_flags
 from mmt.cli.scene_services import DemoRun, run_services
@@ -126,7 +126,7 @@ def _report(
     run: DemoRun,
     directory: Path,
     recording: Path,
-    pair: Pair | None,
+    pair: SceneFiles | None,
     json_file: Path | None,
     *,
     verbose: bool,
@@ -166,7 +166,7 @@ def _report(
     raise_problems([*problems, *map(MmtError, run.errors)])
 
 
-def _coil(run: DemoRun, pair: Pair) -> dict[str, Any]:
+def _coil(run: DemoRun, pair: SceneFiles) -> dict[str, Any]:
     """Return, and print, what an emulated coil did; empty where there was none."""
     hand, coil = hand_log(pair.leader.parent), coil_log(pair.leader.parent)
     vibration = run.leader.get("vibration", {})

@@ -148,10 +148,10 @@ def equalise_actuator(
     json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
 ) -> None:
     """Fit a Haptuator's level and equaliser to a sweep, recorded or played now; store both."""
-    from mmt.cli.equalising import Fit, Live, equalise
+    from mmt.cli.equalising import EqualiserFit, Live, equalise
 
     if keep is not None:
         require_absent(keep, force=force)
-    fit = Fit(serial, low_hz, high_hz, largest_gain_db, json_file)
+    fit = EqualiserFit(serial, low_hz, high_hz, largest_gain_db, json_file)
     live = Live(actuator, accelerometer, settings or [], duration, level_v, largest_m_s2, keep)
     equalise(what, fit, live)

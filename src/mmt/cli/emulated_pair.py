@@ -21,18 +21,20 @@ _EMULATED: Final = {
 _NETWORK: Final = {"profile": "wan"}
 
 
-class Pair(NamedTuple):
+class SceneFiles(NamedTuple):
     """The files of both sides."""
 
     leader: Path
     follower: Path
 
 
-def pair_named(name: Path) -> Pair | None:
+def pair_named(name: Path) -> SceneFiles | None:
     """Return ``NAME-leader`` and ``NAME-follower``, None where there are none of these names."""
     for suffix in ("", ".toml"):
         with suppress(InputError):
-            return Pair(*(find_scene(Path(f"{name}-{side}{suffix}")) for side in Pair._fields))
+            return SceneFiles(
+                *(find_scene(Path(f"{name}-{side}{suffix}")) for side in SceneFiles._fields)
+            )
     return None
 
 
@@ -46,7 +48,7 @@ def coil_log(directory: Path) -> Path:
     return directory / "coil.npz"
 
 
-def write_emulated(pair: Pair, directory: Path) -> Pair:
+def write_emulated(pair: SceneFiles, directory: Path) -> SceneFiles:
     """Write both scenes with emulated devices and network; return the files.
 
     Without ``[network]`` it is that of the profile ``wan``; ``MMT_NETWORK__PROFILE`` names another.
@@ -64,7 +66,7 @@ def write_emulated(pair: Pair, directory: Path) -> Pair:
             raise InputError(f"--output {directory}: the scenes are there; name another folder")
         write_file(target, tomli_w.dumps(tables))
         written.append(target)
-    return Pair(*written)
+    return SceneFiles(*written)
 
 
 def _emulated(scene: Scene, directory: Path) -> dict[str, Any]:

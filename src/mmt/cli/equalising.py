@@ -26,7 +26,7 @@ _EDGES_HZ = (20.0, 495.0)
 
 
 @dataclass(frozen=True)
-class Fit:
+class EqualiserFit:
     """What is fitted, and where it goes."""
 
     serial: str | None
@@ -51,7 +51,7 @@ class Live:
     """Where the recording is kept."""
 
 
-def equalise(what: str | None, fit: Fit, live: Live) -> None:
+def equalise(what: str | None, fit: EqualiserFit, live: Live) -> None:
     """Read a recording, or play and record a sweep; fit, show and store.
 
     Raises
@@ -109,7 +109,7 @@ def _refuse_live(live: Live) -> None:
             raise InputError(f"{option} is for a sweep that is played now: a recording was given")
 
 
-def _record(scene: str | None, fit: Fit, live: Live) -> tuple[str, SweepRecording]:
+def _record(scene: str | None, fit: EqualiserFit, live: Live) -> tuple[str, SweepRecording]:
     """Play and record; return the serial number and the recording."""
     options = _options_of(live.settings)
     actuator, actuator_options = _chosen("actuator", scene, live.actuator, options)

@@ -12,7 +12,7 @@ from mmt.core.errors import InputError, MmtError
 from mmt.core.existing_files import write_file
 from mmt.devices.adxl335.gravity import (
     UPS,
-    Calibration,
+    GravityCalibration,
     Rest,
     Up,
     calibrate,
@@ -133,7 +133,7 @@ def _keep(path: Path | None, serial: str, rests: list[Rest]) -> None:
     write_file(path, text + "\n")
 
 
-def _changes(serial: str, made: Calibration) -> list[str]:
+def _changes(serial: str, made: GravityCalibration) -> list[str]:
     """Return what differs from the stored calibration; one that cannot be read is replaced."""
     try:
         stored = load_calibration(CALIBRATED_AS, serial)

@@ -35,7 +35,7 @@ class Drawn:
         return axes
 
 
-class Played(Drawn):
+class PlayableInNotebook(Drawn):
     """Base of models, which a notebook shows as a page that plays them."""
 
     def _repr_html_(self) -> str | None:

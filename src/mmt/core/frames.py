@@ -110,7 +110,10 @@ def samples_per_frame(dtype: np.dtype[np.void]) -> int:
 
 
 def acceleration_samples(frames: RecordArray) -> SingleArray:
-    """Return the acceleration of frames (n,) sample by sample: a view (n k, 3) in m/s2."""
+    """Return the acceleration of frames (n,) sample by sample, (n k, 3) in m/s2, to be read only.
+
+    It may be a view of the frames or a copy.
+    """
     field: SingleArray = frames[FIELD_OF_CHANNEL["acceleration"]]
     return field.reshape(-1, 3)
 

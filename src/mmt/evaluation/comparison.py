@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from mmt.core.errors import InputError
 from mmt.core.labels import label
-from mmt.evaluation.document import Table
+from mmt.evaluation.document import ReportTable
 from mmt.evaluation.headlines import Headline, headline_table, headlines
 from mmt.evaluation.report_files import FIGURES
 
@@ -95,19 +95,19 @@ class Comparison:
         return sections
 
     @property
-    def answers(self) -> list[Table]:
+    def answers(self) -> list[ReportTable]:
         """Return what is to be read first: the headlines, or what differs most, and settings."""
         found = [d for each in self.sections.values() for d in each]
         found.sort(key=lambda difference: difference.size, reverse=True)
         largest = [(d.section, *d.row) for d in found[:_LARGEST]]
         tables = [headline_table(self.headlines)] if self.headlines else []
         if largest and not tables:
-            tables.append(Table(("in", *COLUMNS), largest, "What differs most"))
+            tables.append(ReportTable(("in", *COLUMNS), largest, "What differs most"))
         settings = [
             (d.section, *d.row[:3]) for d in self.differences if d.is_setting and not d.part
         ]
         if settings:
-            tables.append(Table(("in", "setting", "A", "B"), settings, "Settings"))
+            tables.append(ReportTable(("in", "setting", "A", "B"), settings, "Settings"))
         return tables
 
     @property

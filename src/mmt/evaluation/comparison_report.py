@@ -15,8 +15,8 @@ from mmt.evaluation.document import (
     Heading,
     Paragraph,
     Picture,
+    ReportTable,
     SideBySide,
-    Table,
 )
 from mmt.evaluation.report_files import FIGURES, picture, write_report_files
 from mmt.texture.settings import JND_DB
@@ -58,7 +58,10 @@ def write_comparison(comparison: Comparison, directory: Path) -> Path:
         blocks += [Heading("Side by side"), *pairs]
     rest: list[Block] = []
     for section, differences in comparison.sections.items():
-        rest += [Heading(section or "Overall", 3), Table(COLUMNS, [d.row for d in differences])]
+        rest += [
+            Heading(section or "Overall", 3),
+            ReportTable(COLUMNS, [d.row for d in differences]),
+        ]
     if rest:
         blocks.append(Folded("All that differs", rest))
     return write_report_files(directory, title, blocks, "comparison.json", comparison.as_dict())

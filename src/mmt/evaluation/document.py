@@ -22,7 +22,7 @@ class Paragraph:
 
 
 @dataclass(frozen=True)
-class Table:
+class ReportTable:
     """Rows of cells that are already text; numeric columns stand to the right."""
 
     columns: Sequence[str]
@@ -86,11 +86,11 @@ class SideBySide:
 class SmallTables:
     """Tables that are shown side by side where there is room."""
 
-    tables: Sequence[Table]
+    tables: Sequence[ReportTable]
     kind: ClassVar = "tables"
 
     @property
-    def inner(self) -> Sequence[Table]:
+    def inner(self) -> Sequence[ReportTable]:
         """Return the items that are shown side by side."""
         return self.tables
 
@@ -111,7 +111,17 @@ class Folded:
     blocks: Sequence["Block"]
 
 
-Block = Heading | Paragraph | Table | Tiles | Picture | SideBySide | SmallTables | Listing | Folded
+Block = (
+    Heading
+    | Paragraph
+    | ReportTable
+    | Tiles
+    | Picture
+    | SideBySide
+    | SmallTables
+    | Listing
+    | Folded
+)
 
 _WIDE: Final = 2.6
 
@@ -138,7 +148,7 @@ def _markdown(block: Block) -> str:
             text = f"{_plain(block.text)}\n"
         case Tiles():
             rows = [(tile.title, tile.value, tile.note) for tile in block.tiles]
-            text = _markdown_table(Table(("", "", ""), rows))
+            text = _markdown_table(ReportTable(("", "", ""), rows))
         case Picture():
             caption = _plain(block.caption)
             text = f"![{caption}]({block.source})\n\n*{caption}*\n"
@@ -150,12 +160,12 @@ def _markdown(block: Block) -> str:
             longest = max(map(len, re.findall("`+", block.text)), default=0)
             fence = "`" * max(3, 1 + longest)
             text = f"{_plain(block.title)}:\n\n{fence}\n{block.text.rstrip()}\n{fence}\n"
-        case Table():
+        case ReportTable():
             text = _markdown_table(block)
     return text
 
 
-def _markdown_table(table: Table) -> str:
+def _markdown_table(table: ReportTable) -> str:
     def line(cells: Sequence[str]) -> str:
         escaped = (_plain(cell).replace("|", r"\|") for cell in cells)
         return f"| {' | '.join(escaped)} |"
@@ -166,7 +176,7 @@ def _markdown_table(table: Table) -> str:
     return caption + "\n".join(lines) + "\n"
 
 
-def numeric_columns(table: Table) -> list[bool]:
+def numeric_columns(table: ReportTable) -> list[bool]:
     """Return for each column whether all its cells are numbers or dashes."""
     columns = [[row[index] for row in table.rows] for index in range(len(table.columns))]
     return [

@@ -13,9 +13,9 @@ from mmt.evaluation.document import (
     Listing,
     Paragraph,
     Picture,
+    ReportTable,
     SideBySide,
     SmallTables,
-    Table,
     Tile,
     Tiles,
     numeric_columns,
@@ -106,7 +106,7 @@ def _html(block: Block) -> str:
             text = _folded(block.title, _html_all(block.blocks))
         case Listing():
             text = _folded(block.title, f"<pre>{html.escape(block.text)}</pre>")
-        case Table():
+        case ReportTable():
             text = _html_table(block)
     return text
 
@@ -140,7 +140,7 @@ def _as_url(png: bytes) -> str:
     return f"data:image/png;base64,{base64.b64encode(png).decode('ascii')}"
 
 
-def _html_table(table: Table) -> str:
+def _html_table(table: ReportTable) -> str:
     numeric = numeric_columns(table)
 
     def cells(tag: str, texts: Sequence[str]) -> str:

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from mmt.evaluation.document import Table
+from mmt.evaluation.document import ReportTable
 from mmt.evaluation.run_verdict import final_of, median_of_most, run_verdict
 from mmt.evaluation.texts import number, seconds, share
 
@@ -64,9 +64,9 @@ def headlines(left: Mapping[str, Any], right: Mapping[str, Any]) -> list[Headlin
     ]
 
 
-def headline_table(found: Sequence[Headline]) -> Table:
+def headline_table(found: Sequence[Headline]) -> ReportTable:
     """Return the figures as a table."""
-    return Table(("figure", "A", "B", "B is"), [each.row for each in found])
+    return ReportTable(("figure", "A", "B", "B is"), [each.row for each in found])
 
 
 def _verdict(data: Mapping[str, Any]) -> str:

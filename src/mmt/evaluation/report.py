@@ -18,7 +18,7 @@ from mmt.evaluation.document import (
     Heading,
     Listing,
     Paragraph,
-    Table,
+    ReportTable,
 )
 from mmt.evaluation.report_files import picture, write_report_files
 from mmt.evaluation.results import Evaluation, evaluations_as_dict
@@ -218,12 +218,12 @@ def _session(evaluation: Evaluation, prefix: str, *, alone: bool) -> list[Block]
 
 
 def _appendix(scene: Mapping[str, Any] | None, *, with_scores: bool) -> list[Block]:
-    versions = Table(("part", "version"), list(environment().items()))
+    versions = ReportTable(("part", "version"), list(environment().items()))
     blocks: list[Block] = [Folded("Made with", [versions])]
     if with_scores:
         rows = list(DEFINITIONS.items())
         blocks.insert(
-            0, Folded("How the scores are defined", [Table(("score", "definition"), rows)])
+            0, Folded("How the scores are defined", [ReportTable(("score", "definition"), rows)])
         )
     if scene is not None:
         blocks.append(Listing("The resolved scene", json.dumps(scene, indent=2, default=str)))

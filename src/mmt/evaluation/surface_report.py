@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mmt.core.palette import LIGHT, SERIES
-from mmt.evaluation.document import Block, Heading, Paragraph, Table
+from mmt.evaluation.document import Block, Heading, Paragraph, ReportTable
 from mmt.evaluation.recorded_surfaces import SurfaceParts
 from mmt.evaluation.report_files import picture
 
@@ -36,7 +36,7 @@ def account(parts: SurfaceParts) -> str:
     )
 
 
-def stay_table(parts: SurfaceParts) -> Table:
+def stay_table(parts: SurfaceParts) -> ReportTable:
     """Return a row for each stay."""
     rows: list[tuple[str, ...]] = [
         (
@@ -51,7 +51,7 @@ def stay_table(parts: SurfaceParts) -> Table:
     columns = ["surface", "from (s)", "to (s)", "found at (s)", "mostly on"]
     if parts.course is None:
         columns, rows = columns[:-1], [row[:-1] for row in rows]
-    return Table(columns, rows)
+    return ReportTable(columns, rows)
 
 
 def surfaces_over_time(parts: SurfaceParts, duration_s: float) -> Figure:

@@ -37,7 +37,7 @@ def as_text(table: rich.console.RenderableType) -> str:
     return capture.get().rstrip()
 
 
-def as_rich(table: document.Table) -> rich.console.Group:
+def as_rich(table: document.ReportTable) -> rich.console.Group:
     """Return a report's table for the terminal, narrow enough for 80 columns.
 
     The words of a heading are on lines of their own. Numbers are not broken, texts are.

@@ -4,14 +4,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from mmt.core.labels import label
-from mmt.evaluation.document import Block, Heading, SmallTables, Table
+from mmt.evaluation.document import Block, Heading, ReportTable, SmallTables
 from mmt.evaluation.grid_errors import SECTOR_DEG, SectorErrors
 from mmt.evaluation.levels import WORST, across
 from mmt.evaluation.results import Evaluation, Levels, Score
 from mmt.evaluation.texts import number, plain, seconds, share
 
 
-def overview(evaluations: Sequence[Evaluation]) -> Table:
+def overview(evaluations: Sequence[Evaluation]) -> ReportTable:
     """Return one row for each session: when it was complete, and the spectra's shape then."""
     rows = []
     for evaluation in evaluations:
@@ -34,13 +34,13 @@ def overview(evaluations: Sequence[Evaluation]) -> Table:
         *("session", "against", "start (s)", "stop (s)", "samples", "GFC", "ceiling"),
         *("truth GFC", "spectrum (dB)", "update (ms)", "longest (ms)"),
     )
-    return Table(columns, rows, f"{_FINAL} Updates: mean and longest of those of the steps.")
+    return ReportTable(columns, rows, f"{_FINAL} Updates: mean and longest of those of the steps.")
 
 
 _FINAL: Final = "Figures at the stop criterion, or at the end where it was never met."
 
 
-def levels(evaluations: Sequence[Evaluation]) -> Table:
+def levels(evaluations: Sequence[Evaluation]) -> ReportTable:
     """Return the error of the level by each method, and what it is across several sessions."""
     named: dict[str, list[Levels | Score]] = {}
     rows = []
@@ -60,7 +60,9 @@ def levels(evaluations: Sequence[Evaluation]) -> Table:
         "difference, 1.36 dB, over the strokes that were made and over the whole plane, against "
         "the known texture. Without one: over the strokes of the held-out segments, against these."
     )
-    return Table((*columns, "error (dB), whole plane", "within JND, whole plane"), rows, caption)
+    return ReportTable(
+        (*columns, "error (dB), whole plane", "within JND, whole plane"), rows, caption
+    )
 
 
 _LEVELS: Final = ("power_error_db", "within_jnd", "plane_power_error_db", "plane_within_jnd")
@@ -86,14 +88,14 @@ def _across(method: str, every: Sequence[Levels | Score]) -> list[tuple[str, ...
     return [(title, method, *row) for title, *row in zip(titles, *columns, strict=True)]
 
 
-def by_time(evaluations: Sequence[Evaluation], name: str, digits: int, caption: str) -> Table:
+def by_time(evaluations: Sequence[Evaluation], name: str, digits: int, caption: str) -> ReportTable:
     """Return paper A's Table I for one figure: a row a session, a column a step."""
     times = sorted({step.time_s for evaluation in evaluations for step in evaluation.steps})
     rows = []
     for evaluation in evaluations:
         at = {step.time_s: getattr(step, name) for step in evaluation.steps}
         rows.append((evaluation.name, *(number(at.get(time_s), digits) for time_s in times)))
-    return Table(("session", *(f"{time_s:g} s" for time_s in times)), rows, caption)
+    return ReportTable(("session", *(f"{time_s:g} s" for time_s in times)), rows, caption)
 
 
 def account(evaluation: Evaluation) -> str:
@@ -116,16 +118,16 @@ def _met(time_s: float | None) -> str:
     return "never met" if time_s is None else f"met at {time_s:.1f} s"
 
 
-def control(evaluation: Evaluation) -> Table:
+def control(evaluation: Evaluation) -> ReportTable:
     """Return a row for each period in which one hand, or none, moved the robot."""
     rows = [
         (period.hand, number(period.from_s, 2), number(period.to_s, 2))
         for period in evaluation.control
     ]
-    return Table(("hand that moved the robot", "from (s)", "to (s)"), rows)
+    return ReportTable(("hand that moved the robot", "from (s)", "to (s)"), rows)
 
 
-def moments(evaluation: Evaluation) -> Table:
+def moments(evaluation: Evaluation) -> ReportTable:
     """Return the figures at the start criterion, at the stop criterion and at the end."""
     scores = {
         "start": evaluation.at_start,
@@ -133,12 +135,12 @@ def moments(evaluation: Evaluation) -> Table:
         "end": evaluation.at_end,
     }
     rows = [(name, *_cells(score)) for name, score in scores.items() if score is not None]
-    return Table(("at", *_SCORE_COLUMNS), rows)
+    return ReportTable(("at", *_SCORE_COLUMNS), rows)
 
 
-def steps(evaluation: Evaluation) -> Table:
+def steps(evaluation: Evaluation) -> ReportTable:
     """Return the figures at every step."""
-    return Table(_SCORE_COLUMNS, [_cells(step) for step in evaluation.steps])
+    return ReportTable(_SCORE_COLUMNS, [_cells(step) for step in evaluation.steps])
 
 
 _SCORE_COLUMNS = (
@@ -172,7 +174,7 @@ def _cells(score: Score) -> tuple[str, ...]:
     )
 
 
-def held_out(evaluation: Evaluation) -> Table:
+def held_out(evaluation: Evaluation) -> ReportTable:
     """Return one row for each held-out segment."""
     columns = ("from (s)", "to (s)", "speed (mm/s)", "force (N)", "GFC", "power error (dB)")
     rows = [
@@ -186,19 +188,19 @@ def held_out(evaluation: Evaluation) -> Table:
         )
         for segment in evaluation.held_out
     ]
-    return Table(columns, rows, "Held-out segments")
+    return ReportTable(columns, rows, "Held-out segments")
 
 
-def bands(evaluation: Evaluation) -> Table:
+def bands(evaluation: Evaluation) -> ReportTable:
     """Return the error in each band of frequency."""
     rows = [
         (f"{band.low_hz:.0f} to {band.high_hz:.0f}", number(band.error_db, 2))
         for band in evaluation.bands
     ]
-    return Table(("band (Hz)", "power error (dB)"), rows, "Error by bands")
+    return ReportTable(("band (Hz)", "power error (dB)"), rows, "Error by bands")
 
 
-def worst(evaluation: Evaluation) -> Table:
+def worst(evaluation: Evaluation) -> ReportTable:
     """Return where the model is farthest from the known texture, and why."""
     columns = (
         "worst in",
@@ -223,7 +225,7 @@ def worst(evaluation: Evaluation) -> Table:
         )
         for point in evaluation.worst
     ]
-    return Table(columns, rows, "Where the model is farthest from the known texture")
+    return ReportTable(columns, rows, "Where the model is farthest from the known texture")
 
 
 _BY_HEADING = (
@@ -234,7 +236,7 @@ _BY_HEADING = (
 )
 
 
-def by_heading(evaluation: Evaluation) -> Table:
+def by_heading(evaluation: Evaluation) -> ReportTable:
     """Return one row for each sector and one over all, three columns for each model."""
     columns = ["heading"]
     for errors in evaluation.by_heading:
@@ -242,7 +244,7 @@ def by_heading(evaluation: Evaluation) -> Table:
     whole = [errors.overall for errors in evaluation.by_heading]
     sectors = zip(*(errors.sectors for errors in evaluation.by_heading), strict=True)
     rows = [_errors(f"{row[0].heading_deg:.0f}", row) for row in sectors]
-    return Table(columns, [*rows, _errors("all", whole)], _BY_HEADING)
+    return ReportTable(columns, [*rows, _errors("all", whole)], _BY_HEADING)
 
 
 def _errors(heading: str, models: Sequence[SectorErrors]) -> list[str]:
@@ -273,7 +275,7 @@ def run_blocks(run: Mapping[str, object]) -> list[Block]:
     return blocks
 
 
-def _group(caption: str, content: Mapping[str, Any]) -> list[Table]:
+def _group(caption: str, content: Mapping[str, Any]) -> list[ReportTable]:
     """Return one table of single values, and one for each list of tables, however deep."""
     flat = _flat(content)
     pairs = {name: value for name, value in flat.items() if not _is_rows(value)}
@@ -299,12 +301,12 @@ def _flat(content: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     return flat
 
 
-def _pairs(content: Mapping[str, object], caption: str = "") -> Table:
+def _pairs(content: Mapping[str, object], caption: str = "") -> ReportTable:
     rows = [(name, plain(value)) for name, value in content.items()]
-    return Table(("figure", "value"), rows, caption)
+    return ReportTable(("figure", "value"), rows, caption)
 
 
-def _rows(content: Sequence[Mapping[str, object]], caption: str) -> Table:
+def _rows(content: Sequence[Mapping[str, object]], caption: str) -> ReportTable:
     names = list(dict.fromkeys(name for row in content for name in row))
     rows = [tuple(plain(row.get(name)) for name in names) for row in content]
-    return Table(tuple(label(name) for name in names), rows, caption)
+    return ReportTable(tuple(label(name) for name in names), rows, caption)

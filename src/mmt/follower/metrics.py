@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 HOST: Final = "127.0.0.1"
 
 
-class FollowerRun(Protocol):
+class FollowerFigures(Protocol):
     """What the metrics show of a running follower."""
 
     @property
@@ -45,7 +45,7 @@ class FollowerRun(Protocol):
         """Counts of the command guard, empty where a recording is replayed."""
 
 
-async def serve_metrics(run: FollowerRun, port: int, access: Access) -> Listener:
+async def serve_metrics(run: FollowerFigures, port: int, access: Access) -> Listener:
     """Serve ``/metrics`` on this machine alone, with the link's token if it has one.
 
     Raises
@@ -62,7 +62,7 @@ async def serve_metrics(run: FollowerRun, port: int, access: Access) -> Listener
     return listener
 
 
-def _collect(run: FollowerRun) -> Iterator["Metric"]:
+def _collect(run: FollowerFigures) -> Iterator["Metric"]:
     client = run.client
     yield session(run.session_id, "follower")
     yield gauge("connected", "Whether the leader is connected.", client.connected)

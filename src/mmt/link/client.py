@@ -12,7 +12,7 @@ from mmt.core.frames import COMMAND_DTYPE
 from mmt.core.ticking import TimeHistogram
 from mmt.link.access import Access
 from mmt.link.clock_exchange import ClockRequester
-from mmt.link.connection import Connection
+from mmt.link.connection import LeaderConnection
 from mmt.link.endpoint import Endpoint, ExtraEvent, FollowerEvents
 from mmt.link.frame_sender import FrameSender
 from mmt.link.protocol import (
@@ -109,7 +109,7 @@ class FollowerClient:
         self._clock_hz = clock_hz
         self._clock = ClockRequester(endpoint.reader, endpoint.outbox, endpoint.notify_jump)
         self._round_trip = TimeHistogram()
-        self._connection = Connection(
+        self._connection = LeaderConnection(
             url,
             hello.to_auth(),
             access or Access(),

@@ -50,7 +50,7 @@ def connection_advice(url: str, role: str) -> str:
     return "http or https, host, port and firewall"
 
 
-class Connection:
+class LeaderConnection:
     """Connect to a leader and stay connected.
 
     Parameters

@@ -20,7 +20,7 @@ class Packet(MsgPackPacket):  # type: ignore[misc]  # the library has no types
         """Take what the message says; see the library."""
         packet = (
             encoded_packet.packet
-            if isinstance(encoded_packet, Decoded)
+            if isinstance(encoded_packet, DecodedPacket)
             else decode_packet(encoded_packet)
         )
         if packet is None:
@@ -29,7 +29,7 @@ class Packet(MsgPackPacket):  # type: ignore[misc]  # the library has no types
         self.data, self.id = packet.get("data"), packet.get("id")
 
 
-class Decoded(bytes):
+class DecodedPacket(bytes):
     """A message with the packet that it decodes to."""
 
     packet: dict[str, Any]

@@ -28,7 +28,7 @@ from aiohttp.http_exceptions import HttpProcessingError
 
 from mmt.core.logs import RepeatLimit
 from mmt.link.accepting import HANDSHAKE_S, admit_connection
-from mmt.link.packets import Decoded, binary_event, decode_packet, is_reserved
+from mmt.link.packets import DecodedPacket, binary_event, decode_packet, is_reserved
 from mmt.link.protocol import MAX_MESSAGE_BYTES
 from mmt.link.queue import Sending, UnbufferedSend
 from mmt.link.rate_limit import HandshakeLimit, RateLimit
@@ -165,7 +165,7 @@ async def _texts(
     return False
 
 
-def _dispatch(message: bytes, rate_limit: AnyRateLimit, handlers: Handlers) -> Decoded | None:
+def _dispatch(message: bytes, rate_limit: AnyRateLimit, handlers: Handlers) -> DecodedPacket | None:
     """Hand an event to its handler; return what is the library's, decoded."""
     packet = decode_packet(message, stranger=isinstance(rate_limit, HandshakeLimit))
     if packet is None:
@@ -178,7 +178,7 @@ def _dispatch(message: bytes, rate_limit: AnyRateLimit, handlers: Handlers) -> D
     elif is_reserved(packet):
         rate_limit.drop("reserved event")
     else:
-        rest = Decoded(message)
+        rest = DecodedPacket(message)
         rest.packet = packet
         return rest
     return None

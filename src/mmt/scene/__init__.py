@@ -15,22 +15,22 @@ from mmt.scene.network_table import PROFILES, Network
 from mmt.scene.recording_tables import LARGEST_SPEED, Recording, Replay
 from mmt.scene.rendering_tables import Playout, Rendering
 from mmt.scene.simulated_tables import Course, Hand, Simulated
-from mmt.scene.table import Part, PartTable, Service, Table
+from mmt.scene.table import OptionalTable, PartTable, Service, Table
 from mmt.scene.texture_table import Texture
 
 if TYPE_CHECKING:
-    from mmt.scene.scene import PART_TABLES, Scene, Session
+    from mmt.scene.scene import PART_TABLES, Scene, SessionTable
 
 __all__ = [
     "LARGEST_SPEED", "PART_TABLES", "PROFILES", "Actuator", "Course", "Devices", "Driver",
     "ForceFeedback", "Hand", "Handle", "Link", "Metrics", "Monitor", "MotionLimits", "Network",
-    "Part", "PartTable", "Playout", "Recording", "Rendering", "Replay", "Scene", "Service",
-    "Session", "Simulated", "Table", "Texture",
+    "OptionalTable", "PartTable", "Playout", "Recording", "Rendering", "Replay", "Scene", "Service",
+    "SessionTable", "Simulated", "Table", "Texture",
 ]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:
-    if name not in {"PART_TABLES", "Scene", "Session"}:
+    if name not in {"PART_TABLES", "Scene", "SessionTable"}:
         message = f"module {__name__!r} has no attribute {name!r}"
         raise AttributeError(message)
     from mmt.scene import scene

@@ -25,13 +25,13 @@ from mmt.scene.network_table import Network
 from mmt.scene.recording_tables import Recording, Replay
 from mmt.scene.rendering_tables import Playout, Rendering
 from mmt.scene.simulated_tables import Hand, Simulated
-from mmt.scene.table import Part, PartTable, Service, Table
+from mmt.scene.table import OptionalTable, PartTable, Service, Table
 from mmt.scene.texture_table import Texture
 
 _Added = TypeVar("_Added", bound=PartTable)
 
 
-class Session(Table):
+class SessionTable(Table):
     """``[session]``: what every run has."""
 
     name: str = Field("session", min_length=1, max_length=64, pattern=r"^[\w.-]+$")
@@ -49,7 +49,7 @@ class Session(Table):
 class SceneTables(Table):
     """The tables of the product's own parts; `Scene` has those of added parts as well."""
 
-    session: Session = Session()
+    session: SessionTable = SessionTable()
     link: Link | None = None
     network: Network | None = None
     simulated: Simulated | None = None
@@ -248,7 +248,7 @@ else:
         **{name: (table | None, None) for name, table in added_tables().items()},
     )
 
-PART_TABLES: Final[dict[str, type[Part]]] = {
+PART_TABLES: Final[dict[str, type[OptionalTable]]] = {
     name: get_args(field.annotation)[0]
     for name, field in Scene.model_fields.items()
     if name != "session"

@@ -13,7 +13,7 @@ class Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-class Part:
+class OptionalTable:
     """Base of the tables of a scene: the settings of a part that may be left out."""
 
     runs_in: ClassVar[tuple[Service, ...]] = ("leader",)
@@ -25,7 +25,7 @@ class Part:
         return self.runs_in
 
 
-class PartTable(Part, Table):
+class PartTable(OptionalTable, Table):
     """The table of a part."""
 
     gives: ClassVar[tuple[Literal["model", "force"], ...]] = ()

@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, Final
 from annotated_types import Ge, Le
 from pydantic import ConfigDict, TypeAdapter, model_validator
 
-from mmt.scene.table import Part
+from mmt.scene.table import OptionalTable
 from mmt.texture.settings import THRESHOLDS, Method, ModellingSettings, TextureSettings
 
 _PARTS: Final = ("interpolate", "interpolator", "level", "shape", "criterion")
@@ -26,7 +26,7 @@ _OF_FIELD: Final = {
 
 
 @dataclass(frozen=True)
-class Texture(TextureSettings, Part):
+class Texture(TextureSettings, OptionalTable):
     """``[texture]``: segment the stream, fit, and build the model."""
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid", allow_inf_nan=False)

@@ -11,7 +11,7 @@ from mmt.session.mcap_writer import FRAMES_PER_BLOCK
 _SAMPLE_BYTES = 4
 
 
-class FrameAssembler:
+class BlockAssembler:
     """Join frames into blocks of 20; `write` gets each with its first frame's log time."""
 
     def __init__(self, dtype: np.dtype[Any], write: Callable[[RecordArray, int], None]) -> None:

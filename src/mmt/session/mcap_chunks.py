@@ -16,7 +16,7 @@ from mcap.stream_reader import get_chunk_data_stream
 from mmt.core.errors import InputError
 from mmt.session.data import JsonObject
 from mmt.session.mcap_reader import frame_codec, parse_event, parse_json
-from mmt.session.mcap_records import HEAD, Records, open_records
+from mmt.session.mcap_records import HEAD, RecordWalk, open_records
 from mmt.session.mcap_scan import DAMAGE, chunk_messages, most_bytes, read_index, unpacked
 from mmt.session.mcap_writer import (
     ANNOTATIONS_ATTACHMENT,
@@ -118,7 +118,7 @@ def frame_payloads(path: Path) -> Iterator[list[bytes]]:
         )
 
 
-def _payloads(path: Path, records: Records) -> Iterator[list[bytes]]:
+def _payloads(path: Path, records: RecordWalk) -> Iterator[list[bytes]]:
     """Yield the messages; the indexes of a chunk's messages are not looked at.
 
     Below, a chunk's records are taken apart by their lengths: the library reads each number by

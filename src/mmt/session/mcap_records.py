@@ -58,7 +58,7 @@ _AT_ONCE: Final = 1 << 24
 """Bytes of which a part of a checksum is taken."""
 
 
-class Record(NamedTuple):
+class McapRecord(NamedTuple):
     """A record, and where it begins."""
 
     opcode: int
@@ -66,7 +66,7 @@ class Record(NamedTuple):
     at: int
 
 
-class Records:
+class RecordWalk:
     """Walk through the records of an MCAP file.
 
     Parameters
@@ -89,7 +89,7 @@ class Records:
         self._known = self._index()
         self._places = sorted(self._known)
 
-    def __iter__(self) -> Iterator[Record]:
+    def __iter__(self) -> Iterator[McapRecord]:
         at, ended = MAGIC_SIZE, False
         damaged = int(self._data[:MAGIC_SIZE] != MCAP0_MAGIC)
         while not ended and at + HEAD.size <= len(self._data):
@@ -117,7 +117,7 @@ class Records:
         opcode, length = HEAD.unpack_from(self._data, at)
         return opcode, length
 
-    def _record(self, at: int) -> Record | None:
+    def _record(self, at: int) -> McapRecord | None:
         """Return the record that begins there, None if none does."""
         opcode, length = self._known.get(at) or self._head(at)
         begin = at + HEAD.size
@@ -126,7 +126,7 @@ class Records:
         if length > end - begin or (at == MAGIC_SIZE and opcode != Opcode.HEADER):
             return None
         content = self._data[begin : begin + length]
-        return Record(opcode, bytes(content), at) if _fits(opcode, content) else None
+        return McapRecord(opcode, bytes(content), at) if _fits(opcode, content) else None
 
     def _next(self, at: int) -> int:
         """Return where the next record begins, the file's length if there is none."""
@@ -140,7 +140,7 @@ class Records:
                 return place
         return len(self._data)
 
-    def _check_data(self, end: Record) -> None:
+    def _check_data(self, end: McapRecord) -> None:
         (checksum,), found = _CHECKSUM.unpack(end.content), 0
         if checksum == 0:
             return
@@ -189,13 +189,13 @@ class Records:
 
 
 @contextmanager
-def open_records(stream: BinaryIO) -> Iterator[Records]:
+def open_records(stream: BinaryIO) -> Iterator[RecordWalk]:
     """Map a file that is not empty into memory, for its records, during the block."""
     with (
         mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as mapped,
         memoryview(mapped) as data,
     ):
-        yield Records(data)
+        yield RecordWalk(data)
 
 
 def intact(attachment: bytes) -> bool:

@@ -32,7 +32,7 @@ from mcap.stream_reader import MAGIC_SIZE, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 
 from mmt.core.errors import InputError
-from mmt.session.mcap_records import HEAD, INDEX_DAMAGED, Records, intact, open_records
+from mmt.session.mcap_records import HEAD, INDEX_DAMAGED, RecordWalk, intact, open_records
 
 MOST_MIB: Final = "MMT_MOST_MIB"
 """The environment variable with what a file may unpack to, in MiB, where that is more than
@@ -178,7 +178,7 @@ def check_start(path: Path, stream: BinaryIO) -> None:
     stream.seek(0)
 
 
-def _scan(scan: Scan, records: Records) -> Scan:
+def _scan(scan: Scan, records: RecordWalk) -> Scan:
     attachments = metadata = 0
     for opcode, content, _ in records:
         attachments += opcode == Opcode.ATTACHMENT

@@ -25,7 +25,7 @@ from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.core.existing_files import exists_error, numbered
 from mmt.core.frames import Channel, frame_dtype, ordered_channels, samples_per_frame
-from mmt.session.assembling import FrameAssembler, OutputAssembler
+from mmt.session.assembling import BlockAssembler, OutputAssembler
 from mmt.session.data import JsonObject, to_json
 from mmt.session.mcap_writer import SessionWriter
 
@@ -138,8 +138,8 @@ class McapRecorder:
             with suppress(OSError):
                 self._stream.close()
             raise InputError(f"recording {self.path}: {error.strerror or error}") from error
-        self._frame_assembler = FrameAssembler(self._dtype, self._write_frames)
-        self._backfill_assembler = FrameAssembler(self._dtype, self._write_backfill)
+        self._frame_assembler = BlockAssembler(self._dtype, self._write_frames)
+        self._backfill_assembler = BlockAssembler(self._dtype, self._write_backfill)
         self._output_assembler = OutputAssembler(self._writer.write_output, samples_per_frame)
         # A daemon, so that a program that dies without `close` is not held back.
         self._thread = threading.Thread(target=self._run, name="mmt-recorder", daemon=True)

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.session.data import RecordedSession
-from mmt.session.importing.columns import Columns, distinct
+from mmt.session.importing.columns import SourceColumns, distinct
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.parquet_file import read_numbers, read_parquet, read_schema
 from mmt_bridges.lerobot.layout import (
@@ -36,7 +36,9 @@ _OFF_THE_GRID_S: Final = 1e-3
 """How far a time, which is in single precision, may lie off its frame's number by the rate."""
 
 
-def read_lerobot(folder: Path, wanted: Callable[[str], bool], options: ImportOptions) -> Columns:
+def read_lerobot(
+    folder: Path, wanted: Callable[[str], bool], options: ImportOptions
+) -> SourceColumns:
     """Read an episode: the 1 kHz frames that mmt left beside it if they are its own, else its rows.
 
     Of the rows, features (n,) and (n, k) have their own names, and each named component that of
@@ -190,7 +192,7 @@ class _Rows:
         order = np.argsort(read["frame_index"], kind="stable")
         return {name: column[order] for name, column in read.items()}
 
-    def read(self, wanted: Callable[[str], bool]) -> Columns:
+    def read(self, wanted: Callable[[str], bool]) -> SourceColumns:
         """Return the features and components that are wanted."""
         columns = {
             f"{name}.{component}": (name, place)
@@ -207,7 +209,7 @@ class _Rows:
                 values[column] = _component(values[name], place, column, self.origin)
         names = [name for name in (*self.features, *columns) if name not in OF_EVERY_DATA_SET]
         times = dict.fromkeys((*names, *values), time_s)
-        return Columns(origin=self.origin, values=values, names=names, times=times)
+        return SourceColumns(origin=self.origin, values=values, names=names, times=times)
 
 
 def _times(frame_index: npt.NDArray[Any], timestamp: npt.NDArray[Any], fps: float) -> FloatArray:

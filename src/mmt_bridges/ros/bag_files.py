@@ -20,7 +20,7 @@ _LARGE_BYTES: Final = 1 << 16
 Decode = Callable[[bytes], Any]
 
 
-class Decoded(NamedTuple):
+class DecodedMessage(NamedTuple):
     """A message: numbers, texts, lists, and what has members (`dict` or dataclass)."""
 
     topic: str
@@ -44,7 +44,7 @@ class _Raw(NamedTuple):
     data: bytes
 
 
-def decoded_messages(path: Path, notes: list[str]) -> Iterator[Decoded]:
+def decoded_messages(path: Path, notes: list[str]) -> Iterator[DecodedMessage]:
     """Yield the messages of a bag or an MCAP file; what is left out is added to the notes."""
     decoders: dict[tuple[object, str], Decode | None] = {}
     lost: dict[str, list[Any]] = {}
@@ -66,7 +66,7 @@ def decoded_messages(path: Path, notes: list[str]) -> Iterator[Decoded]:
             lost.setdefault(raw.topic, [0, why])[0] += 1
             continue
         si = raw.encoding in {"cdr", "ros1"} or raw.kind.startswith("foxglove.")
-        yield Decoded(raw.topic, raw.source, raw.kind, si, raw.received_ns, message)
+        yield DecodedMessage(raw.topic, raw.source, raw.kind, si, raw.received_ns, message)
     notes += [
         f"{count} messages of {topic} cannot be read and were left out ({why})"
         for topic, (count, why) in lost.items()

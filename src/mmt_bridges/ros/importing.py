@@ -16,7 +16,7 @@ from mmt.core.errors import InputError
 from mmt.core.extras import require
 from mmt.core.frames import FIELD_OF_CHANNEL
 from mmt.session.data import JsonObject
-from mmt.session.importing.columns import Columns, reading
+from mmt.session.importing.columns import SourceColumns, reading
 from mmt.session.importing.options import ImportOptions
 from mmt_bridges.ros.bag_files import decoded_messages
 from mmt_bridges.ros.clocks import Stamped, choose_clock
@@ -42,7 +42,7 @@ _MOST_SOURCES: Final = 16
 """Of one topic, by which numbers columns are looked for."""
 
 
-def read_bag(path: Path, wanted: Callable[[str], bool], options: ImportOptions) -> Columns:
+def read_bag(path: Path, wanted: Callable[[str], bool], options: ImportOptions) -> SourceColumns:
     """Read the wanted fields of the messages, each with the times of its topic.
 
     Fields with x, y and z, such as ``/sensor.wrench.force``, are arrays (n, 3), lists of k numbers
@@ -125,7 +125,7 @@ class _Gathered:
             source.keeps[field] = any(map(self._wanted, names))
         return source.keeps[field]
 
-    def columns(self, origin: str, options: ImportOptions, notes: list[str]) -> Columns:
+    def columns(self, origin: str, options: ImportOptions, notes: list[str]) -> SourceColumns:
         """Return the columns, with their times by one clock."""
         labels = _labels(list(self._sources.values()))
         notes += _of_several(labels)
@@ -150,7 +150,7 @@ class _Gathered:
                     values[name] = np.array(column, dtype=np.float64)
                     times[name] = time_s[source.rows[field]]
                     units |= {name: "m"} if field in source.in_metres else {}
-        return Columns(
+        return SourceColumns(
             origin=origin,
             values=values,
             names=sorted(names),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 from mmt.testing.emulated import Truth, with_flipped_bit
 from mmt.testing.emulated.clockwork import Clockwork
 from mmt.testing.emulated.serial_port import EmulatedPort
-from mmt_devices.bota.frames import HEADER, RAW, SIZE, Frame, frame_rate_hz, pack_frame
+from mmt_devices.bota.frames import HEADER, RAW, SIZE, BotaFrame, frame_rate_hz, pack_frame
 
 if TYPE_CHECKING:
     from mmt.testing.emulated.world import World
@@ -203,7 +203,7 @@ class EmulatedBota:
             status |= RAW
         time_us = self._start_us + round((time_ns - self._booted_ns) * self._speed / 1000.0)
         wrench = (x, y, z, 0.001 * y, 0.001 * x, 0.0)
-        whole = Frame(status, wrench, time_us % 2**32, _WARMTH_C)
+        whole = BotaFrame(status, wrench, time_us % 2**32, _WARMTH_C)
         self._last = self._spoil(pack_frame(whole, self.header))
         return self._last
 

@@ -40,7 +40,7 @@ ANSWER: Final = re.compile(rb"r,\d,(\w),(\d)")
 """Command and return code of an answer; 0 is done."""
 
 
-class Frame(NamedTuple):
+class BotaFrame(NamedTuple):
     """What one frame holds."""
 
     status: int
@@ -81,7 +81,7 @@ def checksum(content: bytes) -> int:
     return _MIRRORED[crc & 0xFF] << 8 | _MIRRORED[crc >> 8]
 
 
-def pack_frame(frame: Frame, header: int = HEADER) -> bytes:
+def pack_frame(frame: BotaFrame, header: int = HEADER) -> bytes:
     """Return the frame's bytes."""
     content = _CONTENT.pack(frame.status, *frame.wrench, frame.time_us, frame.temperature_c)
     return bytes([header]) + content + checksum(content).to_bytes(2, "little")
@@ -100,15 +100,15 @@ class FrameStream:
         self._rest = b""
         self._skipped = 0
 
-    def feed(self, received: bytes) -> list[Frame]:
+    def feed(self, received: bytes) -> list[BotaFrame]:
         """Take bytes and return the frames that are whole and right."""
         content = self._rest + received if self._rest else received
-        frames: list[Frame] = []
+        frames: list[BotaFrame] = []
         start, end = 0, len(content)
         while end - start >= SIZE:
             if content[start] == HEADER and _is_right(content, start):
                 status, u, v, w, x, y, z, time_us, warmth = _CONTENT.unpack_from(content, start + 1)
-                frames.append(Frame(status, (u, v, w, x, y, z), time_us, warmth))
+                frames.append(BotaFrame(status, (u, v, w, x, y, z), time_us, warmth))
                 self._skipped = 0
                 start += SIZE
                 continue

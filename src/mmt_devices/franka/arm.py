@@ -45,7 +45,7 @@ class ArmState(NamedTuple):
     """Of what it touches, on the tool; all zero near a singularity."""
 
 
-class Arm(threading.Thread):
+class FrankaArm(threading.Thread):
     """A connection; it ends by itself when the arm is lost, and another is made then.
 
     Parameters
@@ -179,11 +179,11 @@ class Arm(threading.Thread):
         self.join(_END_S)
 
 
-_ARMS: Final[dict[str, Arm]] = {}
+_ARMS: Final[dict[str, FrankaArm]] = {}
 _LOCK: Final = threading.Lock()
 
 
-def enter(options: ArmOptions) -> Arm:
+def enter(options: ArmOptions) -> FrankaArm:
     """Connect an arm, or share the connection that there is; a lost one is made anew.
 
     Raises
@@ -211,7 +211,7 @@ def enter(options: ArmOptions) -> Arm:
     raise MmtError(problem)
 
 
-def _take_part(options: ArmOptions, franky: Any) -> Arm:
+def _take_part(options: ArmOptions, franky: Any) -> FrankaArm:
     """Return the arm at that address with one user more, being connected where it is not."""
     with _LOCK:
         arm = _ARMS.get(options.host)
@@ -219,7 +219,7 @@ def _take_part(options: ArmOptions, franky: Any) -> Arm:
             arm.join(_END_S)  # the robot takes one connection at a time
             arm = None
         if arm is None:
-            arm = _ARMS[options.host] = Arm(options, franky)
+            arm = _ARMS[options.host] = FrankaArm(options, franky)
             arm.start()
             atexit.register(arm.end)
         elif arm.options.realtime != options.realtime:
@@ -228,7 +228,7 @@ def _take_part(options: ArmOptions, franky: Any) -> Arm:
         return arm
 
 
-def leave(arm: Arm) -> None:
+def leave(arm: FrankaArm) -> None:
     """Use it no more; the last one to leave disconnects it."""
     with _LOCK:
         arm.users -= 1
@@ -237,7 +237,7 @@ def leave(arm: Arm) -> None:
         arm.end()
 
 
-def _end_if_unused(arm: Arm) -> bool:
+def _end_if_unused(arm: FrankaArm) -> bool:
     """Tell an arm to end that nobody uses: all have left, perhaps while it was connecting."""
     with _LOCK:
         if arm.users == 0:

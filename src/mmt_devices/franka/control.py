@@ -4,7 +4,7 @@ from typing import Any, Final
 
 from mmt.core.arrays import difference, towards
 from mmt.devices.protocols import Vector
-from mmt_devices.franka.options import RobotOptions
+from mmt_devices.franka.options import FrankaRobotOptions
 from mmt_devices.franka.problems import ArmProblem
 
 _LONGEST_STEP_S: Final = 0.005
@@ -35,7 +35,7 @@ class PositionControl:
         Set to bring the arm to rest, and to end the control.
     """
 
-    def __init__(self, franky: Any, options: RobotOptions) -> None:
+    def __init__(self, franky: Any, options: FrankaRobotOptions) -> None:
         self._franky = franky
         self._options = options
         self.target_mm: Vector | None = None

@@ -12,9 +12,9 @@ from mmt.devices.axes import Axes
 from mmt.devices.discovery import missing_package
 from mmt.devices.drivers import read_options
 from mmt.devices.protocols import Vector
-from mmt_devices.franka.arm import Arm, ArmState, enter, leave
+from mmt_devices.franka.arm import ArmState, FrankaArm, enter, leave
 from mmt_devices.franka.control import PositionControl
-from mmt_devices.franka.options import ArmOptions, RobotOptions
+from mmt_devices.franka.options import ArmOptions, FrankaRobotOptions
 
 _BIAS_STATES: Final = 200
 _NO_FORCE: Final = (
@@ -36,7 +36,7 @@ class _ArmDriver(Generic[AnyOptions]):
     def __init__(self, options: AnyOptions) -> None:
         require("franky")
         self._options = options
-        self._arm: Arm | None = None
+        self._arm: FrankaArm | None = None
         self._counts: Counter[str] = Counter()
 
     def connect(self) -> None:
@@ -65,14 +65,14 @@ class _ArmDriver(Generic[AnyOptions]):
         """Return soon after the thread that reads the arm has done its turn."""
         self._connected().await_turn()
 
-    def _connected(self) -> Arm:
+    def _connected(self) -> FrankaArm:
         if self._arm is None:
             raise DeviceLost(f"the Franka arm {self._options.host} is not connected")
         return self._arm
 
 
-class FrankaRobot(_ArmDriver[RobotOptions]):
-    """Implements `Robot`; the options are those of `RobotOptions`.
+class FrankaRobot(_ArmDriver[FrankaRobotOptions]):
+    """Implements `Robot`; the options are those of `FrankaRobotOptions`.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ class FrankaRobot(_ArmDriver[RobotOptions]):
     """
 
     def __init__(self, **options: Any) -> None:
-        super().__init__(read_options(RobotOptions, "franka", options))
+        super().__init__(read_options(FrankaRobotOptions, "franka", options))
         self._axes = Axes(self._options.axes, self._options.origin_mm)
         self._control: PositionControl | None = None
 

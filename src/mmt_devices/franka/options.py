@@ -22,7 +22,7 @@ class ArmOptions(BaseModel):
         return self
 
 
-class RobotOptions(ArmOptions):
+class FrankaRobotOptions(ArmOptions):
     """Options of the robot: the position controller and what makes the arm stop."""
 
     origin_mm: tuple[Millimetres, Millimetres, Millimetres] = (0.0, 0.0, 0.0)

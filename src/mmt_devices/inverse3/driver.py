@@ -12,7 +12,7 @@ from typing import Final
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.axes import Axes
 from mmt.devices.protocols import Vector
-from mmt_devices.inverse3.exchange import Measured, State
+from mmt_devices.inverse3.exchange import Inverse3State, ServiceAnswer
 from mmt_devices.inverse3.link import ServiceLink
 from mmt_devices.inverse3.options import InverseOptions
 
@@ -121,7 +121,7 @@ class InverseDriver(ABC):
             raise DeviceLost(f"{self.name} is not connected: connect it first")
         return self._link
 
-    def _measured(self, state: State) -> Measured:
+    def _measured(self, state: ServiceAnswer) -> Inverse3State:
         """Return the newest state that makes sense."""
         if state.measured is None:
             raise DeviceLost(

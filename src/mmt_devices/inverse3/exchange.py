@@ -25,7 +25,7 @@ _STATE: Final = struct.Struct("<q6d3b")
 _NOT_TOLD: Final = -1
 
 
-class Measured(NamedTuple):
+class Inverse3State(NamedTuple):
     """One state of the device that makes sense, in its own axes."""
 
     position_mm: Vector
@@ -34,10 +34,10 @@ class Measured(NamedTuple):
     """When it came, by the host's monotonic clock."""
 
 
-class State(NamedTuple):
+class ServiceAnswer(NamedTuple):
     """The device after an answer of the service."""
 
-    measured: Measured | None
+    measured: Inverse3State | None
     """The newest that makes sense."""
     calibrated: bool | None
     powered: bool | None
@@ -46,10 +46,10 @@ class State(NamedTuple):
     """Whether another program had the device when this one came."""
 
 
-_NOWHERE: Final = Measured((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), -1)
+_NOWHERE: Final = Inverse3State((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), -1)
 
 
-def pack_state(state: State) -> bytes:
+def pack_state(state: ServiceAnswer) -> bytes:
     """Return the body of a state's message."""
     position_mm, velocity_mm_s, time_ns = state.measured or _NOWHERE
     return _STATE.pack(
@@ -62,11 +62,11 @@ def pack_state(state: State) -> bytes:
     )
 
 
-def unpack_state(body: bytes) -> State:
+def unpack_state(body: bytes) -> ServiceAnswer:
     """Return the state of a message's body."""
     time_ns, x, y, z, u, v, w, calibrated, powered, used = _STATE.unpack(body)
-    measured = None if time_ns < 0 else Measured((x, y, z), (u, v, w), time_ns)
-    return State(measured, _flag(calibrated), _flag(powered), bool(used))
+    measured = None if time_ns < 0 else Inverse3State((x, y, z), (u, v, w), time_ns)
+    return ServiceAnswer(measured, _flag(calibrated), _flag(powered), bool(used))
 
 
 def _flag(number: int) -> bool | None:

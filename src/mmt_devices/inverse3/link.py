@@ -9,7 +9,7 @@ from mmt.core.realtime import ticks_in_real_time
 from mmt.devices.driver_process import DriverProcess, text_of
 from mmt.devices.protocols import Vector
 from mmt_devices.inverse3 import exchange as to
-from mmt_devices.inverse3.exchange import ABSENT, Measured, State
+from mmt_devices.inverse3.exchange import ABSENT, Inverse3State, ServiceAnswer
 from mmt_devices.inverse3.options import InverseOptions
 
 _READY_S: Final = 15.0
@@ -65,9 +65,9 @@ class ServiceLink:
         """What the device says that it is, and where."""
         self.answers = 0
         """Answers of the service that were read."""
-        self.state: State | None = None
+        self.state: ServiceAnswer | None = None
         """The newest one."""
-        self.kept: deque[Measured] = deque(maxlen=_KEPT)
+        self.kept: deque[Inverse3State] = deque(maxlen=_KEPT)
         """The newest that make sense."""
         self._problem = ""
 
@@ -89,7 +89,7 @@ class ServiceLink:
             if self._process.ended is not None:
                 raise MmtError(self._process.ended)
 
-    def read(self) -> State:
+    def read(self) -> ServiceAnswer:
         """Return the newest state.
 
         Raises

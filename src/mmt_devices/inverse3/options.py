@@ -32,7 +32,7 @@ class InverseOptions(BaseModel):
         return self
 
 
-class RobotOptions(InverseOptions):
+class Inverse3RobotOptions(InverseOptions):
     """Options of the robot: how the point moves that the service holds the tip at."""
 
     speed_limit_mm_s: float = Field(500.0, gt=0, le=2000)

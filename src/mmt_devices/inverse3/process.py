@@ -26,7 +26,12 @@ from mmt_devices.inverse3.messages import (
     parse,
     version_of,
 )
-from mmt_devices.inverse3.servo import ForceServo, Found, PositionServo, Servo
+from mmt_devices.inverse3.servo import (
+    ChosenDevice,
+    ForceServo,
+    Inverse3PositionServo,
+    Inverse3Servo,
+)
 
 PERIOD_NS: Final = 1_000_000
 
@@ -51,7 +56,7 @@ class Conversation:
         self._timeout_ms: float = arguments["timeout_ms"]
         self._first_s: float = arguments["first_s"]
         self._arguments, self._pipes = arguments, pipes
-        self._servo: Servo | None = None
+        self._servo: Inverse3Servo | None = None
         self._told: Counter[str] = Counter()
         self._is_lost = False
         self._failure: MmtError | None = None
@@ -111,7 +116,7 @@ class Conversation:
                 "correct the option 'address'"
             ) from error
 
-    async def _first(self, socket: aiohttp.ClientWebSocketResponse) -> Servo:
+    async def _first(self, socket: aiohttp.ClientWebSocketResponse) -> Inverse3Servo:
         try:
             async with asyncio.timeout(self._first_s):
                 text = await self._next(socket)
@@ -134,7 +139,7 @@ class Conversation:
                 f"is {text[:_SHOWN]!r} ({error}); correct the option 'address'"
             ) from error
 
-    def _choose(self, message: dict[str, Any]) -> Servo:
+    def _choose(self, message: dict[str, Any]) -> Inverse3Servo:
         """Return the servo of the device that is meant among those of the first message."""
         arguments = self._arguments
         there, wanted = listed(message), arguments["device"]
@@ -153,9 +158,11 @@ class Conversation:
         entry, commands = dict(there[device]), arguments["commands"]
         version = version_of(message, entry) if commands == "auto" else commands
         servo = _SERVOS[arguments["role"]]
-        return servo(Found(device, NAMES[version], entry), **arguments["servo"])
+        return servo(ChosenDevice(device, NAMES[version], entry), **arguments["servo"])
 
-    async def _exchange(self, socket: aiohttp.ClientWebSocketResponse, servo: Servo) -> None:
+    async def _exchange(
+        self, socket: aiohttp.ClientWebSocketResponse, servo: Inverse3Servo
+    ) -> None:
         """Talk until one of the two fails, or this is cancelled."""
         talking = [
             asyncio.ensure_future(self._speak(socket, servo)),
@@ -198,7 +205,7 @@ class Conversation:
             )
             self._turns.stop()
 
-    async def _speak(self, socket: aiohttp.ClientWebSocketResponse, servo: Servo) -> None:
+    async def _speak(self, socket: aiohttp.ClientWebSocketResponse, servo: Inverse3Servo) -> None:
         text = servo.greet()
         try:
             while True:
@@ -210,14 +217,14 @@ class Conversation:
         except (aiohttp.ClientError, ConnectionError) as error:
             raise self._gone(str(error)) from error
 
-    async def _hear(self, socket: aiohttp.ClientWebSocketResponse, servo: Servo) -> None:
+    async def _hear(self, socket: aiohttp.ClientWebSocketResponse, servo: Inverse3Servo) -> None:
         while True:
             text = await self._next(socket)
             self._asked = False
             servo.hear(text)
             self._tell(servo)
 
-    def _tell(self, servo: Servo) -> None:
+    def _tell(self, servo: Inverse3Servo) -> None:
         """Tell the driver what has become of the device."""
         if servo.counts != self._told:
             for what in (servo.counts - self._told).elements():
@@ -253,7 +260,10 @@ async def _in_time(saying: Awaitable[object]) -> None:
         return
 
 
-_SERVOS: Final[dict[str, type[Servo]]] = {"handle": ForceServo, "robot": PositionServo}
+_SERVOS: Final[dict[str, type[Inverse3Servo]]] = {
+    "handle": ForceServo,
+    "robot": Inverse3PositionServo,
+}
 
 
 def run(arguments: dict[str, Any], pipes: DriverPipes) -> None:

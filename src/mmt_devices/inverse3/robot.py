@@ -7,13 +7,13 @@ from mmt.devices.drivers import read_options
 from mmt.devices.protocols import Vector
 from mmt_devices.inverse3.driver import InverseDriver
 from mmt_devices.inverse3.link import ServiceLink
-from mmt_devices.inverse3.options import RobotOptions
+from mmt_devices.inverse3.options import Inverse3RobotOptions
 
 _LONGEST_TURN_S: Final = 0.02
 
 
 class Inverse3Robot(InverseDriver):
-    """Implements `Robot`; the options are those of `RobotOptions`.
+    """Implements `Robot`; the options are those of `Inverse3RobotOptions`.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ class Inverse3Robot(InverseDriver):
     """
 
     def __init__(self, **options: Any) -> None:
-        self._of_robot = read_options(RobotOptions, "inverse3", options)
+        self._of_robot = read_options(Inverse3RobotOptions, "inverse3", options)
         super().__init__(self._of_robot)
 
     def _make_link(self) -> ServiceLink:

@@ -10,7 +10,7 @@ from mmt.core.arrays import towards
 from mmt.core.guards import ForceGuard
 from mmt.devices.plausibility import Watch
 from mmt.devices.protocols import Vector
-from mmt_devices.inverse3.exchange import ABSENT, Measured, State
+from mmt_devices.inverse3.exchange import ABSENT, Inverse3State, ServiceAnswer
 from mmt_devices.inverse3.messages import (
     CommandNames,
     OtherFormatError,
@@ -46,7 +46,7 @@ fast, or the service does not obey."""
 _LONGEST_STEP_S: Final = 0.005
 
 
-class Found(NamedTuple):
+class ChosenDevice(NamedTuple):
     """The device that was chosen of those of the service."""
 
     device: str
@@ -95,7 +95,7 @@ class Fade:
         self.share = 0.0
 
 
-class Servo(ABC):
+class Inverse3Servo(ABC):
     """One device, in the process that talks with the service.
 
     Parameters
@@ -109,7 +109,7 @@ class Servo(ABC):
     """
 
     def __init__(
-        self, found: Found, stale_ms: float, clock: Callable[[], int] = time.monotonic_ns
+        self, found: ChosenDevice, stale_ms: float, clock: Callable[[], int] = time.monotonic_ns
     ) -> None:
         self.device, self._names = found.device, found.names
         self.kind = kind_of(found.entry)
@@ -119,7 +119,7 @@ class Servo(ABC):
         """A force (N) or a place (mm), in the device's axes."""
         self.command_ns: int | None = None
         """When it was given, None before the first."""
-        self.measured: Measured | None = None
+        self.measured: Inverse3State | None = None
         self.senseless: Senseless | None = None
         self.fault = ""
         """What ends this connection, empty while it goes on."""
@@ -172,9 +172,9 @@ class Servo(ABC):
             "and calibration, and what the Haply Hub shows of it"
         )
 
-    def state(self) -> State:
+    def state(self) -> ServiceAnswer:
         """Return what the driver is told."""
-        return State(self.measured, self.calibrated, self.powered, self.used_elsewhere)
+        return ServiceAnswer(self.measured, self.calibrated, self.powered, self.used_elsewhere)
 
     def _judge(self, entry: Any, now_ns: int) -> None:
         calibrated, powered = read_flag(entry, "calibrated"), read_flag(entry, "power_supply")
@@ -192,7 +192,7 @@ class Servo(ABC):
             self._distrust(problem, now_ns)
             return
         self.senseless = None
-        self.measured = Measured(position, velocity, now_ns)
+        self.measured = Inverse3State(position, velocity, now_ns)
 
     def _distrust(self, problem: str, now_ns: int) -> None:
         """Take the force away: the answer makes no sense."""
@@ -202,13 +202,13 @@ class Servo(ABC):
         self.senseless = Senseless(problem, since_ns, answers + 1)
 
 
-class ForceServo(Servo):
+class ForceServo(Inverse3Servo):
     """Displays a force, for the handle.
 
     Parameters
     ----------
     found, stale_ms, clock
-        See `Servo`.
+        See `Inverse3Servo`.
     ramp_ms
         See `Fade`.
     limit_n
@@ -217,7 +217,7 @@ class ForceServo(Servo):
 
     def __init__(
         self,
-        found: Found,
+        found: ChosenDevice,
         stale_ms: float,
         ramp_ms: float,
         limit_n: float,
@@ -238,7 +238,7 @@ class ForceServo(Servo):
         return force_command(self.device, self._names, self._guard.step(self.command, share))
 
 
-class PositionServo(Servo):
+class Inverse3PositionServo(Inverse3Servo):
     """A point that moves towards the target, at which the service holds the tip.
 
     The point starts where the tip is, moves at a bounded speed, and is never further from the tip
@@ -249,14 +249,14 @@ class PositionServo(Servo):
     Parameters
     ----------
     found, stale_ms, clock
-        See `Servo`.
+        See `Inverse3Servo`.
     speed_limit_mm_s, lead_limit_mm
         See `RobotOptions`.
     """
 
     def __init__(
         self,
-        found: Found,
+        found: ChosenDevice,
         stale_ms: float,
         speed_limit_mm_s: float,
         lead_limit_mm: float,

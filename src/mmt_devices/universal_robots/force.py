@@ -9,7 +9,7 @@ from mmt.devices.drivers import read_options
 from mmt.devices.protocols import Vector
 from mmt_devices.universal_robots import sharing
 from mmt_devices.universal_robots.frame import SceneFrame
-from mmt_devices.universal_robots.messages import State
+from mmt_devices.universal_robots.messages import UrState
 from mmt_devices.universal_robots.options import ForceOptions
 
 _BIAS_S: Final = 0.2
@@ -128,7 +128,7 @@ class UrForceSensor:
         if arm is not None:
             sharing.disconnect(arm, self._member)
 
-    def _state(self) -> State:
+    def _state(self) -> UrState:
         if self._arm is None:
             raise DeviceLost("the UR arm is not connected: connect it first")
         return self._arm.read()

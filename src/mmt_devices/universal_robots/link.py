@@ -9,7 +9,7 @@ from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.driver_process import DriverProcess, text_of
 from mmt.devices.protocols import Vector
 from mmt_devices.universal_robots import messages as to
-from mmt_devices.universal_robots.messages import State
+from mmt_devices.universal_robots.messages import UrState
 from mmt_devices.universal_robots.servo import ServoSettings
 
 _CONNECT_S: Final = 15.0
@@ -52,8 +52,8 @@ class ArmLink:
             "its connection breaks: check the arm's cable, and that it is switched on",
             counts,
         )
-        self.state: State | None = None
-        self.kept: deque[State] = deque(maxlen=_KEPT)
+        self.state: UrState | None = None
+        self.kept: deque[UrState] = deque(maxlen=_KEPT)
         self._refusal: str | None = _NOT_CONTROLLED.format(host)
 
     @property
@@ -89,7 +89,7 @@ class ArmLink:
             if self._process.ended is not None:
                 raise MmtError(self._process.ended)
 
-    def read(self) -> State:
+    def read(self) -> UrState:
         """Return the newest state.
 
         Raises

@@ -19,7 +19,7 @@ LOST: Final = b"L"
 _STATE: Final = struct.Struct("<7dq")
 
 
-class State(NamedTuple):
+class UrState(NamedTuple):
     """The arm at a cycle of its controller."""
 
     timestamp_s: float
@@ -32,12 +32,12 @@ class State(NamedTuple):
     """When it came, by the host's monotonic clock."""
 
 
-def pack_state(state: State) -> bytes:
+def pack_state(state: UrState) -> bytes:
     """Return the body of a state's message."""
     return _STATE.pack(state.timestamp_s, *state.position_m, *state.force_n, state.time_ns)
 
 
-def unpack_state(body: bytes) -> State:
+def unpack_state(body: bytes) -> UrState:
     """Return the state of a message's body."""
     timestamp_s, x, y, z, u, v, w, time_ns = _STATE.unpack(body)
-    return State(timestamp_s, (x, y, z), (u, v, w), time_ns)
+    return UrState(timestamp_s, (x, y, z), (u, v, w), time_ns)

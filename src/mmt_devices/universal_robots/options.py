@@ -22,7 +22,7 @@ class UrOptions(BaseModel):
     rotation_rad: tuple[_Radians, _Radians, _Radians] = (0.0, 0.0, 0.0)
 
 
-class RobotOptions(UrOptions):
+class UrRobotOptions(UrOptions):
     """Options of the robot."""
 
     origin_mm: _Place | None = None

@@ -12,7 +12,7 @@ from mmt.core.errors import MmtError, brief
 from mmt.devices.driver_process import COUNT, DriverPipes, run_process
 from mmt_devices.universal_robots import messages as to
 from mmt_devices.universal_robots.control import ArmControl
-from mmt_devices.universal_robots.messages import State
+from mmt_devices.universal_robots.messages import UrState
 from mmt_devices.universal_robots.servo import ServoSettings
 
 _FIELDS: Final = [
@@ -126,7 +126,7 @@ class ArmProcess:
         (x, y, z, *_), (u, v, w, *_) = receive.getActualTCPPose(), receive.getActualTCPForce()
         if self._control is not None:
             self._control.force_n = (u, v, w)
-        state = State(timestamp_s, (x, y, z), (u, v, w), time.monotonic_ns())
+        state = UrState(timestamp_s, (x, y, z), (u, v, w), time.monotonic_ns())
         self._pipes.tell(to.STATE, to.pack_state(state))
 
     def _watch_control(self) -> None:

@@ -11,7 +11,7 @@ from mmt.devices.drivers import read_options
 from mmt.devices.protocols import Vector
 from mmt_devices.universal_robots import dashboard, sharing
 from mmt_devices.universal_robots.frame import M_TO_MM, SceneFrame
-from mmt_devices.universal_robots.options import RobotOptions
+from mmt_devices.universal_robots.options import UrRobotOptions
 from mmt_devices.universal_robots.servo import ServoSettings
 
 
@@ -21,7 +21,7 @@ def missing() -> str:
 
 
 class UrRobot:
-    """Implements `Robot`; the options are those of `RobotOptions`.
+    """Implements `Robot`; the options are those of `UrRobotOptions`.
 
     Positions are those of the tool's centre point as it is set at the controller. The tool keeps
     the orientation that it has when the robot is connected.
@@ -38,7 +38,7 @@ class UrRobot:
     """
 
     def __init__(self, **options: Any) -> None:
-        self._options = given = read_options(RobotOptions, "ur", options)
+        self._options = given = read_options(UrRobotOptions, "ur", options)
         require("rtde_control")
         normal = SceneFrame((0.0, 0.0, 0.0), given.rotation_rad).to_base((0.0, 0.0, 1.0))
         servo = ServoSettings(

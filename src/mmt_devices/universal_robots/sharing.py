@@ -13,7 +13,7 @@ from typing import Final
 from mmt.core.errors import DeviceLost, InputError
 from mmt.devices.protocols import Vector
 from mmt_devices.universal_robots.link import ArmLink
-from mmt_devices.universal_robots.messages import State
+from mmt_devices.universal_robots.messages import UrState
 from mmt_devices.universal_robots.options import UrOptions
 from mmt_devices.universal_robots.servo import ServoSettings
 
@@ -73,7 +73,7 @@ class SharedArm:
         self.members: list[Member] = []
         self._link: ArmLink | None = None
         self._starting = False
-        self._last: State | None = None
+        self._last: UrState | None = None
 
     def admit(self, member: Member) -> None:
         """Add a member; start the process where none runs that serves it."""
@@ -120,7 +120,7 @@ class SharedArm:
         elif member.servo is not None:
             link.release()
 
-    def read(self) -> State:
+    def read(self) -> UrState:
         """Return the newest state; never blocks.
 
         Raises
@@ -135,7 +135,7 @@ class SharedArm:
             return self._last
         raise DeviceLost("the UR arm is not connected: connect it first")
 
-    def kept(self) -> Sequence[State]:
+    def kept(self) -> Sequence[UrState]:
         """Return the newest states, the oldest first."""
         link = self._link
         return () if link is None else tuple(link.kept)

@@ -23,7 +23,7 @@ from mmt.texture.autoregression.burg_recursion import burg_each_into
 from mmt.texture.autoregression.lsf import lsf_to_ar_each_into
 from mmt.texture.model.texture_model import TextureModel
 from mmt_lab.bench.measuring import interleave
-from mmt_lab.harness.findings import MICROSECONDS, Cell, LeftOut, Records
+from mmt_lab.harness.findings import MICROSECONDS, Cell, FindingsTable, SkippedMethod
 
 _SOURCE: Final = Path(__file__).with_name("loops.c")
 _FLAGS: Final = ("-O3", "-march=native", "-std=c99", "-shared", "-fPIC")
@@ -97,12 +97,12 @@ class Loops:
 
 
 @contextmanager
-def compiled() -> Iterator[Loops | LeftOut]:
+def compiled() -> Iterator[Loops | SkippedMethod]:
     """Compile the loops for a `with` block; yield them, or why they cannot be compiled."""
     names = [os.environ["CC"]] if os.environ.get("CC") else _COMPILERS
     compiler = next((found for name in names if (found := shutil.which(name))), None)
     if compiler is None:
-        yield LeftOut("C loops", "there is no C compiler", "install one, such as gcc")
+        yield SkippedMethod("C loops", "there is no C compiler", "install one, such as gcc")
         return
     with tempfile.TemporaryDirectory() as directory:
         library = Path(directory) / "loops.so"
@@ -114,7 +114,7 @@ def compiled() -> Iterator[Loops | LeftOut]:
             loops = Loops(ctypes.CDLL(str(library)))
         except (OSError, subprocess.SubprocessError, AttributeError) as error:
             reason = getattr(error, "stderr", None) or str(error)
-            yield LeftOut("C loops", f"{compiler} failed: {reason}", "look at the compiler")
+            yield SkippedMethod("C loops", f"{compiler} failed: {reason}", "look at the compiler")
             return
         yield loops
 
@@ -129,7 +129,7 @@ def _longs(array: IntArray) -> Any:
 
 _NUMBA, _C = "numba", "C"
 
-Compared = tuple[tuple[Records, ...], tuple[LeftOut, ...]]
+Compared = tuple[tuple[FindingsTable, ...], tuple[SkippedMethod, ...]]
 """A table, or why there is none."""
 
 
@@ -185,6 +185,6 @@ def _compare(
     }
 
 
-def _table(what: str, unit: str, rows: Sequence[Mapping[str, Cell]]) -> Records:
+def _table(what: str, unit: str, rows: Sequence[Mapping[str, Cell]]) -> FindingsTable:
     title = f"{what}: the same loop in C (-O3, this processor), time of one {unit}"
-    return Records("loops", title, tuple(rows))
+    return FindingsTable("loops", title, tuple(rows))

@@ -7,11 +7,11 @@ from typing import Any, Final
 from mmt.cli.common import messages
 from mmt.core.errors import InputError, MmtError
 from mmt.core.extras import install_command
-from mmt.evaluation.document import Block, Paragraph, Table
+from mmt.evaluation.document import Block, Paragraph, ReportTable
 from mmt.evaluation.report import machine
 from mmt_lab.harness import command
 from mmt_lab.harness.experiment import listed, load
-from mmt_lab.harness.findings import Findings, LeftOut
+from mmt_lab.harness.findings import Findings, SkippedMethod
 from mmt_lab.harness.report import print_findings, print_targets, write_joint_report
 
 TITLE: Final = "Error against run time"
@@ -72,7 +72,7 @@ def run_stage(name: str, **options: Any) -> Findings:
     except ImportError as error:
         missing = error.name or str(error)
         remedy = install_command("bench")
-        left_out = LeftOut(missing, "the stage needs it for its reference", remedy)
+        left_out = SkippedMethod(missing, "the stage needs it for its reference", remedy)
         return Findings(name, "Not measured.", left_out=(left_out,), name=name)
 
 
@@ -97,7 +97,7 @@ def write_bench_report(
             "the distance of the quartiles behind them. Trust the ratios within this run more "
             "than the times."
         ),
-        Table(("what", "value"), list(machine.items()), "Machine"),
+        ReportTable(("what", "value"), list(machine.items()), "Machine"),
     ]
     data = as_dict(results, machine)
     return write_joint_report(directory, TITLE, opening, results, "bench.json", data)

@@ -22,7 +22,7 @@ from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.protocol import FollowerHello
 from mmt.link.server import LeaderEvents, LeaderServer
 from mmt.scene import Link
-from mmt_lab.bench.link_traffic import Kind, Measured, Send, Side, Turn, run_turns
+from mmt_lab.bench.link_traffic import Kind, Send, Side, Turn, TurnFigures, run_turns
 
 PATIENCE_S: Final = 60.0
 """How long one process waits for the other."""
@@ -42,10 +42,10 @@ class Ports:
 
 
 @dataclass(frozen=True)
-class Report:
+class SideReport:
     """What one process noted: of each turn, and at the end of all."""
 
-    turns: list[Measured]
+    turns: list[TurnFigures]
     sent: dict[Kind, int]
     newest: dict[Kind, int]
     """Last sequence number that came."""
@@ -120,7 +120,7 @@ async def _report(
     turns: list[Turn] = await asyncio.to_thread(pipe.recv)
     measured = await run_turns(turns, sides, send)
     pipe.send(
-        Report(
+        SideReport(
             measured,
             {kind: side.sent for kind, side in sides.items()},
             {kind: side.newest for kind, side in sides.items()},

@@ -44,7 +44,7 @@ class Turn:
 
 
 @dataclass(frozen=True)
-class Measured:
+class TurnFigures:
     """What one process notes of one turn."""
 
     kind: Kind
@@ -120,12 +120,12 @@ Send = Callable[[RecordArray], None]
 
 async def run_turns(
     turns: list[Turn], sides: Mapping[Kind, Side], send: Mapping[Kind, Send]
-) -> list[Measured]:
+) -> list[TurnFigures]:
     """Send at each turn over its link, and return what was noted of each."""
     return [await _run_turn(turn, sides[turn.kind], send[turn.kind]) for turn in turns]
 
 
-async def _run_turn(turn: Turn, side: Side, send: Send) -> Measured:
+async def _run_turn(turn: Turn, side: Side, send: Send) -> TurnFigures:
     before = side.counts
 
     def tick(elapsed: int) -> None:
@@ -150,7 +150,7 @@ async def _run_turn(turn: Turn, side: Side, send: Send) -> Measured:
     await _sleep_until(turn.end_ns)
     p50_ms, p99_ms, worst_ms = (latency.quantile_ms(part) for part in (0.5, 0.99, 1.0))
     counts = (new - old for new, old in zip(side.counts, before, strict=True))
-    return Measured(
+    return TurnFigures(
         turn.kind,
         math.nan if p50_ms is None else p50_ms,
         math.nan if p99_ms is None else p99_ms,

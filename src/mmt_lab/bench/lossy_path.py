@@ -17,7 +17,7 @@ from mmt.core.children import import_path, python_command
 from mmt.core.errors import MmtError
 from mmt.scene.files import example_scenes
 from mmt_lab.bench.network_namespaces import LEADER_ADDRESS, relay
-from mmt_lab.harness.findings import Cell, Findings, LeftOut, Records
+from mmt_lab.harness.findings import Cell, Findings, FindingsTable, SkippedMethod
 
 LOSSES: Final = (0.0, 0.001, 0.01, 0.03)
 """Share of packets or messages that is lost each way."""
@@ -39,7 +39,7 @@ def measure_losses(duration_s: float) -> Findings:
     MmtError
         A service failed.
     """
-    left_out: list[LeftOut] = []
+    left_out: list[SkippedMethod] = []
     records = []
     try:
         rows = []
@@ -47,9 +47,9 @@ def measure_losses(duration_s: float) -> Findings:
             with relay(DELAY_MS, 0.0, loss) as path:
                 within = path.within_leader(), ["ip", "netns", "exec", path.follower]
                 rows.append(_row(loss, _session(duration_s, LEADER_ADDRESS, within)))
-        records.append(Records("tcp", "TCP between network namespaces", tuple(rows)))
+        records.append(FindingsTable("tcp", "TCP between network namespaces", tuple(rows)))
     except MmtError as error:
-        left_out.append(LeftOut("TCP", str(error), "run it on Linux, as root"))
+        left_out.append(SkippedMethod("TCP", str(error), "run it on Linux, as root"))
     for name, title, retransmit in (
         ("retransmitted", "Emulated, what is lost is sent again", "true"),
         ("datagrams", "Emulated, what is lost stays lost", "false"),
@@ -62,7 +62,7 @@ def measure_losses(duration_s: float) -> Findings:
                 "MMT_NETWORK__RETRANSMIT": retransmit,
             }
             rows.append(_row(loss, _session(duration_s, "127.0.0.1", ([], []), variables)))
-        records.append(Records(name, title, tuple(rows)))
+        records.append(FindingsTable(name, title, tuple(rows)))
     about = (
         f"Streamed vibration and motion at 1 kHz, {DELAY_MS:g} ms each way, {duration_s:g} s a "
         "row, with the share of packets, or of emulated messages, that is lost each way. TCP: a "

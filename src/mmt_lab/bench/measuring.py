@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt_lab.harness.findings import Findings, Records, Side, Spread, Target
+from mmt_lab.harness.findings import Findings, FindingsTable, Side, Spread, Target
 
 Task = Callable[[], object]
 
@@ -79,7 +79,9 @@ def single_figures(title: str, about: str, figures: Mapping[str, Figure]) -> Fin
         title,
         about,
         records=(
-            Records("figures", title, tuple({"what": row[0], "measured": row[1]} for row in rows)),
+            FindingsTable(
+                "figures", title, tuple({"what": row[0], "measured": row[1]} for row in rows)
+            ),
         ),
         targets=tuple(Target(*row) for row in rows if len(row) == 4),
         figures={name: row[1] for name, row in figures.items()},

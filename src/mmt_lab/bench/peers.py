@@ -11,7 +11,7 @@ import numpy as np
 
 from mmt.core.errors import InputError
 from mmt.core.extras import install_command
-from mmt_lab.harness.findings import LeftOut
+from mmt_lab.harness.findings import SkippedMethod
 
 _MODULES: Final = {
     "librosa": "librosa",
@@ -44,7 +44,7 @@ def quiet() -> Iterator[None]:
         yield
 
 
-def find(names: Sequence[str]) -> tuple[dict[str, ModuleType], tuple[LeftOut, ...]]:
+def find(names: Sequence[str]) -> tuple[dict[str, ModuleType], tuple[SkippedMethod, ...]]:
     """Return the modules of the packages that are here, and those that are not."""
     modules: dict[str, ModuleType] = {}
     left_out = []
@@ -54,5 +54,5 @@ def find(names: Sequence[str]) -> tuple[dict[str, ModuleType], tuple[LeftOut, ..
                 modules[name] = importlib.import_module(_MODULES[name])
         except ImportError as error:
             remedy = f"pip install {name}, or {install_command('bench')}"
-            left_out.append(LeftOut(name, f"cannot be imported: {error}", remedy))
+            left_out.append(SkippedMethod(name, f"cannot be imported: {error}", remedy))
     return modules, tuple(left_out)

@@ -8,7 +8,7 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.evaluation.grid_errors import GRID_FORCE_N, GRID_SPEED_MM_S
 from mmt.evaluation.levels import root_mean_square
-from mmt.scene import Scene, Session
+from mmt.scene import Scene, SessionTable
 from mmt.session.data import RecordedSession
 from mmt.testing.simulation.known_surfaces import KnownSurface
 from mmt.testing.simulation.offline import simulate_session
@@ -37,7 +37,7 @@ def session(
     surface: str, duration_s: float, seed: int = 1, acceleration_rate_hz: int = 1000
 ) -> RecordedSession:
     """Return a simulated session on a known texture; the same one within a process."""
-    scene = Scene(session=Session(acceleration_rate_hz=acceleration_rate_hz))
+    scene = Scene(session=SessionTable(acceleration_rate_hz=acceleration_rate_hz))
     frames, annotations = simulate_session(scene, surface, duration_s, seed)
     return RecordedSession(frames=frames, annotations=annotations)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
-from mmt.scene import Link, Scene, Session, Simulated, Texture
+from mmt.scene import Link, Scene, SessionTable, Simulated, Texture
 from mmt.testing.simulation.known_surfaces import KnownSurface
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.recorded_path import LARGEST_SCALE, load_path
@@ -36,7 +36,7 @@ _PERCENTILE: Final = 95.0
 
 
 @dataclass(frozen=True)
-class Case:
+class ComparisonCase:
     """One session.
 
     Attributes
@@ -121,7 +121,7 @@ class Case:
         """Simulate the session: a hand that takes all headings where they count."""
         grained = self.inputs == "anisotropic"
         scene = Scene(
-            session=Session(acceleration_rate_hz=self.acceleration_rate_hz),
+            session=SessionTable(acceleration_rate_hz=self.acceleration_rate_hz),
             link=Link(),
             texture=Texture(),
             simulated=Simulated(noise=self.noise),
@@ -141,13 +141,13 @@ class Case:
 
 def simulated_cases(
     seeds: int, textures: Sequence[str], hand: str = "strokes", *, noise: bool = True
-) -> list[Case]:
+) -> list[ComparisonCase]:
     """Return a session of each texture and each of a number of seeds, by a kind of hand.
 
     No two sessions have the same seed: the hand would stroke in the same way.
     """
     return [
-        Case(name, FIRST_SEED + number * seeds + seed, hand=hand, noise=noise)
+        ComparisonCase(name, FIRST_SEED + number * seeds + seed, hand=hand, noise=noise)
         for number, name in enumerate(textures)
         for seed in range(seeds)
     ]
@@ -155,7 +155,7 @@ def simulated_cases(
 
 def recorded_cases(
     paths: Sequence[Path], textures: Sequence[str] | None = None
-) -> tuple[list[Case], list[str]]:
+) -> tuple[list[ComparisonCase], list[str]]:
     """Return a session of each recorded stroke on each isotropic texture, and what was left out.
 
     A stroke in one direction says nothing of a texture that depends on the heading.
@@ -177,7 +177,7 @@ def recorded_cases(
         for name, surface in SURFACES.items()
         if surface.isotropic and (textures is None or name in textures)
     ]
-    cases: list[Case] = []
+    cases: list[ComparisonCase] = []
     remarks: list[str] = []
     for path in paths:
         files = sorted(path.rglob("[!.]*.npz")) if path.is_dir() else [path]
@@ -191,7 +191,7 @@ def recorded_cases(
                 remarks.append(f"skipped: {error}")
                 continue
             cases += [
-                Case(name, FIRST_SEED + number, file, motion, force)
+                ComparisonCase(name, FIRST_SEED + number, file, motion, force)
                 for number, name in enumerate(chosen)
             ]
     return cases, remarks

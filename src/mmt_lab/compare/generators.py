@@ -9,13 +9,13 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
-from mmt.evaluation.document import Table
+from mmt.evaluation.document import ReportTable
 from mmt.evaluation.strokes_made import StrokesMade
 from mmt.evaluation.texts import number
 from mmt.evaluation.truth import KnownTexture
 from mmt.testing.simulation.textures import get_surface
-from mmt_lab.compare.cases import Case
-from mmt_lab.compare.judging import METHODS, PERIOD_S, TIMES_S, Judged, blocks_of, settings_of
+from mmt_lab.compare.cases import ComparisonCase
+from mmt_lab.compare.judging import METHODS, PERIOD_S, TIMES_S, JudgedMethod, blocks_of, settings_of
 from mmt_lab.compare.rendered_spectra import (
     BLOCK_SAMPLES,
     RATE_HZ,
@@ -53,7 +53,7 @@ DEFINITIONS: Final = {
 
 
 @dataclass(frozen=True)
-class Rendered:
+class GeneratorScore:
     """A generator at one time of one session, by what it renders.
 
     Attributes
@@ -70,7 +70,7 @@ class Rendered:
         Median and longest update so far.
     """
 
-    judged: Judged
+    judged: JudgedMethod
     scatter_db: float
     clipped: float
     block_us: tuple[float, float]
@@ -101,8 +101,8 @@ def check_generators(names: Sequence[str]) -> None:
 
 
 def judge_generators(
-    case: Case, generators: Sequence[str], run_s: float = RUN_S
-) -> tuple[list[Rendered], list[Fault]]:
+    case: ComparisonCase, generators: Sequence[str], run_s: float = RUN_S
+) -> tuple[list[GeneratorScore], list[Fault]]:
     """Judge generators on one session by what they render.
 
     Parameters
@@ -131,13 +131,13 @@ def judge_generators(
 class _Session:
     """One session, and what is found on the way."""
 
-    def __init__(self, case: Case, run_s: float) -> None:
+    def __init__(self, case: ComparisonCase, run_s: float) -> None:
         self._case, self._run_s = case, run_s
         self._settings = settings_of(case, "field")
         self._blocks = blocks_of(case.session())
         self._strokes = StrokesMade.of(self._blocks, self._settings).strokes(STROKES)
         self._expected = expected_spectra(KnownTexture(get_surface(case.texture)), self._strokes)
-        self.rendered: list[Rendered] = []
+        self.rendered: list[GeneratorScore] = []
         self.faults: list[Fault] = []
 
     def judge(self, name: str) -> None:
@@ -170,7 +170,7 @@ class _Session:
         vibration, blocks_us = render_strokes(source, self._strokes, self._case.seed, self._run_s)
         clipped = (source.clipped - before[1]) / (source.samples - before[0])
         errors = rendered_errors(spectra_of(vibration), self._expected)
-        judged = Judged(
+        judged = JudgedMethod(
             **self._case.labels,
             spoil="",
             method=source.name,
@@ -180,7 +180,7 @@ class _Session:
             figures=errors.figures,
         )
         self.rendered.append(
-            Rendered(
+            GeneratorScore(
                 judged,
                 errors.scatter_db,
                 clipped,
@@ -195,7 +195,7 @@ def _pair(values: FloatArray) -> tuple[float, float]:
     return first, second
 
 
-def generators_table(rendered: Sequence[Rendered]) -> Table:
+def generators_table(rendered: Sequence[GeneratorScore]) -> ReportTable:
     """Return what generators took, and what the estimates of their errors are worth."""
     rows = []
     for name in dict.fromkeys(one.judged.method for one in rendered):
@@ -213,10 +213,10 @@ def generators_table(rendered: Sequence[Rendered]) -> Table:
         )
     columns = ["generator", "block p50 (µs)", "p99 (µs)", "update (ms)", "longest (ms)"]
     caption = "Times in this run, the scatter of the estimates, and samples beyond the limit."
-    return Table([*columns, "scatter (dB)", "clipped"], rows, caption)
+    return ReportTable([*columns, "scatter (dB)", "clipped"], rows, caption)
 
 
-def generator_sentences(rendered: Sequence[Rendered]) -> list[str]:
+def generator_sentences(rendered: Sequence[GeneratorScore]) -> list[str]:
     """Say which generators are not for the tick on this machine."""
     sentences = []
     for name in dict.fromkeys(one.judged.method for one in rendered):

@@ -27,7 +27,7 @@ from mmt.texture.settings import JND_DB, ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.signals.metrics import within_jnd
 from mmt_lab.compare.ablations import INGREDIENTS, without
-from mmt_lab.compare.cases import Case
+from mmt_lab.compare.cases import ComparisonCase
 from mmt_lab.compare.spoiling import spoilt
 
 METHODS: Final[Mapping[str, Mapping[str, Any]]] = MappingProxyType(
@@ -55,13 +55,13 @@ PERIOD_S: Final = 1.0
 
 
 @dataclass(frozen=True)
-class Judged:
+class JudgedMethod:
     """One method at one moment of one session.
 
     Attributes
     ----------
     group, name, texture, seed, acceleration_rate_hz
-        As in the `Case`.
+        As in the `ComparisonCase`.
     spoil
         What spoils the session, empty if nothing does.
     method, moment
@@ -120,7 +120,7 @@ def check_methods(names: Sequence[str]) -> None:
         raise InputError(f"--methods {','.join(names)}: name some of {', '.join(known)}, each once")
 
 
-def settings_of(case: Case, method: str) -> ModellingSettings:
+def settings_of(case: ComparisonCase, method: str) -> ModellingSettings:
     """Return the settings of a method for a session, whole or without an ingredient."""
     return ModellingSettings(
         inputs=case.inputs,
@@ -135,8 +135,8 @@ def blocks_of(frames: RecordArray) -> list[RecordArray]:
 
 
 def judge(
-    case: Case, methods: Sequence[str], spoils: Sequence[str] = ()
-) -> tuple[list[Judged], list[Certainty]]:
+    case: ComparisonCase, methods: Sequence[str], spoils: Sequence[str] = ()
+) -> tuple[list[JudgedMethod], list[Certainty]]:
     """Judge methods on one session as it is, and as each of some things spoils it.
 
     Costs a pass of modelling for each method and session.
@@ -171,7 +171,7 @@ class SessionJudge:
         Its frames (n,), before anything spoils them.
     """
 
-    def __init__(self, case: Case, frames: RecordArray) -> None:
+    def __init__(self, case: ComparisonCase, frames: RecordArray) -> None:
         self.case = case
         self.truth = KnownTexture(case.surface)
         settings = ModellingSettings(samples_per_frame=case.samples_per_frame)
@@ -186,7 +186,7 @@ class SessionJudge:
         self._above_500_hz = float(density[501 - LOWEST_HZ :].sum() / density.sum())
         count = len(strokes.force_n)
         self._place_s = (np.arange(count) + 0.5) * made.total_s / count
-        self.judged: list[Judged] = []
+        self.judged: list[JudgedMethod] = []
         self.certainties: list[Certainty] = []
 
     def add(self, method: str, spoil: str, blocks: Sequence[RecordArray]) -> None:
@@ -202,7 +202,7 @@ class SessionJudge:
         for moment, time_s in moments_of(history).items():
             number = history.number(time_s)
             model = history.model(number)
-            judged = Judged(
+            judged = JudgedMethod(
                 **labels,
                 moment=moment,
                 time_s=time_s,

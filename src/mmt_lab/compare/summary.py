@@ -9,7 +9,14 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.evaluation.levels import Across, across
-from mmt_lab.compare.judging import FIGURES, LARGER_IS_BETTER, MOMENTS, SHARES, Certainty, Judged
+from mmt_lab.compare.judging import (
+    FIGURES,
+    LARGER_IS_BETTER,
+    MOMENTS,
+    SHARES,
+    Certainty,
+    JudgedMethod,
+)
 
 STANDARD_ERRORS: Final = 3.0
 """Standard errors from which on a mean difference counts as beyond noise: of about a
@@ -23,7 +30,7 @@ Measured by `mmt_lab.surfaces.slides.scatter_db`; the source is in the page on e
 
 
 @dataclass(frozen=True)
-class Row:
+class MethodRow:
     """One method at one moment, over the sessions of a texture, stroke or group.
 
     ``sessions`` is how many there are, ``time_s`` and ``samples`` medians over those that came to
@@ -41,7 +48,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Difference:
+class MethodDifference:
     """A figure of a method less that of the first one, session by session."""
 
     name: str
@@ -87,7 +94,7 @@ class MethodComparison:
     """Everything that was judged."""
 
     methods: tuple[str, ...]
-    judged: tuple[Judged, ...]
+    judged: tuple[JudgedMethod, ...]
     certainties: tuple[Certainty, ...] = ()
     remarks: tuple[str, ...] = ()
 
@@ -110,7 +117,7 @@ class MethodComparison:
         """Return the textures or strokes of a group."""
         return list(dict.fromkeys(one.name for one in self.judged if one.group == group))
 
-    def rows(self, name: str, spoil: str = "") -> list[Row]:
+    def rows(self, name: str, spoil: str = "") -> list[MethodRow]:
         """Return the rows of a texture or stroke, or of a whole group."""
         whole = len({_key(one) for one in self._chosen(name, spoil)})
         return [
@@ -120,7 +127,7 @@ class MethodComparison:
             if (chosen := self._chosen(name, spoil, method, moment))
         ]
 
-    def differences(self, name: str) -> list[Difference]:
+    def differences(self, name: str) -> list[MethodDifference]:
         """Return how much every other method differs from the first, at the same moments."""
         found = []
         for moment in MOMENTS:
@@ -170,7 +177,7 @@ class MethodComparison:
 
     def _chosen(
         self, name: str | None, spoil: str, method: str | None = None, moment: str | None = None
-    ) -> list[Judged]:
+    ) -> list[JudgedMethod]:
         """Return what was judged; of all where None is given."""
         return [
             one
@@ -182,14 +189,14 @@ class MethodComparison:
         ]
 
 
-def _key(one: Judged) -> tuple[str, str, int]:
+def _key(one: JudgedMethod) -> tuple[str, str, int]:
     return one.name, one.texture, one.seed
 
 
 def _row(
-    name: str, spoil: str, method: str, moment: str, whole: int, chosen: Sequence[Judged]
-) -> Row:
-    return Row(
+    name: str, spoil: str, method: str, moment: str, whole: int, chosen: Sequence[JudgedMethod]
+) -> MethodRow:
+    return MethodRow(
         name=name,
         spoil=spoil,
         method=method,
@@ -206,16 +213,23 @@ def _row(
 
 
 def _difference(
-    name: str, method: str, moment: str, figure: str, pairs: Sequence[tuple[Judged, Judged]]
-) -> Difference:
+    name: str,
+    method: str,
+    moment: str,
+    figure: str,
+    pairs: Sequence[tuple[JudgedMethod, JudgedMethod]],
+) -> MethodDifference:
     gains: FloatArray = np.array([a.figures[figure] - b.figures[figure] for a, b in pairs])
     count = len(gains)
     error = float(gains.std(ddof=1) / np.sqrt(count)) if count > 1 else float("inf")
-    return Difference(name, method, moment, figure, count, float(gains.mean()), error)
+    return MethodDifference(name, method, moment, figure, count, float(gains.mean()), error)
 
 
 def _fall(
-    spoil: str, figure: str, before: Sequence[Judged], after: dict[tuple[str, str, int], Judged]
+    spoil: str,
+    figure: str,
+    before: Sequence[JudgedMethod],
+    after: dict[tuple[str, str, int], JudgedMethod],
 ) -> Fall:
     pairs = [(one, after[_key(one)]) for one in before]
     whole = np.array([one.figures[figure] for one, _ in pairs])

@@ -9,10 +9,10 @@ from matplotlib.figure import Figure
 
 from mmt.core.arrays import FloatArray
 from mmt.core.palette import LIGHT
-from mmt.evaluation.document import Table
+from mmt.evaluation.document import ReportTable
 from mmt.evaluation.levels import Across, across, band_edges_hz, root_mean_square
 from mmt.evaluation.texts import number
-from mmt_lab.compare.judging import FIGURES, SHARES, TIMES_S, Certainty, Judged
+from mmt_lab.compare.judging import FIGURES, SHARES, TIMES_S, Certainty, JudgedMethod
 from mmt_lab.compare.summary import RUN_TO_RUN_DB, MethodComparison
 
 DIGITS: Final = dict(zip(FIGURES, (2, 2, 2, 2, 3, 2, 2), strict=True))
@@ -39,7 +39,7 @@ LEAST_CASES: Final = 30
 """Updates of a tenth of the expected share from which on it is to be right."""
 
 
-def shares_table(comparison: MethodComparison, name: str) -> Table:
+def shares_table(comparison: MethodComparison, name: str) -> ReportTable:
     """Return the shares of a texture or group, a row for each moment and method."""
     rows = []
     for row in comparison.rows(name):
@@ -53,12 +53,12 @@ def shares_table(comparison: MethodComparison, name: str) -> Table:
         f"{name}: share within one JND over the strokes that were made and over the "
         "plane; median / mean / mean of the five worst / sessions below 0.5."
     )
-    return Table(columns, rows, caption)
+    return ReportTable(columns, rows, caption)
 
 
 def errors_table(
     comparison: MethodComparison, name: str, shown: Sequence[str] = MAIN_ERRORS
-) -> Table:
+) -> ReportTable:
     """Return some errors of a texture or group, a row for each moment and method."""
     rows = []
     for row in comparison.rows(name):
@@ -71,10 +71,10 @@ def errors_table(
         f"{name}: errors; median / mean / mean of the five worst. Last: the median error by bands "
         f"over {RUN_TO_RUN_DB} dB, by which one real surface differs from run to run."
     )
-    return Table(columns, rows, caption)
+    return ReportTable(columns, rows, caption)
 
 
-def rates_table(comparison: MethodComparison) -> Table:
+def rates_table(comparison: MethodComparison) -> ReportTable:
     """Return what each rate of the acceleration gives at the last moment, over all textures."""
     last = f"{TIMES_S[-1]:g} s"
     chosen = [one for one in comparison.judged if (one.moment, one.spoil) == (last, "")]
@@ -104,10 +104,10 @@ def rates_table(comparison: MethodComparison) -> Table:
         "up to 1 kHz; share of the power above 500 Hz, which 1 kHz leaves out: mean over textures "
         "/ mean of the five largest. A band counts where its middle is."
     )
-    return Table([*columns, TITLES[SHARES[0]], "above 500 Hz (%)"], rows, caption)
+    return ReportTable([*columns, TITLES[SHARES[0]], "above 500 Hz (%)"], rows, caption)
 
 
-def falls_table(comparison: MethodComparison) -> Table:
+def falls_table(comparison: MethodComparison) -> ReportTable:
     """Return by how much shares fall if something spoils the session."""
     rows = [
         [
@@ -125,10 +125,10 @@ def falls_table(comparison: MethodComparison) -> Table:
         "Mean share within one JND at 30 s of the same sessions before and after, and the fall: "
         "its mean, 95th percentile and largest."
     )
-    return Table(columns, rows, caption)
+    return ReportTable(columns, rows, caption)
 
 
-def by_texture(comparison: MethodComparison, group: str) -> Table:
+def by_texture(comparison: MethodComparison, group: str) -> ReportTable:
     """Return the median share over the strokes that were made, a row for each texture."""
     times = list(dict.fromkeys(row.moment for row in comparison.rows(group)))
     rows = []
@@ -143,10 +143,10 @@ def by_texture(comparison: MethodComparison, group: str) -> Table:
         )
         rows.append([name, *cells])
     caption = f"{group}: median share over the strokes made, {' / '.join(comparison.methods)}."
-    return Table(["session", *times], rows, caption)
+    return ReportTable(["session", *times], rows, caption)
 
 
-def calibration_table(comparison: MethodComparison, method: str, spoil: str = "") -> Table:
+def calibration_table(comparison: MethodComparison, method: str, spoil: str = "") -> ReportTable:
     """Return true shares by expected ones: over all updates, and where thresholds were met."""
     rows = []
     certainties = [c for c in comparison.certainties if (c.method, c.spoil) == (method, spoil)]
@@ -168,7 +168,7 @@ def calibration_table(comparison: MethodComparison, method: str, spoil: str = ""
         f"{number(root_mean_square(np.array(ratios, np.float64)) if ratios else None, 2)}."
     )
     columns = ["expected share", "cases", "expected, mean", "true, mean", "true - expected"]
-    return Table(columns, rows, caption)
+    return ReportTable(columns, rows, caption)
 
 
 def _calibrated(expected: FloatArray, true: FloatArray) -> list[str]:
@@ -179,7 +179,7 @@ def _calibrated(expected: FloatArray, true: FloatArray) -> list[str]:
 
 def _certain(
     comparison: MethodComparison, method: str, spoil: str, moment: str
-) -> Iterator[Judged]:
+) -> Iterator[JudgedMethod]:
     for one in comparison.judged:
         same = (one.method, one.spoil, one.moment) == (method, spoil, moment)
         if same and one.expected is not None:

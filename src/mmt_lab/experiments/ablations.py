@@ -12,11 +12,11 @@ from typing import Annotated, Final
 import numpy as np
 import typer
 
-from mmt.evaluation.document import Table
+from mmt.evaluation.document import ReportTable
 from mmt.evaluation.levels import WORST
 from mmt_lab.compare.ablations import INGREDIENTS
-from mmt_lab.compare.cases import INHOMOGENEOUS, Case, simulated_cases
-from mmt_lab.compare.judging import SHARES, Judged, check_methods, judge
+from mmt_lab.compare.cases import INHOMOGENEOUS, ComparisonCase, simulated_cases
+from mmt_lab.compare.judging import SHARES, JudgedMethod, check_methods, judge
 from mmt_lab.compare.spoiling import check_spoils
 from mmt_lab.harness.experiment import (
     Experiment,
@@ -48,7 +48,7 @@ DEFINITIONS: Final = {
 
 def sets(
     textures: Sequence[str], seeds: int, spoils: Sequence[str]
-) -> dict[str, tuple[list[Case], Sequence[str]]]:
+) -> dict[str, tuple[list[ComparisonCase], Sequence[str]]]:
     """Return the sets of sessions by name, and what spoils those of each."""
     hand = hand_of(HAND).kind
     drawn = chosen_textures("drawn")
@@ -61,7 +61,9 @@ def sets(
     }
 
 
-def cost_tables(name: str, judged: Sequence[Judged], ingredients: Sequence[str]) -> list[Table]:
+def cost_tables(
+    name: str, judged: Sequence[JudgedMethod], ingredients: Sequence[str]
+) -> list[ReportTable]:
     """Return what leaving each ingredient out costs on a set of sessions: shares, then the rest."""
     shares, rest = [], []
     for ingredient in ("", *ingredients):
@@ -85,16 +87,16 @@ def cost_tables(name: str, judged: Sequence[Judged], ingredients: Sequence[str])
     others = ["without", *(f"{moment}: dB" for moment in MOMENTS), "off", "start", "stop"]
     sessions = len(_of(judged, WHOLE, "30 s"))
     return [
-        Table(columns, shares, f"{name}, {sessions} sessions: shares"),
-        Table(others, rest, f"{name}: spectrum, expected share, criteria"),
+        ReportTable(columns, shares, f"{name}, {sessions} sessions: shares"),
+        ReportTable(others, rest, f"{name}: spectrum, expected share, criteria"),
     ]
 
 
-def _of(judged: Sequence[Judged], method: str, moment: str) -> list[Judged]:
+def _of(judged: Sequence[JudgedMethod], method: str, moment: str) -> list[JudgedMethod]:
     return [one for one in judged if (one.method, one.moment) == (method, moment)]
 
 
-def _costs(judged: Sequence[Judged], method: str, moment: str) -> list[str]:
+def _costs(judged: Sequence[JudgedMethod], method: str, moment: str) -> list[str]:
     """Return share, worst share and spectrum: those of the whole field, or the loss without."""
     own, whole = (_figures(_of(judged, name, moment)) for name in (method, WHOLE))
     if method == WHOLE:
@@ -102,7 +104,7 @@ def _costs(judged: Sequence[Judged], method: str, moment: str) -> list[str]:
     return [f"{whole[0] - own[0]:+.3f}", f"{whole[1] - own[1]:+.3f}", f"{own[2] - whole[2]:+.2f}"]
 
 
-def _figures(chosen: Sequence[Judged]) -> tuple[float, float, float]:
+def _figures(chosen: Sequence[JudgedMethod]) -> tuple[float, float, float]:
     shares = np.sort([one.figures[SHARES[0]] for one in chosen])
     spectra = [o.figures["log_spectral_db"] for o in chosen if "log_spectral_db" in o.figures]
     return float(shares.mean()), float(shares[:WORST].mean()), float(np.mean(spectra))
@@ -134,7 +136,7 @@ def run(
     chosen = sets(chosen_textures(textures), seeds, spoils)
     calls = [(case, methods, spoilt) for cases, spoilt in chosen.values() for case in cases]
     found = iter(each(judge, calls, workers=workers, what="leaving out"))
-    judged: dict[str, list[Judged]] = {}
+    judged: dict[str, list[JudgedMethod]] = {}
     for name, (cases, spoilt) in chosen.items():
         every = [one for _ in cases for one in next(found)[0]]
         judged[name] = [one for one in every if bool(one.spoil) == bool(spoilt)]
@@ -144,7 +146,7 @@ def run(
         "What each ingredient of the field is worth",
         tables=tables,
         definitions=DEFINITIONS,
-        settings=[Table(("ingredient", "what is left out"), words)],
+        settings=[ReportTable(("ingredient", "what is left out"), words)],
         data={"tables": [{"caption": t.caption, "rows": t.rows} for t in tables]},
     )
 

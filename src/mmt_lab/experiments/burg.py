@@ -21,9 +21,9 @@ from mmt_lab.harness.findings import (
     Curve,
     Curves,
     Findings,
-    LeftOut,
+    FindingsTable,
     Panel,
-    Records,
+    SkippedMethod,
     Spread,
     Target,
 )
@@ -97,7 +97,7 @@ def run() -> Findings:
     )
 
 
-def _find_methods() -> tuple[list[BurgFit], tuple[LeftOut, ...]]:
+def _find_methods() -> tuple[list[BurgFit], tuple[SkippedMethod, ...]]:
     """Return ours and those of the packages that are installed, and which are not."""
     modules, left_out = peers.find(("librosa", "memspectrum", "spectrum", "statsmodels"))
     ours = BurgFit(
@@ -235,7 +235,7 @@ def _curves(
     return curves.done()
 
 
-def _stiff(methods: Sequence[BurgFit]) -> Records:
+def _stiff(methods: Sequence[BurgFit]) -> FindingsTable:
     rows: list[dict[str, Any]] = []
     for case in STIFF:
         expected = references.step_up(references.burg(case.signal, case.order))
@@ -243,7 +243,7 @@ def _stiff(methods: Sequence[BurgFit]) -> Records:
         for method in methods:
             row = {"case": case.name, "order": case.order, "method": method.name}
             rows.append(row | _held(method, case, expected, least))
-    return Records("stiff", "Stiff and extreme segments", tuple(rows))
+    return FindingsTable("stiff", "Stiff and extreme segments", tuple(rows))
 
 
 def _held(
@@ -279,7 +279,7 @@ def _ratio(panel: Panel) -> float | None:
     return min(panel.x_ratios("librosa", OURS).values(), default=None)
 
 
-def _stiff_targets(stiff: Records) -> list[Target]:
+def _stiff_targets(stiff: FindingsTable) -> list[Target]:
     cases = len({row["case"] for row in stiff.rows})
     held: dict[str, int] = {}
     for row in stiff.rows:

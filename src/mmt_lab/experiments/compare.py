@@ -15,14 +15,14 @@ from typing import Annotated, Final
 import typer
 
 from mmt.core.errors import InputError
-from mmt.evaluation.document import Block, Heading, Table
+from mmt.evaluation.document import Block, Heading, ReportTable
 from mmt.evaluation.levels import BAND_EDGES_HZ, WORST
 from mmt.evaluation.report_files import picture
-from mmt_lab.compare.cases import INHOMOGENEOUS, Case, recorded_cases, simulated_cases
+from mmt_lab.compare.cases import INHOMOGENEOUS, ComparisonCase, recorded_cases, simulated_cases
 from mmt_lab.compare.generators import DEFINITIONS as OF_GENERATORS
 from mmt_lab.compare.generators import (
     Fault,
-    Rendered,
+    GeneratorScore,
     check_generators,
     failures,
     generator_sentences,
@@ -93,7 +93,7 @@ DEFINITIONS: Final = {
 }
 
 
-def method_tables(comparison: MethodComparison) -> list[Table]:
+def method_tables(comparison: MethodComparison) -> list[ReportTable]:
     """Return shares and errors of each group, the falls, and what methods say of their error."""
     tables = []
     for group in comparison.groups:
@@ -166,7 +166,7 @@ LARGEST_FALLS: Final = {"lost-1": 0.01, "lost-2": 0.02, "lost-5": 0.05}
 
 
 def compare(
-    cases: Sequence[Case],
+    cases: Sequence[ComparisonCase],
     methods: Sequence[str],
     spoils: Sequence[str] = (),
     remarks: Sequence[str] = (),
@@ -270,7 +270,7 @@ def findings(comparison: MethodComparison) -> Findings:
 def _with_generators(
     comparison: MethodComparison,
     names: Sequence[str],
-    rendered: Sequence[Rendered],
+    rendered: Sequence[GeneratorScore],
     faults: Sequence[Fault],
 ) -> Findings:
     """Return the findings on methods and generators beside each other."""

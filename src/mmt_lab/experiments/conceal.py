@@ -18,7 +18,7 @@ from mmt.texture.signals.metrics import gfc_of_rows, power_error_db
 from mmt_lab.bench.measuring import spread
 from mmt_lab.bench.textures import RATE_HZ, session
 from mmt_lab.harness.experiment import Experiment
-from mmt_lab.harness.findings import Axis, Cell, Curves, Findings, Panel, Records, Target
+from mmt_lab.harness.findings import Axis, Cell, Curves, Findings, FindingsTable, Panel, Target
 
 MODEL: Final = "mmt, model"
 BACKWARDS: Final = "mmt, repetition"
@@ -173,7 +173,7 @@ def _steps(true: FloatArray, bridged: FloatArray, starts_out: IntArray, gap: int
     return ratio
 
 
-def _times() -> tuple[Records, float, float]:
+def _times() -> tuple[FindingsTable, float, float]:
     """Time the first and the further samples of gaps, and samples that are there."""
     values = _whole(SURFACES[0], DURATION_S)[1000:1400].tolist()
     rows: list[Mapping[str, Cell]] = []
@@ -192,7 +192,7 @@ def _times() -> tuple[Records, float, float]:
                 "while nothing is missing (µs)": float(np.median(there)),
             }
         )
-    return Records("times", "Time of a sample", tuple(rows)), *medians[MODEL]
+    return FindingsTable("times", "Time of a sample", tuple(rows)), *medians[MODEL]
 
 
 def _time_gaps(concealment: Concealment, values: list[float], count: int) -> FloatArray:

@@ -21,8 +21,8 @@ from mmt_lab.harness.findings import (
     Curve,
     Curves,
     Findings,
+    FindingsTable,
     Panel,
-    Records,
 )
 
 TIME: Final = Axis("time of a simulated millisecond (µs)", "µs")
@@ -70,7 +70,9 @@ def run() -> Findings:
         ),
         panels=tuple(panels),
         records=(
-            Records("coarsest", f"The coarsest step with an error below {GOOD:g}", tuple(rows)),
+            FindingsTable(
+                "coarsest", f"The coarsest step with an error below {GOOD:g}", tuple(rows)
+            ),
         ),
     )
 

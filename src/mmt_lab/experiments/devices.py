@@ -6,9 +6,9 @@ from typing import Final
 from mmt.core.errors import MmtError
 from mmt.core.realtime import require_real_time
 from mmt_lab.bench.device_path.arm_times import ARMS, ArmTimes, Delays, measure_arm
-from mmt_lab.bench.device_path.running import Measured, SetUp, measure_set_up
+from mmt_lab.bench.device_path.running import SetUp, SetUpFigures, measure_set_up
 from mmt_lab.harness.experiment import Experiment, RealTime
-from mmt_lab.harness.findings import Cell, Findings, LeftOut, Records, Target
+from mmt_lab.harness.findings import Cell, Findings, FindingsTable, SkippedMethod, Target
 
 SET_UPS: Final = (
     SetUp("virtual lab: Net F/T, ADXL335 on serial", "net_ft", "adxl335"),
@@ -44,19 +44,19 @@ def run(realtime: RealTime = False) -> Findings:
     """
     if realtime:
         require_real_time()
-    found: dict[str, Measured] = {}
+    found: dict[str, SetUpFigures] = {}
     left_out = []
     for set_up in SET_UPS:
         try:
             found[set_up.name] = measure_set_up(set_up, DURATION_S, STOPS, realtime=realtime)
         except MmtError as error:
-            left_out.append(LeftOut(set_up.name, str(error), _REMEDY))
+            left_out.append(SkippedMethod(set_up.name, str(error), _REMEDY))
     arms: dict[str, ArmTimes] = {}
     for arm, of in ARMS.items():
         try:
             arms[of.title] = measure_arm(arm, DURATION_S, realtime=realtime)
         except MmtError as error:
-            left_out.append(LeftOut(of.title, str(error), _REMEDY))
+            left_out.append(SkippedMethod(of.title, str(error), _REMEDY))
     return Findings(
         title="Devices",
         about=(
@@ -81,7 +81,9 @@ def run(realtime: RealTime = False) -> Findings:
             + (" By real-time scheduling." if realtime else "")
         ),
         records=tuple(
-            Records(key, title, tuple({"set-up": name, **row(one)} for name, one in found.items()))
+            FindingsTable(
+                key, title, tuple({"set-up": name, **row(one)} for name, one in found.items())
+            )
             for key, title, row in (
                 ("cost", "Cost", _cost),
                 ("times", "Latency and jitter", _times),
@@ -95,7 +97,7 @@ def run(realtime: RealTime = False) -> Findings:
     )
 
 
-def _cost(one: Measured) -> dict[str, Cell]:
+def _cost(one: SetUpFigures) -> dict[str, Cell]:
     return {
         "share of a core": one.core_share,
         "emulation": one.emulated_share,
@@ -103,7 +105,7 @@ def _cost(one: Measured) -> dict[str, Cell]:
     }
 
 
-def _times(one: Measured) -> dict[str, Cell]:
+def _times(one: SetUpFigures) -> dict[str, Cell]:
     times = one.times
     return {
         "latency p50 (ms)": times.latency_p50_ms,
@@ -116,7 +118,7 @@ def _times(one: Measured) -> dict[str, Cell]:
     }
 
 
-def _frames(one: Measured) -> dict[str, Cell]:
+def _frames(one: SetUpFigures) -> dict[str, Cell]:
     return {
         "frames": one.frames,
         "missing": one.missing,
@@ -126,7 +128,7 @@ def _frames(one: Measured) -> dict[str, Cell]:
     }
 
 
-def _clocks(one: Measured) -> dict[str, Cell]:
+def _clocks(one: SetUpFigures) -> dict[str, Cell]:
     return {
         "error of the drift: force (ppm)": one.drift_errors_ppm["force_sensor"],
         "acceleration (ppm)": one.drift_errors_ppm["accelerometer"],
@@ -135,7 +137,7 @@ def _clocks(one: Measured) -> dict[str, Cell]:
     }
 
 
-def _arms(arms: Mapping[str, ArmTimes]) -> tuple[Records, ...]:
+def _arms(arms: Mapping[str, ArmTimes]) -> tuple[FindingsTable, ...]:
     positions = tuple(
         {
             "arm or handle": name,
@@ -155,8 +157,10 @@ def _arms(arms: Mapping[str, ArmTimes]) -> tuple[Records, ...]:
         for name, one in arms.items()
     )
     return (
-        Records("arm_positions", "Arms and handles: from a position to the driver", positions),
-        Records("arm_commands", "Arms and handles: from a command to the device", commands),
+        FindingsTable(
+            "arm_positions", "Arms and handles: from a position to the driver", positions
+        ),
+        FindingsTable("arm_commands", "Arms and handles: from a command to the device", commands),
     )
 
 
@@ -169,7 +173,7 @@ def _delays(delays: Delays) -> dict[str, Cell]:
     }
 
 
-def _targets(found: Mapping[str, Measured], slow: Set[str]) -> tuple[Target, ...]:
+def _targets(found: Mapping[str, SetUpFigures], slow: Set[str]) -> tuple[Target, ...]:
     """Return what the worst set-up reaches; latency and jitter without the slow ones."""
     every = list(found.values())
     quick = [one.times for name, one in found.items() if name not in slow]

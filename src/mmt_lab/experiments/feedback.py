@@ -14,7 +14,7 @@ import numpy as np
 import typer
 
 from mmt.contact.estimation import ContactModel
-from mmt.evaluation.document import Table
+from mmt.evaluation.document import ReportTable
 from mmt.evaluation.levels import root_mean_square
 from mmt.evaluation.texts import number
 from mmt_lab.feedback import recorded, simulated
@@ -144,19 +144,19 @@ def evaluate_feedback(
 TITLE: Final = "Force feedback over a delay"
 
 
-def loop_tables(cells: Sequence[CellResult]) -> list[Table]:
+def loop_tables(cells: Sequence[CellResult]) -> list[ReportTable]:
     """Return what each method gave on each wall over each delay: stability, then errors."""
     by_cell: dict[tuple[float, int], dict[str, CellResult]] = {}
     for cell in cells:
         by_cell.setdefault((cell.wall_n_mm, cell.delay_ms), {})[cell.method] = cell
 
-    def table(caption: str, columns: Mapping[str, Callable[[CellResult], str]]) -> Table:
+    def table(caption: str, columns: Mapping[str, Callable[[CellResult], str]]) -> ReportTable:
         rows = [
             [f"{wall:g}", str(delay), *(of(found[m]) for of in columns.values() for m in METHODS)]
             for (wall, delay), found in by_cell.items()
         ]
         names = [f"{method} {name}" for name in columns for method in METHODS]
-        return Table(["wall (N/mm)", "delay (ms)", *names], rows, caption)
+        return ReportTable(["wall (N/mm)", "delay (ms)", *names], rows, caption)
 
     return [
         table(
@@ -176,7 +176,7 @@ def loop_tables(cells: Sequence[CellResult]) -> list[Table]:
     ]
 
 
-def pooled_table(evaluation: FeedbackEvaluation) -> Table:
+def pooled_table(evaluation: FeedbackEvaluation) -> ReportTable:
     """Return the recorded errors by what was touched and by delay."""
     rows: dict[tuple[str, int], list[str]] = {}
     for row in evaluation.pooled():
@@ -186,10 +186,12 @@ def pooled_table(evaluation: FeedbackEvaluation) -> Table:
         if row["method"] == METHODS[-1]:
             cells.append(number(row["ratio"], 2))
     columns = ["contact", "delay (ms)", *(f"{m} error (N)" for m in METHODS), "model / streamed"]
-    return Table(columns, list(rows.values()), caption="Recorded contacts, pooled over the runs.")
+    return ReportTable(
+        columns, list(rows.values()), caption="Recorded contacts, pooled over the runs."
+    )
 
 
-def run_table(results: Sequence[RecordedResult]) -> Table:
+def run_table(results: Sequence[RecordedResult]) -> ReportTable:
     """Return each recorded run at the target's delay, with what was estimated."""
     runs: dict[str, dict[str, RecordedResult]] = {}
     for result in results:
@@ -212,7 +214,7 @@ def run_table(results: Sequence[RecordedResult]) -> Table:
         )
     columns = ["run", "force rms (N)", *(f"{m} (N)" for m in METHODS), "model / streamed"]
     columns += ["least / streamed", "surface (N/m)", "damping (N s/m)", "felt (N/m)", "settled (s)"]
-    return Table(columns, rows, caption=f"Recorded runs at {TARGET_DELAY_MS} ms each way.")
+    return ReportTable(columns, rows, caption=f"Recorded runs at {TARGET_DELAY_MS} ms each way.")
 
 
 def remarks(evaluation: FeedbackEvaluation) -> list[str]:
@@ -246,7 +248,7 @@ def targets(evaluation: FeedbackEvaluation) -> tuple[Target, ...]:
     return tuple(found)
 
 
-def feedback_tables(evaluation: FeedbackEvaluation) -> list[Table]:
+def feedback_tables(evaluation: FeedbackEvaluation) -> list[ReportTable]:
     """Return the tables that there is something for."""
     tables = loop_tables(evaluation.simulated)
     if evaluation.recorded:

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from mmt.core.arrays import BoolArray, FloatArray
 from mmt.core.palette import SERIES
-from mmt.evaluation.document import Table
+from mmt.evaluation.document import ReportTable
 from mmt.evaluation.figures import make_plain
 from mmt.evaluation.levels import root_mean_square
 from mmt.evaluation.report_files import picture
@@ -217,7 +217,7 @@ DEFINITIONS: Final = {
 }
 
 
-def felt_table(outcomes: Sequence[TrialResult]) -> Table:
+def felt_table(outcomes: Sequence[TrialResult]) -> ReportTable:
     """Return a row for each network and method."""
     spans = [f"{a:g}-{b:g} s" if b < 100 else f"from {a:g} s" for a, b in SPANS_S]
     columns = ["network", "method", *(f"level {span}" for span in spans)]
@@ -230,7 +230,7 @@ def felt_table(outcomes: Sequence[TrialResult]) -> Table:
         ]
         for row in rows(outcomes)
     ]
-    return Table(columns, body, "Errors in dB of what the hand feels, by session time.")
+    return ReportTable(columns, body, "Errors in dB of what the hand feels, by session time.")
 
 
 def felt_figure(outcomes: Sequence[TrialResult]) -> Figure:
@@ -287,7 +287,7 @@ def run(
             table,
         ],
         definitions=DEFINITIONS,
-        settings=[Table(("network", "each way"), [(n, str(PROFILES[n])) for n in NETWORKS])],
+        settings=[ReportTable(("network", "each way"), [(n, str(PROFILES[n])) for n in NETWORKS])],
         data=as_dict(outcomes),
     )
 

@@ -17,8 +17,8 @@ from mmt_lab.harness.findings import (
     Axis,
     Curves,
     Findings,
+    FindingsTable,
     Panel,
-    Records,
     Spread,
 )
 
@@ -69,7 +69,7 @@ def run() -> Findings:
             Panel("spectrum", "Spectrum, by the samples", "samples", TIME, SHAPE, shape.done()),
             Panel("power", "Power, by the samples", "samples", TIME, LEVEL, level.done()),
         ),
-        records=(Records("textures", f"By texture, {TABLE_COUNT} samples", tuple(rows)),),
+        records=(FindingsTable("textures", f"By texture, {TABLE_COUNT} samples", tuple(rows)),),
     )
 
 

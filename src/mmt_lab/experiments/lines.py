@@ -26,8 +26,8 @@ from mmt_lab.harness.findings import (
     Axis,
     Curves,
     Findings,
+    FindingsTable,
     Panel,
-    Records,
     Target,
 )
 
@@ -224,7 +224,7 @@ def _ar_error(found: FloatArray, exact: Sequence[Sequence[Any]]) -> float:
     return _error(found, exact) / largest
 
 
-def _ratios(there: Panel) -> Records:
+def _ratios(there: Panel) -> FindingsTable:
     ratios = {name: there.x_ratios(PEER, name) for name in (OURS, OURS_AR)}
     rows = tuple(
         {
@@ -233,7 +233,7 @@ def _ratios(there: Panel) -> Records:
         }
         for order in ratios[OURS]
     )
-    return Records("ratios", "How many times faster", rows)
+    return FindingsTable("ratios", "How many times faster", rows)
 
 
 def _targets(there: Panel, low_pass: Panel) -> list[Target]:

@@ -22,8 +22,8 @@ import typer
 
 from mmt.core.errors import InputError, MmtError
 from mmt.core.realtime import require_real_time
-from mmt_lab.bench.link_sides import PATIENCE_S, Report, follow, lead
-from mmt_lab.bench.link_traffic import Kind, Measured, Turn
+from mmt_lab.bench.link_sides import PATIENCE_S, SideReport, follow, lead
+from mmt_lab.bench.link_traffic import Kind, Turn, TurnFigures
 from mmt_lab.bench.lossy_path import measure_losses
 from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.harness.experiment import Duration, Experiment, RealTime
@@ -146,7 +146,7 @@ def _order(number: int) -> tuple[Kind, ...]:
     return _KINDS if number % 2 == 0 else _KINDS[::-1]
 
 
-def _run(rate_hz: int, turns: list[Turn], realtime: bool) -> tuple[Report, Report]:
+def _run(rate_hz: int, turns: list[Turn], realtime: bool) -> tuple[SideReport, SideReport]:
     """Start the two processes, let them take the turns, and return what they noted."""
     context = spawn_context()
     ends = [context.Pipe() for _ in range(2)]
@@ -172,7 +172,7 @@ def _run(rate_hz: int, turns: list[Turn], realtime: bool) -> tuple[Report, Repor
             pipe.close()
 
 
-def _conduct(pipes: list[Connection], turns: list[Turn]) -> tuple[Report, Report]:
+def _conduct(pipes: list[Connection], turns: list[Turn]) -> tuple[SideReport, SideReport]:
     """Exchange the ports, send both processes their turns, and receive their reports."""
     leader, follower = pipes
     follower.send(_receive(leader, PATIENCE_S))
@@ -197,12 +197,12 @@ def _receive(pipe: Connection, timeout_s: float) -> Any:
         raise MmtError("a process of the link's measurement failed") from error
 
 
-def _missing_at_end(sender: Report, receiver: Report) -> dict[Kind, int]:
+def _missing_at_end(sender: SideReport, receiver: SideReport) -> dict[Kind, int]:
     """Return how many of the last records never came, by kind."""
     return {kind: sender.sent[kind] - 1 - receiver.newest[kind] for kind in _KINDS}
 
 
-Pair = tuple[Measured, Measured]
+Pair = tuple[TurnFigures, TurnFigures]
 """The leader's and the follower's notes of one turn."""
 
 
@@ -211,7 +211,7 @@ def _summarise(turns: list[Pair], missing_up: int, missing_down: int) -> KindRes
     return KindResult(_direction(leader, missing_up), _direction(follower, missing_down))
 
 
-def _direction(receiver: list[Measured], missing: int) -> DirectionResult:
+def _direction(receiver: list[TurnFigures], missing: int) -> DirectionResult:
     return DirectionResult(
         p50_ms=statistics.median(turn.p50_ms for turn in receiver),
         p99_ms=statistics.median(turn.p99_ms for turn in receiver),
@@ -225,7 +225,7 @@ def _direction(receiver: list[Measured], missing: int) -> DirectionResult:
 
 def _ratios(ours: list[Pair], bare: list[Pair]) -> dict[str, float]:
     """Return the medians of the ratios between neighbouring turns."""
-    figures: dict[str, Callable[[Measured, Measured], float]] = {
+    figures: dict[str, Callable[[TurnFigures, TurnFigures], float]] = {
         "up_p50": lambda leader, _: leader.p50_ms,
         "up_p99": lambda leader, _: leader.p99_ms,
         "down_p50": lambda _, follower: follower.p50_ms,

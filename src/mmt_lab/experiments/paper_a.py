@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.evaluation import figures
-from mmt.evaluation.document import Block, Heading, Picture, Table
+from mmt.evaluation.document import Block, Heading, Picture, ReportTable
 from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.growth import model_growth
 from mmt.evaluation.held_out import HELD_OUT
@@ -255,24 +255,24 @@ def _figures(evaluation: Evaluation) -> dict[str, Any]:
     return {"complete_s": _complete_s([s.distance for s in evaluation.steps]), "steps": steps}
 
 
-def _distances(runs: Sequence[Sequence[Evaluation]]) -> Table:
+def _distances(runs: Sequence[Sequence[Evaluation]]) -> ReportTable:
     rows = [[f"paper, {name}", *(f"{d:.2f}" for d in row)] for name, row in PUBLISHED.items()]
     means = zip(HANDS, _mean_distances(runs), strict=True)
     rows += [[name, *(f"{distance:.2f}" for distance in row)] for name, row in means]
-    return Table(
+    return ReportTable(
         ["texture", *(f"{step.time_s:g} s" for step in runs[0][0].steps)],
         rows,
         caption=f"Table I: distance; a model is complete at {_DISTANCES.stop:.2f}.",
     )
 
 
-def _goodness(runs: Sequence[Sequence[Evaluation]]) -> Table:
+def _goodness(runs: Sequence[Sequence[Evaluation]]) -> ReportTable:
     rows = []
     for ones in zip(*runs, strict=True):
         scores = [[*(step.gfc for step in e.steps), e.at_end.gfc_ceiling] for e in ones]
         cells = [number(median_of_known(column), 3) for column in zip(*scores, strict=True)]
         rows.append([ones[0].name, *cells])
-    return Table(
+    return ReportTable(
         ["texture", *(f"{step.time_s:g} s" for step in runs[0][0].steps), "ceiling"],
         rows,
         caption="Fig. 4: GFC of the segments held out, medians; the paper's reach 0.9 if complete.",

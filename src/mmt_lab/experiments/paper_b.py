@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from mmt.core.palette import LIGHT
-from mmt.evaluation.document import Block, Table
+from mmt.evaluation.document import Block, ReportTable
 from mmt.evaluation.report_files import picture
 from mmt.testing.simulation.grained_textures import GRAINED
 from mmt.texture.signals.amplitude_spectra import Spectra, amplitude_spectra
@@ -28,8 +28,8 @@ from mmt_lab.matching import (
     RECORDED_S,
     RENEWAL_SAMPLES,
     STROKED_S,
-    Pair,
-    Sample,
+    MatchedPair,
+    StrokedSample,
     Virtual,
     compare_pair,
     real_sample,
@@ -95,7 +95,7 @@ def run(seed: Seed = 1, spectra: SpectraOption = Spectra.WELCH) -> Findings:
     )
 
 
-def _nearest(row: Mapping[str, Pair], without: str = "") -> str:
+def _nearest(row: Mapping[str, MatchedPair], without: str = "") -> str:
     return min((name for name in row if name != without), key=lambda name: row[name].error)
 
 
@@ -131,7 +131,7 @@ def _targets(matched: int, estimates_a_second: float) -> tuple[Target, ...]:
     )
 
 
-def _estimates_a_second(sample: Sample, one: Virtual, seed: int) -> float:
+def _estimates_a_second(sample: StrokedSample, one: Virtual, seed: int) -> float:
     """Return how many filters a second one thread estimates and renders the samples between."""
     started = time.perf_counter()
     rendered = sample.rendered(one.model, seed)
@@ -139,10 +139,10 @@ def _estimates_a_second(sample: Sample, one: Virtual, seed: int) -> float:
 
 
 def _matching(
-    pairs: Mapping[str, Mapping[str, Pair]],
-    of_speed: Mapping[str, Pair],
-    least: Mapping[str, Pair],
-) -> Table:
+    pairs: Mapping[str, Mapping[str, MatchedPair]],
+    of_speed: Mapping[str, MatchedPair],
+    least: Mapping[str, MatchedPair],
+) -> ReportTable:
     rows = []
     for place, (name, row) in enumerate(pairs.items(), start=1):
         own, other = row[name], _nearest(row, without=name)
@@ -160,7 +160,9 @@ def _matching(
         )
     columns = ["sample", "error", "two renderings", "next virtual", "GFC", "power (dB)"]
     columns += ["speed alone", "match"]
-    return Table(columns, rows, caption="Matching test: recorded against synthesised spectra.")
+    return ReportTable(
+        columns, rows, caption="Matching test: recorded against synthesised spectra."
+    )
 
 
 def _size(one: Virtual) -> dict[str, Any]:
@@ -172,7 +174,7 @@ def _size(one: Virtual) -> dict[str, Any]:
     }
 
 
-def _sizes(virtual: Sequence[Virtual]) -> Table:
+def _sizes(virtual: Sequence[Virtual]) -> ReportTable:
     rows = []
     for place, one in enumerate(virtual, start=1):
         size = _size(one)
@@ -186,25 +188,27 @@ def _sizes(virtual: Sequence[Virtual]) -> Table:
             ]
         )
     columns = ["texture", "points", "numbers", "model file (kB)", "recording (kB)"]
-    return Table(columns, rows, caption="Model sizes; the paper gives none.")
+    return ReportTable(columns, rows, caption="Model sizes; the paper gives none.")
 
 
 def _blocks(
-    tables: Sequence[Table],
-    pairs: Mapping[str, Mapping[str, Pair]],
+    tables: Sequence[ReportTable],
+    pairs: Mapping[str, Mapping[str, MatchedPair]],
     virtual: Sequence[Virtual],
-    real: Sequence[Sample],
+    real: Sequence[StrokedSample],
     seed: int,
 ) -> list[Block]:
     """Return the tables, every pair, and the spectra as a picture."""
     rows = [[name, *(f"{pair.error:.2f}" for pair in row.values())] for name, row in pairs.items()]
-    every = Table(["sample", *TEXTURES], rows, caption="Error of every pair.")
+    every = ReportTable(["sample", *TEXTURES], rows, caption="Error of every pair.")
     drawn = _drawn_spectra(virtual, real, seed)
     caption = "Welch spectra, means over the strokes of a sample."
     return [*tables, every, picture("spectra", caption, drawn)]
 
 
-def _drawn_spectra(virtual: Sequence[Virtual], real: Sequence[Sample], seed: int) -> "Figure":
+def _drawn_spectra(
+    virtual: Sequence[Virtual], real: Sequence[StrokedSample], seed: int
+) -> "Figure":
     from matplotlib.figure import Figure
 
     rows = len(real) // 3

@@ -16,13 +16,13 @@ from typing import Annotated, Final
 import numpy as np
 import typer
 
-from mmt.evaluation.document import Table
+from mmt.evaluation.document import ReportTable
 from mmt.texture.signals.amplitude_spectra import Spectra
 from mmt.texture.signals.biquad import VIBRATION_CUTOFF_HZ
 from mmt_lab.harness.experiment import Experiment, Seed, Seeds, SpectraOption, Workers
 from mmt_lab.harness.findings import Findings, Target
 from mmt_lab.harness.processes import each
-from mmt_lab.selection.concatenated import KNOCKS, ROWS, TRIAL_S, Row
+from mmt_lab.selection.concatenated import KNOCKS, ROWS, TRIAL_S, PaperRow
 from mmt_lab.selection.knocks import RATE_HZ, SAMPLES, SHARE, read_knocks
 from mmt_lab.selection.table_two import (
     AS_PUBLISHED,
@@ -57,7 +57,7 @@ _DETECTED_WHY: Final = "see the table: by order of the filters, knock and textur
 
 
 @dataclass(frozen=True)
-class Published:
+class PublishedTexture:
     """What the paper has of a texture: its trials, sizes of its sets, detected outliers, gain."""
 
     trials: int
@@ -68,10 +68,10 @@ class Published:
 
 
 PAPER: Final = {
-    "Grass": Published(20, 15, 18, 87, -0.0059),
-    "Cardboard": Published(20, 18, 20, 104, 0.0078),
-    "Wood": Published(40, 72, 32, 202, -0.051),
-    "Washcloth": Published(40, 68, 32, 181, -0.0092),
+    "Grass": PublishedTexture(20, 15, 18, 87, -0.0059),
+    "Cardboard": PublishedTexture(20, 18, 20, 104, 0.0078),
+    "Wood": PublishedTexture(40, 72, 32, 202, -0.051),
+    "Washcloth": PublishedTexture(40, 68, 32, 181, -0.0092),
 }
 """Tables I and II of the paper, beside what `ROWS` has of them."""
 
@@ -140,7 +140,7 @@ def _removals(ones: Sequence[Selected], variation: str | None = AS_PUBLISHED) ->
     )
 
 
-def _sets(found: Mapping[str, Sequence[Selected]]) -> Table:
+def _sets(found: Mapping[str, Sequence[Selected]]) -> ReportTable:
     rows = []
     for row in ROWS:
         kind = "anisotropic" if row.directed else "isotropic"
@@ -159,10 +159,10 @@ def _sets(found: Mapping[str, Sequence[Selected]]) -> Table:
             ],
         ]
     columns = ["texture", "trials", "initial set", "minimal set", "outliers", "type"]
-    return Table(columns, rows, caption="Table I: data sets.")
+    return ReportTable(columns, rows, caption="Table I: data sets.")
 
 
-def _results(found: Mapping[str, Sequence[Selected]]) -> Table:
+def _results(found: Mapping[str, Sequence[Selected]]) -> ReportTable:
     rows = []
     for row in ROWS:
         paper, ones = PAPER[row.name], found[row.name]
@@ -175,10 +175,10 @@ def _results(found: Mapping[str, Sequence[Selected]]) -> Table:
             cells = [f"{mean.detected:.2f}", f"{mean.false_alarms:.1%}", f"{mean.compression:.2f}"]
             rows.append([f"{row.surface}, {name}", *cells, cell])
     columns = ["texture", "detected", "false alarms", "compression", "gain"]
-    return Table(columns, rows, caption="Table II: selection.")
+    return ReportTable(columns, rows, caption="Table II: selection.")
 
 
-def _goodness(found: Mapping[str, Sequence[Selected]]) -> Table:
+def _goodness(found: Mapping[str, Sequence[Selected]]) -> ReportTable:
     rows = []
     for row in ROWS:
         ones = found[row.name]
@@ -189,10 +189,10 @@ def _goodness(found: Mapping[str, Sequence[Selected]]) -> Table:
         ]
         rows.append([row.surface, *cells, f"{_mean([one.ceiling for one in ones]):.3f}"])
     columns = ["texture", "all points", "selected points", "ceiling"]
-    return Table(columns, rows, caption="Fig. 4: mean GFC, with the deviation over segments.")
+    return ReportTable(columns, rows, caption="Fig. 4: mean GFC, with the deviation over segments.")
 
 
-def _variations(found: Mapping[str, Sequence[Selected]]) -> Table:
+def _variations(found: Mapping[str, Sequence[Selected]]) -> ReportTable:
     """Return what detection, false alarms and compression come to by other readings."""
     rows = []
     for name in VARIATIONS:
@@ -207,7 +207,7 @@ def _variations(found: Mapping[str, Sequence[Selected]]) -> Table:
         )
     columns = ["published selection", "detected", "false alarms (%)", "compression"]
     names = ", ".join(row.surface for row in ROWS)
-    return Table(columns, rows, caption=f"By other readings and on other data, {names}.")
+    return ReportTable(columns, rows, caption=f"By other readings and on other data, {names}.")
 
 
 def _sentences(spectra: Spectra) -> list[str]:
@@ -245,7 +245,7 @@ def _settings() -> list[Target]:
     ]
 
 
-def _targets(row: Row, ones: Sequence[Selected]) -> list[Target]:
+def _targets(row: PaperRow, ones: Sequence[Selected]) -> list[Target]:
     """Return the paper's figures of a texture beside ours, means over the seeds."""
     paper, name = PAPER[row.name], row.name
     as_published, ours = _removals(ones), _removals(ones, None)

@@ -20,8 +20,8 @@ from mmt_lab.harness.findings import (
     Axis,
     Curves,
     Findings,
+    FindingsTable,
     Panel,
-    Records,
 )
 
 SESSION: Final = Axis("session time (s)", "s", logarithmic=False)
@@ -82,8 +82,8 @@ def run() -> Findings:
             *_panels("processing", "by processing time", PROCESSING, by_processing),
         ),
         records=(
-            Records("textures", "At the end of the session, by texture", tuple(rows)),
-            Records(
+            FindingsTable("textures", "At the end of the session, by texture", tuple(rows)),
+            FindingsTable(
                 "rates",
                 f"By the rate of the acceleration, on {SURFACES[0]}, an update every second",
                 tuple(_rate_row(*one) for one in product(RATES_KHZ, METHODS)),

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Final
 import numpy as np
 import typer
 
-from mmt.evaluation.document import Table
+from mmt.evaluation.document import ReportTable
 from mmt_lab.harness.experiment import (
     Experiment,
     HandKind,
@@ -91,7 +91,7 @@ class SelectionEvaluation:
         }
 
 
-def selection_table(evaluation: SelectionEvaluation) -> Table:
+def selection_table(evaluation: SelectionEvaluation) -> ReportTable:
     """Return a row for each texture and method, and the means over all."""
     rows = [
         [
@@ -111,7 +111,7 @@ def selection_table(evaluation: SelectionEvaluation) -> Table:
     columns = ["texture", "method", "detected", "false alarms"]
     columns += ["without knocks", "compression"]
     columns += ["GFC change", "power change (dB)", "same shuffled", "time (s)"]
-    return Table(columns, rows, caption="Means over the seeds.")
+    return ReportTable(columns, rows, caption="Means over the seeds.")
 
 
 def remarks(evaluation: SelectionEvaluation) -> list[str]:

@@ -24,7 +24,7 @@ from mmt_lab.bench import strangers as disturbing
 from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.harness.demo_services import run_demo_services
 from mmt_lab.harness.experiment import AccelerationRate, Duration, Experiment, RealTime
-from mmt_lab.harness.findings import Findings, Records
+from mmt_lab.harness.findings import Findings, FindingsTable
 from mmt_lab.harness.processes import spawn_context
 
 ROUND_S: Final = 5.0
@@ -175,7 +175,7 @@ def compare(duration_s: float) -> Findings:
         "medians over the runs."
     )
     title = "Services by ordinary and by real-time scheduling"
-    records = (Records("realtime", title, tuple(rows)),)
+    records = (FindingsTable("realtime", title, tuple(rows)),)
     return Findings(title, about, records=records, figures=figures)
 
 

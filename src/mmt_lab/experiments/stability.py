@@ -11,7 +11,7 @@ from dataclasses import asdict
 from typing import Any, Final
 
 from mmt.core.errors import InputError
-from mmt.evaluation.document import Block, Heading, Table
+from mmt.evaluation.document import Block, Heading, ReportTable
 from mmt.evaluation.report import environment
 from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import Findings
@@ -81,13 +81,13 @@ def by_family(rows: Iterable[CaseRow]) -> dict[str, list[CaseRow]]:
     return found
 
 
-def family_table(rows: Sequence[CaseRow], caption: str = "") -> Table:
+def family_table(rows: Sequence[CaseRow], caption: str = "") -> ReportTable:
     """Return the rows of one family as text."""
     cells = [(row.what, row.expected, row.got, "yes" if row.held else "NO") for row in rows]
-    return Table(COLUMNS, cells, caption)
+    return ReportTable(COLUMNS, cells, caption)
 
 
-def overview(rows: Sequence[CaseRow]) -> Table:
+def overview(rows: Sequence[CaseRow]) -> ReportTable:
     """Return a line for each family, and the sentence that sums a run up."""
     cells = []
     for name, found in by_family(rows).items():
@@ -97,7 +97,7 @@ def overview(rows: Sequence[CaseRow]) -> Table:
     failed, seconds = len(broken(rows)), sum(row.seconds for row in rows)
     held = f"{failed} did not hold" if failed else "all held"
     verdict = f"{len(rows)} cases, {held} ({seconds:.0f} s)"
-    return Table(("family", "cases", "held", "seconds"), cells, caption=verdict)
+    return ReportTable(("family", "cases", "held", "seconds"), cells, caption=verdict)
 
 
 def summary(rows: Sequence[CaseRow]) -> dict[str, Any]:

@@ -16,7 +16,7 @@ import typer
 from scipy.stats import chi2
 
 from mmt.core.errors import InputError
-from mmt.evaluation.document import Table
+from mmt.evaluation.document import ReportTable
 from mmt.evaluation.levels import BAND_EDGES_HZ
 from mmt_lab.harness.experiment import (
     Experiment,
@@ -71,7 +71,7 @@ def groups(results: Sequence[SurfaceResult]) -> dict[str, list[dict[str, Any]]]:
     return found
 
 
-def changes_table(group: str, rows: Sequence[Mapping[str, Any]]) -> Table:
+def changes_table(group: str, rows: Sequence[Mapping[str, Any]]) -> ReportTable:
     """Return a row for each number of surfaces of a group."""
     cells = [
         [
@@ -88,16 +88,16 @@ def changes_table(group: str, rows: Sequence[Mapping[str, Any]]) -> Table:
     ]
     columns = ["surfaces", "sessions", "stays", "delay (s)", "delay p90 (s)", "in 1 s", "missed"]
     columns += ["false alarms", "stroked (min)"]
-    return Table(columns, cells, caption=f"{CAPTIONS[group]}. Delays are medians.")
+    return ReportTable(columns, cells, caption=f"{CAPTIONS[group]}. Delays are medians.")
 
 
-def scatter_table(folder: Path) -> Table:
+def scatter_table(folder: Path) -> ReportTable:
     """Return how much recorded slides differ, a column for each band."""
     edges = [f"{edge:.0f}" for edge in BAND_EDGES_HZ]
     columns = ["dB", *(f"{low}-{high} Hz" for low, high in pairwise(edges))]
     within, between = ([f"{value:.2f}" for value in row] for row in scatter_db(folder))
     rows = [["from slide to slide", *within], ["between materials", *between]]
-    return Table(columns, rows, caption="Levels of whole slides: standard deviations.")
+    return ReportTable(columns, rows, caption="Levels of whole slides: standard deviations.")
 
 
 def remarks(overall: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -186,7 +186,7 @@ def run(
         A session has no course over known surfaces, a texture or the kind of hand is not known,
         or a slide cannot be read.
     """
-    tables: list[Table] = []
+    tables: list[ReportTable] = []
     if slides is not None:
         if sessions or textures is not None:
             raise InputError("--slides takes the place of SESSION and --textures: name one of them")

@@ -14,7 +14,7 @@ import typer
 
 from mmt.cli.reporting import scene_of
 from mmt.core.errors import InputError, MmtError
-from mmt.evaluation.document import Table
+from mmt.evaluation.document import ReportTable
 from mmt.evaluation.texts import number, share
 from mmt.scene import Texture
 from mmt.session import RecordedSession, read_session
@@ -135,7 +135,7 @@ def _mean(values: Sequence[float | None]) -> float | None:
     return float(np.mean(present)) if present else None
 
 
-def _table(summary: Sequence[dict[str, Any]]) -> Table:
+def _table(summary: Sequence[dict[str, Any]]) -> ReportTable:
     rows = []
     for row in summary:
         name = ", ".join(f"{key.partition('.')[2]} {v}" for key, v in row["settings"].items())
@@ -152,7 +152,7 @@ def _table(summary: Sequence[dict[str, Any]]) -> Table:
         }
         rows.append(tuple(cells.values()))
     caption = "Means over sessions, at the stop criterion or at the end where it was never met."
-    return Table(tuple(cells), rows, caption)
+    return ReportTable(tuple(cells), rows, caption)
 
 
 EXPERIMENT = Experiment(

@@ -24,9 +24,9 @@ from mmt_lab.harness.findings import (
     Cell,
     Curves,
     Findings,
-    LeftOut,
+    FindingsTable,
     Panel,
-    Records,
+    SkippedMethod,
     Target,
 )
 
@@ -91,7 +91,7 @@ def run() -> Findings:
         ),
         records=(_rates(rates), calls),
         targets=_targets(rates, p99_us),
-        left_out=(loops,) if isinstance(loops, LeftOut) else (),
+        left_out=(loops,) if isinstance(loops, SkippedMethod) else (),
     )
 
 
@@ -122,7 +122,7 @@ def _tasks(
     motion: Motion,
     renewal: int,
     noise: FloatArray,
-    loops: c_loops.Loops | LeftOut,
+    loops: c_loops.Loops | SkippedMethod,
 ) -> dict[str, Callable[[], object]]:
     synthesizer = Synthesizer(model, seed=1, renewal_samples=renewal)
     generator = np.random.default_rng(1)
@@ -149,7 +149,7 @@ def by_scipy(model: TextureModel, motion: Motion, renewal: int, noise: FloatArra
     return output
 
 
-def _calls(model: TextureModel, motion: Motion) -> tuple[Records, float]:
+def _calls(model: TextureModel, motion: Motion) -> tuple[FindingsTable, float]:
     """Return the times of one-sample calls, and the median over rounds of their p99 (us)."""
     ones = list(zip(*(values.reshape(-1, 1) for values in motion), strict=True))
     p50, p99 = [], []
@@ -164,14 +164,14 @@ def _calls(model: TextureModel, motion: Motion) -> tuple[Records, float]:
         of = spread(np.array(values))
         rows.append({"": name, "median (µs)": of.median, "from (µs)": of.low, "to (µs)": of.high})
     title = f"Calls for one sample, renewed each: {ROUNDS} rounds of {CALLS} calls"
-    return Records("calls", title, tuple(rows)), spread(np.array(p99)).median
+    return FindingsTable("calls", title, tuple(rows)), spread(np.array(p99)).median
 
 
 def _render_next(synthesizer: Synthesizer, moments: Iterator[Motion]) -> FloatArray:
     return synthesizer.render(*next(moments))
 
 
-def _rates(rates: dict[tuple[str, int], float]) -> Records:
+def _rates(rates: dict[tuple[str, int], float]) -> FindingsTable:
     rows = []
     for renewal in RENEWALS:
         ours = rates[OURS, renewal]
@@ -186,7 +186,7 @@ def _rates(rates: dict[tuple[str, int], float]) -> Records:
             row["numba over C"] = kernel_ns * rates[C, renewal] / _NANOSECONDS
         rows.append(row)
     title = "Samples a second on one core, in blocks; numba over C: times without the excitation's"
-    return Records("rates", title, tuple(rows))
+    return FindingsTable("rates", title, tuple(rows))
 
 
 def _targets(rates: dict[tuple[str, int], float], p99_us: float) -> tuple[Target, ...]:

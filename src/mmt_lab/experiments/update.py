@@ -26,8 +26,8 @@ from mmt_lab.harness.findings import (
     Cell,
     Curves,
     Findings,
+    FindingsTable,
     Panel,
-    Records,
     Target,
 )
 
@@ -181,7 +181,7 @@ def _growing(stages: Panel, calls: Panel) -> list[tuple[str, Panel, bool]]:
     return [*named, (ONE_SAMPLE, calls, False), (MOVING, calls, False)]
 
 
-def _growth(stages: Panel, calls: Panel) -> Records:
+def _growth(stages: Panel, calls: Panel) -> FindingsTable:
     rows: list[Mapping[str, Cell]] = [
         {
             "what": name,
@@ -194,7 +194,7 @@ def _growth(stages: Panel, calls: Panel) -> Records:
         for name, panel, _ in _growing(stages, calls)
         for before, after in pairwise(panel.points(name))
     ]
-    return Records("growth", "Growth from one size to the next", tuple(rows))
+    return FindingsTable("growth", "Growth from one size to the next", tuple(rows))
 
 
 def _targets(stages: Panel, calls: Panel) -> tuple[Target, ...]:

@@ -10,8 +10,17 @@ from mmt.core.arrays import FloatArray, IntArray
 from mmt.leader.building import LeaderParts
 from mmt.leader.part import Session
 from mmt.leader.parts import build_parts
-from mmt.scene import Actuator, Hand, Link, Playout, Rendering, Scene, Simulated, Texture
-from mmt.scene import Session as SessionTable
+from mmt.scene import (
+    Actuator,
+    Hand,
+    Link,
+    Playout,
+    Rendering,
+    Scene,
+    SessionTable,
+    Simulated,
+    Texture,
+)
 from mmt.testing.simulation import PERIOD_NS, RATE_HZ
 from mmt.testing.simulation.vibration import vibration_of
 from mmt.texture.model.texture_model import TextureModel

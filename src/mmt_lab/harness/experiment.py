@@ -25,7 +25,7 @@ from typing import Annotated, Final, Literal
 import typer
 
 from mmt.core.errors import InputError
-from mmt.scene import Hand, Session
+from mmt.scene import Hand, SessionTable
 from mmt.scene.files import table_from
 from mmt.scene.simulated_tables import HAND_KINDS
 from mmt.texture.signals.amplitude_spectra import Spectra
@@ -194,7 +194,9 @@ def rates_of(listed: str) -> list[int]:
     """
     try:
         return [
-            table_from(Session, "session", {"acceleration_rate_hz": int(rate)}).acceleration_rate_hz
+            table_from(
+                SessionTable, "session", {"acceleration_rate_hz": int(rate)}
+            ).acceleration_rate_hz
             for rate in listed.split(",")
         ]
     except ValueError as error:

@@ -7,7 +7,7 @@ from typing import Any, Final, Literal, Self
 
 import numpy as np
 
-from mmt.evaluation.document import Block, Table
+from mmt.evaluation.document import Block, ReportTable
 
 Cell = str | float | int | bool | None
 """One value of a record."""
@@ -127,7 +127,7 @@ class Panel:
 
 
 @dataclass(frozen=True)
-class Records:
+class FindingsTable:
     """A table of rows with the same keys."""
 
     name: str
@@ -163,7 +163,7 @@ class Target:
 
 
 @dataclass(frozen=True)
-class LeftOut:
+class SkippedMethod:
     """A method that was not measured, why, and what would change that."""
 
     name: str
@@ -208,15 +208,15 @@ class Findings:
     title: str
     about: str = ""
     sentences: Sequence[str] = ()
-    tables: Sequence[Table] = ()
+    tables: Sequence[ReportTable] = ()
     panels: tuple[Panel, ...] = ()
-    records: tuple[Records, ...] = ()
+    records: tuple[FindingsTable, ...] = ()
     targets: tuple[Target, ...] = ()
-    left_out: tuple[LeftOut, ...] = ()
+    left_out: tuple[SkippedMethod, ...] = ()
     figures: Mapping[str, float | int | None] = field(default_factory=dict)
     blocks: Callable[[], Sequence[Block]] | None = None
     definitions: Mapping[str, str] = field(default_factory=dict)
-    settings: Sequence[Table] = ()
+    settings: Sequence[ReportTable] = ()
     data: Mapping[str, Any] | None = None
     failures: Sequence[str] = ()
     name: str = ""

@@ -8,7 +8,7 @@ from typing import Any
 from rich.text import Text
 
 from mmt.cli.common import output
-from mmt.evaluation.document import Block, Heading, Paragraph, Table
+from mmt.evaluation.document import Block, Heading, Paragraph, ReportTable
 from mmt.evaluation.report import environment
 from mmt.evaluation.report_files import picture, write_report_files
 from mmt.evaluation.table import as_rich
@@ -35,7 +35,7 @@ def print_targets(results: Sequence[Findings]) -> None:
             output.print(sentence, highlight=False)
 
 
-def print_table(table: Table) -> None:
+def print_table(table: ReportTable) -> None:
     """Print a table with its caption above."""
     output.print(Text(f"\n{table.caption}", style="italic"))
     output.print(as_rich(replace(table, caption="")))
@@ -65,9 +65,9 @@ def write_report(directory: Path, result: Findings) -> Path:
     blocks: list[Block] = [Heading(result.title, 1), *_found(result)]
     if result.definitions:
         rows = list(result.definitions.items())
-        blocks += [Heading("Definitions"), Table(("figure", "what"), rows)]
+        blocks += [Heading("Definitions"), ReportTable(("figure", "what"), rows)]
     blocks += result.settings
-    blocks += [Heading("Made with"), Table(("part", "version"), list(versions.items()))]
+    blocks += [Heading("Made with"), ReportTable(("part", "version"), list(versions.items()))]
     data = {**result.as_dict(), "environment": versions}
     if result.definitions:
         data["definitions"] = dict(result.definitions)

@@ -3,20 +3,20 @@
 from collections.abc import Sequence
 from typing import Final
 
-from mmt.evaluation.document import Table
-from mmt_lab.harness.findings import Cell, Findings, Panel, Records, Spread, Target
+from mmt.evaluation.document import ReportTable
+from mmt_lab.harness.findings import Cell, Findings, FindingsTable, Panel, Spread, Target
 
 _NOTICEABLE: Final = 0.005
 
 
-def targets_table(results: Sequence[Findings]) -> Table:
+def targets_table(results: Sequence[Findings]) -> ReportTable:
     """Return every target of a run beside what was measured."""
     rows = [
         (target.what, result.name, _number(target.measured), *_aim(target))
         for result in results
         for target in result.targets
     ]
-    return Table(("what", "experiment", "measured", "target", "met"), rows, "Targets")
+    return ReportTable(("what", "experiment", "measured", "target", "met"), rows, "Targets")
 
 
 def missed_because(results: Sequence[Findings]) -> list[str]:
@@ -28,17 +28,17 @@ def missed_because(results: Sequence[Findings]) -> list[str]:
     return [f"not met: {', '.join(names)}: {reason}" for reason, names in missed.items()]
 
 
-def tables_of(result: Findings) -> list[Table]:
+def tables_of(result: Findings) -> list[ReportTable]:
     """Return its own tables, then one for each panel, its records, and what was left out."""
     tables = [*result.tables, *(panel_table(panel) for panel in result.panels)]
     tables += [records_table(records) for records in result.records if records.rows]
     if result.left_out:
         rows = [(out.name, out.reason, out.remedy) for out in result.left_out]
-        tables.append(Table(("left out", "because", "remedy"), rows, "Left out"))
+        tables.append(ReportTable(("left out", "because", "remedy"), rows, "Left out"))
     return tables
 
 
-def panel_table(panel: Panel) -> Table:
+def panel_table(panel: Panel) -> ReportTable:
     """Return a panel with a row for each point; x is left out where it is the knob itself."""
     over_knob = all(curve.over_knob for curve in panel.curves)
     rows = []
@@ -51,10 +51,10 @@ def panel_table(panel: Panel) -> Table:
             x = () if over_knob else ("-",)
             rows.append((curve.method if not curve.points else "", knob, *x, reason))
     columns = (panel.knob,) if over_knob else (panel.knob, panel.x.short)
-    return Table(("method", *columns, panel.y.short), rows, panel.title)
+    return ReportTable(("method", *columns, panel.y.short), rows, panel.title)
 
 
-def records_table(records: Records) -> Table:
+def records_table(records: FindingsTable) -> ReportTable:
     """Return rows of a record as text; a name is not repeated below itself."""
     columns = list(dict.fromkeys(key for row in records.rows for key in row))
     rows: list[tuple[str, ...]] = []
@@ -64,7 +64,7 @@ def records_table(records: Records) -> Table:
         repeated = isinstance(first, str) and first == above
         rows.append(("" if repeated else _cell(first), *map(_cell, others)))
         above = first
-    return Table(columns, rows, records.title)
+    return ReportTable(columns, rows, records.title)
 
 
 def _aim(target: Target) -> tuple[str, str]:

@@ -46,7 +46,7 @@ class NetworkModel(TextureModel):
 
 
 @dataclass(frozen=True)
-class Row:
+class PaperRow:
     """A row of Table I: its name there, the sizes, and the texture that stands in."""
 
     name: str
@@ -57,15 +57,15 @@ class Row:
 
 
 ROWS: Final = (
-    Row("Grass", "sandpaper", 236, 23, directed=False),
-    Row("Cardboard", "plastic", 253, 25, directed=False),
-    Row("Wood", "oak", 432, 43, directed=True),
-    Row("Washcloth", "corduroy", 461, 46, directed=True),
+    PaperRow("Grass", "sandpaper", 236, 23, directed=False),
+    PaperRow("Cardboard", "plastic", 253, 25, directed=False),
+    PaperRow("Wood", "oak", 432, 43, directed=True),
+    PaperRow("Washcloth", "corduroy", 461, 46, directed=True),
 )
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class ConcatenatedTrials:
     """Trials of a texture, one behind the other: ``frames`` (k,), and the first n segments.
 
     ``trials`` is how many there are.
@@ -96,12 +96,12 @@ def network_settings(inputs: Inputs, order: int = ORDER) -> ModellingSettings:
     return ModellingSettings(method="published", inputs=inputs, order=order)
 
 
-def settings_of(row: Row, order: int = ORDER) -> ModellingSettings:
+def settings_of(row: PaperRow, order: int = ORDER) -> ModellingSettings:
     """Return how a texture of paper C is modelled."""
     return network_settings("anisotropic" if row.directed else "isotropic", order)
 
 
-def stroke(row: Row, duration_s: float, seed: int) -> RecordArray:
+def stroke(row: PaperRow, duration_s: float, seed: int) -> RecordArray:
     """Simulate a trial: its frames (n,). A hand takes all headings where they count."""
     scene = Scene(hand=Hand(headings="all" if row.directed else "opposite"))
     return simulate_session(scene, row.surface, duration_s, seed)[0]
@@ -113,7 +113,7 @@ def segments_of(frames: RecordArray, settings: ModellingSettings) -> list[Segmen
     return segment(stream.process(frames), settings)
 
 
-def recording(row: Row, seed: int) -> Recording:
+def recording(row: PaperRow, seed: int) -> ConcatenatedTrials:
     """Simulate as many trials as give the paper's number of points.
 
     Parameters
@@ -131,13 +131,13 @@ def recording(row: Row, seed: int) -> Recording:
         trials.append(stroke(row, TRIAL_S, int(generator.integers(2**31))))
         found += len(segments_of(trials[-1], settings))
     frames = _joined(trials)
-    return Recording(frames, segments_of(frames, settings)[: row.points], len(trials))
+    return ConcatenatedTrials(frames, segments_of(frames, settings)[: row.points], len(trials))
 
 
 def data_set(
-    row: Row,
+    row: PaperRow,
     seed: int,
-    recorded: Recording,
+    recorded: ConcatenatedTrials,
     order: int = ORDER,
     share: float = SHARE,
     knocks: Sequence[FloatArray] = (),

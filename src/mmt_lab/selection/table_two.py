@@ -12,7 +12,7 @@ from mmt.texture.signals.amplitude_spectra import Spectra
 from mmt_lab.selection.concatenated import (
     DataSet,
     NetworkModel,
-    Row,
+    PaperRow,
     data_set,
     recording,
     segments_of,
@@ -110,7 +110,7 @@ class Selected:
 
 
 def select_from(
-    row: Row, seed: int, spectra: Spectra, knocks: Sequence[FloatArray] = ()
+    row: PaperRow, seed: int, spectra: Spectra, knocks: Sequence[FloatArray] = ()
 ) -> Selected:
     """Record a data set, select from it in every way, and score the published selection."""
     recorded = recording(row, seed)
@@ -168,7 +168,7 @@ def _removed(outlier: BoolArray, kept: BoolArray, knocked: BoolArray) -> Removed
 
 
 def _score(
-    found: DataSet, row: Row, seed: int, mask: BoolArray, spectra: Spectra
+    found: DataSet, row: PaperRow, seed: int, mask: BoolArray, spectra: Spectra
 ) -> list[Approximation]:
     """Compare the segments of a fresh stroke with what the model of some points renders there."""
     settings = settings_of(row, ORDER)

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.evaluation.document import Table
+from mmt.evaluation.document import ReportTable
 from mmt_lab.soak.drift import Drift, by_window, drift, median, outside
 from mmt_lab.soak.faults import RESTART, SoakFault
 from mmt_lab.soak.recorded import Gap, Readback
@@ -102,10 +102,10 @@ def judge(observed: SoakLog, readback: Readback, recovery_s: float = RECOVERY_S)
     ]
 
 
-def table(checks: Sequence[Check]) -> Table:
+def table(checks: Sequence[Check]) -> ReportTable:
     """Return the rows as a table."""
     rows = [(c.what, c.found, c.allowed, "yes" if c.held else "no") for c in checks]
-    return Table(("what", "found", "allowed", "held"), rows)
+    return ReportTable(("what", "found", "allowed", "held"), rows)
 
 
 def _recording(observed: SoakLog, readback: Readback, recovery_s: float) -> list[Check]:

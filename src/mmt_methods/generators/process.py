@@ -28,7 +28,7 @@ from mmt.core.process import SWITCH_INTERVAL_S
 from mmt.leader.output.model_crossfade import ModelCrossfade
 from mmt_methods.generators.guarded import GeneratorFault, GuardedGenerator, raised
 from mmt_methods.generators.registry import load
-from mmt_methods.generators.vibration import BLOCK_SAMPLES, Rendered
+from mmt_methods.generators.vibration import BLOCK_SAMPLES, RenderedBlock
 
 FIT: Final = "fit"
 RENDER: Final = "render"
@@ -130,7 +130,7 @@ def render(leader: Connection, fitter: Connection) -> None:
         output = fade.render(*np.frombuffer(motion).reshape(3, BLOCK_SAMPLES))
         elapsed_ns = perf_counter_ns() - started_ns
         clipped = sum(each.clipped for each in slots)
-        leader.send(Rendered(number, epoch, build, elapsed_ns, clipped, output.tobytes()))
+        leader.send(RenderedBlock(number, epoch, build, elapsed_ns, clipped, output.tobytes()))
 
 
 def _read(connection: Connection, use: Callable[[Any], object]) -> None:

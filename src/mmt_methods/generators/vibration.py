@@ -26,7 +26,7 @@ _WINDOW: Final = 200
 _FADE_IN: Final = (np.arange(BLOCK_SAMPLES) + 1.0) / BLOCK_SAMPLES
 
 
-class Rendered(NamedTuple):
+class RenderedBlock(NamedTuple):
     """A block from the process that renders.
 
     ``build`` is the number of the fit that it is from, 0 before the first, of the ``epoch``-th
@@ -42,7 +42,7 @@ class Rendered(NamedTuple):
     samples: bytes
 
 
-class Channel(Protocol):
+class ProcessChannel(Protocol):
     """The way to the process; see `multiprocessing.connection.Connection`."""
 
     def send(self, block: tuple[int, bytes], /) -> None:
@@ -51,7 +51,7 @@ class Channel(Protocol):
     def poll(self) -> bool:
         """Return whether something has come."""
 
-    def recv(self) -> Rendered | str:
+    def recv(self) -> RenderedBlock | str:
         """Return it: a block, or a sentence that says why none follows."""
 
 
@@ -94,7 +94,7 @@ class GeneratedVibration:
         self._sounds = False  # whether what is played was rendered
         self._at = self._number = self._under_way = self._window = self._late_in_window = 0
         self._newest: tuple[int, int] = (0, 0)  # epoch and fit of the newest block
-        self.channel: Channel | None = None
+        self.channel: ProcessChannel | None = None
         self.wanted = False
         self.epoch = self.late = self.blocks = self.clipped = 0
         self.fault: str | None = None
@@ -172,7 +172,7 @@ class GeneratedVibration:
             self._count(late=arrived is None)
         self._play(arrived)
 
-    def _last_words(self, channel: Channel) -> str:
+    def _last_words(self, channel: ProcessChannel) -> str:
         """Return why the process has ended, as it may have said before."""
         with suppress(OSError, EOFError):
             while channel.poll():
@@ -180,7 +180,7 @@ class GeneratedVibration:
                     return said
         return f"generator {self._name}: the process that renders has ended"
 
-    def _note(self, block: Rendered) -> None:
+    def _note(self, block: RenderedBlock) -> None:
         self._under_way -= 1
         self._newest = block.epoch, block.build
         self.clipped = block.clipped

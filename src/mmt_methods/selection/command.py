@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from mmt_methods.selection.pooling import Pool
 
 
-class Method(StrEnum):
+class SelectionMethod(StrEnum):
     """How samples are selected."""
 
     OURS = "ours"
@@ -46,7 +46,8 @@ def select_samples(
         int | None, typer.Option(min=1, help="Keep no more samples, but for the hull's corners.")
     ] = None,
     method: Annotated[
-        Method | None, typer.Option(help="Ours, or paper C's algorithm; else as the scene models.")
+        SelectionMethod | None,
+        typer.Option(help="Ours, or paper C's algorithm; else as the scene models."),
     ] = None,
     json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
     force: Force = False,

@@ -17,7 +17,7 @@ from mmt.leader.part import Part, Session, Tick
 from mmt.link.protocol import encode_event
 from mmt_share.messages import STATE, STATE_DTYPE, About
 from mmt_share.parts.listeners import Listeners
-from mmt_share.publishing import ModelPublisher, Published
+from mmt_share.publishing import ModelPublisher, PublishedModel
 from mmt_share.store.store import Entry, ModelStore
 from mmt_share.tables import Control, Sharing
 
@@ -60,7 +60,7 @@ class SharingPart(Part):
         """States of the model that were handed on."""
         self.listeners = Listeners()
         self._reading: asyncio.Task[None] | None = None
-        self._publishing: asyncio.Future[Published] | None = None
+        self._publishing: asyncio.Future[PublishedModel] | None = None
         self.port: int | None = None
         """The port that listeners connect to, None before there is one."""
         self.on_control: Callable[[dict[str, Any]], None] = lambda _: None

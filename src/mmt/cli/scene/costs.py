@@ -99,7 +99,7 @@ def _valid(tables: dict[str, Any]) -> Scene | None:
 
 
 @dataclass(frozen=True)
-class ServiceRun:
+class MeasuredService:
     """One service in one run."""
 
     start_s: float
@@ -116,7 +116,7 @@ class ServiceRun:
 class SceneRun:
     """One run of a scene; `services` holds "leader" and, where there is one, "follower"."""
 
-    services: Mapping[str, ServiceRun]
+    services: Mapping[str, MeasuredService]
     bytes_per_s: Mapping[str, float]
     """Sent, by way: "up", "down"."""
     model_from_s: float | None
@@ -126,7 +126,7 @@ class SceneRun:
 
 
 @dataclass(frozen=True)
-class Difference:
+class CostDifference:
     """What a part adds, and the half-width of its confidence interval."""
 
     value: float
@@ -142,7 +142,7 @@ class Difference:
 class PartCost:
     """What one service costs more with a part than without it."""
 
-    figures: Mapping[str, Difference]
+    figures: Mapping[str, CostDifference]
     modules: tuple[str, ...]
     """That nothing else in the scene imports."""
     import_s: float
@@ -185,10 +185,10 @@ class SceneCosts:
             import_s=sum(times.get(module, 0.0) for module in modules),
         )
 
-    def _difference(self, runs: Sequence[SceneRun], service: str, figure: str) -> Difference:
+    def _difference(self, runs: Sequence[SceneRun], service: str, figure: str) -> CostDifference:
         groups = [_values(group, service, figure) for group in (self.whole, *self.without.values())]
         whole, without = self.values(service, figure), _values(runs, service, figure)
-        return Difference(
+        return CostDifference(
             value=statistics.fmean(whole) - statistics.fmean(without),
             half_width=half_width(groups, len(whole), len(without)),
         )

@@ -11,7 +11,7 @@ from typing import Any
 import tomli_w
 from rich.console import Console
 
-from mmt.cli.scene.costs import SceneRun, ServiceRun
+from mmt.cli.scene.costs import MeasuredService, SceneRun
 from mmt.cli.scene_services import DemoRun, run_services
 from mmt.core.errors import MmtError
 from mmt.scene import Replay, Scene
@@ -119,10 +119,10 @@ def _scene_run(run: DemoRun) -> SceneRun:
 
 def _service_run(
     summary: Mapping[str, Any], start_s: float, inventory: Mapping[str, Any]
-) -> ServiceRun:
+) -> MeasuredService:
     looks = max(1, inventory["looks"])
     modelling = (summary.get("texture") or {}).get("process") or {}  # the leader's own process
-    return ServiceRun(
+    return MeasuredService(
         start_s=start_s,
         core_share=summary["process"]["core_share"] + modelling.get("core_share", 0.0),
         memory_mb=summary["process"]["memory_mb"] + modelling.get("memory_mb", 0.0),

@@ -5,7 +5,7 @@ from typing import Any, Final
 
 from rich.table import Table
 
-from mmt.cli.scene.costs import FIGURES, Difference, SceneCosts
+from mmt.cli.scene.costs import FIGURES, CostDifference, SceneCosts
 from mmt.cli.scene.description import SceneDescription, SideParts, Stream
 from mmt.cli.scene.results import (
     added_bytes_per_s,
@@ -133,7 +133,7 @@ def _part_table(costs: SceneCosts, service: str, added: Mapping[str, float]) -> 
     return table
 
 
-def _difference(difference: Difference, digits: int) -> str:
+def _difference(difference: CostDifference, digits: int) -> str:
     value = f"{difference.value:.{digits}f}" if difference.told_apart else "≈0"
     return f"{value} ±{difference.half_width:.{digits}f}"
 

@@ -30,7 +30,7 @@ _LONGEST: Final = _OVERHEAD + MOST_SAMPLES * _SAMPLE.size + 1
 """Bytes of an encoded frame without its zero."""
 
 
-class Frame(NamedTuple):
+class BoardFrame(NamedTuple):
     """Samples that the board sent together."""
 
     sequence: int
@@ -41,7 +41,7 @@ class Frame(NamedTuple):
     """Oldest first."""
 
 
-def encode_frame(frame: Frame) -> bytes:
+def encode_frame(frame: BoardFrame) -> bytes:
     """Return a frame as it goes over the wire, with its final zero.
 
     Raises
@@ -71,7 +71,7 @@ class FrameDecoder:
         self._buffer = b""
         self._synchronised = False
 
-    def feed(self, received: bytes) -> Sequence[Frame]:
+    def feed(self, received: bytes) -> Sequence[BoardFrame]:
         """Return the frames that these bytes complete, oldest first."""
         if not received:
             return ()
@@ -96,7 +96,7 @@ class FrameDecoder:
         self.faults[fault] += 1
         self.rejected += 1
 
-    def _decode(self, stuffed: bytes) -> Frame | None:
+    def _decode(self, stuffed: bytes) -> BoardFrame | None:
         plain = unstuff(stuffed) if len(stuffed) <= _LONGEST else None
         length = 0 if plain is None else len(plain) - _OVERHEAD
         if plain is None or length <= 0 or length % _SAMPLE.size:
@@ -111,8 +111,8 @@ class FrameDecoder:
             self._reject("other versions")
             return None
         if length == _SAMPLE.size:  # the usual case, twice as quick
-            return Frame(sequence, time_us, (_SAMPLE.unpack_from(content, _HEAD.size),))
-        return Frame(sequence, time_us, tuple(_SAMPLE.iter_unpack(content[_HEAD.size :])))
+            return BoardFrame(sequence, time_us, (_SAMPLE.unpack_from(content, _HEAD.size),))
+        return BoardFrame(sequence, time_us, tuple(_SAMPLE.iter_unpack(content[_HEAD.size :])))
 
 
 _MASK: Final = 0xFFFFFFFF
@@ -132,10 +132,10 @@ class Timeline:
     def __init__(self) -> None:
         self.faults: Counter[str] = Counter()
         """``lost samples``, ``repeated frames``, ``restarts`` of the board."""
-        self._last: Frame | None = None
+        self._last: BoardFrame | None = None
         self._time_us = 0
 
-    def place(self, frame: Frame) -> Sequence[tuple[int, Counts]]:
+    def place(self, frame: BoardFrame) -> Sequence[tuple[int, Counts]]:
         """Return the frame's samples as (time_ns, counts), oldest first.
 
         Times begin at the board's own first one and never go back, also where its 32-bit counter

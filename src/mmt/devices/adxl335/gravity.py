@@ -42,7 +42,7 @@ class Rest(NamedTuple):
     """Standard deviation of each axis (V)."""
 
 
-class Calibration(NamedTuple):
+class GravityCalibration(NamedTuple):
     """Straight lines from volts to m/s2."""
 
     zero_v: Vector
@@ -57,13 +57,13 @@ class Calibration(NamedTuple):
         return {key: list(v) if isinstance(v, tuple) else v for key, v in self._asdict().items()}
 
 
-def nominal(supply_v: float) -> Calibration:
+def nominal(supply_v: float) -> GravityCalibration:
     """Return the data sheet's values: ratiometric, half the supply at zero g, a tenth per g."""
     gain = 0.1 * supply_v / GRAVITY_M_S2
-    return Calibration((0.5 * supply_v,) * 3, (gain,) * 3)
+    return GravityCalibration((0.5 * supply_v,) * 3, (gain,) * 3)
 
 
-def from_dict(content: Mapping[str, Any]) -> Calibration:
+def from_dict(content: Mapping[str, Any]) -> GravityCalibration:
     """Return a calibration that was stored.
 
     Raises
@@ -80,7 +80,7 @@ def from_dict(content: Mapping[str, Any]) -> Calibration:
         raise InputError(problem) from error
     if not all(1e-6 < value < 1e3 for value in gain) or not all(abs(v) < 1e3 for v in zero):
         raise InputError("the stored calibration has impossible values: calibrate again")
-    return Calibration(zero, gain, residual)
+    return GravityCalibration(zero, gain, residual)
 
 
 def rests_from(content: object) -> list[Rest]:
@@ -107,7 +107,7 @@ def rests_from(content: object) -> list[Rest]:
     return rests
 
 
-def calibrate(rests: Sequence[Rest], supply_v: float) -> Calibration:
+def calibrate(rests: Sequence[Rest], supply_v: float) -> GravityCalibration:
     """Fit zero and gain of each axis, by least squares over all rests.
 
     Parameters
@@ -147,7 +147,7 @@ def calibrate(rests: Sequence[Rest], supply_v: float) -> Calibration:
                     "and measure again"
                 )
     zeros, gains = zip(*lines, strict=True)
-    return Calibration(_vector(zeros), _vector(gains), residual)
+    return GravityCalibration(_vector(zeros), _vector(gains), residual)
 
 
 def check_still(rest: Rest, supply_v: float) -> None:
@@ -160,7 +160,7 @@ def check_still(rest: Rest, supply_v: float) -> None:
         )
 
 
-def changes(new: Calibration, old: Calibration) -> list[str]:
+def changes(new: GravityCalibration, old: GravityCalibration) -> list[str]:
     """Return a sentence for each axis whose calibration is not what it was."""
     sentences = []
     for axis, name in enumerate(_AXES):

@@ -13,7 +13,7 @@ from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.accelerometer_axes import signed_axes
 from mmt.devices.adxl335.gravity import (
     GRAVITY_M_S2,
-    Calibration,
+    GravityCalibration,
     Rest,
     Up,
     from_dict,
@@ -48,7 +48,10 @@ class Converter:
     """
 
     def __init__(
-        self, calibration: Calibration, options: Adxl335Options, stuck_at: Vector | None = None
+        self,
+        calibration: GravityCalibration,
+        options: Adxl335Options,
+        stuck_at: Vector | None = None,
     ) -> None:
         self.faults: Counter[str] = Counter()
         """``overload``: samples beyond 3 g along an axis."""
@@ -114,7 +117,7 @@ class Adxl335(ABC):
         self._common = options
         self.latency_ns = options.filter_delay_ns
         """Delay of the board's filter."""
-        self.calibration: Calibration = nominal(options.supply_v)
+        self.calibration: GravityCalibration = nominal(options.supply_v)
         """What is used: nominal until `connect` finds a stored one."""
         self._serial: str | None = None
         self._calibrated = False

@@ -10,7 +10,7 @@ import serial
 from serial.tools import list_ports
 
 from mmt.core.errors import DeviceLost, MmtError
-from mmt.devices.adxl335.framing import Counts, Frame, FrameDecoder, Timeline
+from mmt.devices.adxl335.framing import BoardFrame, Counts, FrameDecoder, Timeline
 from mmt.devices.adxl335.options import BAND, SerialOptions
 from mmt.devices.adxl335.sensor import Adxl335
 from mmt.devices.drivers import read_options
@@ -186,7 +186,7 @@ class SerialAdxl335(Adxl335):
 
     def _wait_for_frames(self) -> None:
         received = bytearray()
-        frames: list[Frame] = []
+        frames: list[BoardFrame] = []
         end = time.monotonic() + self._options.start_s
         while time.monotonic() < end:
             got = self._board.read()
@@ -200,7 +200,7 @@ class SerialAdxl335(Adxl335):
             time.sleep(0.002)
         raise MmtError(self._explain(bytes(received), frames))
 
-    def _explain(self, received: bytes, frames: Sequence[Frame]) -> str:
+    def _explain(self, received: bytes, frames: Sequence[BoardFrame]) -> str:
         where = f"the accelerometer's board on {self._board.name}"
         if frames and self._stuck_at is not None:
             return (

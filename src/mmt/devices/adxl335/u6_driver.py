@@ -10,7 +10,7 @@ from mmt.devices.adxl335.sensor import Adxl335
 from mmt.devices.discovery import missing_libusb
 from mmt.devices.drivers import read_options
 from mmt.devices.labjack.board import U6Voltages
-from mmt.devices.labjack.packets import Channel
+from mmt.devices.labjack.packets import AnalogInput
 from mmt.devices.labjack.sharing import MOST_SAMPLES_HZ
 from mmt.devices.protocols import Vector
 
@@ -60,7 +60,7 @@ class U6Adxl335(Adxl335):
     def __init__(self, *, backend: Any = None, **options: Any) -> None:
         checked = read_options(U6Options, NAME, options)
         super().__init__(checked)
-        channels = [Channel(number) for number in checked.inputs]
+        channels = [AnalogInput(number) for number in checked.inputs]
         self._source = U6Voltages(channels, checked.rate_hz, checked.box, backend)
 
     @property

@@ -21,7 +21,7 @@ class HaptuatorBoard:
     Parameters
     ----------
     port, baud_rate
-        As in `mmt.devices.haptuator.serial_driver.SerialOptions`.
+        As in `mmt.devices.haptuator.serial_driver.HaptuatorSerialOptions`.
     """
 
     def __init__(self, port: str, baud_rate: int) -> None:

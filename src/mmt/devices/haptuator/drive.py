@@ -15,16 +15,16 @@ from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.core.guards import SampleGuard
 from mmt.devices.calibrations import calibration_file, load_calibration, save_calibration
-from mmt.devices.haptuator.equaliser import TAPS, Equaliser, Level, taps_at
+from mmt.devices.haptuator.equaliser import TAPS, ActuatorLevel, Equaliser, taps_at
 from mmt.devices.haptuator.options import HaptuatorOptions
 from mmt.devices.protocols import ActuatorStatistics
 from mmt.texture.signals.biquad import BiquadFilter, bessel_low_pass, butterworth_high_pass
 
 DEVICE: Final = "haptuator"
-_STORED: Final = TypeAdapter(Level)
+_STORED: Final = TypeAdapter(ActuatorLevel)
 
 
-def level_of(options: HaptuatorOptions, directory: Path | None = None) -> Level:
+def level_of(options: HaptuatorOptions, directory: Path | None = None) -> ActuatorLevel:
     """Return the level of the options, or the one stored for their serial number.
 
     Raises
@@ -35,7 +35,7 @@ def level_of(options: HaptuatorOptions, directory: Path | None = None) -> Level:
         It cannot be read.
     """
     if options.volts_per_m_s2 is not None:
-        return Level(options.volts_per_m_s2, (1.0,))
+        return ActuatorLevel(options.volts_per_m_s2, (1.0,))
     serial = options.serial or ""
     stored = load_calibration(DEVICE, serial, directory)
     if stored is None:
@@ -91,7 +91,7 @@ class VoltageDrive:
     """
 
     def __init__(
-        self, options: HaptuatorOptions, rate_hz: float, level: Level | None = None
+        self, options: HaptuatorOptions, rate_hz: float, level: ActuatorLevel | None = None
     ) -> None:
         level = level or level_of(options)
         self._scale = level.volts_per_m_s2

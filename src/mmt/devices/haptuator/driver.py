@@ -8,7 +8,7 @@ from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.core.guards import SampleGuard
 from mmt.devices.haptuator.drive import FADE_S, VoltageDrive
-from mmt.devices.haptuator.equaliser import Level
+from mmt.devices.haptuator.equaliser import ActuatorLevel
 from mmt.devices.haptuator.options import HaptuatorOptions
 from mmt.devices.protocols import USUAL_RATE_HZ
 
@@ -32,7 +32,7 @@ class HaptuatorDriver(ABC):
     """
 
     def __init__(
-        self, options: HaptuatorOptions, output_rate_hz: float, level: Level | None = None
+        self, options: HaptuatorOptions, output_rate_hz: float, level: ActuatorLevel | None = None
     ) -> None:
         self._to_volts, self._level, self._output_rate_hz = options, level, output_rate_hz
         self._rate_hz = USUAL_RATE_HZ

@@ -44,7 +44,7 @@ _Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 
 
 @dataclass(frozen=True)
-class Level:
+class ActuatorLevel:
     """The level of an actuator on its handle, and what evens it out.
 
     Raises
@@ -70,7 +70,7 @@ class Level:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Equaliser(Level):
+class Equaliser(ActuatorLevel):
     """A level as it was fitted, and how well."""
 
     unevenness_db: float

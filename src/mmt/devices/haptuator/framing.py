@@ -28,7 +28,7 @@ _CHECK: Final = struct.Struct("<H")
 _LONGEST: Final = 254
 
 
-class Samples(NamedTuple):
+class BoardSamples(NamedTuple):
     """Samples for the converter."""
 
     sequence: int
@@ -41,7 +41,7 @@ class Reset(NamedTuple):
     """Empty the buffer and count from zero again; the frame of number 0."""
 
 
-class Report(NamedTuple):
+class BoardReport(NamedTuple):
     """The state that the board reports."""
 
     rate_hz: int
@@ -58,7 +58,7 @@ class Report(NamedTuple):
     """Frames that were missing, bad, or found the buffer full since the reset, modulo 2^16."""
 
 
-Message = Samples | Reset | Report
+Message = BoardSamples | Reset | BoardReport
 
 
 def encode(message: Message) -> bytes:
@@ -69,14 +69,14 @@ def encode(message: Message) -> bytes:
     ValueError
         Samples are none, more than 120, or beyond full scale.
     """
-    if isinstance(message, Samples):
+    if isinstance(message, BoardSamples):
         if not 1 <= len(message.values) <= MOST_SAMPLES:
             raise ValueError(f"a frame holds 1 to {MOST_SAMPLES}, not {len(message.values)}")
         if max(message.values) > FULL_SCALE or min(message.values) < -FULL_SCALE:
             raise ValueError(f"a sample is beyond {FULL_SCALE}")
         plain = _HEAD.pack(VERSION, _SAMPLES) + _SEQUENCE.pack(message.sequence)
         plain += struct.pack(f"<{len(message.values)}h", *message.values)
-    elif isinstance(message, Report):
+    elif isinstance(message, BoardReport):
         plain = _HEAD.pack(VERSION, _REPORT) + _REPORT_BODY.pack(*message)
     else:
         plain = _HEAD.pack(VERSION, _RESET)
@@ -137,11 +137,11 @@ class Decoder:
 
 def _message(kind: int, body: bytes) -> Message | None:
     if kind == _REPORT and len(body) == _REPORT_BODY.size:
-        return Report(*_REPORT_BODY.unpack(body))
+        return BoardReport(*_REPORT_BODY.unpack(body))
     if kind == _RESET and not body:
         return Reset()
     count, odd = divmod(len(body) - _SEQUENCE.size, 2)
     if kind == _SAMPLES and 1 <= count <= MOST_SAMPLES and not odd:
         values = struct.unpack_from(f"<{count}h", body, _SEQUENCE.size)
-        return Samples(_SEQUENCE.unpack_from(body)[0], values)
+        return BoardSamples(_SEQUENCE.unpack_from(body)[0], values)
     return None

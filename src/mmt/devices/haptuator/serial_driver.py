@@ -14,7 +14,7 @@ from mmt.devices.drivers import read_options
 from mmt.devices.haptuator.board import HaptuatorBoard
 from mmt.devices.haptuator.board_resampler import BoardResampler
 from mmt.devices.haptuator.driver import SILENCE_NS, HaptuatorDriver
-from mmt.devices.haptuator.framing import FULL_SCALE, MOST_SAMPLES, Report, Reset, Samples
+from mmt.devices.haptuator.framing import FULL_SCALE, MOST_SAMPLES, BoardReport, BoardSamples, Reset
 from mmt.devices.haptuator.options import HaptuatorOptions
 from mmt.devices.haptuator.resampling import AFTER
 from mmt.devices.protocols import ActuatorStatistics
@@ -25,7 +25,7 @@ _START_S: Final = 2.0
 _REPEAT_RESET_S: Final = 0.1
 
 
-class SerialOptions(HaptuatorOptions):
+class HaptuatorSerialOptions(HaptuatorOptions):
     """Options of ``haptuator-serial``."""
 
     port: str = Field(min_length=1)
@@ -57,14 +57,14 @@ class SerialStatistics(ActuatorStatistics):
 
 
 def haptuator_serial(**options: Any) -> "SerialHaptuator":
-    """Make the driver; see `SerialOptions`.
+    """Make the driver; see `HaptuatorSerialOptions`.
 
     Raises
     ------
     InputError
         An option is not allowed.
     """
-    return SerialHaptuator(read_options(SerialOptions, DRIVER, options))
+    return SerialHaptuator(read_options(HaptuatorSerialOptions, DRIVER, options))
 
 
 class SerialHaptuator(HaptuatorDriver):
@@ -75,14 +75,14 @@ class SerialHaptuator(HaptuatorDriver):
     described in ``docs/reference/haptuator-framing.md``. Counts go on when it is connected again.
     """
 
-    def __init__(self, options: SerialOptions) -> None:
+    def __init__(self, options: HaptuatorSerialOptions) -> None:
         super().__init__(options, float(options.board_rate_hz))
         self._options = options
         self._board = HaptuatorBoard(options.port, options.baud_rate)
         self.name = self._board.name
         self._target = round(options.buffer_ms * options.board_rate_hz / 1000.0)
         self._resampler = self._new_resampler()
-        self._report = Report(options.board_rate_hz, 0, 0, 0, 0, 0)
+        self._report = BoardReport(options.board_rate_hz, 0, 0, 0, 0, 0)
         self._report_ns = self._taken_ns = 0
         self._sequence = 0
         self._under_way: deque[tuple[int, int]] = deque()
@@ -126,7 +126,7 @@ class SerialHaptuator(HaptuatorDriver):
         """Hear the board, and see that it still reports and takes what it is sent."""
         now_ns = time.monotonic_ns()
         for message in self._board.receive():
-            if isinstance(message, Report):
+            if isinstance(message, BoardReport):
                 self._take(message, now_ns)
         silent_ns = now_ns - self._report_ns
         if silent_ns > SILENCE_NS:
@@ -170,7 +170,7 @@ class SerialHaptuator(HaptuatorDriver):
         options = self._options
         return BoardResampler(self._rate_hz, float(options.board_rate_hz), options.buffer_ms)
 
-    def _reset(self) -> Report:
+    def _reset(self) -> BoardReport:
         """Reset the board, and return its first report afterwards."""
         end = time.monotonic() + _START_S
         repeat = 0.0
@@ -179,7 +179,7 @@ class SerialHaptuator(HaptuatorDriver):
                 self._board.send(Reset())
                 repeat = now + _REPEAT_RESET_S
             for message in self._board.receive():
-                if isinstance(message, Report) and message[2:] == (0, 0, 0, 0):
+                if isinstance(message, BoardReport) and message[2:] == (0, 0, 0, 0):
                     return message
             time.sleep(0.002)
         raise MmtError(
@@ -187,7 +187,7 @@ class SerialHaptuator(HaptuatorDriver):
             f"uses this framing, and 'baud_rate' ({self._options.baud_rate})"
         )
 
-    def _check_settings(self, report: Report) -> None:
+    def _check_settings(self, report: BoardReport) -> None:
         if report.rate_hz != self._options.board_rate_hz:
             raise MmtError(
                 f"the {self.name} plays {report.rate_hz} samples a second: set 'board_rate_hz' to "
@@ -199,7 +199,7 @@ class SerialHaptuator(HaptuatorDriver):
                 f"{self._options.buffer_ms:g} asks for twice {self._target}: make it smaller"
             )
 
-    def _take(self, report: Report, now_ns: int) -> None:
+    def _take(self, report: BoardReport, now_ns: int) -> None:
         self._report, self._report_ns = report, now_ns
         if any(sequence == report.sequence for sequence, _ in self._under_way):
             self._taken_ns = now_ns
@@ -221,5 +221,5 @@ class SerialHaptuator(HaptuatorDriver):
             piece = tuple(values[begin : begin + MOST_SAMPLES])
             self._sequence = (self._sequence + 1) & 0xFFFF
             self._under_way.append((self._sequence, len(piece)))
-            frames.append(Samples(self._sequence, piece))
+            frames.append(BoardSamples(self._sequence, piece))
         self._board.send(*frames)

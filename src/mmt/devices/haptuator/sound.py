@@ -16,7 +16,7 @@ from mmt.devices.drivers import read_options
 from mmt.devices.haptuator import sound_library
 from mmt.devices.haptuator.card_buffer import CardBuffer
 from mmt.devices.haptuator.driver import SILENCE_NS, HaptuatorDriver
-from mmt.devices.haptuator.equaliser import Level
+from mmt.devices.haptuator.equaliser import ActuatorLevel
 from mmt.devices.haptuator.options import HaptuatorOptions
 from mmt.devices.haptuator.sound_library import load_sounddevice
 from mmt.devices.protocols import ActuatorStatistics
@@ -144,7 +144,7 @@ class SoundHaptuator(HaptuatorDriver):
         options: SoundOptions,
         library: Any = None,
         clock_ns: Callable[[], int] = time.monotonic_ns,
-        level: Level | None = None,
+        level: ActuatorLevel | None = None,
     ) -> None:
         super().__init__(options, float(options.card_rate_hz), level)
         self.name = f"sound card {'(default)' if options.device is None else options.device}"

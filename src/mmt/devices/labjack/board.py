@@ -9,12 +9,12 @@ from pydantic import BaseModel, ConfigDict, Field
 from mmt.core.errors import DeviceLost, InputError
 from mmt.devices.discovery import missing_libusb
 from mmt.devices.drivers import read_options
-from mmt.devices.labjack.packets import GAINS, Channel
+from mmt.devices.labjack.packets import GAINS, AnalogInput
 from mmt.devices.labjack.sharing import (
     INPUTS,
     MOST_SAMPLES_HZ,
-    Reader,
     SharedU6,
+    U6Reader,
     connect,
     disconnect,
 )
@@ -47,7 +47,7 @@ class U6Voltages:
 
     def __init__(
         self,
-        channels: Sequence[Channel],
+        channels: Sequence[AnalogInput],
         rate_hz: float = 1000.0,
         box: int | None = None,
         backend: Any = None,
@@ -59,7 +59,7 @@ class U6Voltages:
         """Largest magnitude that every input measures."""
         self.latency_ns = 0
         """A scan is stamped when it begins; its inputs follow each other within it."""
-        self._reader = Reader(channels, rate_hz, box, backend)
+        self._reader = U6Reader(channels, rate_hz, box, backend)
         self._board: SharedU6 | None = None
 
     @property
@@ -109,7 +109,7 @@ class U6Voltages:
             disconnect(board, self._reader)
 
 
-def _check(channels: Sequence[Channel], rate_hz: float) -> None:
+def _check(channels: Sequence[AnalogInput], rate_hz: float) -> None:
     if not 1 <= len(channels) <= INPUTS:
         raise InputError(f"a LabJack U6 has {INPUTS} inputs, not {len(channels)}")
     if rate_hz < 100.0:
@@ -166,5 +166,5 @@ def labjack_u6(*, backend: Any = None, **options: Any) -> U6Voltages:
         An option is not allowed.
     """
     checked = read_options(BoardOptions, NAME, options)
-    channels = [Channel(n, checked.gain, checked.differential) for n in checked.inputs]
+    channels = [AnalogInput(n, checked.gain, checked.differential) for n in checked.inputs]
     return U6Voltages(channels, checked.rate_hz, checked.box, backend)

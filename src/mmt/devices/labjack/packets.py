@@ -44,7 +44,7 @@ _ERRORS: Final = {
 }
 
 
-class Channel(NamedTuple):
+class AnalogInput(NamedTuple):
     """One of the inputs."""
 
     number: int
@@ -58,7 +58,7 @@ class Channel(NamedTuple):
 class Scanning(NamedTuple):
     """Settings of a stream, as sent to the U6."""
 
-    channels: tuple[Channel, ...]
+    channels: tuple[AnalogInput, ...]
     clock_hz: int
     """4 or 48 MHz."""
     interval: int
@@ -140,7 +140,7 @@ def explain(error: int) -> str:
     return f"error {error}: {_ERRORS.get(error, 'see its data sheet')}"
 
 
-def plan(channels: Sequence[Channel], rate_hz: float) -> Scanning:
+def plan(channels: Sequence[AnalogInput], rate_hz: float) -> Scanning:
     """Return the scanning that comes nearest to a rate of at least 62 Hz, with little delay.
 
     A packet holds what comes in a millisecond, as far as it fits.

@@ -25,7 +25,7 @@ _CENTRE: Final = 33523.0
 _TOLERANCE: Final = 0.05
 
 
-class Line(NamedTuple):
+class CentredLines(NamedTuple):
     """Two straight lines that meet at the centre."""
 
     centre: float
@@ -42,12 +42,12 @@ class Line(NamedTuple):
         return (count - self.centre) * self.above_v
 
 
-def nominal_lines() -> tuple[Line, ...]:
+def nominal_lines() -> tuple[CentredLines, ...]:
     """Return what the vendor gives for a U6 without calibration, by the gain's index."""
-    return tuple(Line(_CENTRE, _NOMINAL_V / gain, -_NOMINAL_V / gain) for gain in GAINS)
+    return tuple(CentredLines(_CENTRE, _NOMINAL_V / gain, -_NOMINAL_V / gain) for gain in GAINS)
 
 
-def read_lines(blocks: Sequence[bytes]) -> tuple[Line, ...]:
+def read_lines(blocks: Sequence[bytes]) -> tuple[CentredLines, ...]:
     """Return the lines of the four gains from the first four blocks.
 
     Raises
@@ -61,7 +61,7 @@ def read_lines(blocks: Sequence[bytes]) -> tuple[Line, ...]:
         for fraction, whole in struct.iter_unpack("<Ii", block[:32])
     ]
     lines = tuple(
-        Line(numbers[8 + 2 * index + 1], numbers[2 * index], numbers[8 + 2 * index])
+        CentredLines(numbers[8 + 2 * index + 1], numbers[2 * index], numbers[8 + 2 * index])
         for index in range(len(GAINS))
     )
     for line, nominal in zip(lines, nominal_lines(), strict=True):
@@ -73,7 +73,7 @@ def read_lines(blocks: Sequence[bytes]) -> tuple[Line, ...]:
     return lines
 
 
-def write_lines(lines: Sequence[Line]) -> list[bytes]:
+def write_lines(lines: Sequence[CentredLines]) -> list[bytes]:
     """Return the blocks that hold the lines; offsets, which nothing uses, are zero."""
     numbers = [value for line in lines for value in (line.above_v, 0.0)]
     numbers += [value for line in lines for value in (line.below_v, line.centre)]
@@ -92,7 +92,7 @@ class StreamDecoder:
         Its calibration by the gain's index.
     """
 
-    def __init__(self, scanning: Scanning, lines: Sequence[Line]) -> None:
+    def __init__(self, scanning: Scanning, lines: Sequence[CentredLines]) -> None:
         self.faults: Counter[str] = Counter()
         """``bad packets``, ``lost scans``, ``overflows`` and, by their number, errors."""
         self._scanning = scanning

@@ -1,6 +1,6 @@
 """One stream of a LabJack U6 for all drivers that read it.
 
-A U6 runs one stream at a time and is opened once. A driver says what it wants as a `Reader`;
+A U6 runs one stream at a time and is opened once. A driver says what it wants as a `U6Reader`;
 those that want the same U6 share its stream, and each is given the volts of its own inputs. The
 stream ends with the last of them.
 """
@@ -16,11 +16,11 @@ from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.labjack.packets import (
     READ_CALIBRATION,
     STREAM_CONFIG,
-    Channel,
+    AnalogInput,
     plan,
     stream_config,
 )
-from mmt.devices.labjack.scans import BLOCKS, Line, StreamDecoder, read_lines
+from mmt.devices.labjack.scans import BLOCKS, CentredLines, StreamDecoder, read_lines
 from mmt.devices.labjack.usb_link import U6Link, check_alone, find_boxes
 from mmt.devices.protocols import VoltageReading
 
@@ -33,7 +33,7 @@ _MOST_WAITING: Final = 16_384
 _NUMBERS: Final = count()
 
 
-class Reader:
+class U6Reader:
     """What one driver wants of a U6, and what has come for it.
 
     Parameters
@@ -49,7 +49,7 @@ class Reader:
     """
 
     def __init__(
-        self, channels: Sequence[Channel], rate_hz: float, box: int | None, backend: Any
+        self, channels: Sequence[AnalogInput], rate_hz: float, box: int | None, backend: Any
     ) -> None:
         self.channels = tuple(channels)
         self.rate_hz = rate_hz
@@ -78,14 +78,14 @@ class Reader:
         self.waiting.extend(scans)
 
 
-_READERS: Final[weakref.WeakSet[Reader]] = weakref.WeakSet()
+_READERS: Final[weakref.WeakSet[U6Reader]] = weakref.WeakSet()
 """The readers of all drivers that were made, also of those that are not connected yet."""
 _OPEN: "Final[list[SharedU6]]" = []
 _CONNECTING: Final = threading.Lock()
 """Held while a U6 is opened or closed, which takes long; reading does not wait for it."""
 
 
-def connect(reader: Reader) -> "SharedU6":
+def connect(reader: U6Reader) -> "SharedU6":
     """Have the reader given its scans from now on, by a stream that runs already where it can.
 
     Raises
@@ -106,7 +106,7 @@ def connect(reader: Reader) -> "SharedU6":
         return board
 
 
-def disconnect(board: "SharedU6", reader: Reader) -> None:
+def disconnect(board: "SharedU6", reader: U6Reader) -> None:
     """Give the reader no more; the stream ends with its last reader."""
     with _CONNECTING:
         board.dismiss(reader)
@@ -124,20 +124,20 @@ class SharedU6:
     """
 
     def __init__(self, backend: Any) -> None:
-        self.readers: tuple[Reader, ...] = ()
+        self.readers: tuple[U6Reader, ...] = ()
         self.serial = 0
         self._backend = backend
         self._link: U6Link | None = None
         self._decoder: StreamDecoder | None = None
-        self._channels: tuple[Channel, ...] = ()
-        self._picks: list[tuple[Reader, tuple[int, ...] | None]] = []
+        self._channels: tuple[AnalogInput, ...] = ()
+        self._picks: list[tuple[U6Reader, tuple[int, ...] | None]] = []
         self._feeding = threading.Lock()
 
-    def serves(self, reader: Reader) -> bool:
+    def serves(self, reader: U6Reader) -> bool:
         """Return whether it is the U6 that the reader wants."""
         return self._backend is reader.backend and reader.box in {None, self.serial}
 
-    def admit(self, reader: Reader) -> None:
+    def admit(self, reader: U6Reader) -> None:
         """Add a reader, and begin the stream where none runs that has its channels."""
         others = [other for other in self.readers if other is not reader]
         problem = conflict(reader, others)
@@ -149,14 +149,14 @@ class SharedU6:
         reader.waiting.clear()
         self._route([*others, reader])
 
-    def dismiss(self, reader: Reader) -> None:
+    def dismiss(self, reader: U6Reader) -> None:
         """Drop a reader; the stream ends with the last one."""
         self._route([other for other in self.readers if other is not reader])
         if not self.readers and self._link is not None:
             link, self._link = self._link, None
             link.close()
 
-    def read(self, reader: Reader) -> list[VoltageReading]:
+    def read(self, reader: U6Reader) -> list[VoltageReading]:
         """Return what has come for a reader, oldest first; never blocks.
 
         Raises
@@ -197,7 +197,7 @@ class SharedU6:
             reader.give(of_reader, packets[-1][0])
         decoder.faults.clear()
 
-    def _begin(self, readers: Sequence[Reader]) -> None:
+    def _begin(self, readers: Sequence[U6Reader]) -> None:
         """Open the U6 again and start a stream for these readers.
 
         Drivers that were made for it and are not connected yet have their channels in it as
@@ -227,24 +227,24 @@ class SharedU6:
             self._channels, self._link, self._decoder = channels, link, decoder
         self._route(self.readers)
 
-    def _route(self, readers: Sequence[Reader]) -> None:
+    def _route(self, readers: Sequence[U6Reader]) -> None:
         with self._feeding:
             self.readers = tuple(readers)
             self._picks = [(each, self._columns(each)) for each in readers]
 
-    def _columns(self, reader: Reader) -> tuple[int, ...] | None:
+    def _columns(self, reader: U6Reader) -> tuple[int, ...] | None:
         """Return where a reader's channels are in a scan, None where they are the scan."""
         if reader.channels == self._channels:
             return None
         return tuple(self._channels.index(channel) for channel in reader.channels)
 
 
-def terminals(channels: Iterable[Channel]) -> set[int]:
+def terminals(channels: Iterable[AnalogInput]) -> set[int]:
     """Return the inputs that channels take, a differential one two."""
     return {c.number + half for c in channels for half in range(1 + c.differential)}
 
 
-def conflict(reader: Reader, others: Sequence[Reader]) -> str:
+def conflict(reader: U6Reader, others: Sequence[U6Reader]) -> str:
     """Return why one stream cannot serve a reader beside others, empty where it can."""
     taken: set[int] = set()
     for other in others:
@@ -275,7 +275,7 @@ def conflict(reader: Reader, others: Sequence[Reader]) -> str:
     return ""
 
 
-def _with_those_to_come(readers: Sequence[Reader], backend: Any, serial: int) -> list[Reader]:
+def _with_those_to_come(readers: Sequence[U6Reader], backend: Any, serial: int) -> list[U6Reader]:
     chosen = sorted(readers, key=lambda reader: reader.number)
     for other in sorted(_READERS, key=lambda reader: reader.number):
         same = other.backend is backend and other.box in {None, serial}
@@ -284,7 +284,7 @@ def _with_those_to_come(readers: Sequence[Reader], backend: Any, serial: int) ->
     return chosen
 
 
-def _calibration(link: U6Link) -> tuple[Line, ...]:
+def _calibration(link: U6Link) -> tuple[CentredLines, ...]:
     blocks = [link.ask(READ_CALIBRATION, bytes((0, number))) for number in range(BLOCKS)]
     try:
         return read_lines(blocks)

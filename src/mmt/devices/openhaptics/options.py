@@ -55,7 +55,7 @@ class HdOptions(BaseModel):
         return hypot(*limit_n) if isinstance(limit_n, tuple) else limit_n
 
 
-class RobotOptions(HdOptions):
+class HdRobotOptions(HdOptions):
     """Options of the robot: the position controller."""
 
     stiffness_n_mm: float = Field(0.5, gt=0, le=5)

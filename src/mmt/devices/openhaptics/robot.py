@@ -9,7 +9,7 @@ from mmt.core.errors import InputError
 from mmt.devices.drivers import read_options
 from mmt.devices.openhaptics.driver import HdDriver
 from mmt.devices.openhaptics.library import Stack
-from mmt.devices.openhaptics.options import RobotOptions
+from mmt.devices.openhaptics.options import HdRobotOptions
 from mmt.devices.openhaptics.servo import STUCK, Servo
 from mmt.devices.protocols import Vector
 
@@ -43,7 +43,7 @@ class PositionServo(Servo):
     """
 
     def __init__(
-        self, hd: Any, copies: Any, handle: int, options: RobotOptions, limit_n: float
+        self, hd: Any, copies: Any, handle: int, options: HdRobotOptions, limit_n: float
     ) -> None:
         super().__init__(hd, copies, handle, options, limit_n)
         self.target: Vector = (0.0, 0.0, 0.0)
@@ -78,7 +78,7 @@ class PositionServo(Servo):
 
 
 class OpenHapticsRobot(HdDriver[PositionServo]):
-    """Implements `Robot`; the options are those of `RobotOptions`.
+    """Implements `Robot`; the options are those of `HdRobotOptions`.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ class OpenHapticsRobot(HdDriver[PositionServo]):
     """
 
     def __init__(self, **options: Any) -> None:
-        self._options = read_options(RobotOptions, "openhaptics", options)
+        self._options = read_options(HdRobotOptions, "openhaptics", options)
         super().__init__(self._options)
 
     def _make_servo(

@@ -11,13 +11,15 @@ from mmt.core.archives import load_arrays
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.core.extras import require
-from mmt.session.importing.columns import Columns, parsed_events, parsed_scene, reading
+from mmt.session.importing.columns import SourceColumns, parsed_events, parsed_scene, reading
 from mmt.session.importing.options import ImportOptions
 
 _OF_THE_SESSION = ("scene_json", "annotations", "events_json")
 
 
-def read_archive(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> Columns:
+def read_archive(
+    path: Path, wanted: Callable[[str], bool], _options: ImportOptions
+) -> SourceColumns:
     """Read the wanted arrays of a ``.npz``, with scene, annotations and events of a session.
 
     Raises
@@ -32,7 +34,7 @@ def read_archive(path: Path, wanted: Callable[[str], bool], _options: ImportOpti
     scene, events = (
         str(arrays[name]) if name in arrays else None for name in ("scene_json", "events_json")
     )
-    return Columns(
+    return SourceColumns(
         origin=origin,
         values={n: _numbers(a, n, origin) for n, a in arrays.items() if n not in _OF_THE_SESSION},
         names=names,
@@ -42,7 +44,7 @@ def read_archive(path: Path, wanted: Callable[[str], bool], _options: ImportOpti
     )
 
 
-def read_array(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> Columns:
+def read_array(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> SourceColumns:
     """Read the wanted columns of a ``.npy``: its fields, or "1", "2" and on of an array (n, k).
 
     Raises
@@ -59,14 +61,14 @@ def read_array(path: Path, wanted: Callable[[str], bool], _options: ImportOption
         columns = {name: array[name] for name in array.dtype.names}
     else:
         columns = _numbered(array)
-    return Columns(
+    return SourceColumns(
         origin=origin,
         values={n: _numbers(a, n, origin) for n, a in columns.items() if wanted(n)},
         names=list(columns),
     )
 
 
-def read_sound(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> Columns:
+def read_sound(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> SourceColumns:
     """Read the channels of a ``.wav`` as "1", "2" and on, in shares of full scale, with times.
 
     Raises
@@ -86,7 +88,7 @@ def read_sound(path: Path, wanted: Callable[[str], bool], _options: ImportOption
         middle = 128.0 if samples.dtype == np.uint8 else 0.0
         scaled = (scaled - middle) / (np.iinfo(samples.dtype).max + 1.0 - middle)
     columns = _numbered(scaled)
-    return Columns(
+    return SourceColumns(
         origin=origin,
         values={name: values for name, values in columns.items() if wanted(name)},
         names=list(columns),

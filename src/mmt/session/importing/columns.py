@@ -39,7 +39,7 @@ STANDARD_NAMES: Final[Mapping[str, str]] = {
 
 
 @dataclass(frozen=True, eq=False)
-class Columns:
+class SourceColumns:
     """What a file holds, unchanged."""
 
     origin: str

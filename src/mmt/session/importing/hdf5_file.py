@@ -9,7 +9,13 @@ import numpy as np
 from mmt.core.archives import check_growth
 from mmt.core.arrays import FloatArray
 from mmt.core.extras import require
-from mmt.session.importing.columns import Columns, distinct, parsed_events, parsed_scene, reading
+from mmt.session.importing.columns import (
+    SourceColumns,
+    distinct,
+    parsed_events,
+    parsed_scene,
+    reading,
+)
 from mmt.session.importing.options import ImportOptions
 
 _UNIT_ATTRIBUTES: Final = ("units", "unit", "Units", "Unit", "UNITS")
@@ -17,7 +23,7 @@ _OF_MMT: Final = {"sequence", "time_ns"}
 """Data sets of every session that mmt wrote; in other files ``scene`` may be anything."""
 
 
-def read_hdf5(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> Columns:
+def read_hdf5(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> SourceColumns:
     """Read the wanted data sets of a file, and what belongs to a session in mmt's.
 
     The attribute ``units`` of a data set is its unit.
@@ -43,7 +49,7 @@ def read_hdf5(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
                 units[name] = _unit(item)
         own = ("scene", "events", "annotations") if file.keys() >= _OF_MMT else ()
         texts = {name: file[name][()] for name in own if name in file}
-    return Columns(
+    return SourceColumns(
         origin=origin,
         values=values,
         names=names,

@@ -17,14 +17,14 @@ from mmt.session.importing.columns import (
     MESSAGE_PARTS,
     SHOWN_COLUMNS,
     STANDARD_NAMES,
-    Columns,
+    SourceColumns,
     listed,
 )
 from mmt.session.importing.options import ImportOptions, Source
 from mmt.session.importing.samples import Samples, continued, name_of
 
 
-def to_samples(columns: Columns, options: ImportOptions) -> Samples:
+def to_samples(columns: SourceColumns, options: ImportOptions) -> Samples:
     """Return the channels that the columns hold, in the units of frames.
 
     Raises
@@ -42,7 +42,7 @@ def _shared(time_s: FloatArray, others: Iterable[FloatArray]) -> FloatArray:
 
 
 class _Mapping:
-    def __init__(self, columns: Columns, options: ImportOptions) -> None:
+    def __init__(self, columns: SourceColumns, options: ImportOptions) -> None:
         self._columns = replace(columns, **_with_vectors(columns))
         self._options = options
         self._origin = columns.origin
@@ -267,7 +267,7 @@ class _Mapping:
         self._notes |= dict.fromkeys(sentences)
 
 
-def _with_vectors(columns: Columns) -> dict[str, Any]:
+def _with_vectors(columns: SourceColumns) -> dict[str, Any]:
     """Return values and units with arrays of what has the names of their elements: a[0], a[1]."""
     arrays: dict[str, list[tuple[int, str]]] = {}
     for name, column in columns.values.items():

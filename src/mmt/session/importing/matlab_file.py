@@ -9,7 +9,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.extras import require
-from mmt.session.importing.columns import Columns, reading
+from mmt.session.importing.columns import SourceColumns, reading
 from mmt.session.importing.hdf5_file import read_hdf5
 from mmt.session.importing.options import ImportOptions
 
@@ -17,7 +17,7 @@ _MOST_COMPONENTS = 16
 """Rows up to which an array that is wider than high has its samples along the columns."""
 
 
-def read_matlab(path: Path, wanted: Callable[[str], bool], options: ImportOptions) -> Columns:
+def read_matlab(path: Path, wanted: Callable[[str], bool], options: ImportOptions) -> SourceColumns:
     """Read the wanted variables of a ``.mat`` file of any version, 7.3 by h5py.
 
     Vectors become (n,), and arrays whose samples stand along the columns are turned to
@@ -46,7 +46,7 @@ def read_matlab(path: Path, wanted: Callable[[str], bool], options: ImportOption
         if not variable.startswith("__")
         for name, values in _flattened(variable, content)
     }
-    return Columns(
+    return SourceColumns(
         origin=origin,
         values={n: _upright(v) for n, v in variables.items() if wanted(n)},
         names=list(variables),

@@ -13,7 +13,7 @@ from mmt.core.extras import require
 from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, MOST_SAMPLES, frame_dtype
 from mmt.core.units import DATE
 from mmt.session.data import field_columns
-from mmt.session.importing.columns import Columns, parsed_events, parsed_scene, reading
+from mmt.session.importing.columns import SourceColumns, parsed_events, parsed_scene, reading
 from mmt.session.importing.options import ImportOptions
 
 _COUNTS: Final = range(1, MOST_SAMPLES + 1)
@@ -24,7 +24,9 @@ _OF_FRAMES: Final = {
 _TICKS: Final = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
 
-def read_parquet(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> Columns:
+def read_parquet(
+    path: Path, wanted: Callable[[str], bool], _options: ImportOptions
+) -> SourceColumns:
     """Read the wanted columns of a ``.parquet`` file, and what belongs to a session in mmt's.
 
     A column of lists, all of k numbers, is an array (n, k).
@@ -39,7 +41,7 @@ def read_parquet(path: Path, wanted: Callable[[str], bool], _options: ImportOpti
     names, metadata, dated = read_schema(path, origin)
     values = read_numbers([path], [name for name in names if wanted(name)], origin)
     own = _OF_FRAMES & set(names) if _is_session(names) else ()
-    return Columns(
+    return SourceColumns(
         origin=origin,
         values={name: column.astype(np.float64) for name, column in values.items()},
         names=names,

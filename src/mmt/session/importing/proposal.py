@@ -14,7 +14,7 @@ from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
 from mmt.core.units import unit_factor, unit_in_name
 from mmt.session.importing.checks import ImportReport, unit_by_gravity
-from mmt.session.importing.columns import MESSAGE_PARTS, STANDARD_NAMES, Columns, wanted_names
+from mmt.session.importing.columns import MESSAGE_PARTS, STANDARD_NAMES, SourceColumns, wanted_names
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.recording import check_kinds, import_columns, read_columns
 
@@ -44,7 +44,7 @@ class Proposal:
     """What the names say of them."""
     lacking: tuple[str, ...]
     """Targets for which no column was found: "time" or channels."""
-    columns: Columns
+    columns: SourceColumns
     """What the options take of the file."""
 
     def weighed(self, report: ImportReport) -> "Proposal":
@@ -171,7 +171,7 @@ def _target(name: str) -> str | None:
     return None
 
 
-def _time_unit(columns: Columns, options: ImportOptions) -> dict[str, str]:
+def _time_unit(columns: SourceColumns, options: ImportOptions) -> dict[str, str]:
     """Return the unit of time where its steps tell it, and neither file nor person."""
     name = options.columns.get("time", STANDARD_NAMES["time"])
     time = columns.values.get(name, np.zeros(0))

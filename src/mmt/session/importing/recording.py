@@ -13,7 +13,7 @@ from mmt.core.frames import FIELD_OF_CHANNEL, Channel, samples_per_frame
 from mmt.session.data import RecordedSession
 from mmt.session.formats import find_format, suffixes
 from mmt.session.importing.checks import ImportReport, assess
-from mmt.session.importing.columns import Columns, wanted_names
+from mmt.session.importing.columns import SourceColumns, wanted_names
 from mmt.session.importing.mapping import to_samples
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.resampling import on_the_grid, to_frames
@@ -64,7 +64,7 @@ def check_kinds(files: Sequence[Path], options: ImportOptions) -> None:
 
 
 def import_columns(
-    read: Sequence[Columns], files: Sequence[Path], options: ImportOptions
+    read: Sequence[SourceColumns], files: Sequence[Path], options: ImportOptions
 ) -> tuple[RecordedSession, ImportReport]:
     """Import the columns that were read of files as `import_recording` does.
 
@@ -120,7 +120,7 @@ def _of_frames(origin: str, frames: RecordArray) -> tuple[Samples, dict[Channel,
 
 def read_columns(
     path: Path, wanted: Callable[[str], bool], options: ImportOptions | None = None
-) -> Columns:
+) -> SourceColumns:
     """Read the columns of a file whose names are `wanted`.
 
     Raises
@@ -140,7 +140,7 @@ def read_columns(
             f"{', '.join(suffixes('import'))}, or the name that of a folder with a ROS 2 bag or a "
             "LeRobot data set"
         )
-    columns: Columns = read(path, wanted, options)
+    columns: SourceColumns = read(path, wanted, options)
     if options.episode is not None and columns.episode is None:
         raise InputError(f"--episode {options.episode}: {path} is no data set with episodes")
     return columns

@@ -7,12 +7,14 @@ from typing import Any
 
 from mmt.core.errors import InputError
 from mmt.core.extras import require
-from mmt.session.importing.columns import Columns, reading
+from mmt.session.importing.columns import SourceColumns, reading
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.table import read_table
 
 
-def read_spreadsheet(path: Path, wanted: Callable[[str], bool], options: ImportOptions) -> Columns:
+def read_spreadsheet(
+    path: Path, wanted: Callable[[str], bool], options: ImportOptions
+) -> SourceColumns:
     """Read the wanted columns of a workbook's sheet, see `read_table`.
 
     Raises

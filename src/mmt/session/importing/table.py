@@ -12,7 +12,7 @@ import numpy as np
 from mmt.core.errors import InputError
 from mmt.core.units import DATE, is_unit
 from mmt.session.importing.cells import MISSING, Cell, Numbers, seconds_of, text_of
-from mmt.session.importing.columns import Columns, distinct
+from mmt.session.importing.columns import SourceColumns, distinct
 from mmt.session.importing.options import ImportOptions
 
 _LOOKED_AT = 200
@@ -29,7 +29,7 @@ def read_table(
     rows: Iterable[Sequence[Cell]],
     wanted: Callable[[str], bool],
     options: ImportOptions,
-) -> Columns:
+) -> SourceColumns:
     """Return the wanted columns of a table.
 
     The header is the row above the first row of numbers, or the one that the options name; a row
@@ -63,7 +63,7 @@ def read_table(
             "which is the decimal sign (--decimal . or --decimal ,)"
         )
     dated = [n for n, p in places.items() if any(_is_date(row, p) for row in start[first:])]
-    return Columns(
+    return SourceColumns(
         origin=origin,
         values={name: np.array(values) for name, values in columns.items()},
         names=names,

@@ -10,7 +10,7 @@ from typing import Any, Final, TextIO
 
 from mmt.core.errors import InputError
 from mmt.session.importing.cells import weigh_numbers
-from mmt.session.importing.columns import Columns, reading
+from mmt.session.importing.columns import SourceColumns, reading
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.table import read_table
 
@@ -23,7 +23,7 @@ _BEGINNINGS: Final = {
 }
 
 
-def read_text(path: Path, wanted: Callable[[str], bool], options: ImportOptions) -> Columns:
+def read_text(path: Path, wanted: Callable[[str], bool], options: ImportOptions) -> SourceColumns:
     """Read the wanted columns of a text file, see `read_table`.
 
     The separator is that of semicolon, tab, comma and blanks which makes most numbers of the

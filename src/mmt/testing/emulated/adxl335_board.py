@@ -10,8 +10,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from mmt.devices.adxl335.framing import Counts, Frame, encode_frame
-from mmt.devices.adxl335.gravity import GRAVITY_M_S2, Calibration, nominal
+from mmt.devices.adxl335.framing import BoardFrame, Counts, encode_frame
+from mmt.devices.adxl335.gravity import GRAVITY_M_S2, GravityCalibration, nominal
 from mmt.devices.adxl335.options import LARGEST_BANDWIDTH_HZ
 from mmt.devices.adxl335.sensor import TYPICAL_RANGE_M_S2
 from mmt.devices.protocols import Vector
@@ -61,7 +61,7 @@ class EmulatedAdxl335Board:
         per_frame: int = 1,
         supply_v: float = 3.3,
         resolution_bits: int = 12,
-        calibration: Calibration | None = None,
+        calibration: GravityCalibration | None = None,
         bandwidth_hz: float = 500.0,
         clock_ppm: float = 0.0,
         start_us: int = 0,
@@ -196,7 +196,7 @@ class EmulatedAdxl335Board:
         if len(self._samples) < self._per_frame:
             return
         time_us = self._start_us + round(elapsed_ns * self._speed / 1000.0)
-        frame = Frame(self._sequence & 0xFFFFFFFF, time_us & 0xFFFFFFFF, tuple(self._samples))
+        frame = BoardFrame(self._sequence & 0xFFFFFFFF, time_us & 0xFFFFFFFF, tuple(self._samples))
         self._samples.clear()
         wire = self._spoil(encode_frame(frame))
         if wire and self._ends is not None:

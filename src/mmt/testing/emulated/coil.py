@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.devices.haptuator.equaliser import RATE_HZ, Level, fit_equaliser, sweep
+from mmt.devices.haptuator.equaliser import RATE_HZ, ActuatorLevel, fit_equaliser, sweep
 
 RESONANCE_HZ: Final = 60.0
 DAMPING_RATIO: Final = 0.2
@@ -25,7 +25,7 @@ def coil_acceleration_m_s2(volts: FloatArray, rate_hz: float) -> FloatArray:
     return np.asarray(np.fft.irfft(np.fft.rfft(volts, size) * transfer, size)[: len(volts)])
 
 
-def swept_level() -> Level:
+def swept_level() -> ActuatorLevel:
     """Return what `mmt device equalise` would have stored of this coil."""
     volts = sweep(1.0, *_SWEPT_HZ, _SWEEP_S)
     return fit_equaliser(volts, coil_acceleration_m_s2(volts, RATE_HZ))

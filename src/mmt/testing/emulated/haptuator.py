@@ -6,7 +6,7 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.devices.drivers import read_options
-from mmt.devices.haptuator.equaliser import Level
+from mmt.devices.haptuator.equaliser import ActuatorLevel
 from mmt.devices.haptuator.sound import DRIVER, SoundHaptuator, SoundOptions
 from mmt.testing.emulated.coil import swept_level
 from mmt.testing.emulated.sound_card import EmulatedSoundCard
@@ -35,7 +35,7 @@ class EmulatedHaptuator(SoundHaptuator):
     """The driver of the sound card, with a card whose time goes on while it is connected."""
 
     def __init__(
-        self, options: SoundOptions, level: Level | None = None, log: Path | None = None
+        self, options: SoundOptions, level: ActuatorLevel | None = None, log: Path | None = None
     ) -> None:
         self.card = EmulatedSoundCard(
             channels=max(2, options.channel), history_s=_HISTORY_S if log is None else _LOGGED_S

@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final
 
-from mmt.devices.haptuator.framing import Decoder, Report, Reset, Samples, encode
+from mmt.devices.haptuator.framing import BoardReport, BoardSamples, Decoder, Reset, encode
 from mmt.testing.emulated import with_flipped_bit
 from mmt.testing.emulated.serial_port import EmulatedPort
 
@@ -115,7 +115,7 @@ class EmulatedHaptuatorBoard:
         for message in self._decoder.feed(self._garble(received)):
             if isinstance(message, Reset):
                 self._begin()
-            elif isinstance(message, Samples):
+            elif isinstance(message, BoardSamples):
                 self._accept(message)
         self._due += (due_ns - last_ns) * self._per_ns
         for _ in range(int(self._due)):
@@ -127,12 +127,12 @@ class EmulatedHaptuatorBoard:
         self._periods += 1
         if self._periods % _REPORT_PERIODS == 0:
             fill = len(self._buffer)
-            report = Report(
+            report = BoardReport(
                 self._rate_hz, self._capacity, fill, self._sequence, self._underruns, self._lost
             )
             self._port.write(self._garble(encode(report)))
 
-    def _accept(self, message: Samples) -> None:
+    def _accept(self, message: BoardSamples) -> None:
         missing = (message.sequence - self._sequence - 1) % _MODULUS
         self._lost = (self._lost + missing) % _MODULUS
         self._sequence = message.sequence

@@ -29,9 +29,9 @@ from mmt.devices.labjack.packets import (
     encode_stream,
     is_sound,
 )
-from mmt.devices.labjack.scans import Line, nominal_lines, write_lines
+from mmt.devices.labjack.scans import CentredLines, nominal_lines, write_lines
 from mmt.devices.labjack.usb_link import PRODUCT, VENDOR
-from mmt.testing.emulated.usb_backend import Handle, OneDeviceBackend
+from mmt.testing.emulated.usb_backend import OneDeviceBackend, UsbHandle
 
 ENDPOINTS: Final = (0x01, 0x82, 0x83)
 _SLICE_S: Final = 0.0002
@@ -57,7 +57,7 @@ class EmulatedU6(OneDeviceBackend):
         volts: Callable[[int], Sequence[float]],
         *,
         serial: int = 360_000_001,
-        lines: Sequence[Line] | None = None,
+        lines: Sequence[CentredLines] | None = None,
         clock_ppm: float = 0.0,
     ) -> None:
         super().__init__(VENDOR, PRODUCT, ENDPOINTS)
@@ -105,7 +105,7 @@ class EmulatedU6(OneDeviceBackend):
         """Throw scans away as after a full buffer, and report it."""
         self._overflow = scans
 
-    def bulk_write(self, dev_handle: Handle, ep: int, intf: int, data: Any, timeout: int) -> int:  # noqa: ARG002
+    def bulk_write(self, dev_handle: UsbHandle, ep: int, intf: int, data: Any, timeout: int) -> int:  # noqa: ARG002
         """Take a command and prepare its reply."""
         self.check(dev_handle)
         packet = bytes(data)
@@ -113,7 +113,7 @@ class EmulatedU6(OneDeviceBackend):
             self._replies.append(self._answer(packet))
         return len(packet)
 
-    def bulk_read(self, dev_handle: Handle, ep: int, intf: int, buff: Any, timeout: int) -> int:  # noqa: ARG002
+    def bulk_read(self, dev_handle: UsbHandle, ep: int, intf: int, buff: Any, timeout: int) -> int:  # noqa: ARG002
         """Give a reply, or the stream's next packet, when it is due."""
         end = time.monotonic() + timeout / 1000.0
         while True:

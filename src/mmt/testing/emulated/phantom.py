@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from mmt.devices.openhaptics.handle import OpenHapticsHandle
-from mmt.devices.openhaptics.options import RobotOptions
+from mmt.devices.openhaptics.options import HdRobotOptions
 from mmt.devices.openhaptics.robot import OpenHapticsRobot
 from mmt.devices.protocols import Vector
 from mmt.testing.emulated.drivers import LAB, HandleLabOptions, LabOptions, take_lab_options
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 WALL_N_MM: Final = 2.0
 """Stiffness of the surface."""
-ROBOT_N_MM: Final = float(RobotOptions.model_fields["stiffness_n_mm"].default)
+ROBOT_N_MM: Final = float(HdRobotOptions.model_fields["stiffness_n_mm"].default)
 _GRIP_N_MM: Final = 1.0
 _PERIOD_S: Final = 0.001
 _COURSE_S: Final = 120.0

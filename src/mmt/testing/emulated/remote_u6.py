@@ -19,7 +19,7 @@ import usb.core
 
 from mmt.devices.labjack.usb_link import PRODUCT, VENDOR
 from mmt.testing.emulated.labjack_u6 import ENDPOINTS, EmulatedU6
-from mmt.testing.emulated.usb_backend import Handle, OneDeviceBackend
+from mmt.testing.emulated.usb_backend import OneDeviceBackend, UsbHandle
 
 _REQUEST: Final = struct.Struct("<BH")
 _LARGEST: Final = 4096
@@ -69,7 +69,7 @@ class U6Server:
                 content = request[_REQUEST.size :]
                 link.send(self._transfer(handle, endpoint, timeout_ms, content))
 
-    def _transfer(self, handle: Handle, endpoint: int, timeout_ms: int, content: bytes) -> bytes:
+    def _transfer(self, handle: UsbHandle, endpoint: int, timeout_ms: int, content: bytes) -> bytes:
         try:
             if content:
                 self._box.bulk_write(handle, endpoint, 0, content, timeout_ms)
@@ -104,12 +104,12 @@ class RemoteU6(OneDeviceBackend):
         for pipe in self._pipes.values():
             pipe.close()
 
-    def bulk_write(self, dev_handle: Handle, ep: int, intf: int, data: Any, timeout: int) -> int:  # noqa: ARG002
+    def bulk_write(self, dev_handle: UsbHandle, ep: int, intf: int, data: Any, timeout: int) -> int:  # noqa: ARG002
         """Hand it on."""
         self._ask(ep, timeout, bytes(data))
         return len(data)
 
-    def bulk_read(self, dev_handle: Handle, ep: int, intf: int, buff: Any, timeout: int) -> int:  # noqa: ARG002
+    def bulk_read(self, dev_handle: UsbHandle, ep: int, intf: int, buff: Any, timeout: int) -> int:  # noqa: ARG002
         """Hand it on, and take what comes."""
         content = self._ask(ep, timeout, b"")
         buff[: len(content)] = array("B", content)

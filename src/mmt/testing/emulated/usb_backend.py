@@ -60,7 +60,7 @@ _ENDPOINT: Final = {
 }
 
 
-class Handle:
+class UsbHandle:
     """What a program that has the device open holds."""
 
     def __init__(self) -> None:
@@ -85,8 +85,8 @@ class OneDeviceBackend(usb.backend.IBackend):  # type: ignore[misc]  # pyusb has
         self._endpoints = endpoints
         self._plugged = True
         self._permitted = True
-        self._handles: list[Handle] = []
-        self._claimed_by: Handle | None = None
+        self._handles: list[UsbHandle] = []
+        self._claimed_by: UsbHandle | None = None
 
     def unplug(self) -> None:
         """Take the device away while it is open."""
@@ -132,39 +132,39 @@ class OneDeviceBackend(usb.backend.IBackend):  # type: ignore[misc]  # pyusb has
         """Describe one of its endpoints."""
         return SimpleNamespace(**_ENDPOINT, bEndpointAddress=self._endpoints[ep])
 
-    def open_device(self, dev: object) -> Handle:  # noqa: ARG002 - there is one
+    def open_device(self, dev: object) -> UsbHandle:  # noqa: ARG002 - there is one
         """Open it."""
         if not self._permitted:
             raise usb.core.USBError("Access denied", errno=errno.EACCES)
         if not self._plugged:
             raise _gone()
-        handle = Handle()
+        handle = UsbHandle()
         self._handles.append(handle)
         return handle
 
-    def close_device(self, dev_handle: Handle) -> None:
+    def close_device(self, dev_handle: UsbHandle) -> None:
         """Close it."""
         self.release_interface(dev_handle, 0)
         dev_handle.valid = False
 
-    def get_configuration(self, dev_handle: Handle) -> int:
+    def get_configuration(self, dev_handle: UsbHandle) -> int:
         """Return the active configuration."""
         self.check(dev_handle)
         return 1
 
-    def claim_interface(self, dev_handle: Handle, intf: int) -> None:  # noqa: ARG002
+    def claim_interface(self, dev_handle: UsbHandle, intf: int) -> None:  # noqa: ARG002
         """Let one program have it."""
         self.check(dev_handle)
         if self._claimed_by not in {None, dev_handle}:
             raise usb.core.USBError("Resource busy", errno=errno.EBUSY)
         self._claimed_by = dev_handle
 
-    def release_interface(self, dev_handle: Handle, intf: int) -> None:  # noqa: ARG002
+    def release_interface(self, dev_handle: UsbHandle, intf: int) -> None:  # noqa: ARG002
         """Let it go."""
         if self._claimed_by is dev_handle:
             self._claimed_by = None
 
-    def check(self, dev_handle: Handle) -> None:
+    def check(self, dev_handle: UsbHandle) -> None:
         """Raise what libusb raises where the device is gone."""
         if not dev_handle.valid:
             raise _gone()

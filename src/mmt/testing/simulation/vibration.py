@@ -16,7 +16,7 @@ from mmt.testing.simulation.vibration_source import VibrationSource
 def vibration_of(surface: KnownSurface, generator: np.random.Generator) -> VibrationSource:
     """Return the generator of a surface's vibration."""
     if isinstance(surface, Surface):
-        return Vibration(surface, generator)
+        return SurfaceVibration(surface, generator)
     if isinstance(surface, AlteredSurface):
         source, chance = generator.spawn(2)
         return AlteredVibration(surface, vibration_of(surface.base, source), chance)
@@ -25,7 +25,7 @@ def vibration_of(surface: KnownSurface, generator: np.random.Generator) -> Vibra
     return ModelVibration(surface, generator)
 
 
-class Vibration(VibrationSource):
+class SurfaceVibration(VibrationSource):
     """A causal generator whose stationary spectrum is exactly `Surface.spectrum`.
 
     Each mode is a rotation of a pair of numbers that shrinks by a factor below 1 at every

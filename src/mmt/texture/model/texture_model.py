@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.bounds import RateHz, check
-from mmt.core.drawn import Played
+from mmt.core.drawn import PlayableInNotebook
 from mmt.core.errors import InputError
 from mmt.core.existing_files import replacing
 from mmt.models import find_model
@@ -51,7 +51,7 @@ _PREPARED: Final = ("interpolant", "kernel_parameters")
 """Attributes that rendering needs."""
 
 
-class TextureModel(Played):
+class TextureModel(PlayableInNotebook):
     """An immutable model: ask it for a filter or a spectrum at any inputs.
 
     Parameters

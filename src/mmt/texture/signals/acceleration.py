@@ -27,7 +27,7 @@ _FIRST, _SECOND, _OFFSET, _POWER = range(4)
 _AGE, _KNOWN, _LOST, _LEFT, _COUNT = range(5)
 
 
-class Vibration(NamedTuple):
+class FilteredVibration(NamedTuple):
     """Frames that have left: ``vibration_m_s2`` (n, k, axes), ``cause``, ``valid`` (n,).
 
     A frame is valid if all its samples are; its cause is that of the first which is not measured.
@@ -181,7 +181,7 @@ def taps_of(section: Biquad) -> FloatArray:
     return np.array([*coefficients, *section.steady_state(1.0)])
 
 
-class VibrationFilter:
+class AccelerationFilter:
     """Judge, bridge and high-pass a stream of acceleration; cost: some 0.2 us a sample and axis.
 
     Parameters
@@ -231,7 +231,7 @@ class VibrationFilter:
 
     def process(
         self, samples: FloatArray, motion: FloatArray, missing: BoolArray, restart: BoolArray
-    ) -> Vibration:
+    ) -> FilteredVibration:
         """Take in frames, and return those that leave.
 
         Parameters
@@ -279,7 +279,7 @@ class VibrationFilter:
         self._motion, self._restart = moved[kept // per_frame :], starts[kept:]
         causes = cause[leaving].reshape(-1, per_frame)
         worst = (causes != _MEASURED).argmax(axis=1)
-        return Vibration(
+        return FilteredVibration(
             vibration[leaving].reshape(-1, per_frame, vibration.shape[1]),
             causes[np.arange(len(causes)), worst],
             np.logical_and.reduce(valid[leaving].reshape(-1, per_frame), axis=1),

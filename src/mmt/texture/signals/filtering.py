@@ -26,7 +26,7 @@ from mmt.core.compiled import kernel
 from mmt.core.errors import InputError
 from mmt.core.frames import check_frames, samples_per_frame
 from mmt.texture.settings import ModellingSettings
-from mmt.texture.signals.acceleration import VibrationFilter, taps_of
+from mmt.texture.signals.acceleration import AccelerationFilter, taps_of
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.biquad import (
     MOTION_CUTOFF_HZ,
@@ -107,7 +107,7 @@ class StreamFilter:
         """Forget the past, as for a new session whose sequence starts anew."""
         axes = len(self._axes)
         self._low_state = np.zeros((4, 2))
-        self._vibration = VibrationFilter(
+        self._vibration = AccelerationFilter(
             self._high_pass,
             axes,
             self._per_frame,

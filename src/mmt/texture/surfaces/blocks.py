@@ -45,7 +45,7 @@ class SurfaceBlock:
     contact_start: int
 
 
-class BlockCutter:
+class SurfaceBlockCutter:
     """Cut a stream of aligned samples into blocks, update by update.
 
     Parameters

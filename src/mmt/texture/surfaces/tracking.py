@@ -10,7 +10,7 @@ from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt.texture.signals.faults import SignalFaults
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.space.inputs import InputSpace
-from mmt.texture.surfaces.blocks import BlockCutter
+from mmt.texture.surfaces.blocks import SurfaceBlockCutter
 from mmt.texture.surfaces.detection import SurfaceDetector
 
 NAMED_S: Final = 4.0
@@ -36,7 +36,7 @@ class SurfaceTracker:
 
     def __init__(self, modelling: ModellingSettings, settings: SurfaceSettings) -> None:
         self._filter = StreamFilter(modelling)
-        self._cutter = BlockCutter(modelling)
+        self._cutter = SurfaceBlockCutter(modelling)
         self._detector = SurfaceDetector(
             settings.false_alarms_per_hour, by_heading=InputSpace(modelling.inputs).directed
         )

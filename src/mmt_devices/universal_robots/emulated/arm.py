@@ -36,7 +36,7 @@ TOOL_DOWN_RAD: Final[Vector] = (2.2, 2.2, 0.0)
 """Rotation vector of a tool that points down, about."""
 
 
-class Tip(Protocol):
+class ArmTip(Protocol):
     """What the arm moves, in a frame of its own (mm, N), as `mmt.testing.emulated.world.World`."""
 
     command_mm: Vector | None
@@ -76,7 +76,7 @@ class EmulatedArm:
         Seed of the noise.
     """
 
-    def __init__(self, tip: Tip, frame: SceneFrame, noise_n: float, seed: int) -> None:
+    def __init__(self, tip: ArmTip, frame: SceneFrame, noise_n: float, seed: int) -> None:
         self.rotation_rad = TOOL_DOWN_RAD
         self.mode, self.safety = RUNNING, NORMAL
         self.runtime_state = STOPPED

@@ -24,14 +24,14 @@ from mmt_devices.universal_robots.emulated.arm import (
     PLAYING,
     POWER_OFF,
     PROTECTIVE_STOP,
+    ArmTip,
     EmulatedArm,
-    Tip,
 )
 from mmt_devices.universal_robots.emulated.ports import (
     RATE_HZ,
     VERSION,
-    Connection,
     DashboardConnection,
+    PortConnection,
     RtdeConnection,
     ScriptConnection,
 )
@@ -50,7 +50,7 @@ _TRIES: Final = 50
 _MOST_WAITING: Final = 1 << 16
 
 
-_PORTS: Final[dict[int, type[Connection]]] = {
+_PORTS: Final[dict[int, type[PortConnection]]] = {
     DASHBOARD_PORT: DashboardConnection,
     SCRIPT_PORT: ScriptConnection,
     RTDE_PORT: RtdeConnection,
@@ -74,7 +74,7 @@ class EmulatedUrController:
 
     def __init__(
         self,
-        tip: Tip,
+        tip: ArmTip,
         origin_mm: Vector = (-120.0, -430.0, 150.0),
         rotation_rad: Vector = (0.0, 0.0, 0.5),
         *,
@@ -93,7 +93,7 @@ class EmulatedUrController:
         self._began_ns = time.monotonic_ns()
         self._selector = selectors.DefaultSelector()
         self._listeners: list[socket.socket] = []
-        self._connections: list[Connection] = []
+        self._connections: list[PortConnection] = []
         self._plugged = True
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="UR controller", daemon=True)
@@ -181,7 +181,7 @@ class EmulatedUrController:
         }
         return answers.get(line, f'could not understand: "{line}"')
 
-    def drop(self, connection: Connection) -> None:
+    def drop(self, connection: PortConnection) -> None:
         """Forget a client."""
         if connection in self._connections:
             self._connections.remove(connection)
@@ -229,7 +229,7 @@ class EmulatedUrController:
                 lambda at=listener, kind=kind: self._accept(at, kind),
             )
 
-    def _accept(self, listener: socket.socket, kind: type[Connection]) -> None:
+    def _accept(self, listener: socket.socket, kind: type[PortConnection]) -> None:
         link, _ = listener.accept()
         link.setblocking(False)
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -238,7 +238,7 @@ class EmulatedUrController:
         self._selector.register(link, selectors.EVENT_READ, partial(self._receive, connection))
         connection.greet()
 
-    def _receive(self, connection: Connection) -> None:
+    def _receive(self, connection: PortConnection) -> None:
         try:
             data = connection.link.recv(_MOST_WAITING)
             connection.received += data

@@ -27,11 +27,11 @@ class Controller(Protocol):
     def take(self, values: dict[str, Any]) -> None:
         """Take input registers."""
 
-    def drop(self, connection: "Connection") -> None:
+    def drop(self, connection: "PortConnection") -> None:
         """Forget a client."""
 
 
-class Connection:
+class PortConnection:
     """One client at one port.
 
     Parameters
@@ -64,7 +64,7 @@ class Connection:
         """Send what is due at a cycle: nothing."""
 
 
-class DashboardConnection(Connection):
+class DashboardConnection(PortConnection):
     """Lines of text in, a line each out."""
 
     def greet(self) -> None:
@@ -79,7 +79,7 @@ class DashboardConnection(Connection):
             self.send((self.controller.answer(line.decode("ascii", "replace")) + "\n").encode())
 
 
-class ScriptConnection(Connection):
+class ScriptConnection(PortConnection):
     """Scripts in; nothing is answered."""
 
     def take(self) -> None:
@@ -89,7 +89,7 @@ class ScriptConnection(Connection):
             self.controller.run_script()
 
 
-class RtdeConnection(Connection):
+class RtdeConnection(PortConnection):
     """A session of RTDE."""
 
     def __init__(self, controller: Controller, link: socket.socket) -> None:

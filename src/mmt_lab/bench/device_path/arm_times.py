@@ -12,7 +12,7 @@ from mmt.core.errors import MmtError
 from mmt.core.extras import require
 from mmt.devices.drivers import Role
 from mmt.devices.source import PERIOD_NS as TICK_NS
-from mmt_lab.bench.device_path.children import ANSWER_S, START_S, Child, keep_for
+from mmt_lab.bench.device_path.children import ANSWER_S, START_S, BenchChild, keep_for
 from mmt_lab.bench.device_path.frame_times import (
     PERIOD_NS,
     pauses_of_ticks,
@@ -27,7 +27,7 @@ _CHANGE: Final = 1e-3
 
 
 @dataclass(frozen=True)
-class Arm:
+class TimedArm:
     """One arm or handle."""
 
     title: str
@@ -38,10 +38,10 @@ class Arm:
 
 
 ARMS: Final = {
-    "datagrams": Arm("virtual robot, datagrams", "mmt.testing.emulated.robot:DatagramRobot"),
-    "ur": Arm("UR arm", "ur", package="rtde_control"),
-    "inverse3": Arm("Inverse3 as robot", "inverse3"),
-    "inverse3_handle": Arm("Inverse3 as handle", "inverse3", "handle"),
+    "datagrams": TimedArm("virtual robot, datagrams", "mmt.testing.emulated.robot:DatagramRobot"),
+    "ur": TimedArm("UR arm", "ur", package="rtde_control"),
+    "inverse3": TimedArm("Inverse3 as robot", "inverse3"),
+    "inverse3_handle": TimedArm("Inverse3 as handle", "inverse3", "handle"),
 }
 """By the names of the lab."""
 
@@ -152,7 +152,7 @@ def measure_arm(arm: str, duration_s: float, *, realtime: bool = False) -> ArmTi
     if wanted.package is not None:
         require(wanted.package)
     scheduling = "realtime" if realtime else "ordinary"
-    lab = Child("mmt_lab.bench.device_path.arms", arm, scheduling)
+    lab = BenchChild("mmt_lab.bench.device_path.arms", arm, scheduling)
     try:
         options = lab.receive(START_S)
         with tempfile.TemporaryDirectory() as folder:
@@ -168,8 +168,8 @@ def measure_arm(arm: str, duration_s: float, *, realtime: bool = False) -> ArmTi
         lab.close()
 
 
-def _measure(job: dict[str, Any], lab: Child, duration_s: float) -> ArmTimes:
-    reader = Child("mmt_lab.bench.device_path.arm_reader")
+def _measure(job: dict[str, Any], lab: BenchChild, duration_s: float) -> ArmTimes:
+    reader = BenchChild("mmt_lab.bench.device_path.arm_reader")
     try:
         keep_for(duration_s, job, lab=lab, reader=reader, settle_s=_SETTLE_S)
         reader.finish()

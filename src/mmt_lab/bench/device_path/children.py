@@ -23,7 +23,7 @@ def say(content: dict[str, Any]) -> None:
     sys.stdout.flush()
 
 
-class Child:
+class BenchChild:
     """A module of this package that runs as a process of its own.
 
     Parameters
@@ -125,7 +125,7 @@ class Child:
 
 
 def keep_for(
-    duration_s: float, job: dict[str, Any], *, lab: Child, reader: Child, settle_s: float
+    duration_s: float, job: dict[str, Any], *, lab: BenchChild, reader: BenchChild, settle_s: float
 ) -> None:
     """Give a reader its job, and let it keep for so long what it reads of a lab that has settled.
 

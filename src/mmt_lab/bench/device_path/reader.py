@@ -38,7 +38,7 @@ class _Emulation(Protocol):
         """Processor time that it has taken so far."""
 
 
-class Reader:
+class FrameReader:
     """Read devices at 1 kHz and keep the frames.
 
     Parameters
@@ -168,4 +168,4 @@ async def _bare_share(duration_s: float) -> float:
 
 if __name__ == "__main__":
     job = json.loads(sys.stdin.readline())
-    asyncio.run(Reader(job).run(job["file"]))
+    asyncio.run(FrameReader(job).run(job["file"]))

@@ -11,7 +11,7 @@ import numpy as np
 from mmt.core.arrays import IntArray
 from mmt.core.errors import MmtError
 from mmt.devices.source import PERIOD_NS as TICK_NS
-from mmt_lab.bench.device_path.children import ANSWER_S, START_S, Child, keep_for
+from mmt_lab.bench.device_path.children import ANSWER_S, START_S, BenchChild, keep_for
 from mmt_lab.bench.device_path.emulated import ACCELERATION_PPM, FORCE_PPM
 from mmt_lab.bench.device_path.frame_times import FrameTimes, frame_times, pauses_of_ticks, within
 
@@ -48,7 +48,7 @@ class SetUp:
 
 
 @dataclass(frozen=True)
-class Measured:
+class SetUpFigures:
     """What one set-up gave."""
 
     core_share: float
@@ -75,7 +75,7 @@ class Measured:
 
 def measure_set_up(
     set_up: SetUp, duration_s: float, stops: int, *, realtime: bool = False
-) -> Measured:
+) -> SetUpFigures:
     """Measure one set-up.
 
     Parameters
@@ -95,7 +95,9 @@ def measure_set_up(
         A process ends, no frame is formed, or a device is not lost or does not come back.
     """
     scheduling = "realtime" if realtime else "ordinary"
-    lab = Child("mmt_lab.bench.device_path.emulated", set_up.force, set_up.acceleration, scheduling)
+    lab = BenchChild(
+        "mmt_lab.bench.device_path.emulated", set_up.force, set_up.acceleration, scheduling
+    )
     try:
         addresses = lab.receive(START_S)
         with tempfile.TemporaryDirectory() as folder:
@@ -110,8 +112,8 @@ def measure_set_up(
         lab.close()
 
 
-def _measure(job: dict[str, Any], lab: Child, duration_s: float, stops: int) -> Measured:
-    reader = Child("mmt_lab.bench.device_path.reader")
+def _measure(job: dict[str, Any], lab: BenchChild, duration_s: float, stops: int) -> SetUpFigures:
+    reader = BenchChild("mmt_lab.bench.device_path.reader")
     try:
         keep_for(duration_s, job, lab=lab, reader=reader, settle_s=_SETTLE_S)
         reader.send("end")
@@ -144,7 +146,7 @@ def _job(set_up: SetUp, addresses: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _stop(lab: Child, reader: Child, sensor: str) -> float:
+def _stop(lab: BenchChild, reader: BenchChild, sensor: str) -> float:
     """Stop a sensor until that is seen; return after how many ms it was."""
     stopped_ns = lab.ask(f"stall {sensor}", ANSWER_S)["done_ns"]
     role = f"the {sensor.replace('_', ' ')} "
@@ -163,7 +165,7 @@ def _evaluate(
     found: dict[str, Any],
     seen_after_ms: list[float],
     device_pauses_ns: IntArray,
-) -> Measured:
+) -> SetUpFigures:
     with np.load(Path(job["file"])) as content:
         frames, formed_ns, ticked = content["frames"], content["formed_ns"], content["ticked"]
     if not len(frames):
@@ -171,7 +173,7 @@ def _evaluate(
     pauses_ns = np.concatenate([pauses_of_ticks(ticked, TICK_NS), device_pauses_ns])
     values = {"force": frames["force_n"], "acceleration": frames["acceleration_m_s2"]}
     span = int(frames["sequence"][-1]) - int(frames["sequence"][0]) + 1
-    return Measured(
+    return SetUpFigures(
         core_share=found["core_share"],
         emulated_share=found["emulated_share"],
         bare_share=found["bare_share"],
