@@ -30,6 +30,7 @@ SLOWEST_FIRST = (
     "test_monitor_page.py",
     "test_lean_scenes.py",
     "test_player_page.py",
+    "test_site.py",
     "test_report_pages.py",
     "test_backfill.py",
     "test_surface_detection.py",

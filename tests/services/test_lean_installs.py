@@ -80,11 +80,11 @@ def test_every_import_of_a_package_is_of_the_base_or_of_the_extra_that_is_named(
                 assert allowed & found, f"{path}: {top} is not declared"
 
 
-def test_all_holds_every_extra_but_those_of_the_bench_the_tests_and_one_without_wheels() -> None:
+def test_all_holds_every_extra_but_those_for_developers_and_one_without_wheels() -> None:
     (everything,) = EXTRAS["all"]
     listed = re.fullmatch(r"mmt-haptics\[(.*)\]", everything)
     assert listed is not None
-    assert set(listed[1].split(",")) == set(EXTRAS) - {"all", "bench", "test", "ur"}
+    assert set(listed[1].split(",")) == set(EXTRAS) - {"all", "bench", "docs", "test", "ur"}
 
 
 @pytest.mark.parametrize(
