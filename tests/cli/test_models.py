@@ -202,3 +202,17 @@ def test_the_shipped_model_can_be_rendered() -> None:
     assert scene.rendering.model is not None
     model = TextureModel.load(scene.rendering.model)
     assert distance_sum(model.points) < DISTANCES["isotropic"].stop
+
+
+def test_a_model_has_the_rate_of_its_recordings(session_file: Path, tmp_path: Path) -> None:
+    scene = Scene.model_validate({"session": {"acceleration_rate_hz": 5000}})
+    frames, truth = simulate_session(scene, surface="plastic", duration_s=6.0, seed=1)
+    fast = tmp_path / "fast.mcap"
+    write_session(fast, frames, annotations=truth)
+    result = run("build", fast, tmp_path / "m.npz")
+    assert result.exit_code == 0, result.output
+    assert TextureModel.load(tmp_path / "m.npz").rate_hz == 5000.0
+    result = run("build", fast, session_file, tmp_path / "both.npz")
+    assert isinstance(result.exception, InputError)
+    assert "at 5 kHz" in str(result.exception)
+    assert "at 1 kHz: import them at one rate" in str(result.exception)

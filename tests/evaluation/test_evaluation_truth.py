@@ -6,12 +6,18 @@ import numpy as np
 import pytest
 
 from mmt.evaluation.grid_errors import GRID_FORCE_N, GRID_SPEED_MM_S, Strokes, over_plane
-from mmt.evaluation.levels import LEAST_POWER, band_edges_hz, level_error_db, output_power_at
+from mmt.evaluation.levels import (
+    LEAST_POWER,
+    band_edges_hz,
+    level_error_db,
+    output_power_at,
+    power_above_felt,
+)
 from mmt.evaluation.truth import KnownTexture, TruthAt, known_texture
 from mmt.testing.simulation.modes import Resonance
 from mmt.testing.simulation.surfaces import Surface
 from mmt.testing.simulation.textures import SURFACES, get_surface
-from mmt.texture.autoregression.forms import ar_to_reflection, reflection_to_lsf
+from mmt.texture.autoregression.forms import ar_spectrum, ar_to_reflection, reflection_to_lsf
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.settings import ModellingSettings
 
@@ -245,3 +251,25 @@ def test_what_nobody_feels_counts_as_silence():
     assert (KnownTexture(quiet).plane.errors(silent).power_error_db == 0.0).all()
     loud = Surface("loud", (Resonance(1e6, 0.0, 0.0, 120.0, 80.0),))
     assert (KnownTexture(loud).plane.errors(silent).power_error_db == -60.0).all()
+
+
+@pytest.mark.parametrize("tone_hz", [40.0, 700.0, 1800.0, 3999.7])
+@pytest.mark.parametrize("radius", [0.9, 0.99, 0.9999])
+def test_what_is_not_felt_of_a_tone_in_noise_is_the_part_above_1_khz(
+    tone_hz: float, radius: float
+) -> None:
+    rate_hz = 10_000.0
+    ar = np.array([[-2.0 * radius * np.cos(2.0 * np.pi * tone_hz / rate_hz), radius**2]])
+    frequencies_hz = np.linspace(0.0, rate_hz / 2.0, 2_000_001)
+    density = ar_spectrum(ar[0], 1.0, frequencies_hz, rate_hz)
+    felt = frequencies_hz <= 1000.0
+    whole, above = (
+        np.trapezoid(density[part], frequencies_hz[part]) for part in (felt | True, ~felt)
+    )
+    (found,) = power_above_felt(ar, np.array([whole]), rate_hz)
+    assert 0.0 <= found <= whole
+    assert found / whole == pytest.approx(above / whole, abs=0.01)
+
+
+def test_at_1_khz_everything_is_felt() -> None:
+    assert power_above_felt(np.array([[-0.9]]), np.array([2.0]), 1000.0).tolist() == [0.0]

@@ -13,6 +13,7 @@ from mmt.core.existing_files import require_absent
 from mmt.core.kernel_cache import compile_kernels
 from mmt.scene import Scene, Texture
 from mmt.session import RecordedSession
+from mmt.session.data import common_samples_per_frame
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -102,14 +103,15 @@ def built(
     Raises
     ------
     InputError
-        A recording holds no frames, or goes over several surfaces.
+        A recording holds no frames, or goes over several surfaces, or they are at several rates.
     MmtError
         There are too few steady strokes.
     """
     from mmt.texture.online.history import build
 
     texture = scene.texture or Texture()
-    settings = texture.settings(float(scene.session.rate_hz))
+    samples_per_frame = common_samples_per_frame(recordings)
+    settings = texture.settings(float(scene.session.rate_hz), samples_per_frame)
     period_frames = max(1, round(texture.update_period_s * settings.rate_hz))
     history = build(_blocks(recordings, settings, surface, period_frames), settings)
     if not history.updates:

@@ -7,12 +7,12 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.forms import (
-    ar_spectrum,
     lsf_output_power,
     lsf_to_ar,
     lsf_to_reflection,
     output_power,
 )
+from mmt.texture.autoregression.reshaping import relative_density, shares
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.signals.metrics import power_error_db
 
@@ -59,8 +59,8 @@ def band_edges_hz(rate_hz: float) -> FloatArray:
 
 BAND_EDGES_HZ: Final = band_edges_hz(1000.0)
 
-_STEP_HZ: Final = 20.0
-"""Between the frequencies by which the power that is not felt is summed."""
+_PERIOD: Final = 2048
+"""Of the spectra by which the power that is not felt is found: steps of 4.9 Hz at 10 kHz."""
 
 
 def output_power_at(model: TextureModel, inputs: FloatArray) -> FloatArray:
@@ -72,8 +72,10 @@ def output_power_at(model: TextureModel, inputs: FloatArray) -> FloatArray:
 def level_error_db(model: TextureModel, inputs: FloatArray, power: FloatArray) -> FloatArray:
     """Return the error of a model's power that is felt at inputs (k, d) against `power` (k,)."""
     lsf, variance = model.at(*inputs.T)
-    above = power_above_felt(lsf_to_ar(lsf), variance, model.rate_hz)
-    return power_level_error_db(exact_power(lsf, variance, model.rate_hz) - above, power)
+    whole = exact_power(lsf, variance, model.rate_hz)
+    return power_level_error_db(
+        whole - power_above_felt(lsf_to_ar(lsf), whole, model.rate_hz), power
+    )
 
 
 def exact_power(lsf: FloatArray, variance: FloatArray, rate_hz: float) -> FloatArray:
@@ -83,11 +85,17 @@ def exact_power(lsf: FloatArray, variance: FloatArray, rate_hz: float) -> FloatA
     return output_power(variance, lsf_to_reflection(lsf))
 
 
-def power_above_felt(ar: FloatArray, variance: FloatArray, rate_hz: float) -> FloatArray:
-    """Return the power of filters (k, m) above `FELT_HZ`, (k,); 0 where their rate ends there."""
-    highest_hz = 0.5 * rate_hz
-    frequencies_hz = np.arange(min(FELT_HZ, highest_hz), highest_hz + 1.0, _STEP_HZ)
-    return _STEP_HZ * trapezoidal(ar_spectrum(ar, variance, frequencies_hz, rate_hz))
+def power_above_felt(ar: FloatArray, power: FloatArray, rate_hz: float) -> FloatArray:
+    """Return how much of their power (k,) filters (k, m) have above `FELT_HZ`, (k,).
+
+    By the share of what is above in sums over their spectra: a line that is narrower than the
+    steps counts too much or too little in both, and no share is more than all.
+    """
+    if 0.5 * rate_hz <= FELT_HZ:
+        return np.zeros(len(power))
+    density, weights = relative_density(ar, _PERIOD), shares(_PERIOD)
+    above = np.arange(len(weights)) * rate_hz / _PERIOD > FELT_HZ
+    return np.asarray(power * (density[:, above] @ weights[above]) / (density @ weights))
 
 
 def trapezoidal(density: FloatArray) -> FloatArray:

@@ -95,8 +95,8 @@ class TruthAt:
         lsf, variance = model.at(*self.strokes.inputs(model.space).T)
         ar = lsf_to_ar(lsf)
         low = ar_spectrum(ar, variance, np.arange(LOWEST_HZ + 1.0), model.rate_hz)
-        above = power_above_felt(ar, variance, model.rate_hz)
-        own = _level(exact_power(lsf, variance, model.rate_hz), low, above)
+        whole = exact_power(lsf, variance, model.rate_hz)
+        own = _level(whole, low, power_above_felt(ar, whole, model.rate_hz))
         return power_level_error_db(own, self.power)
 
     def errors(self, model: TextureModel) -> GridErrors:
@@ -240,8 +240,8 @@ def _spectra_of(model: TextureModel, strokes: Strokes) -> _Spectra:
     # By the coefficients: several times faster than by LSF.
     ar = lsf_to_ar(lsf)
     density = ar_spectrum(ar, variance, density_hz(model.rate_hz), model.rate_hz)
-    above = power_above_felt(ar, variance, model.rate_hz)
     power = exact_power(lsf, variance, model.rate_hz)
+    above = power_above_felt(ar, power, model.rate_hz)
     return _spectra(density, _level(power, density[:, : LOWEST_HZ + 1], above))
 
 

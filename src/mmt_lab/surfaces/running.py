@@ -100,7 +100,7 @@ def run_recorded(path: Path) -> SurfaceResult:
     session = read_session(path)
     scene = scene_of(session, None)
     modelling = (
-        scene.texture.settings(float(scene.session.rate_hz))
+        scene.texture.settings(float(scene.session.rate_hz), session.samples_per_frame)
         if scene.texture is not None
         else ModellingSettings()
     )

@@ -79,6 +79,7 @@ def select_samples(
 def _pool(sources: list[Path], scene_file: Path | None) -> "Pool":
     from mmt.cli.reporting import scene_of
     from mmt.session import read_session
+    from mmt.session.data import common_samples_per_frame
     from mmt.texture.model.texture_model import TextureModel
     from mmt_methods.selection.pooling import is_model, pool_models, pool_sessions
 
@@ -92,10 +93,8 @@ def _pool(sources: list[Path], scene_file: Path | None) -> "Pool":
         return pool_models(models, [str(path) for path in sources])
     sessions = [read_session(path) for path in sources]
     scene = scene_of(sessions[0], scene_file)
-    texture, session = scene.texture or Texture(), scene.session
-    return pool_sessions(
-        sessions, texture.settings(float(session.rate_hz), session.samples_per_frame)
-    )
+    texture, rate_hz = scene.texture or Texture(), float(scene.session.rate_hz)
+    return pool_sessions(sessions, texture.settings(rate_hz, common_samples_per_frame(sessions)))
 
 
 def _published(pool: "Pool") -> "Selection":
