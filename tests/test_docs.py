@@ -371,7 +371,7 @@ def test_every_key_is_documented_with_its_default_and_range(table: str) -> None:
     keys = keys_of(TABLES[table])
     assert set(rows) == set(keys)
     for key, field in keys.items():
-        _, meaning, *_, default, allowed = rows[key]
+        _, meaning, default, allowed = rows[key]
         assert meaning
         assert default == expected_default(field), key
         plain = re.sub(r"(?<=\d) (?=\d{3}\b)", "", allowed.replace("`", ""))
