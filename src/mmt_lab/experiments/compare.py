@@ -188,6 +188,7 @@ def run(
         list[Path] | None,
         typer.Argument(metavar="[STROKE]...", help="Recorded strokes (.npz), or their folders."),
     ] = None,
+    *,
     methods: Annotated[
         str, typer.Option(metavar="METHOD,METHOD", help=f"Some of {', '.join(METHODS)}.")
     ] = ",".join(METHODS),
