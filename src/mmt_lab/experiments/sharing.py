@@ -1,6 +1,6 @@
 """What it costs to share a model, and how soon listeners have it.
 
-The demo's scene, leader and follower as processes, first with one listener and then with many. They
+A rough texture, leader and follower as processes, first with one listener and then with many. They
 join within one second as soon as the model is ready, take each of its changes, and render nothing;
 the time to the first model includes building it, one listener at a time. All runs on this machine.
 The ticks are compared within a pair of sessions, and over several pairs by the median.
@@ -82,7 +82,7 @@ def run(
         typer.Option(min=1, max=64, help="Share through so many hubs; needs redis-server."),
     ] = None,
 ) -> Findings:
-    """Share the demo's model with one listener, and with many who join at once."""
+    """Share a model with one listener, and with many who join at once."""
     _check_form(
         network=network,
         minutes=minutes,
@@ -148,7 +148,7 @@ def run(
         "lag_p99_ms": ("the same, p99 (ms)", lag_99, "at most", 200),
     }
     about = (
-        f"The demo's scene for {duration:g} s, one listener and then {listeners}; pairs: {pairs}, "
+        f"A rough texture for {duration:g} s, one listener and then {listeners}; pairs: {pairs}, "
         "their ticks by the median, the rest of the last. After the model is complete nothing of "
         "it is sent."
     )

@@ -55,7 +55,7 @@ class HubSession:
 
 
 async def hold(hubs: int, listeners: int, duration_s: float) -> HubSession:
-    """Run Redis, the demo's leader, hubs, their listeners, and then the follower.
+    """Run Redis, a leader, hubs, their listeners, and then the follower.
 
     Raises
     ------
@@ -140,7 +140,7 @@ def findings(hubs: int, listeners: int, duration_s: float) -> Findings:
         "many_mb_a_second": (f"for {_MANY} listeners: traffic (MB/s)", 1e-6 * rate * _MANY),
     }
     about = (
-        f"The demo's scene for {duration_s:g} s, {hubs} hubs and {listeners} listeners that render "
+        f"A rough texture for {duration_s:g} s, {hubs} hubs and {listeners} listeners that render "
         f"nothing, all on this machine; what {_MANY} take is these figures in proportion."
     )
     return single_figures("Hubs", about, rows)

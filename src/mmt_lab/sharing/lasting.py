@@ -50,7 +50,7 @@ def behind_network(network: str, duration_s: float) -> Findings:
         "frames_lost": ("frames that the leader lost", leader["link"]["lost"], "at most", 0),
     }
     about = (
-        f"The demo's scene for {duration_s:g} s, {_DISTANT} listeners behind the network profile "
+        f"A rough texture for {duration_s:g} s, {_DISTANT} listeners behind the network profile "
         f"{network}; from each one's first model to the end, every 50 ms."
     )
     return single_figures("Listeners behind a network", about, rows)
@@ -89,7 +89,7 @@ def lasting(duration_s: float, seed: int) -> Findings:
         slope = None if grown.growth is None else 3600.0 * grown.growth / grown.span_s
         rows[f"{who}_slope_mb_h"] = (f"slope of the {who} process (MB/h)", slope)
     about = (
-        f"The demo's scene for {duration_s / 60.0:g} min, {STEADY} listeners that stay, and others "
+        f"A rough texture for {duration_s / 60.0:g} min, {STEADY} listeners that stay, and others "
         f"that make trouble every {EVERY_S:g} s; memory after the first 30 %."
     )
     return single_figures("Sharing for long", about, rows)

@@ -1,4 +1,4 @@
-"""A session of the demo's scene whose model is shared, and the processes beside it."""
+"""A session whose model is shared, and the processes beside it."""
 
 import asyncio
 import json
@@ -14,7 +14,8 @@ from mmt.cli.child import KILL, Child, send
 from mmt.core.children import python_command
 from mmt.core.errors import MmtError
 
-_SCENE: Final = "demo"
+_SCENE: Final = "rough-texture"
+"""Its model grows as long as the session lasts, so that there are changes to share."""
 LAST_S: Final = 30.0
 """How long listeners may take to end after the session."""
 
@@ -49,7 +50,7 @@ class Service:
 
 
 class ListenedSession:
-    """The demo's leader, which shares its model, and what is started beside it.
+    """A leader that shares its model, and what is started beside it.
 
     Parameters
     ----------
