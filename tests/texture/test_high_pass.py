@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.signal import freqz, lfilter
 
@@ -68,6 +68,7 @@ def test_a_slow_line_has_lost_more_than_a_flat_spectrum():
     st.sampled_from([200.0, 1000.0, 10_000.0]),
     st.sampled_from([1, 10]),
 )
+@example([-LARGEST_REFLECTION, -LARGEST_REFLECTION], 1, 200.0, 10)
 def test_whatever_was_fitted_the_filter_is_stable_and_has_no_less_power(
     values, order, rate_hz, per_frame
 ):

@@ -1,10 +1,15 @@
 """Power spectral densities of autoregressive models."""
 
+from typing import Final
+
 import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.bounds import real_numbers
 from mmt.core.errors import InputError
+
+_ROUNDING: Final = np.finfo(np.float64).eps ** 2
+"""Smaller squares of a sum over coefficients are rounding: at a pole it may come to nought."""
 
 
 def ar_spectrum(
@@ -39,7 +44,7 @@ def ar_spectrum(
     angles = _angles(frequencies_hz, rate_hz)
     lags = np.arange(1, np.shape(ar)[-1] + 1)
     response = 1.0 + np.asarray(ar) @ np.exp(-1j * np.outer(lags, angles))
-    return _density(variance, response.real**2 + response.imag**2, rate_hz)
+    return _density(variance, np.maximum(response.real**2 + response.imag**2, _ROUNDING), rate_hz)
 
 
 def lsf_spectrum(
