@@ -115,7 +115,8 @@ def test_an_unknown_texture_or_method_is_refused_in_words():
 def test_rates_stand_beside_each_other_with_what_the_lowest_leaves_out():
     def at(rate_hz, name, above):
         bands_db = 1.0 + 2.0 * (np.sqrt(np.prod(pairs(rate_hz), axis=0)) > 1000.0)
-        one = replace(judged("field", 1, 0.5, name=name), bands_db=tuple(bands_db.tolist()))
+        one = replace(judged("field", 1, 0.5, name=name), texture=name)
+        one = replace(one, bands_db=tuple(bands_db.tolist()))
         return replace(one, acceleration_rate_hz=rate_hz, above_500_hz=above)
 
     def pairs(rate_hz):

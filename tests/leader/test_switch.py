@@ -15,14 +15,14 @@ class Constant:
 
 
 class Noise:
-    def __init__(self, seed: int) -> None:
-        self.generator = np.random.default_rng(seed)
+    def __init__(self, seed: int, samples: int = 1) -> None:
+        self.generator, self.samples = np.random.default_rng(seed), samples
 
     def render(self, speed_mm_s: np.ndarray, force_n: np.ndarray) -> np.ndarray:
         return self.generator.standard_normal(len(speed_mm_s))
 
     def __call__(self, now_ns: int) -> list[float]:
-        return [float(self.generator.standard_normal())]
+        return self.generator.standard_normal(self.samples).tolist()
 
 
 def make(streamed: float = 1.0, synthesized: float = 2.0, fade: int = 50) -> VibrationSwitch:
@@ -31,8 +31,8 @@ def make(streamed: float = 1.0, synthesized: float = 2.0, fade: int = 50) -> Vib
     )
 
 
-def run(switch: VibrationSwitch, count: int) -> np.ndarray:
-    return np.concatenate([switch.render(0, ONES(1), ONES(1)) for _ in range(count)])
+def run(switch: VibrationSwitch, count: int, samples: int = 1) -> np.ndarray:
+    return np.concatenate([switch.render(0, ONES(samples), ONES(samples)) for _ in range(count)])
 
 
 def test_it_fades_to_the_model_and_back() -> None:
@@ -64,13 +64,17 @@ def test_turning_round_in_mid_fade_makes_no_step() -> None:
     assert switch.mode == "synthesized"
 
 
-def test_the_fade_keeps_the_power_of_uncorrelated_signals() -> None:
+@pytest.mark.parametrize("k", [1, 2, 5, 10])
+def test_the_fade_keeps_the_power_of_uncorrelated_signals(k: int) -> None:
     powers = []
     for seed in range(300):
-        switch = VibrationSwitch(Noise(seed), Noise(seed + 10_000), crossfade_samples=100)
+        switch = VibrationSwitch(
+            Noise(seed, k), Noise(seed + 10_000), crossfade_samples=100 * k, samples_per_tick=k
+        )
         switch.use_model(True)
-        powers.append(run(switch, 100) ** 2)
-    by_tenth = np.mean(powers, axis=0).reshape(10, 10).mean(axis=1)
+        powers.append(run(switch, 100, k) ** 2)
+        assert switch.mode == "synthesized"
+    by_tenth = np.mean(powers, axis=0).reshape(10, -1).mean(axis=1)
     np.testing.assert_allclose(by_tenth, 1.0, atol=0.12)
 
 

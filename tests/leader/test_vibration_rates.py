@@ -77,7 +77,7 @@ def test_a_stream_is_played_as_it_is_a_delay_later(k: int, way: Way, seed: int) 
 
 
 @given(
-    k=SEVERAL,
+    k=st.sampled_from([2, 5, 10]),
     way=st.sampled_from(["model", "repetition"]),
     gaps=st.lists(st.integers(1, 130), min_size=1, max_size=4),
     seed=st.integers(0, 30),
@@ -94,7 +94,7 @@ def test_no_joint_clicks_whatever_is_missing(k: int, way: Way, gaps: list[int], 
     # the high-pass goes on from before a gap, with what the gap has hidden from it
     assert np.abs(holed).max() <= 1.5 * peak
     # in a fade of 5 ms, a share of the difference between two signals, and what each moves by
-    largest = 1.5 * (max(step, peak / 16) + 0.4 * peak / k)
+    largest = max(step, peak / 16) + 0.4 * peak / k
     assert np.abs(np.diff(holed)).max() <= largest
 
 
@@ -113,7 +113,7 @@ def test_nothing_is_invented_for_longer_than_a_tenth_of_a_second(
         assert 0.4 < full.std() / played[100 * k : begin * k].std() < 2.0
 
 
-@pytest.mark.parametrize("k", [1, 2, 5, 10])
+@pytest.mark.parametrize("k", [2, 5, 10])
 def test_a_gap_takes_as_long_at_any_rate(k: int) -> None:
     np.testing.assert_allclose(course(0, k)[k - 1 :: k], course(0), atol=1e-12)
     np.testing.assert_allclose(course(70, k)[k - 1 :: k], course(70), atol=1e-12)
@@ -128,35 +128,6 @@ def test_three_axes_keep_their_power(k: int) -> None:
     settled = 1000 * k
     power = np.mean(played[settled:] ** 2) / np.mean((axes[settled:] ** 2).sum(axis=1))
     assert abs(10.0 * np.log10(power)) < 0.2
-
-
-class Noise:
-    directed = False
-
-    def __init__(self, seed: int) -> None:
-        self._generator = np.random.default_rng(seed)
-
-    def render(self, *inputs: FloatArray) -> FloatArray:
-        return self._generator.standard_normal(len(inputs[0]))
-
-
-@pytest.mark.parametrize("k", [1, 2, 5, 10])
-def test_a_crossfade_keeps_the_power(k: int) -> None:
-    powers = []
-    for seed in range(100):
-        other = np.random.default_rng(1000 + seed)
-        switch = VibrationSwitch(
-            lambda _, other=other: other.standard_normal(k).tolist(),  # type: ignore[misc]
-            Noise(seed),
-            crossfade_samples=50 * k,
-            samples_per_tick=k,
-        )
-        switch.use_model(True)
-        ticks = [switch.render(tick * MS, np.ones(k), np.ones(k)) for tick in range(50)]
-        assert switch.mode == "synthesized"
-        powers.append(np.concatenate(ticks) ** 2)
-    by_tenth = np.mean(powers, axis=0).reshape(10, -1).mean(axis=1)
-    np.testing.assert_allclose(by_tenth, 1.0, atol=0.25)
 
 
 class Heard:

@@ -3,11 +3,10 @@
 import asyncio
 
 import numpy as np
+from link_samples import LeaderNotes, leader, until
 
-from mmt.core.arrays import RecordArray
 from mmt.core.frames import CHANNELS, frame_dtype
 from mmt.follower.service import Follower
-from mmt.link.server import LeaderEvents, LeaderServer
 from mmt.scene.files import scene_from_tables
 from mmt.testing.simulation.follower import SimulatedFollower
 
@@ -24,32 +23,18 @@ async def test_a_leader_gets_every_sample_that_the_follower_made() -> None:
             "texture": {},
         }
     )
-    assert scene.link is not None
     assert scene.simulated is not None
-    blocks: list[RecordArray] = []
-    enough = asyncio.Event()
-
-    def take(frames: RecordArray, arrival_ns: int) -> None:
-        _ = arrival_ns
-        blocks.append(frames)
-        if sum(map(len, blocks)) >= COUNT:
-            enough.set()
-
-    server = LeaderServer(
-        scene.link, scene.channels(), LeaderEvents(on_frames=take), samples_per_frame=5
-    )
-    await server.start()
-    follower = Follower(scene, f"http://127.0.0.1:{server.port}")
-    running = asyncio.create_task(follower.run())
-    try:
-        await asyncio.wait_for(enough.wait(), 60.0)
+    notes = LeaderNotes()
+    async with leader(notes, channels=CHANNELS, samples_per_frame=5) as server:
+        follower = Follower(scene, f"http://127.0.0.1:{server.port}")
+        running = asyncio.create_task(follower.run())
+        await until(lambda: len(notes.sequences) >= COUNT, 60.0)
         follower.stop()
         summary = await asyncio.wait_for(running, 60.0)
-    finally:
-        await server.stop()
-    got = np.concatenate(blocks)
+        rejected = server.statistics.rejected
+    got = np.concatenate(notes.blocks)
     assert summary.link["frames"] == len(got)
-    assert server.statistics.rejected == {}
+    assert rejected == {}
     assert got.dtype == frame_dtype(CHANNELS, 5)
     made = SimulatedFollower(scene.simulated, channels=CHANNELS, seed=4, samples_per_frame=5)
     expected = made.step(len(got), 0, None)  # no command came

@@ -24,6 +24,9 @@ SEQUENCES: Final = 2**32
 _LESS: Final = 0.95
 """A rate below this share of another is less; crystals and ceramic resonators are off by less."""
 
+FRAMES_HZ: Final = 1000
+"""Frames a second."""
+
 MOST_SAMPLES: Final = 10
 """Most samples of acceleration in a frame."""
 
@@ -174,6 +177,21 @@ def missing_band(rate_hz: float, samples_hz: float) -> str:
         f"gives {rate_hz:.0f} samples a second, the scene takes {samples_hz:.0f}: nothing above "
         f"{rate_hz / 2:.0f} Hz is in its acceleration"
     )
+
+
+def check_acceleration_rate(rate_hz: int) -> None:
+    """Check that ``--acceleration-rate`` gives a whole number of samples a frame.
+
+    Raises
+    ------
+    InputError
+        It does not, or too many.
+    """
+    if rate_hz not in range(FRAMES_HZ, FRAMES_HZ * MOST_SAMPLES + 1, FRAMES_HZ):
+        raise InputError(
+            f"--acceleration-rate {rate_hz}: it is a multiple of {FRAMES_HZ}, to "
+            f"{FRAMES_HZ * MOST_SAMPLES}"
+        )
 
 
 def empty_frames(

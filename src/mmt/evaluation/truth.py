@@ -80,6 +80,7 @@ class TruthAt:
     ) -> None:
         self.strokes = strokes
         frequencies_hz = density_hz(rate_hz)
+        self._highest_hz = frequencies_hz[-1]
         self._felt = spectrum(frequencies_hz[: FELT_HZ + 1])
         self._above = partial(spectrum, frequencies_hz[FELT_HZ + 1 :])
         self.power = trapezoidal(self._felt) - trapezoidal(self._felt[:, : LOWEST_HZ + 1])
@@ -89,6 +90,12 @@ class TruthAt:
     def spectra(self) -> _Spectra:
         """The truth's spectra."""
         return _spectra(np.concatenate([self._felt, self._above()], axis=1), self.power)
+
+    def share_above(self, frequency_hz: float) -> float:
+        """Return the share of the power from 10 Hz on that is above a frequency."""
+        density = self.spectra.density.sum(axis=0)
+        above = density_hz(2.0 * self._highest_hz)[_COMPARED] > frequency_hz
+        return float(density[above].sum() / density.sum())
 
     def level_errors_db(self, model: TextureModel) -> FloatArray:
         """Return the error of a model's level, (k,), in dB; in a tenth of the time of `errors`."""

@@ -13,7 +13,6 @@ from mmt.evaluation.document import ReportTable
 from mmt.evaluation.strokes_made import StrokesMade
 from mmt.evaluation.texts import number
 from mmt.evaluation.truth import KnownTexture
-from mmt.testing.simulation.textures import get_surface
 from mmt_lab.compare.cases import ComparisonCase
 from mmt_lab.compare.judging import METHODS, PERIOD_S, TIMES_S, JudgedMethod, blocks_of, settings_of
 from mmt_lab.compare.rendered_spectra import (
@@ -136,7 +135,7 @@ class _Session:
         self._settings = settings_of(case, "field")
         self._blocks = blocks_of(case.session())
         self._strokes = StrokesMade.of(self._blocks, self._settings).strokes(STROKES)
-        self._expected = expected_spectra(KnownTexture(get_surface(case.texture)), self._strokes)
+        self._expected = expected_spectra(KnownTexture(case.surface), self._strokes)
         self.rendered: list[GeneratorScore] = []
         self.faults: list[Fault] = []
 

@@ -17,7 +17,7 @@ import numpy as np
 from mmt.core.arrays import BoolArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.evaluation.grid_errors import GridErrors
-from mmt.evaluation.levels import LOWEST_HZ, root_mean_square
+from mmt.evaluation.levels import root_mean_square
 from mmt.evaluation.strokes_made import StrokesMade
 from mmt.evaluation.truth import KnownTexture, TruthAt
 from mmt.texture.completion.uncertainty import PRIOR_S
@@ -96,7 +96,7 @@ class JudgedMethod:
     standardised: float | None = None
     acceleration_rate_hz: int = 1000
     bands_db: tuple[float, ...] = ()
-    above_500_hz: float | None = None
+    above_500_hz: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -182,8 +182,7 @@ class SessionJudge:
             self._stroked_s.append(made.total_s)
         strokes = made.strokes()
         self.made: TruthAt = self.truth.at(strokes)
-        density = self.truth.spectrum(strokes, self.truth.frequencies_hz)[:, LOWEST_HZ:].sum(axis=0)
-        self._above_500_hz = float(density[501 - LOWEST_HZ :].sum() / density.sum())
+        self._above_500_hz = self.made.share_above(500.0)
         count = len(strokes.force_n)
         self._place_s = (np.arange(count) + 0.5) * made.total_s / count
         self.judged: list[JudgedMethod] = []

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise, product
+from statistics import fmean
 from typing import Final
 
 import numpy as np
@@ -92,8 +93,10 @@ def rates_table(comparison: MethodComparison) -> ReportTable:
         for low_hz, high_hz in pairwise((0.0, 500.0, 1000.0, np.inf)):
             inside = modelled[:, (middles_hz >= low_hz) & (middles_hz < high_hz)]
             cells.append(number(root_mean_square(inside) if inside.size else None, 2))
-        lacking: dict[str, float] = {one.name: one.above_500_hz or 0.0 for one in own}
-        missing = across(lacking.values(), larger_is_better=False)
+        lacking: dict[str, list[float]] = {}
+        for one in own:
+            lacking.setdefault(one.texture, []).append(one.above_500_hz)
+        missing = across(map(fmean, lacking.values()), larger_is_better=False)
         share = float(np.mean([one.figures[SHARES[0]] for one in own]))
         parts = (number(100.0 * value, 1) for value in (missing.mean, missing.worst))
         rows.append([f"{rate_hz / 1000:g}", method, *cells, number(share, 3), " / ".join(parts)])

@@ -17,6 +17,7 @@ import typer
 from mmt.cli.scene_services import DemoRun
 from mmt.core.children import python_command
 from mmt.core.errors import InputError
+from mmt.core.frames import check_acceleration_rate
 from mmt.core.realtime import require_real_time
 from mmt.evaluation.run_verdict import median_of_known
 from mmt.scene.files import ENVIRONMENT_PREFIX
@@ -64,6 +65,7 @@ def run(
     """Run the demo's services; with --realtime or --strangers with and without them in turns."""
     if realtime and strangers:
         raise InputError("give --realtime or --strangers, not both")
+    check_acceleration_rate(acceleration_rate)
     if (realtime or strangers) and acceleration_rate != 1000:
         raise InputError("--acceleration-rate: not with --realtime or --strangers")
     if strangers:

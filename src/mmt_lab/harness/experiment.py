@@ -25,7 +25,8 @@ from typing import Annotated, Final, Literal
 import typer
 
 from mmt.core.errors import InputError
-from mmt.scene import Hand, SessionTable
+from mmt.core.frames import check_acceleration_rate
+from mmt.scene import Hand
 from mmt.scene.files import table_from
 from mmt.scene.simulated_tables import HAND_KINDS
 from mmt.texture.signals.amplitude_spectra import Spectra
@@ -190,17 +191,15 @@ def rates_of(listed: str) -> list[int]:
     Raises
     ------
     InputError
-        One is no rate of a scene, or no number.
+        One is no rate of a scene, no number, or named twice.
     """
-    try:
-        return [
-            table_from(
-                SessionTable, "session", {"acceleration_rate_hz": int(rate)}
-            ).acceleration_rate_hz
-            for rate in listed.split(",")
-        ]
-    except ValueError as error:
-        raise InputError(f"--acceleration-rate {listed}: {error}") from error
+    texts = listed.split(",")
+    if not all(text.isdecimal() for text in texts) or len(set(texts)) < len(texts):
+        raise InputError(f"--acceleration-rate {listed}: name each rate once, as 1000,10000")
+    rates_hz = [int(text) for text in texts]
+    for rate_hz in rates_hz:
+        check_acceleration_rate(rate_hz)
+    return rates_hz
 
 
 def hand_of(kind: str, *, isotropic: bool = True) -> Hand:

@@ -33,7 +33,7 @@ class Proxy:
     network
         An emulated network, both ways; by default none.
     seed
-        Of the first connection's impairments; each further one has another.
+        Of the impairments of the first connection's way there; each further way has the next.
     """
 
     def __init__(self, target: int, network: Network | None = None, seed: int = 1) -> None:
@@ -84,17 +84,18 @@ class Proxy:
             writer.close()
             return
         for source, sink in ((reader, back), (there, writer)):
+            seed = self._seed
             self._seed += 1
             packets: _Packets = asyncio.Queue()
             self._sinks.add(sink)
-            for coroutine in (self._take(source, packets), self._give(packets, sink)):
+            for coroutine in (self._take(source, packets, seed), self._give(packets, sink)):
                 task = asyncio.create_task(coroutine)
                 self._tasks.add(task)
                 task.add_done_callback(self._tasks.discard)
 
-    async def _take(self, source: asyncio.StreamReader, packets: _Packets) -> None:
+    async def _take(self, source: asyncio.StreamReader, packets: _Packets, seed: int) -> None:
         """Read packets, and let each wait until it arrives."""
-        network = MessageImpairments(self._network, self._seed, time.monotonic_ns())
+        network = MessageImpairments(self._network, seed, time.monotonic_ns())
         sent_ns, chunk = 0, b"-"
         while chunk:
             chunk = b""

@@ -176,13 +176,7 @@ def _drifts(observed: SoakLog, readback: Readback, recovery_s: float) -> list[Ch
         _flat("follower's memory (MB)", watched(follower, median), 5.0, 0.05, must, hours),
         _flat("frames, one way, p50 (ms)", watched(latency, median), 0.2, 0.5, must),
         _flat("frames, one way, p99 (ms)", watched(latency, _p99), 2.0, 1.0, must),
-        _flat(
-            "leader's ticks over 1 ms late (%)",
-            watched(_late(observed), lambda values: float(values.mean())),
-            2.0,
-            1.0,
-            must,
-        ),
+        _flat("leader's ticks over 1 ms late (%)", watched(_late(observed), _mean), 2.0, 1.0, must),
     ]
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from mmt.cli.reporting import scene_of
 from mmt.core.arrays import IntArray, RecordArray
 from mmt.core.errors import InputError
-from mmt.scene import Scene
+from mmt.scene import Scene, Texture
 from mmt.session import read_session
 from mmt.testing.simulation.course import SurfaceCourse, course_from_annotations
 from mmt.testing.simulation.offline import simulate_session
@@ -99,10 +99,8 @@ def run_recorded(path: Path) -> SurfaceResult:
     """
     session = read_session(path)
     scene = scene_of(session, None)
-    modelling = (
-        scene.texture.settings(float(scene.session.rate_hz), session.samples_per_frame)
-        if scene.texture is not None
-        else ModellingSettings()
+    modelling = (scene.texture or Texture()).settings(
+        float(scene.session.rate_hz), session.samples_per_frame
     )
     try:
         course = course_from_annotations(session.annotations)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, fields
 from typing import Final
 
 from mmt.core.errors import InputError
-from mmt.core.frames import CHANNELS, MOST_SAMPLES
+from mmt.core.frames import CHANNELS, check_acceleration_rate
 from mmt.core.units import QUANTITIES, unit_factor
 from mmt.session.importing.stamps import StampChoice
 
@@ -111,11 +111,8 @@ class ImportOptions:
                 raise InputError(
                     f"--offset {name}={offset}: it is a number of seconds, or {MATCHED}"
                 )
-        rate_hz = self.acceleration_rate_hz
-        if rate_hz is not None and rate_hz not in range(1000, 1000 * MOST_SAMPLES + 1, 1000):
-            raise InputError(
-                f"--acceleration-rate {rate_hz}: it is a multiple of 1000, to {1000 * MOST_SAMPLES}"
-            )
+        if self.acceleration_rate_hz is not None:
+            check_acceleration_rate(self.acceleration_rate_hz)
         if self.header is not None and self.header < 1:
             raise InputError(f"--header {self.header}: lines count from 1")
         if self.decimal not in (None, ".", ","):

@@ -218,9 +218,7 @@ def _hunt_crossley(stiffness: float) -> CaseResult:
         drive = Drive(mass, 0.0, 0.0)
         law = ContactLaw(stiffness, dissipation_s_m=dissipation)
         worst = max(worst, _worst(INTEGRATORS["discrete gradient"], drive, law, step_s))
-    return CaseResult(
-        f"grows by {_share(worst)}", held=worst <= _ROUNDING, figures={"growth": worst}
-    )
+    return _bounded(worst)
 
 
 def _friction() -> CaseResult:
@@ -239,9 +237,7 @@ def _friction() -> CaseResult:
             later = energy_j(drive, state)
             worst = max(worst, (later - energy) / start)
             energy = later
-    return CaseResult(
-        f"grows by {_share(worst)}", held=worst <= _ROUNDING, figures={"growth": worst}
-    )
+    return _bounded(worst)
 
 
 def _follower_at_rest() -> CaseResult:
