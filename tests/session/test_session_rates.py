@@ -105,7 +105,7 @@ def test_a_recording_says_its_rate_and_is_read_by_all_ways(tmp_path, samples_per
 @pytest.mark.parametrize("samples_per_frame", [1, 6])
 def test_info_says_the_rates(tmp_path, samples_per_frame):
     frames = made_frames(50, ("acceleration",), samples_per_frame=samples_per_frame)
-    output = OutputBlock(0.0, "streamed", np.zeros(9), 1000.0 * samples_per_frame)
+    output = OutputBlock(0.0, "streamed", np.zeros(9), samples_per_frame)
     export_session(RecordedSession(frames, outputs=[output]), tmp_path / "run.mcap")
     said = info(tmp_path / "run.mcap")
     assert said.acceleration_rate_hz == pytest.approx(samples_per_frame * said.rate_hz)
@@ -162,13 +162,19 @@ def test_a_rate_that_there_is_not_is_refused(tmp_path):
         read_session(tmp_path / "run.mcap")
 
 
+def test_more_samples_than_a_file_holds_are_not_written(tmp_path):
+    with pytest.raises(InputError, match="12 samples of acceleration in a frame, a file holds 1"):
+        export_session(RecordedSession(made_frames(5, samples_per_frame=12)), tmp_path / "run.mcap")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_acceleration_and_output_have_one_rate(tmp_path):
     frames = made_frames(5, samples_per_frame=2)
     session = RecordedSession(frames, outputs=[OutputBlock(0.0, "streamed", np.zeros(3))])
     with pytest.raises(InputError, match="at 1000 and 2000 Hz; a file holds one rate"):
         export_session(session, tmp_path / "run.mcap")
     still = RecordedSession(
-        made_frames(5, ("force",)), outputs=[OutputBlock(0.0, "streamed", np.zeros(8), 4000.0)]
+        made_frames(5, ("force",)), outputs=[OutputBlock(0.0, "streamed", np.zeros(8), 4)]
     )
     export_session(still, tmp_path / "still.mcap")
     assert read_session(tmp_path / "still.mcap").outputs[0].rate_hz == 4000.0

@@ -267,7 +267,7 @@ def flatten(content: object, prefix: str = "") -> list[tuple[str, str]]:
 def as_text(value: object) -> str:
     """Return a value as text for people."""
     if isinstance(value, float):
-        return f"{value:.4g}" if abs(value) < 1e4 else f"{value:.6g}"
+        return f"{value:.0f}" if 1000 <= abs(value) < 1e6 else f"{value:.4g}"
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, tuple):

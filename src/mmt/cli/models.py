@@ -13,7 +13,7 @@ from mmt.core.existing_files import require_absent
 from mmt.core.kernel_cache import compile_kernels
 from mmt.scene import Scene, Texture
 from mmt.session import RecordedSession
-from mmt.session.data import common_samples_per_frame
+from mmt.session.stream import common_samples_per_frame
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -5,15 +5,15 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.drawn import Drawn
-from mmt.core.errors import InputError
 from mmt.core.frames import (
     FIELD_OF_CHANNEL,
+    FRAMES_HZ,
     Channel,
     acceleration_samples,
     channels_of,
@@ -38,8 +38,13 @@ class OutputBlock:
     """Where the vibration came from, as the leader names it."""
     vibration_m_s2: FloatArray
     """Shape (n,), stored in single precision."""
-    rate_hz: float = 1000.0
-    """Samples a second, as of the session's acceleration."""
+    samples_per_frame: int = 1
+    """Samples in a frame's time, as of the session's acceleration."""
+
+    @property
+    def rate_hz(self) -> float:
+        """Samples a second."""
+        return FRAMES_HZ * self.samples_per_frame
 
     @property
     def end_s(self) -> float:
@@ -154,33 +159,6 @@ class RecordedSession(Drawn):
         if not self.complete:
             parts.append("cut off")
         return f"<RecordedSession{name}: {', '.join(parts)}>"
-
-
-class _Sampled(Protocol):
-    @property
-    def path(self) -> Path: ...
-
-    @property
-    def samples_per_frame(self) -> int: ...
-
-
-def common_samples_per_frame(sessions: Sequence[_Sampled]) -> int:
-    """Return how many samples of acceleration the frames of sessions, at least one, have.
-
-    Raises
-    ------
-    InputError
-        They have not the same number.
-    """
-    first = sessions[0]
-    for other in sessions[1:]:
-        if other.samples_per_frame != first.samples_per_frame:
-            raise InputError(
-                f"the acceleration of {first.path} is at {first.samples_per_frame} kHz, that of "
-                f"{other.path} at {other.samples_per_frame} kHz: import them at one rate "
-                "(--acceleration-rate)"
-            )
-    return first.samples_per_frame
 
 
 def missing_frames(frames: RecordArray) -> int:

@@ -137,8 +137,8 @@ def output_block(
         It does not parse, or its channel has a rate that there is not.
     """
     mode, vibration_m_s2 = codec.decode(message.data)
-    rate_hz = 1000.0 * _samples_per_frame(path, channel)
-    return OutputBlock((message.log_time - start_ns) / 1e9, mode, vibration_m_s2, rate_hz)
+    time_s = (message.log_time - start_ns) / 1e9
+    return OutputBlock(time_s, mode, vibration_m_s2, _samples_per_frame(path, channel))
 
 
 def frame_codec(

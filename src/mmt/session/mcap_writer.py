@@ -17,7 +17,7 @@ from mcap.writer import CompressionType, Writer
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.core.existing_files import replacing
-from mmt.core.frames import Channel, channels_of
+from mmt.core.frames import FRAMES_HZ, MOST_SAMPLES, Channel, channels_of
 from mmt.core.version import __version__
 from mmt.session.data import (
     FRAME_PERIOD_NS,
@@ -274,13 +274,19 @@ def _write_all(stream: BinaryIO, session: RecordedSession, *, scalars: bool) -> 
     frames = session.frames
     start_ns = max(0, int(frames["time_ns"][0])) if len(frames) else 0
     began_utc_ns = session.began_utc_ns or time.time_ns()
-    rates = {output.rate_hz for output in session.outputs}
+    found = {output.samples_per_frame for output in session.outputs}
     if "acceleration" in session.channels:
-        rates.add(1000.0 * session.samples_per_frame)
-    if len(rates) > 1:
+        found.add(session.samples_per_frame)
+    if len(found) > 1:
         raise InputError(
             f"session {session.path}: acceleration and the leader's output are at "
-            f"{' and '.join(f'{rate:g}' for rate in sorted(rates))} Hz; a file holds one rate"
+            f"{' and '.join(str(FRAMES_HZ * k) for k in sorted(found))} Hz; a file holds one rate"
+        )
+    samples_per_frame = max(found, default=1)
+    if not 1 <= samples_per_frame <= MOST_SAMPLES:
+        raise InputError(
+            f"session {session.path}: {samples_per_frame} samples of acceleration in a frame, a "
+            f"file holds 1 to {MOST_SAMPLES}"
         )
     writer = SessionWriter(
         stream,
@@ -289,7 +295,7 @@ def _write_all(stream: BinaryIO, session: RecordedSession, *, scalars: bool) -> 
         session.session_id,
         utc_offset_ns=began_utc_ns - start_ns,
         scalars=scalars,
-        samples_per_frame=round(max(rates, default=1000.0) / 1000.0),
+        samples_per_frame=samples_per_frame,
     )
 
     def log_time_ns(time_s: float) -> int:

@@ -167,7 +167,8 @@ def _chosen_frames(
         raise InputError(
             f"replay of {name}: its acceleration is at {1000 * recorded} Hz, the scene's at "
             f"{1000 * samples_per_frame}: write acceleration_rate_hz = {1000 * recorded} under "
-            "[session]"
+            "[session], or import a file that has more of it by 'mmt session import "
+            f"--acceleration-rate {1000 * samples_per_frame}'"
         )
     chosen = np.empty(len(session.frames), dtype=frame_dtype(channels, samples_per_frame))
     for field in ("sequence", "time_ns", *(FIELD_OF_CHANNEL[channel] for channel in channels)):

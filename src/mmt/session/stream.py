@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from mmt.core.arrays import RecordArray
+from mmt.core.errors import InputError
 from mmt.core.frames import samples_per_frame
 from mmt.session.data import JsonObject, RecordedSession
 from mmt.session.files import read_session
@@ -54,6 +55,25 @@ class SessionStream:
 
 Recording = RecordedSession | SessionStream
 """A recorded session, in memory or in its file."""
+
+
+def common_samples_per_frame(sessions: Sequence[Recording]) -> int:
+    """Return how many samples of acceleration the frames of sessions, at least one, have.
+
+    Raises
+    ------
+    InputError
+        They have not the same number.
+    """
+    first = sessions[0]
+    for other in sessions[1:]:
+        if other.samples_per_frame != first.samples_per_frame:
+            raise InputError(
+                f"the acceleration of {first.path} is at {first.samples_per_frame} kHz, that of "
+                f"{other.path} at {other.samples_per_frame} kHz: import them at one rate "
+                "(--acceleration-rate)"
+            )
+    return first.samples_per_frame
 
 
 def open_recording(path: Path) -> Recording:

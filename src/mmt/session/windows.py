@@ -87,8 +87,8 @@ class MemoryWindows:
         self.scene: JsonObject | None = session.scene
         self.session_id: str | None = session.session_id
         self.channels: tuple[Channel, ...] = session.channels
-        rates = [session.samples_per_frame, *(round(o.rate_hz / 1e3) for o in session.outputs[:1])]
-        self.samples_per_frame = max(rates)
+        outputs = [output.samples_per_frame for output in session.outputs[:1]]
+        self.samples_per_frame = max(session.samples_per_frame, *outputs, 1)
         self.has_output = bool(session.outputs)
         self._frames = session.frames
         self._time_s = np.maximum.accumulate(session.time_s)

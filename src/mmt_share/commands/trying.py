@@ -12,7 +12,7 @@ import typer
 
 from mmt.cli.browser import open_page
 from mmt.cli.common import Force, messages, output
-from mmt.cli.importing import Columns, Rate, SourceFile, Units, print_report
+from mmt.cli.importing import AccelerationRate, Columns, Rate, SourceFile, Units, print_report
 from mmt.cli.models import SUFFIX, built, save
 from mmt.core.errors import InputError
 from mmt.core.existing_files import require_absent
@@ -32,6 +32,7 @@ def try_recording(
     columns: Columns = None,
     units: Units = None,
     rate: Rate = None,
+    acceleration_rate: AccelerationRate = None,
     port: Annotated[int, typer.Option(help="Listen on this port; 0 takes any free one.")] = 8770,
     force: Force = False,
 ) -> None:
@@ -49,6 +50,7 @@ def try_recording(
         columns=assignments(columns or [], "--map"),
         units=assignments(units or [], "--unit"),
         rate_hz=rate,
+        acceleration_rate_hz=acceleration_rate,
     )
     session = _session(source, options)
     model, update, _ = built([session], scene_of(session))

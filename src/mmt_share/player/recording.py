@@ -3,7 +3,7 @@
 The page tells its motion; the vibration is what the model renders of that, with an excitation of
 its own. A session's time is that of touching its texture. Where the hand is put down anew, one
 frame's number is left out, so that filters start anew there, as between trials. A frame has as many
-samples of vibration as the fastest of the models has in 1 ms.
+samples of vibration as the fastest of the models has in 1 ms, ten at most.
 """
 
 import math
@@ -68,7 +68,7 @@ class TouchRecorder:
         self._down: _TextureFile | None = None
         self._refusal: str | None = None
         fastest_hz = max(model.rate_hz for model in models)
-        self._samples = min(max(1, math.ceil(fastest_hz * _FRAME_S)), MOST_SAMPLES)
+        self._samples = min(math.ceil(fastest_hz * _FRAME_S), MOST_SAMPLES)
         self._textures = open_textures(
             models, output_hz=self._samples / _FRAME_S, estimate_hz=_ESTIMATE_HZ, seed=seed
         )

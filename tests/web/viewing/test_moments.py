@@ -55,9 +55,34 @@ def test_several_samples_a_frame_are_shown_at_their_own_rate() -> None:
     missing = np.isnan(shown)
     assert np.flatnonzero(missing).tolist() == list(range(512 - 40, 512 - 20))
     np.testing.assert_allclose(shown[~missing], tone[-512:][~missing], atol=0.15)
-    blocks = [OutputBlock(t, "streamed", np.full(400, 10 * t), 4000.0) for t in (1.0, 1.1)]
+    blocks = [OutputBlock(t, "streamed", np.full(400, 10 * t), 4) for t in (1.0, 1.1)]
     played = traces.played(blocks, 1.2).vibration_m_s2
     np.testing.assert_array_equal(played, [10.0] * 112 + [11.0] * 400)
+
+
+def test_a_model_is_rendered_along_the_motion_between_frames(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    given: list[np.ndarray] = []
+
+    class Noted:
+        def __init__(self, model: object, *, seed: int) -> None:
+            pass
+
+        def render(self, *inputs: np.ndarray) -> np.ndarray:
+            given.extend(inputs)
+            return inputs[0]
+
+    monkeypatch.setattr(traces, "Synthesizer", Noted)
+    frames = np.zeros(3000, frame_dtype(samples_per_frame=4))
+    frames["sequence"], frames["time_ns"] = np.arange(3000), np.arange(3000) * 1_000_000
+    frames["force_n"][:, 2] = 1.0 + np.linspace(0.0, 1.0, 3000)
+    model = TextureModel(TextureSamples.isotropic([100.0], [1.0], [[1.0, 2.0]], [1.0], [1.0]))
+    window = Window(np.arange(3000) / 1e3, frames)
+    traces.synthesized(window, 3.0, ModellingSettings(samples_per_frame=4), model)
+    force_n = given[-1]
+    assert len(force_n) % 4 == 0
+    np.testing.assert_allclose(np.diff(force_n)[3:], 1.0 / 2999 / 4, rtol=1e-3)
 
 
 def test_the_page_is_told_the_rate_of_what_vibrates() -> None:

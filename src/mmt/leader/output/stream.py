@@ -56,21 +56,14 @@ class StreamedVibration(Part):
     ) -> None:
         self.buffer = buffer
         self._session: Session | None = None
-        several = samples_per_frame > 1
         high_pass = butterworth_high_pass(VIBRATION_CUTOFF_HZ, samples_per_frame * rate_hz)
-        self._samples: tuple[slice | int | None, ...]
-        """Takes each frame's samples out of the field, which has no axis for a single one."""
+        self._samples_per_frame = samples_per_frame
+        self._axis: int | slice
         self._high_pass: BiquadFilter | _AllAxes
         if axis == "dft321":
-            self._samples = (slice(None), slice(None) if several else None)
-            self._high_pass = _AllAxes(high_pass, rate_hz)
+            self._axis, self._high_pass = slice(None), _AllAxes(high_pass, rate_hz)
         else:
-            only = _AXES[axis]
-            self._samples = (
-                slice(None),
-                *((slice(None), only) if several else (slice(only, only + 1),)),
-            )
-            self._high_pass = BiquadFilter(high_pass)
+            self._axis, self._high_pass = _AXES[axis], BiquadFilter(high_pass)
         self._next: int | None = None
         self._peak = 0.0
 
@@ -116,15 +109,16 @@ class StreamedVibration(Part):
         return with an offset that decays for longer than the gap lasted. It restarts after a
         longer one, and where the acceleration has moved by more than it vibrates.
         """
-        values = frames["acceleration_m_s2"][self._samples].tolist()
+        samples = frames["acceleration_m_s2"].reshape(-1, self._samples_per_frame, 3)
+        values = samples[..., self._axis].tolist()
         sequences = frames["sequence"].tolist()
         times_ns = frames["time_ns"].tolist()
         high_pass = self._high_pass
-        for sequence, time_ns, samples in zip(sequences, times_ns, values, strict=True):
-            vibration = high_pass.steps(samples)
+        for sequence, time_ns, value in zip(sequences, times_ns, values, strict=True):
+            vibration = high_pass.steps(value)
             if sequence != self._next and not self._goes_on(sequence, vibration):
                 high_pass.reset()
-                vibration = high_pass.steps(samples)
+                vibration = high_pass.steps(value)
             self._next = sequence + 1
             largest = max(map(abs, vibration))
             self._peak = max(largest, _PEAK_DECAY * self._peak)

@@ -134,7 +134,7 @@ class VibrationSwitch:
                 value = heard
             elif self._share == 1.0:
                 value = float(synthesized[index])
-            else:  # in plain numbers, of which a tick has few: arrays take six times as long
+            else:  # in plain numbers, of which a tick has few: arrays take longer
                 angle = 0.5 * math.pi * self._share
                 value = math.cos(angle) * heard + math.sin(angle) * float(synthesized[index])
             output[index] = value

@@ -44,10 +44,10 @@ def to_frames(
 ) -> tuple[RecordArray, dict[Channel, Stamps], bool]:
     """Return samples as frames (n,) at 1 kHz, their times, and whether they were resampled.
 
-    Rows on a 1 kHz grid, within a fifth of a period, become frames as they are, those of the
-    acceleration on that of the rate at which it is kept; so do those of an exported session, which
-    have their frame numbers. Everything else goes through `assess_stamps` and `resample`, which
-    import scipy. `samples` must have been checked.
+    Rows on a 1 kHz grid, within a fifth of a period, become frames as they are, those of an
+    acceleration beside motion on that of the rate at which it is kept; so do those of an exported
+    session, which have their frame numbers. Everything else goes through `assess_stamps` and
+    `resample`, which import scipy. `samples` must have been checked.
 
     Raises
     ------

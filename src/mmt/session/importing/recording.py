@@ -9,7 +9,7 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
-from mmt.core.frames import FIELD_OF_CHANNEL, Channel, samples_per_frame
+from mmt.core.frames import FIELD_OF_CHANNEL, FRAMES_HZ, Channel, samples_per_frame
 from mmt.session.data import RecordedSession
 from mmt.session.formats import find_format, suffixes
 from mmt.session.importing.checks import ImportReport, assess
@@ -76,11 +76,14 @@ def import_columns(
     each = options_of_each(options, files) if len(files) > 1 else [options]
     columns = read[0]
     frames, resampled = columns.frames, False
-    own_hz = None if frames is None else 1000 * samples_per_frame(frames.dtype)
-    plain = [
-        ImportOptions(episode=options.episode, acceleration_rate_hz=hz) for hz in (None, own_hz)
-    ]
-    if frames is not None and len(read) == 1 and options in plain:
+    asked_hz = options.acceleration_rate_hz
+    plain = replace(options, acceleration_rate_hz=None) == ImportOptions(episode=options.episode)
+    if (
+        plain
+        and len(read) == 1
+        and frames is not None
+        and asked_hz in (None, FRAMES_HZ * samples_per_frame(frames.dtype))
+    ):
         samples, stamps = _of_frames(columns.origin, frames)
     else:
         parts = [to_samples(c, o) for c, o in zip(read, each, strict=True)]

@@ -59,8 +59,8 @@ def measured(window: Window, end_s: float, settings: ModellingSettings) -> Float
     newest = slice(-(-(-SHOWN // several) + _SETTLING), None)
     frames, time_s = window.frames[newest], window.time_s[newest]
     axis = _AXES[settings.normal if settings.axis == "dft321" else settings.axis]
-    step = BiquadFilter(butterworth_high_pass(_HIGH_PASS_HZ, settings.rate_hz * several)).step
-    values = [step(value) for value in acceleration_samples(frames)[:, axis].tolist()]
+    high_pass = BiquadFilter(butterworth_high_pass(_HIGH_PASS_HZ, settings.rate_hz * several))
+    values = high_pass.steps(acceleration_samples(frames)[:, axis].tolist())
     last = _last_number(frames, time_s, end_s)
     return _placed(np.array(values), numbers(frames), last, several)
 
@@ -100,7 +100,9 @@ def synthesized(
     aligned = aligned[int(np.searchsorted(aligned.index, begin)) :]
     velocity = np.ascontiguousarray(aligned.velocity_mm_s.T)
     motion = (*velocity,) if model.space.directed else (aligned.speed_mm_s,)
-    inputs = [np.repeat(values, several) for values in (*motion, aligned.normal_force_n)]
+    frame = np.arange(len(aligned.index))
+    sample = np.arange(1 - several, several * (len(frame) - 1) + 1) / several
+    inputs = [np.interp(sample, frame, one) for one in (*motion, aligned.normal_force_n)]
     rendered = Synthesizer(model, seed=begin % 2**31).render(*inputs)
     last = _last_number(window.frames, window.time_s, end_s)
     return Played(_placed(rendered, aligned.index, last, several), np.ones(SHOWN))
