@@ -21,12 +21,14 @@ def test_an_unknown_stage_is_explained() -> None:
 
 
 def test_the_evaluation_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(evaluate, "EVALUATIONS", {(6.0, 1): 2})
+    monkeypatch.setattr(evaluate, "EVALUATIONS", {(6.0, 1): (2, 1.0), (6.0, 2): (1, 1e6)})
     _, figures = run_benches(["evaluate"])
     found = figures["evaluate"]["figures"]
     assert found["median_6_s"] > 0
     assert found["times_real_time_6_s"] == pytest.approx(6.0 / found["median_6_s"])
     assert 0 < found["update_ms_6_s"] <= found["longest_update_ms_6_s"]
+    assert found["times_real_time_6_s_2_khz"] == pytest.approx(6.0 / found["median_6_s_2_khz"])
+    assert [target["met"] for target in figures["evaluate"]["targets"]] == [True, False]
     assert figures["machine"]["processor"]
 
 

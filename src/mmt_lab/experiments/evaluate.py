@@ -10,18 +10,20 @@ from mmt_lab.bench.textures import session
 from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import Findings
 
-EVALUATIONS: Final = {(18.0, 1): 5, (60.0, 1): 3, (600.0, 1): 1, (18.0, 10): 3}
-"""Repetitions of the evaluation, of which the median counts, by the length of the session in s and
-the rate of its acceleration in kHz."""
-
-LEAST_TIMES: Final = {1: 100.0, 10: 30.0}
-"""Target: how many times faster than real time each is evaluated, by that rate."""
+EVALUATIONS: Final = {
+    (18.0, 1): (5, 100.0),
+    (60.0, 1): (3, 100.0),
+    (600.0, 1): (1, 100.0),
+    (18.0, 10): (3, 30.0),
+}
+"""By the length of a session in s and the rate of its acceleration in kHz: repetitions of the
+evaluation, of which the median counts, and how many times faster than real time it is to be."""
 
 
 def run() -> Findings:
     """Evaluate simulated sessions several times."""
     figures: dict[str, Figure] = {}
-    for (duration_s, rate_khz), count in EVALUATIONS.items():
+    for (duration_s, rate_khz), (count, least_times) in EVALUATIONS.items():
         recorded = session("wood", duration_s, acceleration_rate_hz=1000 * rate_khz)
         if count > 1:
             evaluate_session(recorded)
@@ -40,7 +42,7 @@ def run() -> Findings:
                 f"{length}: times faster than real time",
                 duration_s / median_s,
                 "at least",
-                LEAST_TIMES[rate_khz],
+                least_times,
             ),
             f"median_{key}": (f"{length}: median (s)", median_s),
             f"spread_{key}": (
