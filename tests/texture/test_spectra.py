@@ -7,6 +7,7 @@ from scipy.signal import freqz
 
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.forms import (
+    ar_spectra,
     ar_spectrum,
     lsf_spectrum,
     lsf_to_ar,
@@ -31,6 +32,15 @@ def test_the_densities_agree_with_a_frequency_response(order):
     lsf = reflection_to_lsf(reflection_of(order))
     np.testing.assert_allclose(ar_spectrum(ar, 3.0, FREQUENCIES_HZ, RATE_HZ), expected, rtol=1e-9)
     np.testing.assert_allclose(lsf_spectrum(lsf, 3.0, FREQUENCIES_HZ, RATE_HZ), expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("order", "period"), [(1, 4), (16, 1000), (64, 10000)])
+def test_densities_from_0_to_half_the_rate_are_those_at_each_frequency(order, period):
+    ar = reflection_to_ar(np.array([reflection_of(order), reflection_of(order) / 2]))
+    frequencies_hz = np.linspace(0.0, RATE_HZ / 2, period // 2 + 1)
+    expected = ar_spectrum(ar, np.array([1.0, 3.0]), frequencies_hz, RATE_HZ)
+    found = ar_spectra(ar, np.array([1.0, 3.0]), period, RATE_HZ)
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
 @pytest.mark.parametrize("order", [1, 2, 7, 16])

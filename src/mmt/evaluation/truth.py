@@ -39,7 +39,7 @@ from mmt.evaluation.levels import (
 from mmt.evaluation.results import PowerMap, Worst
 from mmt.evaluation.worst import Error, explain
 from mmt.testing.simulation.known_surfaces import KnownSurface, surface_from_annotations
-from mmt.texture.autoregression.forms import ar_spectrum, lsf_to_ar
+from mmt.texture.autoregression.forms import ar_spectra, ar_spectrum, lsf_to_ar
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.amplitude_spectra import expected_amplitude
@@ -246,7 +246,7 @@ def _spectra_of(model: TextureModel, strokes: Strokes) -> _Spectra:
     lsf, variance = model.at(*strokes.inputs(model.space).T)
     # By the coefficients: several times faster than by LSF.
     ar = lsf_to_ar(lsf)
-    density = ar_spectrum(ar, variance, density_hz(model.rate_hz), model.rate_hz)
+    density = ar_spectra(ar, variance, round(model.rate_hz), model.rate_hz)
     power = exact_power(lsf, variance, model.rate_hz)
     above = power_above_felt(ar, power, model.rate_hz)
     return _spectra(density, _level(power, density[:, : LOWEST_HZ + 1], above))

@@ -114,16 +114,18 @@ class Surface:
         """
         speed, force, cosine, sine = strokes_on(self, speed_mm_s, force_n, heading_rad)
         omega = 2.0 * np.pi / self.rate_hz * np.atleast_1d(np.asarray(frequencies_hz, np.float64))
+        cosines, sines = np.cos(omega), np.sin(omega)
         density = np.zeros((speed.size, omega.size))
         for mode in self.modes:
             power, frequency, bandwidth = maps_at(mode, speed, force, cosine, sine)
             radius = np.exp(-np.pi / self.rate_hz * bandwidth)[:, None]
             turn = (2.0 * np.pi / self.rate_hz * frequency)[:, None]
-            unit, double = 1.0 + radius * radius, 2.0 * radius
-            above = 1.0 / (unit - double * np.cos(omega - turn))
-            below = 1.0 / (unit - double * np.cos(omega + turn))
-            density += power[:, None] * (1.0 - radius * radius) * (above + below)
-        return density / self.rate_hz * _high_pass(np.cos(omega), self.high_pass_pole)
+            # The sum of 1 / (unit - 2 radius cos(omega -+ turn)), with few cosines.
+            middle = 1.0 + radius * radius - (2.0 * radius * np.cos(turn)) * cosines
+            apart = (2.0 * radius * np.sin(turn)) * sines
+            scale = 2.0 * power[:, None] * (1.0 - radius * radius)
+            density += scale * middle / ((middle - apart) * (middle + apart))
+        return density / self.rate_hz * _high_pass(cosines, self.high_pass_pole)
 
     def power(
         self,

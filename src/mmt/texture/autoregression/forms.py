@@ -38,7 +38,7 @@ from mmt.texture.autoregression.lsf import (
     reflection_to_ar_each_into,
 )
 from mmt.texture.autoregression.order_limit import LARGEST_ORDER
-from mmt.texture.autoregression.spectra import ar_spectrum, lsf_spectrum
+from mmt.texture.autoregression.spectra import ar_spectra, ar_spectrum, lsf_spectrum
 from mmt.texture.autoregression.split import (
     lsf_to_reflection_each_into,
     reflection_to_lsf_each_into,
@@ -46,6 +46,7 @@ from mmt.texture.autoregression.split import (
 
 __all__ = [
     "ReflectionFits",
+    "ar_spectra",
     "ar_spectrum",
     "ar_to_reflection",
     "burg",
@@ -199,6 +200,7 @@ def _checked_reflection(reflection: FloatArray) -> FloatArray:
 
 def _checked_lsf(lsf: FloatArray) -> FloatArray:
     array = _checked("lsf", lsf)
-    if (np.diff(array, prepend=0.0, append=np.pi, axis=-1) <= 0.0).any():
+    ascending = (array[..., 1:] > array[..., :-1]).all()
+    if not (ascending and (array[..., 0] > 0.0).all() and (array[..., -1] < np.pi).all()):
         raise InputError("lsf must ascend strictly inside (0, pi)")
     return array
