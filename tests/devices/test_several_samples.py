@@ -13,10 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from instruments import Instrument
 from running_source import RunningSource
-from synthetic_sensors import MS, START_NS, SyntheticSensor
+from synthetic_sensors import MS, START_NS, SyntheticSensor, Time
 
 from mmt.core.arrays import RecordArray
-from mmt.core.errors import InputError
+from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import acceleration_samples, frame_dtype, missing_band
 from mmt.devices.adxl335.gravity import nominal
 from mmt.devices.adxl335.serial_driver import SerialAdxl335
@@ -47,7 +47,6 @@ def frames_of(
         time_ns = round(k * 1e9 / rate_hz)
         angle = math.tau * frequency_hz * time_ns * 1e-9 + phase
         lane.add([SensorReading(time_ns, (math.cos(angle), math.sin(angle), 9.81))], time_ns)
-    lane.at(8 * MS)  # until there are readings enough, the rate is not known
     settled_ns = math.ceil(20.0 * max(1.0, 1000.0 / rate_hz)) * MS
     for frame in range(count):
         time_ns = settled_ns + frame * MS + 137_000
@@ -219,6 +218,31 @@ def test_a_polled_accelerometer_is_refused() -> None:
 def test_what_a_slow_sensor_lacks_is_said(rate_hz: float, samples_hz: float, said: str) -> None:
     assert said in missing_band(rate_hz, samples_hz)
     assert bool(said) == bool(missing_band(rate_hz, samples_hz))
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.floats(0.4, 2.0) | st.floats(2.0, 5000.0), SAMPLES)
+def test_however_slow_a_sensor_is_it_starts_or_is_said_to_give_nothing(
+    rate_hz: float, samples_per_frame: int
+) -> None:
+    """The slowest give one reading or none until the session begins."""
+    time = Time()
+    sensor = SyntheticSensor(rate_hz, time=time)
+    with pytest.MonkeyPatch.context() as patches:
+        patches.setattr("mmt.devices.source.time", time)
+        patches.setattr("mmt.devices.slots.time", time.still)
+        running = RunningSource(None, sensor, samples_per_frame=samples_per_frame)
+        try:
+            running.source.start(0)
+        except MmtError as error:
+            assert "gives no reading" in str(error)  # noqa: PT017 - it need not be raised
+            assert rate_hz < 1.0
+        else:
+            for _ in range(20):
+                time.now_ns += MS
+                running.source.step(1, time.now_ns, None)
+            assert not running.told or rate_hz < 2.0
+        running.source.close()
 
 
 def shaken(time_ns: int, fast_hz: float) -> Vector:

@@ -164,6 +164,37 @@ def test_a_sensor_that_comes_back_at_another_rate_has_other_weights() -> None:
     assert math.dist((x, y), (math.cos(angle), math.sin(angle))) < 0.02
 
 
+@settings(deadline=None, max_examples=60)
+@given(
+    rate_hz=st.floats(500.0, 8000.0),
+    later_hz=st.floats(500.0, 8000.0),
+    lost=st.sets(st.integers(0, 32), max_size=5),
+    samples_per_frame=st.integers(1, 4),
+)
+def test_a_rate_that_changes_costs_no_frame_beside_those_of_its_gaps(
+    rate_hz: float, later_hz: float, lost: set[int], samples_per_frame: int
+) -> None:
+    """Also a rate that seems another one, because readings are lost at regular intervals."""
+    steps_ns = np.repeat([1e9 / rate_hz, 1e9 / later_hz], 200)
+    times_ns = np.cumsum(steps_ns).astype(int).tolist()
+    kept = [time_ns for k, time_ns in enumerate(times_ns) if k < 100 or k % 33 not in lost]
+    lane, line = VibrationLane(samples_per_frame=samples_per_frame), Lane()
+    frame_ns = times_ns[20]
+    for time_ns in kept:
+        for each in (lane, line):
+            each.add([SensorReading(time_ns, (1.0, 2.0, 3.0))], time_ns)
+        if time_ns <= times_ns[100]:  # frames begin once the sensor's rate is known
+            continue
+        while (value := lane.at(frame_ns)) is not WAITING:
+            ages_ns = [round(1e6 * j / samples_per_frame) for j in range(samples_per_frame)]
+            if None in [line.at(frame_ns - age_ns) for age_ns in reversed(ages_ns)]:
+                assert value is None
+            else:
+                assert value == pytest.approx((1.0, 2.0, 3.0) * samples_per_frame)
+            frame_ns += 1_000_000
+    assert frame_ns > kept[-1] - 20_000_000
+
+
 def test_noise_is_not_amplified() -> None:
     for rate_hz in (1000, 2000, 4000, 8000):
         table = np.array(weights_for(rate_hz).rows)

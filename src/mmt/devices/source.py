@@ -11,6 +11,7 @@ from mmt.core.arrays import RecordArray
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.core.frames import (
     FIELD_OF_CHANNEL,
+    FRAMES_HZ,
     Channel,
     frame_dtype,
     missing_band,
@@ -79,7 +80,7 @@ class DeviceSource:
         samples_per_frame: int = 1,
     ) -> None:
         self._channels = ordered_channels(channels)
-        self._acceleration_hz = samples_per_frame * 1_000_000_000 // PERIOD_NS
+        self._acceleration_hz = samples_per_frame * FRAMES_HZ
         self._on_lost = on_lost
         self._watcher: LossWatcher = lambda _lost, _sentence: None
         self._taker: FrameReceiver | None = None
@@ -196,7 +197,7 @@ class DeviceSource:
     def _tell_band(self) -> None:
         """Say where the acceleration ends, if the sensor gives less than frames can hold."""
         slot = self._measuring.get(FIELD_OF_CHANNEL["acceleration"])
-        if slot is not None and self._acceleration_hz > 1_000_000_000 // PERIOD_NS:
+        if slot is not None and slot.lane.period_ns and self._acceleration_hz > FRAMES_HZ:
             said = missing_band(1e9 / slot.lane.period_ns, self._acceleration_hz)
             if said:
                 LOG.warning("the accelerometer %s", said)

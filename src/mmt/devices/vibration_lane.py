@@ -12,6 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mmt.core.arrays import FloatArray
+from mmt.core.frames import FRAMES_HZ
 from mmt.devices.lanes import WAITING, Lane, Waiting, on_line
 from mmt.devices.protocols import SensorReading, Vector
 
@@ -20,9 +21,6 @@ BEFORE: Final = 8
 
 PHASES: Final = 256
 """Instants between two readings that have weights of their own; the nearest is taken."""
-
-FRAMES_HZ: Final = 1000.0
-"""Frames a second."""
 
 _SHARE: Final = 0.42
 """Share of the sensor's rate: the band of a slow one. Near half its rate nothing can be had from
@@ -144,43 +142,38 @@ class VibrationLane(Lane):
     def __init__(self, latency_ns: int = 0, samples_per_frame: int = 1) -> None:
         super().__init__(latency_ns)
         self._samples_hz = FRAMES_HZ * samples_per_frame
-        self._later_ns = [round(1e9 * j / self._samples_hz) for j in range(1, samples_per_frame)]
-        """From the first instant of a frame to the others."""
-        self._span_ns = max(self._later_ns, default=0)
-        self._weights = weights_for(FRAMES_HZ, self._samples_hz)
+        self._ages_ns = [round(1e9 * j / self._samples_hz) for j in range(samples_per_frame)][::-1]
+        """From each instant of a frame to its last one."""
+        self._weights = Weights(BEFORE, 1, ())
         self._made_for_ns = 0.0
 
     @property
     def ahead_ns(self) -> int:
         """How much longer frames wait than for the reading after their instant."""
-        if self._span_ns and not self._made_for_ns and self.period_ns:
-            self._make_weights()  # with one value a frame, one reading after it will do
+        self._follow_period()
         return round((self._weights.after - 1) * self.period_ns)
 
-    def _make_weights(self) -> None:
-        self._made_for_ns = self.period_ns
-        self._weights = weights_for(1e9 / self.period_ns, self._samples_hz)
+    def _follow_period(self) -> None:
+        if abs(self.period_ns - self._made_for_ns) > _OTHER_RATE * self.period_ns:
+            self._made_for_ns = self.period_ns
+            self._weights = weights_for(1e9 / self.period_ns, self._samples_hz)
 
     def _interpolate(self, time_ns: int, longest_ns: float) -> "tuple[float, ...] | Waiting | None":
         """Return x, y, z of each instant of a frame; see `Lane.at`."""
-        kept, (before, after, _) = self._kept, self._weights
-        if len(kept) < after or kept[-after].time_ns < time_ns:
+        self._follow_period()  # before readings are let go, never between two instants
+        readings, (before, after, _) = self._kept, self._weights
+        if len(readings) < after or readings[-after].time_ns < time_ns:
             return WAITING
-        first_ns = time_ns - self._span_ns
-        while len(kept) > before and kept[before].time_ns <= first_ns:
-            kept.popleft()
-        value = self._value(kept, first_ns, longest_ns)
-        if value is None or not self._span_ns:
-            return value
-        values: tuple[float, ...] = value
-        readings = kept.copy()
-        for later_ns in self._later_ns:
-            instant_ns = first_ns + later_ns
+        values: tuple[float, ...] = ()
+        for age_ns in self._ages_ns:
+            instant_ns = time_ns - age_ns
             while len(readings) > before and readings[before].time_ns <= instant_ns:
                 readings.popleft()
             value = self._value(readings, instant_ns, longest_ns)
             if value is None:
                 return None
+            if not values and age_ns:  # the frame may be asked for again
+                readings = readings.copy()
             values += value
         return values
 
@@ -190,12 +183,10 @@ class VibrationLane(Lane):
         """Return the value of an instant by the readings around it, and later ones."""
         before, after, rows = self._weights
         count = before + after
-        if len(readings) < count:
+        if len(readings) < count or readings[before - 1].time_ns > time_ns:
             return _near_the_beginning(readings, time_ns, longest_ns)
         start, end = readings[before - 1], readings[before]
         start_ns, end_ns, first_ns = start.time_ns, end.time_ns, readings[0].time_ns
-        if start_ns > time_ns:
-            return _near_the_beginning(readings, time_ns, longest_ns)
         span = end_ns - start_ns
         if after == 1:
             uneven_ns = abs(end_ns - first_ns - BEFORE * span)
@@ -204,9 +195,6 @@ class VibrationLane(Lane):
             uneven_ns = abs(last_ns - 2 * middle_ns + first_ns)
         if span > longest_ns or uneven_ns > _UNEVEN * span:
             return on_line(start, end, time_ns, longest_ns)
-        if abs(self.period_ns - self._made_for_ns) > _OTHER_RATE * self.period_ns:
-            self._make_weights()
-            return self._value(readings, time_ns, longest_ns)  # of which there may be too few
         x = y = z = 0.0
         row = rows[round((time_ns - start_ns) / span * PHASES)]
         for weight, (_, (u, v, w)) in zip(row, readings, strict=False):  # later ones have no part
