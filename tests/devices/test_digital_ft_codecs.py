@@ -1,5 +1,6 @@
 """The Digital F/T's frames, registers, records and clock, without a line."""
 
+import math
 import struct
 
 import numpy as np
@@ -72,9 +73,8 @@ def test_calibrations_lie_where_they_are_documented():
     assert (calibration_start(1), calibration_start(2), calibration_start(16)) == (227, 419, 3107)
 
 
-def packed(units=(2, 4), counts=(1000, 500)):
+def packed(units=(2, 4), counts=(1000, 500), ranges=(12, 12, 17, 120, 120, 120)):
     matrix = np.arange(36.0).reshape(6, 6)
-    ranges = (12, 12, 17, 120, 120, 120)
     return pack_calibration("FT1", "SI-12", matrix, units, ranges, counts, range(6), range(6, 12))
 
 
@@ -100,7 +100,16 @@ def test_other_units_of_a_calibration_are_converted():
     assert stored.calibration.range_n_mm == pytest.approx((120_000.0,) * 3)
 
 
-@pytest.mark.parametrize("wrong", [{"units": (0, 4)}, {"units": (2, 7)}, {"counts": (0, 1)}])
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"units": (0, 4)},
+        {"units": (2, 7)},
+        {"counts": (0, 1)},
+        {"ranges": (12, math.nan, 17, 120, 120, 120)},
+        {"ranges": (12, 12, 17, 120, 120, 0)},
+    ],
+)
 def test_an_empty_calibration_is_explained(wrong):
     with pytest.raises(MmtError, match="sensor: it holds no usable calibration"):
         parse_calibration(packed(**wrong), "sensor")

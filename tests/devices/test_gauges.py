@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from emulated_gauges import EmulatedGauges
+from hypothesis import given
+from hypothesis import strategies as st
 from sensor_reading import read_some, read_until, read_until_fault
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
@@ -101,8 +104,7 @@ def test_a_file_without_user_axes_gives_the_matrix_at_the_displaced_origin(
         (cal_file("<Nothing/>"), "neither UserAxis nor Axis"),
         (cal_file('<UserAxis Name="Fx" values="1 2 3 4 5 6" max="1"/>'), "no UserAxis for Fy, Fz"),
         (cal_file().replace(b"0.02 ", b"", 1), "Fx has 5 values, six are expected"),
-        (cal_file().replace(b"0.02 ", b"x ", 1), "values of Fx is 'x', not a number"),
-        (cal_file().replace(b"0.02 ", b"nan ", 1), "not finite"),
+        (cal_file().replace(b"0.02 ", b"x ", 1), "values of Fx is 'x', not a finite number"),
         (cal_file(ranges=(0, 1, 1, 1, 1, 1)), "not above zero"),
         (cal_file(units=("stone", "N-mm", "mm")), "unit of force 'stone' is not known"),
         (cal_file(units=("", "N-mm", "mm")), "has no ForceUnits"),
@@ -112,6 +114,15 @@ def test_a_file_without_user_axes_gives_the_matrix_at_the_displaced_origin(
 def test_a_file_that_cannot_be_used_is_explained(content, words):
     with pytest.raises(InputError, match=words):
         parse_calibration_file(content)
+
+
+@given(st.integers(min_value=0), st.sampled_from([b"nan", b"-inf", b"inf", b"1e400"]))
+def test_every_number_of_a_file_must_be_finite(place, word):
+    head, output, rest = cal_file().partition(b"OutputRange=")
+    numbers = list(re.finditer(rb"(?<=[\" ])-?[\d.]+(?=[\" ])", rest))
+    begin, end = numbers[place % len(numbers)].span()
+    with pytest.raises(InputError, match="not a finite number"):
+        parse_calibration_file(head + output + rest[:begin] + word + rest[end:])
 
 
 def test_a_file_that_is_missing_or_too_large_is_explained(tmp_path):

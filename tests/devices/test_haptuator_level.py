@@ -150,6 +150,7 @@ def test_what_tells_nothing_is_refused() -> None:
         ((volts, acceleration[:-1]), "one length"),
         ((volts, broken), "finite"),
         ((0.0 * volts, acceleration), "zero throughout"),
+        ((np.where(np.arange(len(volts)) < 1, 1.0, 0.0), acceleration), "explains 0 % of"),
     ):
         with pytest.raises(InputError, match=words):
             fit_equaliser(*pair)

@@ -152,6 +152,15 @@ def test_a_handle_that_is_shaken_too_hard_ends_the_sweep(time: Time) -> None:
     assert (coil.closed, sensor.closed) == (1, 1)
 
 
+def test_an_accelerometer_that_gives_no_numbers_ends_the_sweep_before_it_is_loud(
+    time: Time,
+) -> None:
+    coil = Coil(time, lambda v: math.nan if v else 0.0)
+    with pytest.raises(MmtError, match="ended: the handle is shaken by nan"):
+        record_sweep(coil, Sensor(time, coil), SHORT)
+    assert max(map(abs, coil.volts)) <= 0.0625
+
+
 def test_the_accelerometer_is_closed_also_where_the_actuator_cannot_be(
     time: Time, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -255,6 +255,7 @@ def test_what_keeps_a_box_from_being_opened_is_told(monkeypatch) -> None:
         ([AnalogInput(0, 5)], 1000.0, "gain 5"),
         ([AnalogInput(1, 1, differential=True)], 1000.0, "even half"),
         ([AnalogInput(0)], 50.0, "rate_hz 50"),
+        ([AnalogInput(0)], float("nan"), "rate_hz nan"),
         ([AnalogInput(n) for n in range(14)], 4000.0, "50000 samples a second, which is 3571 Hz"),
     ],
 )

@@ -79,11 +79,14 @@ def test_a_page_becomes_settings():
     ("old", "new", "words"),
     [
         ("<cfgcpf>1000000</cfgcpf>", "", "has no 'cfgcpf'"),
-        (">1000000<", ">many<", "'cfgcpf' of its page is 'many', not a number"),
+        (">1000000<", ">many<", "'cfgcpf' of its page is 'many', not a finite number"),
         (">1000000<", ">0<", "'cfgcpf' of its page is 0.0, not above zero"),
         ("<scfgfu>N<", "<scfgfu>st<", "unit of force 'st' is not known"),
         ("Enabled", "Disabled", "RDT is switched off"),
         ("12;12;17;", "12;12;", "six are expected"),
+        ("12;12;17;", "12;nan;17;", "'cfgmr' of its page is 'nan', not a finite number"),
+        (">1000000<", ">inf<", "not a finite number"),
+        (">4<", ">nan<", "'setuserfilter' of its page is 'nan', not a finite number"),
         (PAGE, "", "has no 'scfgfu'"),
     ],
 )

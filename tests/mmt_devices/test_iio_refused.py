@@ -77,9 +77,10 @@ def test_a_type_that_no_accelerometer_has_is_told(emulated, drivers, content, wo
 def test_a_driver_of_the_kernel_without_scale_or_with_none_that_is_a_number_is_told(
     emulated, drivers
 ) -> None:
-    emulated.write("in_accel_scale", "n/a")
-    with pytest.raises(MmtError, match="in_accel_scale holds 'n/a' and no number"):
-        drivers(emulated).connect()
+    for held in ("n/a", "nan", "inf"):
+        emulated.write("in_accel_scale", held)
+        with pytest.raises(MmtError, match=f"in_accel_scale holds '{held}' and no finite number"):
+            drivers(emulated).connect()
     (emulated.directory / "in_accel_scale").unlink()
     with pytest.raises(MmtError, match="gives no scale: in_accel_x_scale"):
         drivers(emulated).connect()

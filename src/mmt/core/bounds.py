@@ -77,6 +77,19 @@ def real_numbers(name: str, values: npt.ArrayLike) -> FloatArray:
     return array.astype(np.float64, copy=False)
 
 
+def finite_number(text: str) -> float:
+    """Return the number that a text is.
+
+    Raises
+    ------
+    ValueError
+        It is none, or not finite.
+    """
+    if not math.isfinite(number := float(text)):
+        raise ValueError(f"{number} is not finite")
+    return number
+
+
 @cache
 def _annotations(owner: type) -> dict[str, Any]:
     return type_hints(owner, include_extras=True)

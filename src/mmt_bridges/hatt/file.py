@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
+from mmt.core.bounds import finite_number
 from mmt.core.errors import InputError, brief
 from mmt.core.xml_files import parse_xml
 
@@ -174,12 +175,11 @@ def _number(element: ET.Element, tag: str, where: str) -> float:
 
 def _parse(text: str | None, tag: str, where: str) -> float:
     try:
-        value = float(text or "")
+        return finite_number(text or "")
     except ValueError:
-        value = np.nan
-    if not np.isfinite(value):
-        raise InputError(f"{where}: <{tag}> is {brief(text)!r}, a finite number is needed")
-    return value
+        raise InputError(
+            f"{where}: <{tag}> is {brief(text)!r}, a finite number is needed"
+        ) from None
 
 
 def _positive(root: ET.Element, tag: str) -> float:

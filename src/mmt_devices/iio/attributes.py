@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 from typing import Final
 
+from mmt.core.bounds import finite_number
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.discovery import FoundPort
 
@@ -59,11 +60,11 @@ class Attributes:
         """
         content = self.read(attribute)
         try:
-            return float(content)
+            return finite_number(content)
         except ValueError as error:
             raise MmtError(
-                f"{self._name}: {self.directory / attribute} holds {content!r} and no number; look "
-                "with dmesg what its driver says"
+                f"{self._name}: {self.directory / attribute} holds {content!r} and no finite "
+                "number; look with dmesg what its driver says"
             ) from error
 
     def write(self, attribute: str, value: str) -> None:

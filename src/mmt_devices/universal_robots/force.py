@@ -97,7 +97,7 @@ class UrForceSensor:
             forces[state.timestamp_s] = state.force_n
             time.sleep(0.001)
         columns = tuple(zip(*forces.values(), strict=True))
-        if max(max(column) - min(column) for column in columns) > _UNREST_N:
+        if not all(n - min(column) <= _UNREST_N for column in columns for n in column):
             raise MmtError(
                 "the force at the UR arm's tool moves while its bias is taken: keep the tool free "
                 "and at rest"

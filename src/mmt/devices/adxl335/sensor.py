@@ -183,7 +183,7 @@ class Adxl335(ABC):
             *((rest.mean_v[i] - used.zero_v[i]) / used.gain_v_per_m_s2[i] for i in range(3))
         )
         bound = _CALIBRATED_ERROR if self._calibrated else _NOMINAL_ERROR
-        if abs(felt / GRAVITY_M_S2 - 1.0) > bound:
+        if not abs(felt / GRAVITY_M_S2 - 1.0) <= bound:
             why = (
                 f"the calibration stored for {self._serial} does not fit this sensor or its supply"
                 if self._calibrated

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from mmt.core.bounds import finite_number
 from mmt.core.errors import InputError, brief
 from mmt.core.xml_files import parse_xml
 from mmt.devices.ati.calibration import (
@@ -168,6 +169,6 @@ def _text(element: ET.Element, key: str) -> str:
 
 def _number(text: str, name: str) -> float:
     try:
-        return float(text)
+        return finite_number(text)
     except ValueError:
-        raise InputError(f"its {name} is {brief(text)!r}, not a number") from None
+        raise InputError(f"its {name} is {brief(text)!r}, not a finite number") from None

@@ -1,5 +1,6 @@
 """The Digital F/T's registers: status, gains and offsets, and its stored calibrations."""
 
+import math
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -81,10 +82,12 @@ def parse_calibration(registers: Sequence[int], device: str) -> StoredCalibratio
     force_code, torque_code = content[208], content[209]
     ranges = struct.unpack(">6f", content[210:234])
     counts = struct.unpack(">2i", content[234:242])
-    if not (1 <= force_code <= 6 and 1 <= torque_code <= 6 and min(counts) > 0):
+    sizes = (*counts, *ranges)
+    known = 1 <= force_code <= 6 and 1 <= torque_code <= 6
+    if not (known and all(0.0 < size < math.inf for size in sizes)):
         raise MmtError(
             f"{device}: it holds no usable calibration of this number (units {force_code}, "
-            f"{torque_code}, counts {counts}); change 'calibration_number'"
+            f"{torque_code}, counts {counts}, ranges {ranges}); change 'calibration_number'"
         )
     force_unit, torque_unit = FORCE_UNITS[force_code - 1], TORQUE_UNITS[torque_code - 1]
     newton = force_in_newton(force_unit, device)

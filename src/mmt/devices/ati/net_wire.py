@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
+from mmt.core.bounds import finite_number
 from mmt.core.errors import MmtError
 from mmt.core.requests import AnswerError, open_answer
 from mmt.devices.ati.calibration import Calibration, force_in_newton, torque_in_newton_mm
@@ -234,13 +235,13 @@ def _value(page: Mapping[str, str], name: str, device: str) -> str:
 
 def _number(text: str, name: str, device: str) -> float:
     try:
-        return float(text)
+        return finite_number(text)
     except ValueError:
-        raise MmtError(f"{device}: {name!r} of its page is {text!r}, not a number") from None
+        raise MmtError(f"{device}: {name!r} of its page is {text!r}, not a finite number") from None
 
 
 def _positive(page: Mapping[str, str], name: str, device: str) -> float:
     number = _number(_value(page, name, device), name, device)
-    if not 0 < number < float("inf"):
+    if number <= 0:
         raise MmtError(f"{device}: {name!r} of its page is {number}, not above zero")
     return number

@@ -154,7 +154,7 @@ def fit_equaliser(
             lowest -= 1
         band[lowest:] |= _FREQUENCIES_HZ[lowest:] < first_hz
     explained = float(np.median(coherence[band]))
-    if explained < _LEAST_COHERENCE:
+    if not explained >= _LEAST_COHERENCE:
         raise InputError(
             f"the voltage explains {100.0 * explained:.0f} % of the measured acceleration, it must "
             f"be {100.0 * _LEAST_COHERENCE:.0f} %: raise the level, keep the handle still, and "
@@ -235,7 +235,7 @@ def _transfer(
     response = np.fft.rfft(acceleration[places] * window, axis=1)
     power = np.mean(np.abs(driven) ** 2, axis=0)
     was_driven = power > _DRIVEN * power.max()
-    power = np.maximum(power, 1e-12 * power.max())
+    power = np.maximum(power, max(1e-12 * power.max(), 1e-300))
     cross = np.mean(response * np.conj(driven), axis=0)
     loudness = np.maximum(np.mean(np.abs(response) ** 2, axis=0), 1e-300)
     return cross / power, np.abs(cross) ** 2 / (power * loudness), was_driven

@@ -192,7 +192,7 @@ class _Rig:
             hearing.listen()
             if written <= _BEFORE:
                 hearing.rest()
-            elif hearing.beyond > _BEYOND * settings.largest_m_s2:
+            elif not hearing.beyond <= _BEYOND * settings.largest_m_s2:
                 raise MmtError(
                     f"ended: the handle is shaken by {hearing.beyond:.3g} m/s2, "
                     f"{settings.largest_m_s2:g} were allowed: give a smaller --level-v, or a "

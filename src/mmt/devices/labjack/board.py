@@ -112,7 +112,7 @@ class U6Voltages:
 def _check(channels: Sequence[AnalogInput], rate_hz: float) -> None:
     if not 1 <= len(channels) <= INPUTS:
         raise InputError(f"a LabJack U6 has {INPUTS} inputs, not {len(channels)}")
-    if rate_hz < 100.0:
+    if not rate_hz >= 100.0:
         raise InputError(f"rate_hz {rate_hz:g}: a LabJack U6 is read at 100 Hz and above here")
     if rate_hz * len(channels) > MOST_SAMPLES_HZ:
         raise InputError(
