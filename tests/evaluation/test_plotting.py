@@ -85,6 +85,16 @@ def test_a_notebook_shows_the_page_that_plays_a_model(drawn: dict[str, Any]) -> 
     assert model_json(drawn["model"], "model").replace("<", "\\u003c") in page
 
 
+@pytest.mark.parametrize(
+    "bound", ["texture.model.json_form.MOST_ROWS", "web.texture_page.MOST_BYTES"]
+)
+def test_a_notebook_shows_a_model_that_is_too_large_for_a_page_by_its_text(
+    drawn: dict[str, Any], monkeypatch: pytest.MonkeyPatch, bound: str
+) -> None:
+    monkeypatch.setattr(f"mmt.{bound}", 1)
+    assert drawn["model"]._repr_html_() is None
+
+
 def test_what_has_nothing_to_plot_says_so(drawn: dict[str, Any]) -> None:
     frames = drawn["session"].frames[["sequence", "time_ns", "force_n"]]
     with pytest.raises(mmt.InputError, match="no acceleration"):

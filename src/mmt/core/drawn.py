@@ -3,7 +3,6 @@
 import importlib
 from typing import TYPE_CHECKING
 
-from mmt.core.errors import InputError
 from mmt.core.extras import require
 
 if TYPE_CHECKING:
@@ -33,14 +32,3 @@ class Drawn:
         require("matplotlib")
         axes: Axes = importlib.import_module("mmt.plotting").plot(self, ax)
         return axes
-
-
-class PlayableInNotebook(Drawn):
-    """Base of models, which a notebook shows as a page that plays them."""
-
-    def _repr_html_(self) -> str | None:
-        form = importlib.import_module("mmt.texture.model.json_form").model_json(self, "model")
-        try:
-            return str(importlib.import_module("mmt.web.texture_page").playing_element(form))
-        except InputError:  # too large for a page: its repr is shown
-            return None

@@ -14,6 +14,8 @@ from typing import Final
 
 from mmt.core.errors import InputError
 from mmt.core.palette import style_sheet
+from mmt.texture.model.json_form import model_json
+from mmt.texture.model.texture_model import TextureModel
 
 _PAGES: Final = Path(__file__).parent / "pages"
 _FOLDER: Final = _PAGES / "texture"
@@ -60,9 +62,12 @@ def texture_page(models: Sequence[str]) -> bytes:
     return page
 
 
-def playing_element(form: str) -> str:
-    """Return an HTML element that plays a model, given in its JSON form, for a notebook."""
-    page = base64.b64encode(texture_page([form])).decode()
+def playing_element(model: TextureModel) -> str | None:
+    """Return an HTML element that plays a model, for a notebook; None if it is too large."""
+    try:
+        page = base64.b64encode(texture_page([model_json(model, "model")])).decode()
+    except InputError:
+        return None
     return (
         f'<iframe src="data:text/html;base64,{page}" allow="autoplay" width="100%" '
         f'height="{_ELEMENT_PX}" style="border:0"></iframe>'

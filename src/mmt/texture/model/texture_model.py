@@ -8,6 +8,7 @@ place of the speed, the velocity vector. What a model renders from its samples i
 and hands it over by one assignment.
 """
 
+import importlib
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Self
@@ -17,7 +18,7 @@ import numpy.typing as npt
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.bounds import RateHz, check
-from mmt.core.drawn import PlayableInNotebook
+from mmt.core.drawn import Drawn
 from mmt.core.errors import InputError
 from mmt.core.existing_files import replacing
 from mmt.models import find_model
@@ -51,7 +52,7 @@ _PREPARED: Final = ("interpolant", "kernel_parameters")
 """Attributes that rendering needs."""
 
 
-class TextureModel(PlayableInNotebook):
+class TextureModel(Drawn):
     """An immutable model: ask it for a filter or a spectrum at any inputs.
 
     Parameters
@@ -124,6 +125,10 @@ class TextureModel(PlayableInNotebook):
             f"<TextureModel: {space.name}, {len(samples)} samples of order {self.order} at "
             f"{self.rate_hz:g} Hz, {speeds}, {forces}, method {self.method}>"
         )
+
+    def _repr_html_(self) -> str | None:
+        page: str | None = importlib.import_module("mmt.web.texture_page").playing_element(self)
+        return page
 
     @property
     def vertices(self) -> FloatArray:
