@@ -21,7 +21,9 @@ from mmt.testing.simulation.textures import get_surface
 
 
 def _follower(seed=1, channels=CHANNELS, **table):
-    return SimulatedFollower(Simulated(**table), channels=channels, seed=seed)
+    simulated = Simulated(**table)
+    surface = get_surface(simulated.surface)
+    return SimulatedFollower(simulated, channels=channels, seed=seed, surface=surface)
 
 
 def _path(count):
@@ -178,8 +180,10 @@ def test_a_simulated_follower_stays_small():
         "import sys, psutil\n"
         "from mmt.scene import Simulated\n"
         "from mmt.testing.simulation.follower import SimulatedFollower\n"
+        "from mmt.testing.simulation.textures import get_surface\n"
         "import mmt.testing.simulation.offline, mmt.testing.simulation.actuator\n"
-        "SimulatedFollower(Simulated(), channels=('force',), seed=1).step(100, 0, None)\n"
+        "made = {'channels': ('force',), 'seed': 1, 'surface': get_surface('plastic')}\n"
+        "SimulatedFollower(Simulated(), **made).step(100, 0, None)\n"
         "assert not {'numba', 'scipy'} & set(sys.modules), 'too much is imported'\n"
         "print(psutil.Process().memory_info().rss)\n"
     )

@@ -105,9 +105,8 @@ def test_the_truth_in_a_recording_has_the_rate(name):
 @given(st.integers(1, 10), st.sets(st.sampled_from(CHANNELS), min_size=1), st.integers(1, 7))
 def test_frames_do_not_depend_on_how_ticks_are_grouped(samples, channels, grouped):
     def follower():
-        return SimulatedFollower(
-            Simulated(surface="oak"), channels=channels, seed=3, samples_per_frame=samples
-        )
+        surface = get_surface("oak", 1000.0 * samples)
+        return SimulatedFollower(Simulated(), channels=channels, seed=3, surface=surface)
 
     single, several = follower(), follower()
     one = np.concatenate([single.step(1, 0, (0.0, 0.0, -1.0)) for _ in range(3 * grouped)])

@@ -9,6 +9,7 @@ from mmt.core.frames import CHANNELS, frame_dtype
 from mmt.follower.service import Follower
 from mmt.scene.files import scene_from_tables
 from mmt.testing.simulation.follower import SimulatedFollower
+from mmt.testing.simulation.textures import get_surface
 
 COUNT = 400
 
@@ -36,7 +37,8 @@ async def test_a_leader_gets_every_sample_that_the_follower_made() -> None:
     assert summary.link["frames"] == len(got)
     assert rejected == {}
     assert got.dtype == frame_dtype(CHANNELS, 5)
-    made = SimulatedFollower(scene.simulated, channels=CHANNELS, seed=4, samples_per_frame=5)
+    surface = get_surface(scene.simulated.surface, 5000.0)
+    made = SimulatedFollower(scene.simulated, channels=CHANNELS, seed=4, surface=surface)
     expected = made.step(len(got), 0, None)  # no command came
     for field in ("sequence", "position_mm", "force_n", "acceleration_m_s2"):
         np.testing.assert_array_equal(got[field], expected[field])

@@ -7,6 +7,7 @@ Motion and force come once a frame. Acceleration may come at k times that rate, 
 evenly spaced, the last of them at the frame's own time.
 """
 
+import struct
 from collections.abc import Iterable
 from typing import Final, Literal, TypeVar
 
@@ -102,6 +103,14 @@ def frame_dtype(
         for channel in ordered_channels(channels)
     ]
     return np.dtype(fields)
+
+
+def frame_struct(dtype: np.dtype[np.void]) -> struct.Struct:
+    """Return what packs a frame of this dtype: sequence, time and its values one by one.
+
+    It is several times as quick as an array of tuples.
+    """
+    return struct.Struct(f"<Iq{(dtype.itemsize - struct.calcsize('<Iq')) // 4}f")
 
 
 def samples_per_frame(dtype: np.dtype[np.void]) -> int:

@@ -7,7 +7,6 @@ bundles in which its readings are handed on, and the time that they are under wa
 the least by which frames can be held back.
 """
 
-import struct
 from collections.abc import Iterable, Mapping
 from statistics import median
 from typing import Final
@@ -15,6 +14,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import RecordArray
+from mmt.core.frames import frame_struct
 from mmt.devices.lanes import Lane, Waiting
 
 HOLD_BACK_NS: Final = 1_250_000
@@ -67,10 +67,7 @@ class FrameAssembler:
     ) -> None:
         self._lanes = list(lanes.values())
         self._dtype = dtype
-        number = dtype[-1].base
-        head = struct.Struct("<Iq")
-        count = (dtype.itemsize - head.size) // number.itemsize
-        self._pack = struct.Struct(f"{head.format}{count}{number.char}").pack
+        self._pack = frame_struct(dtype).pack
         self._period_ns = period_ns
         self._needed_ns = needed_ns
         self.hold_back_ns = 0
@@ -133,7 +130,7 @@ class FrameAssembler:
                 return None
             else:
                 numbers += value
-        try:  # several times as quick as an array of tuples
+        try:
             return self._pack(self._next, time_ns, *numbers) if complete else b""
         except OverflowError:  # larger than a frame's numbers: no sensor measures that
             return b""

@@ -7,8 +7,10 @@ from mmt.core.frames import CHANNELS, acceleration_samples
 from mmt.devices.protocols import Vector
 from mmt.scene import Simulated
 from mmt.testing.emulated.clockwork import Clockwork
+from mmt.testing.simulation import RATE_HZ
 from mmt.testing.simulation.follower import MovedTip, SimulatedFollower
 from mmt.testing.simulation.robot import START_MM
+from mmt.testing.simulation.textures import get_surface
 
 TICK_NS: Final = 1_000_000
 
@@ -46,10 +48,12 @@ class World:
         clockwork: Clockwork | None = None,
         samples_per_frame: int = 1,
     ) -> None:
-        settings = Simulated(surface=surface, noise=False)
         self.samples_per_frame: Final = samples_per_frame
         self._follower = SimulatedFollower(
-            settings, channels=CHANNELS, seed=seed, samples_per_frame=samples_per_frame
+            Simulated(noise=False),
+            channels=CHANNELS,
+            seed=seed,
+            surface=get_surface(surface, samples_per_frame * RATE_HZ),
         )
         self._positions: list[Vector] = [START_MM] * _KEPT
         self._forces: list[Vector] = [(0.0, 0.0, 0.0)] * _KEPT

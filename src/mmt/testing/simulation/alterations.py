@@ -21,9 +21,14 @@ PATCH_MM: Final = 19.0
 LAGS: Final = 2048
 """Samples at 1 kHz after which no vibration remembers itself."""
 
-_PART: Final = 1024  # frequencies at once, which bounds the memory
+_PART: Final = 128  # frequencies at once, which bounds the memory
 _PATCHES: Final = 11  # along each side of a square that repeats itself
 _STEEP: Final = 25.0  # of a threshold, which takes some 10 % of its speed or force
+
+
+def burst_decay(rate_hz: float) -> float:
+    """Return the rate, per sample, at which the gain of bursts forgets itself."""
+    return 2.0 * (1.0 / rate_hz) / BURST_S
 
 
 @dataclass(frozen=True)
@@ -103,7 +108,7 @@ class Bursts:
     ) -> FloatArray:
         """Return a density (k, lags + 1) from 0 to half the rate as it is with bursts, (k, f)."""
         lags = np.arange(density.shape[1] - 1)
-        kept = np.exp(-2.0 * (1.0 / rate_hz) / BURST_S * lags)
+        kept = np.exp(-burst_decay(rate_hz) * lags)
         gain = np.exp(-(self.spread**2) * (1.0 - kept))
         correlation = np.fft.irfft(density, axis=1)[:, : len(lags)] * gain
         correlation[:, 1:] *= 2.0

@@ -7,12 +7,10 @@ from typing import Protocol
 from mmt.core.arrays import RecordArray
 from mmt.devices.protocols import Vector
 from mmt.scene import Simulated
-from mmt.testing.simulation import RATE_HZ
 from mmt.testing.simulation.course import SurfaceCourse
 from mmt.testing.simulation.instruments import Instruments
 from mmt.testing.simulation.known_surfaces import KnownSurface
 from mmt.testing.simulation.robot import START_MM, SimulatedRobot, TipState
-from mmt.testing.simulation.textures import get_surface
 
 
 class MovedTip(Protocol):
@@ -40,14 +38,8 @@ class SimulatedFollower:
     seed
         The scene's seed.
     surface
-        Taken in place of the one that the settings name; or a course over several.
-    samples_per_frame
-        Samples of acceleration in a frame; if `surface` is given, its rate says how many.
-
-    Raises
-    ------
-    InputError
-        No surface has the name given.
+        A surface, or a course over several; its rate says how many samples of acceleration a frame
+        has.
     """
 
     def __init__(
@@ -56,18 +48,13 @@ class SimulatedFollower:
         *,
         channels: Sequence[str],
         seed: int,
-        surface: KnownSurface | SurfaceCourse | None = None,
-        samples_per_frame: int = 1,
+        surface: KnownSurface | SurfaceCourse,
     ) -> None:
         self._settings = settings
-        self._surface = (
-            get_surface(settings.surface, samples_per_frame * RATE_HZ)
-            if surface is None
-            else surface
-        )
-        self.robot: MovedTip = SimulatedRobot(settings, self._surface.friction_coefficient)
+        self._surface = surface
+        self.robot: MovedTip = SimulatedRobot(settings, surface.friction_coefficient)
         """What is moved; another may take its place before the first step."""
-        self._instruments = Instruments(self._surface, channels, seed, noise=settings.noise)
+        self._instruments = Instruments(surface, channels, seed, noise=settings.noise)
         self.dtype = self._instruments.dtype
         """Dtype of the frames."""
         self._command = START_MM

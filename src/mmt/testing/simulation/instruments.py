@@ -1,14 +1,13 @@
 """From the tip's true motion to a frame: the surface's texture, then the sensors."""
 
 import math
-import struct
 from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
 from mmt.core.arrays import RecordArray
-from mmt.core.frames import frame_dtype, ordered_channels
+from mmt.core.frames import frame_dtype, frame_struct, ordered_channels
 from mmt.devices.protocols import Vector
 from mmt.testing.simulation import PERIOD_NS, RATE_HZ
 from mmt.testing.simulation.course import CourseVibration, SurfaceCourse
@@ -57,7 +56,7 @@ class Instruments:
         self.dtype = frame_dtype(chosen, self._samples)
         """Dtype of the frames."""
         self._shares = [1.0 - (at + 1) / self._samples for at in range(self._samples)]
-        self._layout = struct.Struct(f"<Iq{(self.dtype.itemsize - 12) // 4}f")
+        self._pack = frame_struct(self.dtype).pack
         self._with_position = "position" in chosen
         self._with_force = "force" in chosen
         self._with_acceleration = "acceleration" in chosen
@@ -86,12 +85,10 @@ class Instruments:
 
     def frames(self, tips: Sequence[TipState]) -> RecordArray:
         """Return one frame for each tick's state, shape (n,)."""
-        packed = bytearray(self._layout.size * len(tips))
-        for index, tip in enumerate(tips):
-            self._pack(packed, index * self._layout.size, tip)
+        packed = bytearray().join(self._frame(tip) for tip in tips)
         return np.frombuffer(packed, self.dtype)
 
-    def _pack(self, packed: bytearray, offset: int, tip: TipState) -> None:
+    def _frame(self, tip: TipState) -> bytes:
         values: list[float] = []
         if self._with_position:
             values += self._encoder.measure(tip.position_mm)
@@ -101,8 +98,8 @@ class Instruments:
             for sample in self._shaken(tip):
                 values += self._accelerometer.measure(sample)
         time_ns = self.start_time_ns + self._sequence * PERIOD_NS
-        self._layout.pack_into(packed, offset, self._sequence & 0xFFFFFFFF, time_ns, *values)
         self._sequence += 1
+        return self._pack((self._sequence - 1) & 0xFFFFFFFF, time_ns, *values)
 
     def _shaken(self, tip: TipState) -> list[Vector]:
         """Return the tip's acceleration with the texture's vibration added, sample by sample."""

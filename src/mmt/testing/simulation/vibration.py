@@ -4,7 +4,7 @@ from math import cos, exp, floor, pi, sin, sqrt
 
 import numpy as np
 
-from mmt.testing.simulation.alterations import BURST_S
+from mmt.testing.simulation.alterations import burst_decay
 from mmt.testing.simulation.altered_surface import AlteredSurface
 from mmt.testing.simulation.known_surfaces import KnownSurface
 from mmt.testing.simulation.modes import maps_at
@@ -122,7 +122,7 @@ class AlteredVibration(VibrationSource):
         self._level = surface.level
         self._gains = None if surface.patches is None else surface.patches.gains()
         self._spread = 0.0 if surface.bursts is None else surface.bursts.spread
-        self._keep = exp(-2.0 * (1.0 / surface.rate_hz) / BURST_S)
+        self._keep = exp(-burst_decay(surface.rate_hz))
         self._noise = NoiseRows(generator, 1)
         self._burst = self._noise.next()[0]
 
