@@ -16,7 +16,7 @@ from mmt.cli.main import app
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS, acceleration_samples
 from mmt.session import RecordedSession, export_session, import_session, read_session
-from mmt.session.data import OutputBlock
+from mmt.session.data import FRAME_PERIOD_NS, FRAME_PERIOD_S, OutputBlock, sample_times
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.proposal import propose, try_proposal
 from mmt.session.importing.recording import import_recording
@@ -113,6 +113,18 @@ def test_info_says_the_rates(tmp_path, samples_per_frame):
     export_session(RecordedSession(made_frames(50, ("force",))), tmp_path / "still.mcap")
     still = info(tmp_path / "still.mcap")
     assert (still.acceleration_rate_hz, still.output_rate_hz) == (None, None)
+
+
+@given(st.lists(st.integers(0, 3_000_000), max_size=20), st.integers(1, 10))
+def test_samples_have_the_same_times_by_whole_numbers_and_by_others(steps_ns, samples_per_frame):
+    time_ns = np.cumsum(np.array([10**9, *steps_ns]))
+    whole_ns = sample_times(time_ns, samples_per_frame, FRAME_PERIOD_NS)
+    time_s = sample_times(time_ns / 1e9, samples_per_frame, FRAME_PERIOD_S)
+    assert whole_ns.dtype == np.int64
+    np.testing.assert_allclose(1e9 * time_s, whole_ns, atol=1.01)
+    np.testing.assert_array_equal(whole_ns[samples_per_frame - 1 :: samples_per_frame], time_ns)
+    assert np.diff(whole_ns).min(initial=0) >= 0
+    assert np.diff(whole_ns).max(initial=0) <= 3_000_000
 
 
 def test_a_program_that_knows_no_rates_refuses_the_file(tmp_path, monkeypatch):

@@ -5,11 +5,11 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray, RecordArray
+from mmt.core.arrays import FloatArray, IntArray, RecordArray
 from mmt.core.drawn import Drawn
 from mmt.core.frames import (
     FIELD_OF_CHANNEL,
@@ -23,6 +23,8 @@ from mmt.core.frames import (
 FRAME_PERIOD_NS = 1_000_000
 """Frames come at 1 kHz."""
 FRAME_PERIOD_S = 1e-3
+
+_Times = TypeVar("_Times", IntArray, FloatArray)
 
 JsonObject = Mapping[str, Any]
 """A JSON object; only the program that wrote it knows its keys."""
@@ -109,7 +111,7 @@ class RecordedSession(Drawn):
     @property
     def acceleration_time_s(self) -> FloatArray:
         """Session time of the samples of acceleration, shape (n k,)."""
-        return sample_times_s(self.time_s, self.samples_per_frame)
+        return sample_times(self.time_s, self.samples_per_frame, FRAME_PERIOD_S)
 
     @property
     def duration_s(self) -> float:
@@ -178,17 +180,27 @@ def duration_s(frames: RecordArray) -> float:
     return (span_ns + FRAME_PERIOD_NS) / 1e9
 
 
-def sample_times_s(
-    time_s: FloatArray, samples_per_frame: int, period_s: float = FRAME_PERIOD_S
-) -> FloatArray:
+def sample_times(times: _Times, samples_per_frame: int, period: float) -> _Times:
     """Return the times (n k,) of k samples a frame, the last of each at its frame's time (n,).
 
     The others are evenly spaced before it: over a period, or since the frame before if its time
-    is closer.
+    is closer. Whole numbers, as of nanoseconds, stay whole.
     """
-    before_s = np.clip(np.diff(time_s, prepend=-np.inf), 0.0, period_s)
-    shares = np.arange(samples_per_frame - 1, -1, -1) / samples_per_frame
-    return np.asarray(time_s[:, None] - before_s[:, None] * shares, dtype=np.float64).ravel()
+    before = np.full_like(times, period)
+    before[1:] = np.diff(times).clip(0, period)
+    behind = before[:, None] * np.arange(samples_per_frame)[::-1]
+    divide = np.floor_divide if times.dtype.kind == "i" else np.divide
+    found: _Times = (times[:, None] - divide(behind, samples_per_frame)).ravel()
+    return found
+
+
+def sampled_parts(
+    channels: Sequence[Channel], samples_per_frame: int
+) -> list[tuple[Sequence[Channel], int]]:
+    """Return the channels of one sample a frame, then those of several, with how many."""
+    fast = [each for each in channels if each == "acceleration" and samples_per_frame > 1]
+    slow = [each for each in channels if each not in fast]
+    return [(part, k) for part, k in ((slow, 1), (fast, samples_per_frame)) if part]
 
 
 def event_time_s(event: JsonObject) -> float:

@@ -24,6 +24,7 @@ from mmt.session.data import (
     JsonObject,
     RecordedSession,
     event_time_s,
+    sampled_parts,
     to_json,
 )
 from mmt.session.messages import (
@@ -127,11 +128,14 @@ class SessionWriter:
         self._output = OutputCodec()
         self._event, self._log = event_codec(), LogCodec()
         several = samples_per_frame > 1
-        slow = [channel for channel in channels if not (several and channel == "acceleration")]
-        plain = {SCALARS_TOPIC: (SCALARS, slow)}
-        if several and "acceleration" in channels:
-            plain[ACCELERATION_TOPIC] = (ACCELERATION_SAMPLE, ["acceleration"])
-        self._scalars = {t: ScalarCodec(*each) for t, each in plain.items() if scalars and each[1]}
+        plain = {
+            (ACCELERATION_TOPIC if k > 1 else SCALARS_TOPIC): (
+                ACCELERATION_SAMPLE if k > 1 else SCALARS,
+                part,
+            )
+            for part, k in sampled_parts(channels, samples_per_frame)
+        }
+        self._scalars = {t: ScalarCodec(*each) for t, each in plain.items() if scalars}
         self._vibration = VibrationCodec() if scalars else None
         self._utc_offset_ns = utc_offset_ns
         self._samples_per_frame = samples_per_frame

@@ -11,7 +11,7 @@ from google.protobuf import descriptor_pb2, timestamp_pb2
 
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import FIELD_OF_CHANNEL, Channel, acceleration_samples, channels_of
-from mmt.session.data import FRAME_PERIOD_NS, axis_columns
+from mmt.session.data import FRAME_PERIOD_NS, axis_columns, sample_times
 from mmt.session.messages import Field, message_class, message_schema
 
 PLOT_SAMPLE: Final = "mmt.PlotSample"
@@ -128,15 +128,14 @@ class ScalarCodec:
         """Yield each sample of frames (n,): its frame's sequence, its time (ns), its message."""
         columns = [frames[field].reshape(-1, 3).tolist() for field in self._fields]
         several = len(columns[0]) // len(frames)
-        times_ns, sequence = frames["time_ns"].tolist(), frames["sequence"].tolist()
+        times_ns = sample_times(frames["time_ns"], several, FRAME_PERIOD_NS).tolist()
+        sequence = frames["sequence"].tolist()
         for place, vectors in enumerate(zip(*columns, strict=True)):
-            frame, sample = divmod(place, several)
-            before_ns = (several - 1 - sample) * FRAME_PERIOD_NS // several
-            values: dict[str, float] = {"time_ns": times_ns[frame] - before_ns}
+            values: dict[str, float] = {"time_ns": times_ns[place]}
             for names, vector in zip(self._fields.values(), vectors, strict=True):
                 values |= zip(names, vector, strict=True)
             message = self._message(**values)
-            yield sequence[frame], message.time_ns, bytes(message.SerializeToString())
+            yield sequence[place // several], message.time_ns, bytes(message.SerializeToString())
 
 
 class VibrationCodec:

@@ -15,8 +15,7 @@ from mmt.core.errors import InputError, brief
 from mmt.core.extras import require
 from mmt.core.frames import FIELD_OF_CHANNEL, Channel
 from mmt.leader.publishing import Block, Marker
-from mmt.session.data import axis_columns
-from mmt_bridges.sample_stamps import sample_stamps_ns
+from mmt.session.data import FRAME_PERIOD_NS, axis_columns, sample_times, sampled_parts
 
 _UNITS: Final[dict[Channel, str]] = {"position": "mm", "force": "N", "acceleration": "m/s2"}
 _BUFFERED_S: Final = 60
@@ -65,9 +64,10 @@ class Streams:
             info.desc().append_child_value("session_id", session_id)
             return lsl.StreamOutlet(info, max_buffered=_BUFFERED_S)
 
+        names = ("frames", "acceleration")
         self._sampled: list[tuple[Any, Sequence[Channel], int]] = [
-            (outlet(part, "Haptics", 3 * len(of), k * rate_hz, lsl.cf_float32, of), of, k)
-            for part, of, k in _sampled_streams(channels, samples_per_frame)
+            (outlet(names[k > 1], "Haptics", 3 * len(of), k * rate_hz, lsl.cf_float32, of), of, k)
+            for of, k in sampled_parts(channels, samples_per_frame)
         ]
         self._events = outlet("events", "Markers", 1, lsl.IRREGULAR_RATE, lsl.cf_string, ())
 
@@ -85,23 +85,12 @@ class Streams:
                 np.concatenate([b.frames[FIELD_OF_CHANNEL[c]].reshape(-1, 3) for b in blocks])
                 for c in channels
             ]
-            stamps_s = (sample_stamps_ns(stamps_ns, samples).ravel() / 1e9).tolist()
+            stamps_s = (sample_times(stamps_ns, samples, FRAME_PERIOD_NS) / 1e9).tolist()
             outlet.push_chunk(np.concatenate(values, axis=1), stamps_s)
 
     def push_marker(self, marker: Marker) -> None:
         """Push an event."""
         self._events.push_sample([marker.text], marker.time_ns / 1e9)
-
-
-def _sampled_streams(
-    channels: Sequence[Channel], samples_per_frame: int
-) -> list[tuple[str, Sequence[Channel], int]]:
-    """Return name, channels and samples a frame of each stream."""
-    if samples_per_frame == 1 or "acceleration" not in channels:
-        return [("frames", channels, 1)]
-    once: list[Channel] = [channel for channel in channels if channel != "acceleration"]
-    frames: list[tuple[str, Sequence[Channel], int]] = [("frames", once, 1)] if once else []
-    return [*frames, ("acceleration", ["acceleration"], samples_per_frame)]
 
 
 def _describe(info: Any, channels: Sequence[Channel]) -> None:

@@ -14,8 +14,7 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import FIELD_OF_CHANNEL, Channel
-from mmt.session.data import JsonObject, to_json
-from mmt_bridges.sample_stamps import sample_stamps_ns
+from mmt.session.data import FRAME_PERIOD_NS, JsonObject, sample_times, to_json
 
 
 class Topic(NamedTuple):
@@ -85,13 +84,14 @@ class Messages:
             vectors = frames[FIELD_OF_CHANNEL[channel]].astype(np.float64)
             vectors = vectors.reshape(len(frames), -1, 3)
             values = (vectors / 1e3 if channel == "position" else vectors).tolist()
-            stamps_ns = sample_stamps_ns(frames["time_ns"] + since_ns, vectors.shape[1]).tolist()
-            made.append((CHANNEL_TOPICS[channel], self._make[channel], values, stamps_ns))
+            at_ns = sample_times(frames["time_ns"] + since_ns, vectors.shape[1], FRAME_PERIOD_NS)
+            stamps = at_ns.reshape(vectors.shape[:2]).tolist()
+            made.append((CHANNEL_TOPICS[channel], self._make[channel], values, stamps))
         number = self._of["std_msgs/msg/UInt32"]
         for row, (time_ns, sequence) in enumerate(frames[["time_ns", "sequence"]].tolist()):
             messages: list[Message] = [(time_ns + since_ns, SEQUENCE, number(sequence))]
-            for topic, make, values, stamps_ns in made:
-                for stamp_ns, vector in zip(stamps_ns[row], values[row], strict=True):
+            for topic, make, values, stamps in made:
+                for stamp_ns, vector in zip(stamps[row], values[row], strict=True):
                     header = self._header(stamp_ns, topic.frame_id)
                     messages.append((stamp_ns, topic, make(header, vector)))
             yield from sorted(messages, key=itemgetter(0))

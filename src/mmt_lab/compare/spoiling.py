@@ -14,7 +14,7 @@ import numpy as np
 from mmt.core.arrays import BoolArray, FloatArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.core.frames import acceleration_samples, samples_per_frame
-from mmt.session.data import sample_times_s
+from mmt.session.data import FRAME_PERIOD_S, sample_times
 from mmt.testing.simulation.sensors import ACCELERATION_RANGE_M_S2
 
 MOMENT_S: Final = 12.0
@@ -54,7 +54,7 @@ def check_spoils(names: Sequence[str]) -> None:
 def _changed(change: Change, frames: RecordArray, _: np.random.Generator) -> RecordArray:
     """Return frames whose acceleration is changed."""
     frame_s = 1e-9 * (frames["time_ns"] - frames["time_ns"][0]) - MOMENT_S
-    time_s = sample_times_s(frame_s, samples_per_frame(frames.dtype))
+    time_s = sample_times(frame_s, samples_per_frame(frames.dtype), FRAME_PERIOD_S)
     found = frames.copy()
     values = change(acceleration_samples(frames).astype(np.float64), time_s)
     found["acceleration_m_s2"] = values.reshape(found["acceleration_m_s2"].shape)

@@ -16,7 +16,7 @@ from mmt.core.frames import (
     Channel,
     frame_dtype,
 )
-from mmt.session.data import FRAME_PERIOD_NS, sample_times_s
+from mmt.session.data import FRAME_PERIOD_NS, FRAME_PERIOD_S, sample_times
 from mmt.session.importing.resampling import RATE_HZ, resample
 from mmt.session.importing.samples import Samples
 from mmt.session.importing.stamps import StampChoice, Stamps, assess_stamps
@@ -95,7 +95,7 @@ def _of_frames(time_s: FloatArray, numbers: IntArray, samples_per_frame: int) ->
     off_s -= np.mean(off_s)
     missing = int(numbers[-1] - numbers[0]) + 1 - len(numbers)
     return Stamps(
-        time_s=sample_times_s(time_s, samples_per_frame),
+        time_s=sample_times(time_s, samples_per_frame, FRAME_PERIOD_S),
         period_s=1.0 / (RATE_HZ * samples_per_frame),
         jitter_s=float(np.sqrt(np.mean(off_s**2))),
         largest_s=float(np.abs(off_s).max()),
@@ -136,7 +136,7 @@ def _as_frames(samples: Samples) -> _Rows | None:
             time_s = fast_s[several - 1 :: several]
         elif several == 1 and fast_s is not time_s:
             return None
-        off_s = fast_s - sample_times_s(time_s, several)
+        off_s = fast_s - sample_times(time_s, several, FRAME_PERIOD_S)
         if np.abs(off_s).max() > _GRID_TOLERANCE / (RATE_HZ * several):
             return None
     numbers = _frame_numbers(time_s, sequence)

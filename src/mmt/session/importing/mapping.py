@@ -12,7 +12,7 @@ from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, Channel
 from mmt.core.units import DATE, QUANTITIES, unit_factor, unit_in_name
-from mmt.session.data import FRAME_PERIOD_S, sample_times_s
+from mmt.session.data import FRAME_PERIOD_S, sample_times
 from mmt.session.importing.columns import (
     MESSAGE_PARTS,
     SHOWN_COLUMNS,
@@ -69,7 +69,7 @@ class _Mapping:
                 several = vectors.shape[1]
                 steps_s = np.diff(time_s) if sequence is None else FRAME_PERIOD_S
                 period_s = float(np.median(steps_s)) if len(time_s) > 1 else 0.0
-                time_s = sample_times_s(time_s, several, period_s)
+                time_s = sample_times(time_s, several, period_s)
                 rows = np.repeat(np.arange(len(vectors)), several)
                 names[channel] = partial(name_of, names[channel], rows)
             values[channel] = vectors.reshape(-1, 3)
