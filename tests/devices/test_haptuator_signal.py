@@ -14,6 +14,7 @@ from mmt.core.errors import InputError
 from mmt.devices.drivers import read_options
 from mmt.devices.haptuator.card_buffer import CardBuffer
 from mmt.devices.haptuator.drive import VoltageDrive
+from mmt.devices.haptuator.equaliser import ActuatorLevel
 from mmt.devices.haptuator.options import HaptuatorOptions
 from mmt.devices.haptuator.resampling import AFTER, BEFORE, Interpolator, tap_table
 
@@ -35,6 +36,22 @@ def test_the_voltage_is_that_of_scipys_filters_scaled() -> None:
     np.testing.assert_allclose(drive(high_hz=300.0).convert(samples), expected, atol=1e-12)
     wide = 0.1 * signal.sosfilt(high, samples)
     np.testing.assert_allclose(drive().convert(samples), wide, atol=1e-12)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.integers(0, 40), max_size=20), st.integers(1, 32), st.sampled_from([1e3, 4e3]))
+def test_an_equaliser_is_the_same_however_samples_come(
+    counts: list[int], taps: int, rate_hz: float
+) -> None:
+    """One by one, many at a time, or none."""
+    random = np.random.default_rng(taps)
+    level = ActuatorLevel(0.1, (1.0, *random.normal(0.0, 0.02, taps - 1).tolist()))
+    options = HaptuatorOptions(volts_per_m_s2=0.1, full_scale_v=6.0, low_hz=20.0)
+    pieces, whole = (VoltageDrive(options, rate_hz, level) for _ in range(2))
+    samples = random.normal(0.0, 1.0, sum(counts))
+    parts = np.split(samples, np.cumsum(counts)) if counts else []
+    found = [volts for part in parts for volts in pieces.convert(part)]
+    np.testing.assert_allclose(found, whole.convert(samples), atol=1e-12)
 
 
 @settings(max_examples=50, deadline=None)
