@@ -9,9 +9,10 @@ evenly spaced, the last of them at the frame's own time.
 
 import struct
 from collections.abc import Iterable
-from typing import Final, Literal, TypeVar
+from typing import Annotated, Final, Literal, TypeVar
 
 import numpy as np
+from annotated_types import Ge, Le, MultipleOf
 
 from mmt.core.arrays import IntArray, RecordArray, SingleArray
 from mmt.core.errors import InputError
@@ -30,6 +31,11 @@ FRAMES_HZ: Final = 1000
 
 MOST_SAMPLES: Final = 10
 """Most samples of acceleration in a frame."""
+
+AccelerationRateHz = Annotated[
+    int, Ge(FRAMES_HZ), Le(FRAMES_HZ * MOST_SAMPLES), MultipleOf(FRAMES_HZ)
+]
+"""Samples of acceleration a second, as of a whole number a frame."""
 
 Number = TypeVar("Number", int, IntArray)
 

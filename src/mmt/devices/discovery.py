@@ -59,8 +59,7 @@ def find_drivers() -> list[FoundDriver]:
 
     A driver's module may have a function ``missing() -> str``, which says what this machine lacks
     for it and what to do, a mapping ``FINDERS`` from a heading to a function that returns
-    what there is for it (`FoundPort`), and a mapping ``RATES`` from a driver's name to the rates
-    of an accelerometer, as `FoundDriver.rates`.
+    what there is for it (`FoundPort`), and a text ``RATES``, as `FoundDriver.rates`.
     """
     return [_found(name, entries) for name, entries in sorted(drivers().items())]
 
@@ -79,7 +78,7 @@ def _found(name: str, entries: Mapping[str, EntryPoint]) -> FoundDriver:
     except MmtError as error:
         return FoundDriver(name, tuple(told_roles(name)), factories, package, str(error))
     lacking = (getattr(sys.modules[each.module], "missing", str)() for each in entries.values())
-    rates = getattr(sys.modules[first.module], "RATES", {}).get(name, "")
+    rates = getattr(sys.modules[first.module], "RATES", "")
     return FoundDriver(name, roles, factories, package, next(filter(None, lacking), ""), rates)
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal, Self, TypeVar, get_args
 
 from pydantic import Field, create_model, model_validator
 
-from mmt.core.frames import MOST_SAMPLES, Channel, missing_band, ordered_channels
+from mmt.core.frames import AccelerationRateHz, Channel, missing_band, ordered_channels
 from mmt.scene.added import (
     PassingTable,
     added_parts,
@@ -37,7 +37,7 @@ class SessionTable(Table):
     name: str = Field("session", min_length=1, max_length=64, pattern=r"^[\w.-]+$")
     duration_s: float = Field(18.0, gt=0, le=86_400)
     rate_hz: Literal[1000] = 1000
-    acceleration_rate_hz: int = Field(1000, ge=1000, le=1000 * MOST_SAMPLES, multiple_of=1000)
+    acceleration_rate_hz: AccelerationRateHz = 1000
     seed: int = Field(1, ge=0, lt=2**63)
 
     @property

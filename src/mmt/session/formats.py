@@ -7,7 +7,7 @@ kind of folder that a file in it tells has that file's path: ``import/meta/info.
 - a reader is called with the path and returns a `RecordedSession`;
 - a writer with the path and the session;
 - an importer with the path, whether a column of a name is wanted, and the `ImportOptions`, and
-  returns `Columns`.
+  returns `SourceColumns`.
 
 ``join`` and a name, as ``join.lerobot``, is a function of sessions and a folder that makes a data
 set of them (keywords ``fps``, ``task``, ``replace``); ``model`` and a suffix one that reads a

@@ -15,7 +15,7 @@ import numpy as np
 from mmt.core.errors import InputError
 from mmt.core.existing_files import exists_error
 from mmt.core.extras import require
-from mmt.core.frames import Channel
+from mmt.core.frames import FRAMES_HZ, Channel
 from mmt.session.data import RecordedSession, axis_columns
 from mmt.session.folders import replacing_folder
 from mmt_bridges.lerobot.layout import (
@@ -26,7 +26,7 @@ from mmt_bridges.lerobot.layout import (
     Feature,
     frames_file,
 )
-from mmt_bridges.lerobot.rows import FELT, FRAMES_HZ, STATE, Column, low_rate_rows, statistics
+from mmt_bridges.lerobot.rows import FELT, STATE, Column, low_rate_rows, statistics
 
 DEFAULT_FPS: Final = 50
 DEFAULT_TASK: Final = "stroke the surface"

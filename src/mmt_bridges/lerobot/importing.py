@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError
+from mmt.core.frames import FRAMES_HZ
 from mmt.session.data import RecordedSession
 from mmt.session.importing.columns import SourceColumns, distinct
 from mmt.session.importing.options import ImportOptions
@@ -27,7 +28,7 @@ from mmt_bridges.lerobot.layout import (
     OF_EVERY_DATA_SET,
     frames_file,
 )
-from mmt_bridges.lerobot.rows import FRAMES_HZ, STATE, low_rate_rows
+from mmt_bridges.lerobot.rows import STATE, low_rate_rows
 
 _PICTURES: Final = ("image", "video", "string", "language")
 """Kinds of features without numbers."""

@@ -8,10 +8,8 @@ import numpy.typing as npt
 
 from mmt.core.arrays import IntArray
 from mmt.core.errors import InputError
-from mmt.core.frames import FIELD_OF_CHANNEL, acceleration_samples
-from mmt.session.data import FRAME_PERIOD_NS, RecordedSession
-
-FRAMES_HZ: Final = 1_000_000_000 // FRAME_PERIOD_NS
+from mmt.core.frames import FIELD_OF_CHANNEL, FRAMES_HZ, acceleration_samples
+from mmt.session.data import RecordedSession
 
 Column: TypeAlias = npt.NDArray[Any]
 """Values (n,), or (n, k) of a feature with k components."""

@@ -21,10 +21,10 @@ from mmt_devices.iio.capture import Capture
 from mmt_devices.iio.options import IioOptions
 
 DRIVER: Final = "iio-accelerometer"
-RATES: Final = {
-    DRIVER: "as many samples a second as the sensor has (rate_hz), an ADXL355 or ADXL359 4000, an "
-    "ADXL345 3200"
-}
+RATES: Final = (
+    "as many samples a second as the sensor has (rate_hz), an ADXL355 or ADXL359 4000, an ADXL345 "
+    "3200"
+)
 LOG: Final = logging.getLogger("mmt.devices")
 
 _REST_S: Final = 0.2

@@ -251,7 +251,7 @@ class Inverse3PositionServo(Inverse3Servo):
     found, stale_ms, clock
         See `Inverse3Servo`.
     speed_limit_mm_s, lead_limit_mm
-        See `RobotOptions`.
+        See `Inverse3RobotOptions`.
     """
 
     def __init__(

@@ -10,7 +10,10 @@ from mmt.devices.accelerometer_axes import AxesOptions
 _Z_HZ: Final = 550.0
 """The sensor's own z axis ends here, whatever its capacitor; x and y at 1600 Hz (data sheet)."""
 LARGEST_BANDWIDTH_HZ: Final = 1600.0
-BAND: Final = "the sensor itself ends at 1600 Hz along its X and Y, at 550 Hz along its Z"
+BAND: Final = (
+    f"the sensor itself ends at {LARGEST_BANDWIDTH_HZ:g} Hz along its X and Y, at {_Z_HZ:g} Hz "
+    "along its Z"
+)
 _MICROFARAD_HZ: Final = 5.0
 """f = 5 uF / C: the filter of the sensor's 32 kOhm and the board's capacitor (data sheet)."""
 
@@ -25,7 +28,7 @@ class Adxl335Options(AxesOptions):
     bandwidth_hz: float = Field(50.0, ge=0.5, le=LARGEST_BANDWIDTH_HZ)
     """-3 dB, by the board's capacitors; breakout boards ship with 0.1 uF, which is 50 Hz."""
     band_hz: float = Field(500.0, gt=0.0, le=LARGEST_BANDWIDTH_HZ)
-    """Highest frequency that the scene wants; half its acceleration's rate."""
+    """Highest frequency that is wanted: half the rate of the scene's acceleration, at most 1600."""
     serial: str | None = Field(None, min_length=1, max_length=64)
     """Names the stored calibration; None takes the number that USB gives."""
     stuck_s: float = Field(1.0, ge=0.05, le=3600.0)

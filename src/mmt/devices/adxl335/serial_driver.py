@@ -83,7 +83,7 @@ class SerialBoard:
 
 
 NAME: Final = "adxl335-serial"
-RATES: Final = {NAME: f"2000 samples a second, or what its sketch is changed to; {BAND}"}
+RATES: Final = f"2000 samples a second, or what its sketch is changed to; {BAND}"
 _FIRST_FRAMES: Final = 3
 """Good frames that must come before the board counts as connected."""
 _TEXT_SHARE: Final = 0.95

@@ -18,7 +18,7 @@ NAME: Final = "adxl335-u6"
 MOST_HZ: Final = MOST_SAMPLES_HZ // 3
 """Of three inputs at the converter's quickest resolution, by which a U6 is streamed here."""
 
-RATES: Final = {NAME: f"100 to {MOST_HZ} samples a second (rate_hz); {BAND}"}
+RATES: Final = f"100 to {MOST_HZ} samples a second (rate_hz); {BAND}"
 
 missing = missing_libusb
 

@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import DeviceLost, InputError
-from mmt.core.frames import MOST_SAMPLES
+from mmt.core.frames import AccelerationRateHz
 from mmt.devices.drivers import Role, load_device, read_options
 from mmt.devices.protocols import (
     USUAL_RATE_HZ,
@@ -47,8 +47,8 @@ class LabOptions(HandleLabOptions):
 
     surface: str = "plastic"
     """Name of a simulated surface."""
-    acceleration_rate_hz: int = Field(1000, ge=1000, le=1000 * MOST_SAMPLES, multiple_of=1000)
-    """Rate at which the world shakes, as in ``[session]``; accelerometers measure at twice it."""
+    acceleration_rate_hz: AccelerationRateHz = 1000
+    """Rate at which the world shakes, as in ``[session]``; the ADXL335 measures at twice it."""
 
     @property
     def arguments(self) -> tuple[str, ...]:
