@@ -14,6 +14,7 @@ from mmt.testing.simulation.course import (
     CourseChange,
     SurfaceCourse,
     course_from_annotations,
+    surface_of,
 )
 from mmt.testing.simulation.known_surfaces import surface_from_annotations
 from mmt.testing.simulation.offline import simulate_session
@@ -85,10 +86,10 @@ def test_annotations_that_hold_no_course_are_refused(parameters: dict[str, objec
 def test_a_scene_names_a_course() -> None:
     tables = {"surface": "glass", "course": {"surfaces": ["sandpaper", "wood"], "stay_s": 5.0}}
     simulated = Simulated.model_validate(tables)
-    course = SurfaceCourse.of(simulated, 100.0, 1)
-    assert course is not None
+    course = surface_of(simulated, 100.0, 1)
+    assert isinstance(course, SurfaceCourse)
     assert course.changes == drawn(when="lifted").changes
-    assert SurfaceCourse.of(Simulated(), 100.0, 1) is None
+    assert surface_of(Simulated(), 100.0, 1) == get_surface("plastic")
     scene = Scene.model_validate({"hand": {}, **LINKED, "simulated": tables})
     source = build_source(scene)
     assert course_from_annotations(source.annotations).surfaces[0].name == "glass"
@@ -102,7 +103,7 @@ def test_a_scene_names_a_course() -> None:
 def test_a_course_over_wrong_surfaces_is_refused(surfaces: list[str]) -> None:
     simulated = Simulated.model_validate({"course": {"surfaces": surfaces}})
     with pytest.raises(InputError, match=surfaces[0]):
-        SurfaceCourse.of(simulated, 10.0, 1)
+        surface_of(simulated, 10.0, 1)
 
 
 def test_the_recorded_vibration_is_that_of_the_surface_under_the_tool() -> None:

@@ -37,7 +37,7 @@ class LoopTimer:
         Called with the monotonic time (ns), once for each time that it was set.
     """
 
-    def __init__(self, callback: Callable[[int], None]) -> None:
+    def __init__(self, callback: Callable[[int], object]) -> None:
         self._callback = callback
         self._timer: TimerFile | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -67,10 +67,13 @@ class LoopTimer:
 
     def _on_readable(self, timer: TimerFile) -> None:
         if timer.expirations():
-            self._callback(time.monotonic_ns())
+            self._expire(time.monotonic_ns())
+
+    def _expire(self, now_ns: int) -> None:
+        self._callback(now_ns)
 
 
-class PhasePoller:
+class PhasePoller(LoopTimer):
     """Call back a hundred times a second, each time at another phase of the ticks.
 
     Parameters
@@ -82,32 +85,27 @@ class PhasePoller:
     """
 
     def __init__(self, callback: Callable[[int], None], period_ns: int) -> None:
-        self._callback = callback
+        super().__init__(callback)
         self._period_ns = period_ns
         self._phase = 0.0
-        self._timer = LoopTimer(self._probe)
 
     def start(self) -> None:
         """Begin, on the running loop."""
-        self._timer.start()
+        super().start()
         self._wait(time.monotonic_ns())
-
-    def stop(self) -> None:
-        """End; calling it twice is harmless."""
-        self._timer.stop()
 
     def _wait(self, now_ns: int) -> None:
         self._phase = (self._phase + _STEP) % 1.0
         interval_ns = 1_000_000_000 // POLLS_HZ
         slot_ns = (now_ns // interval_ns + 1) * interval_ns
-        self._timer.set(slot_ns + round(self._phase * self._period_ns))
+        self.set(slot_ns + round(self._phase * self._period_ns))
 
-    def _probe(self, now_ns: int) -> None:
-        self._callback(now_ns)
+    def _expire(self, now_ns: int) -> None:
+        super()._expire(now_ns)
         self._wait(now_ns)
 
 
-class Retry:
+class Retry(LoopTimer):
     """Call back shortly after a tick that lacked a reading, a bounded number of times.
 
     Parameters
@@ -117,17 +115,8 @@ class Retry:
     """
 
     def __init__(self, callback: Callable[[int], bool]) -> None:
-        self._callback = callback
+        super().__init__(callback)
         self._credit = 0.0
-        self._timer = LoopTimer(self._try)
-
-    def start(self) -> None:
-        """Begin, on the running loop."""
-        self._timer.start()
-
-    def stop(self) -> None:
-        """End; calling it twice is harmless."""
-        self._timer.stop()
 
     def tick(self, *, lacking: bool) -> None:
         """Note a tick, and whether it lacked a reading."""
@@ -138,8 +127,8 @@ class Retry:
     def _again(self, now_ns: int) -> None:
         if self._credit >= 1.0:
             self._credit -= 1.0
-            self._timer.set(now_ns + RETRY_NS)
+            self.set(now_ns + RETRY_NS)
 
-    def _try(self, now_ns: int) -> None:
+    def _expire(self, now_ns: int) -> None:
         if self._callback(now_ns):
             self._again(time.monotonic_ns())

@@ -98,14 +98,13 @@ def build_source(scene: Scene) -> FollowerSource:
 
 
 def _simulated(scene: Scene, table: Simulated) -> FollowerSource:
-    from mmt.testing.simulation.course import SurfaceCourse
+    from mmt.testing.simulation.course import surface_of
     from mmt.testing.simulation.follower import SimulatedFollower
-    from mmt.testing.simulation.textures import get_surface
 
     session = scene.session
-    rate_hz = float(session.acceleration_rate_hz)
-    course = SurfaceCourse.of(table, session.duration_s, session.seed, rate_hz)
-    surface = course or get_surface(table.surface, rate_hz)
+    surface = surface_of(
+        table, session.duration_s, session.seed, float(session.acceleration_rate_hz)
+    )
     return SimulatedFollower(table, channels=scene.channels(), seed=session.seed, surface=surface)
 
 

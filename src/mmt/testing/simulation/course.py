@@ -113,30 +113,6 @@ class SurfaceCourse:
             changes.append(CourseChange(round(at_s * RATE_HZ), here, in_contact))
         return cls(surfaces, changes)
 
-    @classmethod
-    def of(
-        cls, settings: Simulated, duration_s: float, seed: int, rate_hz: float = RATE_HZ
-    ) -> "SurfaceCourse | None":
-        """Draw the course of a scene over surfaces at a rate, None where it has none.
-
-        Raises
-        ------
-        InputError
-            A surface is not known, or is named twice.
-        """
-        if settings.course is None:
-            return None
-        names = [settings.surface, *settings.course.surfaces]
-        if len(set(names)) < len(names):
-            raise InputError(f"[simulated.course] names a surface twice: {', '.join(names)}")
-        return cls.draw(
-            [get_surface(name, rate_hz) for name in names],
-            stay_s=settings.course.stay_s,
-            when=settings.course.change,
-            duration_s=duration_s,
-            seed=seed,
-        )
-
     @property
     def friction_coefficient(self) -> float:
         """Friction coefficient of the surface on which it begins."""
@@ -168,6 +144,30 @@ class SurfaceCourse:
         """Return the surface under the tool in each frame (n,), from its normal force (n,)."""
         watch = ContactWatch(self.changes)
         return np.array([watch.step(force) for force in force_n.tolist()], dtype=np.int64)
+
+
+def surface_of(
+    settings: Simulated, duration_s: float, seed: int, rate_hz: float = RATE_HZ
+) -> KnownSurface | SurfaceCourse:
+    """Return a scene's surface at a rate, or draw its course over several.
+
+    Raises
+    ------
+    InputError
+        A surface is not known, or is named twice.
+    """
+    if settings.course is None:
+        return get_surface(settings.surface, rate_hz)
+    names = [settings.surface, *settings.course.surfaces]
+    if len(set(names)) < len(names):
+        raise InputError(f"[simulated.course] names a surface twice: {', '.join(names)}")
+    return SurfaceCourse.draw(
+        [get_surface(name, rate_hz) for name in names],
+        stay_s=settings.course.stay_s,
+        when=settings.course.change,
+        duration_s=duration_s,
+        seed=seed,
+    )
 
 
 class CourseVibration(VibrationSource):

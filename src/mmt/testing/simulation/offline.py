@@ -12,7 +12,7 @@ from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
 from mmt.scene import Hand, Scene, Simulated
 from mmt.testing.simulation import RATE_HZ
-from mmt.testing.simulation.course import SurfaceCourse
+from mmt.testing.simulation.course import SurfaceCourse, surface_of
 from mmt.testing.simulation.follower import SimulatedFollower
 from mmt.testing.simulation.hand import SimulatedHand
 from mmt.testing.simulation.instruments import Instruments
@@ -68,12 +68,9 @@ def simulate_session(
     seed = scene.session.seed if seed is None else seed
     duration_s = scene.session.duration_s if duration_s is None else duration_s
     rate_hz = float(scene.session.acceleration_rate_hz)
-    known: KnownSurface | SurfaceCourse
-    if surface is None or isinstance(surface, str):
-        course = SurfaceCourse.of(settings, duration_s, seed, rate_hz) if surface is None else None
-        known = course or get_surface(surface or settings.surface, rate_hz)
-    else:
-        known = surface
+    known = surface or surface_of(settings, duration_s, seed, rate_hz)
+    if isinstance(known, str):
+        known = get_surface(known, rate_hz)
     if known.rate_hz != rate_hz:
         raise InputError(
             f"surface {known.name} is at {known.rate_hz:g} Hz, the scene's acceleration at "
