@@ -16,7 +16,7 @@ from mmt.devices.haptuator.card_buffer import CardBuffer
 from mmt.devices.haptuator.drive import VoltageDrive
 from mmt.devices.haptuator.equaliser import ActuatorLevel
 from mmt.devices.haptuator.options import HaptuatorOptions
-from mmt.devices.haptuator.resampling import AFTER, BEFORE, Interpolator, tap_table
+from mmt.devices.haptuator.resampling import AFTER, BEFORE, SampleRing, tap_table
 
 
 def drive(**changes: float) -> VoltageDrive:
@@ -97,12 +97,19 @@ def test_options_that_cannot_be_are_explained() -> None:
 # --- between the samples
 
 
+def ring_of(samples: np.ndarray) -> SampleRing:
+    """One that holds as many samples, which have been written."""
+    ring = SampleRing(len(samples).bit_length() - 1)
+    ring.write(samples)
+    return ring
+
+
 def test_samples_are_met_and_a_constant_is_kept() -> None:
-    ring = np.random.default_rng(2).normal(size=64)
-    reader = Interpolator(ring)
-    np.testing.assert_allclose(reader.read(10.0, 1.0, 40), ring[10:50], atol=1e-12)
+    samples = np.random.default_rng(2).normal(size=64)
+    reader = ring_of(samples)
+    np.testing.assert_allclose(reader.read(10.0, 1.0, 40), samples[10:50], atol=1e-12)
     np.testing.assert_allclose(tap_table().sum(axis=1), 1.0, atol=1e-12)
-    ring[:] = 2.5
+    reader.write(np.full(64, 2.5))
     np.testing.assert_allclose(reader.read(3.3, 0.021, 500), 2.5, atol=1e-12)
 
 
@@ -112,7 +119,7 @@ def test_samples_are_met_and_a_constant_is_kept() -> None:
 def test_a_tone_in_the_band_keeps_its_level(frequency_hz: float, within: float) -> None:
     ring = np.sin(2.0 * np.pi * frequency_hz * np.arange(1024) / 1000.0)
     instants = 20.0 + np.arange(40_000) / 48.0
-    played = Interpolator(ring).read(20.0, 1.0 / 48.0, 40_000)
+    played = ring_of(ring).read(20.0, 1.0 / 48.0, 40_000)
     wanted = np.sin(2.0 * np.pi * frequency_hz * instants / 1000.0)
     assert np.max(np.abs(played - wanted)) < within
 
@@ -131,9 +138,9 @@ def test_a_ring_is_read_around_its_end(
     whole = 64 * (math.ceil((position + step * count + AFTER) / 64) + 1)
     if whole > len(twice):
         count = int((len(twice) - AFTER - 1 - position) / step)
-    expected = Interpolator(twice).read(position, step, count)
+    expected = ring_of(twice).read(position, step, count)
     np.testing.assert_allclose(
-        Interpolator(ring).read(position + 640.0, step, count), expected, atol=1e-3, rtol=1e-6
+        ring_of(ring).read(position + 640.0, step, count), expected, atol=1e-3, rtol=1e-6
     )
 
 

@@ -2,6 +2,7 @@
 
 import time
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Final
 
@@ -34,7 +35,7 @@ class WrenchSensor(ABC):
         self.name = name
         self.latency_ns = 0
         self._converter: WrenchConverter | None = None
-        self._counts: dict[str, int] = {}
+        self._counts: Counter[str] = Counter()
         self._overloads = 0
         self._impossible = 0
         self._notice = OverloadNotice()
@@ -122,12 +123,9 @@ class WrenchSensor(ABC):
             self._arrival_ns = now_ns
         return records
 
-    def _count(self, reason: str, number: int = 1) -> None:
-        self._counts[reason] = self._counts.get(reason, 0) + number
-
     def _saturate(self) -> None:
         """Count a record with a value at the end of its scale."""
-        self._count("saturation")
+        self._counts["saturation"] += 1
         self._tell_overload()
 
     def _tell_overload(self) -> None:

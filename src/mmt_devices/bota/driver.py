@@ -204,14 +204,14 @@ class BotaSerial(WrenchSensor):
     def _is_usable(self, status: int) -> bool:
         """Count what the sensor reports of a frame."""
         if status & SKIPPED:
-            self._count("skipped measurements")
+            self._counts["skipped measurements"] += 1
         if status & OVERRANGE:
-            self._count("overrange")
+            self._counts["overrange"] += 1
             self._tell_overload()
         if status & INVALID:
-            self._count("invalid measurements")
+            self._counts["invalid measurements"] += 1
         if status & RAW:
-            self._count("raw measurements")
+            self._counts["raw measurements"] += 1
         if status & (INVALID | RAW):
             self._status = status
             return False

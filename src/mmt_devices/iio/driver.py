@@ -3,6 +3,7 @@
 import logging
 import sys
 import time
+from collections import Counter
 from collections.abc import Sequence
 from math import hypot
 from pathlib import Path
@@ -71,7 +72,7 @@ class IioAccelerometer:
         self.name = f"accelerometer {options.device or ''}".strip()
         self._capture: Capture | None = None
         self._rest = b""
-        self._counts: dict[str, int] = {}
+        self._counts: Counter[str] = Counter()
         self._notice = OverloadNotice()
         self._clock: CountingClock | None = None
         self._lost_before = 0
@@ -85,7 +86,7 @@ class IioAccelerometer:
     def faults(self) -> dict[str, int]:
         """Counts by what was survived."""
         lost = self._lost_before + (0 if self._clock is None else self._clock.missing)
-        counts = {**self._counts, "lost samples": self._counts.get("lost samples", 0) + lost}
+        counts = {**self._counts, "lost samples": self._counts["lost samples"] + lost}
         return {reason: count for reason, count in counts.items() if count}
 
     def connect(self) -> None:
@@ -176,7 +177,7 @@ class IioAccelerometer:
         now_ns = time.monotonic_ns()
         size = capture.layout.size
         if len(content) >= capture.length * size:
-            self._count("full buffer")
+            self._counts["full buffer"] += 1
         content, self._rest = self._rest + content, b""
         if odd := len(content) % size:
             content, self._rest = content[:-odd], content[-odd:]
@@ -241,7 +242,7 @@ class IioAccelerometer:
         (i, a, p, x_end), (j, b, q, y_end), (k, c, r, z_end) = self._axes
         x, y, z = a * raw[i] + p, b * raw[j] + q, c * raw[k] + r
         if abs(x) >= x_end or abs(y) >= y_end or abs(z) >= z_end:
-            self._count("overload")
+            self._counts["overload"] += 1
             self._notice.tell(
                 f"{self.name} is overloaded: beyond {x_end / GRAVITY_M_S2:.3g} g along an axis it "
                 "cuts off what it feels; touch the surface and move more gently"
@@ -253,9 +254,6 @@ class IioAccelerometer:
             f"{self.name}: its value has not changed for {self._options.stuck_s:g} s or more, and "
             "even at rest it is never quite still: check its supply and wires"
         )
-
-    def _count(self, reason: str, number: int = 1) -> None:
-        self._counts[reason] = self._counts.get(reason, 0) + number
 
 
 class StampedAccelerometer(IioAccelerometer):
@@ -294,12 +292,12 @@ class StampedAccelerometer(IioAccelerometer):
         stamped: list[tuple[int, Raw]] = []
         for *raw, time_ns in scans:
             if not self._newest_ns < time_ns <= now_ns + _AHEAD_NS:
-                self._count("impossible stamp")
+                self._counts["impossible stamp"] += 1
                 self._impossible += 1
                 continue
             periods = (time_ns - self._newest_ns) / self._period_ns if self._period_ns else 0.0
             if self._newest_ns and periods > _GAP:
-                self._count("lost samples", round(periods) - 1)
+                self._counts["lost samples"] += round(periods) - 1
             self._newest_ns, self._impossible = time_ns, 0
             stamped.append((time_ns, tuple(raw)))
         return stamped

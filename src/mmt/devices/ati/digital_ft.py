@@ -157,7 +157,7 @@ class DigitalFt(WrenchSensor):
         for start, values in differing.items():
             line.write_registers(start, values)
         line.command(LOCK, "lock its settings")
-        self._count("gauge settings written")
+        self._counts["gauge settings written"] += 1
 
     def _await_first_record(self) -> None:
         self._stream.reset()

@@ -145,7 +145,7 @@ class NetFt(WrenchSensor):
             changed = True
         if self._bias_in_box not in {None, settings.bias}:
             pages.set_bias(str(self._bias_in_box))
-            self._count("bias restored in the box")
+            self._counts["bias restored in the box"] += 1
             changed = True
         if not changed:
             return settings
@@ -212,7 +212,7 @@ class NetFt(WrenchSensor):
         try:
             for _ in range(_MOST_RECORDS):
                 if receive_into(buffer) != RECORD.size:
-                    self._count("packet that is no record")
+                    self._counts["packet that is no record"] += 1
                     continue
                 self._heard_ns = now_ns
                 sequence, _measurement, status, a, b, c, d, e, f = unpack(buffer)
@@ -231,7 +231,7 @@ class NetFt(WrenchSensor):
             self._usable_ns = now_ns
             self.arrival_ns = packets.arrival_ns(looked_ns)
         elif now_ns - max(self._heard_ns, self._started_ns) > _REPEAT_START_NS:
-            self._count("start request repeated")
+            self._counts["start request repeated"] += 1
             clock.interrupt()
             self._ask(udp, now_ns)
         return records
@@ -247,7 +247,7 @@ class NetFt(WrenchSensor):
             self._saturate()
         if not is_broken(status):
             return True
-        self._count("RDT error" if status & RDT_ERROR else "error status")
+        self._counts["RDT error" if status & RDT_ERROR else "error status"] += 1
         self._broken_status, self._broken_ns = status, now_ns
         if now_ns - self._usable_ns > _BROKEN_NS:
             raise DeviceLost(self._explain_broken())

@@ -13,9 +13,9 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.devices.haptuator.resampling import AFTER, BEFORE, FillController, Interpolator
+from mmt.devices.haptuator.resampling import AFTER, BEFORE, FillController, SampleRing
 
-_CAPACITY: Final = 4096
+_CAPACITY_BITS: Final = 12
 _LARGEST_WRITE: Final = 1024
 _LEAST_SLACK_S: Final = 0.02
 """Beyond the wanted fill before it is caught up with."""
@@ -35,13 +35,12 @@ class BoardResampler:
     """
 
     def __init__(self, rate_hz: float, board_rate_hz: float, buffer_ms: float) -> None:
-        self._ring = np.zeros(_CAPACITY)
-        self._interpolator = Interpolator(self._ring)
+        self._ring = SampleRing(_CAPACITY_BITS)
+        self._ring.write([0.0] * (BEFORE + AFTER))
         self._per_sample = board_rate_hz / rate_hz
         self._rate_hz = rate_hz
         self._target = buffer_ms * rate_hz / 1000.0
         self._slack = max(_LEAST_SLACK_S * rate_hz, self._target)
-        self._written = BEFORE + AFTER
         self._position = float(BEFORE)
         self._slipping = False
         self.follower = FillController(rate_hz)
@@ -61,13 +60,10 @@ class BoardResampler:
         count = len(samples)
         dry = ahead <= 0 and count < self._target
         error = ahead / self._per_sample - self._target
-        ring, mask = self._ring, _CAPACITY - 1
-        for sample in samples[-_LARGEST_WRITE:]:
-            ring[self._written & mask] = sample
-            self._written += 1
+        self._ring.write(samples[-_LARGEST_WRITE:])
         step = (1.0 + self._correction(error, count, dry)) / self._per_sample
-        ready = max(0, math.floor((self._written - AFTER - self._position) / step))
-        block = self._interpolator.read(self._position, step, ready)
+        ready = max(0, math.floor((self._ring.written - AFTER - self._position) / step))
+        block = self._ring.read(self._position, step, ready)
         self._position += step * ready
         if dry:
             block *= np.linspace(0.0, 1.0, ready)

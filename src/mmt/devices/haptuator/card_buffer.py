@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.devices.haptuator.resampling import AFTER, BEFORE, FillController, Interpolator
+from mmt.devices.haptuator.resampling import AFTER, BEFORE, FillController, SampleRing
 
 _CAPACITY_S: Final = 4
 """At least; what lies in it is a power of two of samples."""
@@ -46,10 +46,7 @@ class CardBuffer:
     def __init__(
         self, rate_hz: float, card_rate_hz: float, block_frames: int, buffer_ms: float
     ) -> None:
-        capacity = 1 << round(_CAPACITY_S * rate_hz).bit_length()
-        self._ring = np.zeros(capacity)
-        self._mask = capacity - 1
-        self._interpolator = Interpolator(self._ring)
+        self._ring = SampleRing(round(_CAPACITY_S * rate_hz).bit_length())
         self._rate_hz = rate_hz
         self._card_rate_hz = card_rate_hz
         block = block_frames * rate_hz / card_rate_hz
@@ -57,7 +54,6 @@ class CardBuffer:
         """Samples that lie ahead of the reading when a block is asked for."""
         self._most = self.target + max(_LEAST_SLACK_S * rate_hz, self.target)
         self._fade = max(1, round(_FADE_S * card_rate_hz))
-        self._written = 0
         self._position = 0.0
         self._playing = False
         self._idle_since = 0
@@ -80,11 +76,7 @@ class CardBuffer:
 
     def write(self, samples: Iterable[float]) -> None:
         """Append samples; those that are never read are written over."""
-        ring, written, mask = self._ring, self._written, self._mask
-        for sample in samples:
-            ring[written & mask] = sample
-            written += 1
-        self._written = written
+        self._ring.write(samples)
 
     def mute(self) -> None:
         """Fade to silence and stay there."""
@@ -92,7 +84,7 @@ class CardBuffer:
 
     def read(self, frames: int) -> FloatArray:
         """Return the next `frames` frames for the card, shape (frames,)."""
-        written = self._written
+        written = self._ring.written
         if not self._playing and not self._begin(written):
             return self._silence(frames)
         if self._muted:
@@ -105,7 +97,7 @@ class CardBuffer:
         step = self._step(fill, frames)
         ready = math.floor((written - AFTER - self._position) / step)
         ready = max(0, min(frames, ready))
-        block = self._interpolator.read(self._position, step, ready)
+        block = self._ring.read(self._position, step, ready)
         self._position += step * ready
         if self._rise:
             block *= np.linspace(0.0, 1.0, ready)
@@ -146,13 +138,13 @@ class CardBuffer:
         aim = written - self.target
         share = np.linspace(0.0, 1.0, frames)
         there = (written - AFTER - aim) / step >= frames
-        if not there or written - self._position > len(self._ring) // 2:
+        if not there or written - self._position > 0.5 * _CAPACITY_S * self._rate_hz:
             # what lay there is written over, or the block is longer than agreed: start again
             self._stop(written)
             self._idle_since = written - math.ceil(self.target) - BEFORE
             return self._silence(frames)
-        old = self._interpolator.read(self._position, step, frames)
-        new = self._interpolator.read(aim, step, frames)
+        old = self._ring.read(self._position, step, frames)
+        new = self._ring.read(aim, step, frames)
         self._position = aim + step * frames
         block: FloatArray = old + share * (new - old)
         self._last = float(block[-1])

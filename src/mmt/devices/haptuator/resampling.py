@@ -5,6 +5,7 @@ there: the delay is three samples. The taps of an instant sum to 1. Between 64 t
 they are interpolated linearly, which leaves an error under 1e-3 of the signal.
 """
 
+from collections.abc import Iterable
 from typing import Final
 
 import numpy as np
@@ -32,24 +33,31 @@ def tap_table() -> FloatArray:
     return normalised
 
 
-class Interpolator:
-    """Read a ring of samples at instants between them.
+class SampleRing:
+    """Keeps the newest samples, and reads them at instants between them.
 
     Parameters
     ----------
-    ring
-        Shape (n,), n a power of two; sample k lies at k modulo n.
+    bits
+        It holds two to the power of so many; what is older is written over.
     """
 
-    def __init__(self, ring: FloatArray) -> None:
-        if ring.ndim != 1 or len(ring) < TAPS or len(ring) & (len(ring) - 1):
-            message = "a ring holds a power of two of samples"
-            raise ValueError(message)
-        self._ring = ring
-        self._mask = len(ring) - 1
+    def __init__(self, bits: int) -> None:
+        self._mask = (1 << bits) - 1
+        self._ring = np.zeros(1 << bits)
+        self.written = 0
+        """Samples so far, changed after they are there."""
         self._table = tap_table()
         self._slopes = np.diff(self._table, axis=0)
         self._offsets = np.arange(-BEFORE, AFTER + 1)
+
+    def write(self, samples: Iterable[float]) -> None:
+        """Append samples."""
+        ring, written, mask = self._ring, self.written, self._mask
+        for sample in samples:
+            ring[written & mask] = sample
+            written += 1
+        self.written = written
 
     def read(self, position: float, step: float, count: int) -> FloatArray:
         """Return the signal at `count` instants, the first at `position`, shape (count,).
