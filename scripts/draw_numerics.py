@@ -13,8 +13,6 @@ from mmt_lab.stability.maps import contact_map, loop_map
 PANELS: Final = {
     "burg": ("batch", "offset"),
     "lines": ("to_lsf", "low_pass"),
-    "conceal": ("spectrum", "alone"),
-    "contact": None,
     "pipeline": None,
 }
 """The stages that are drawn, and which of their panels; None draws them all."""

@@ -9,7 +9,7 @@ import pytest
 
 from mmt.evaluation.report import machine
 from mmt_lab.bench import peers
-from mmt_lab.bench.measuring import call_times, interleave, spread
+from mmt_lab.bench.measuring import interleave, spread
 from mmt_lab.harness.experiment import listed, load
 from mmt_lab.harness.findings import (
     Axis,
@@ -46,12 +46,6 @@ def test_spread_is_median_and_quartiles():
     assert Spread(4.0, 3.0, 5.0).relative == 0.25
     assert Spread(4.0, 3.0, 5.0).times(2.0) == Spread(8.0, 6.0, 10.0)
     assert Spread.exact(0.0).relative == 0.0
-
-
-def test_every_call_is_timed():
-    times = call_times(lambda: time.sleep(0.001), 5)
-    assert times.shape == (5,)
-    assert (times > 0.001).all()
 
 
 def test_the_machine_is_named():

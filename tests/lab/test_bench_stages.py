@@ -6,18 +6,7 @@ import pytest
 
 from mmt.evaluation.figures import to_png
 from mmt_lab.bench import signals
-from mmt_lab.experiments import (
-    burg,
-    conceal,
-    contact,
-    interpolation,
-    lines,
-    order,
-    pipeline,
-    synthesis,
-    update,
-)
-from mmt_lab.harness.findings import SkippedMethod
+from mmt_lab.experiments import burg, lines, pipeline
 from mmt_lab.harness.plots import panels_figure
 
 SMALL = {
@@ -38,39 +27,6 @@ SMALL = {
         "LOOKED_AT": 2,
         "ROUNDS": 2,
     },
-    interpolation: {
-        "SURFACES": ("mesh",),
-        "COUNTS": (10, 60),
-        "TABLE_COUNT": 60,
-        "ORDER": 8,
-        "DRAWS": 1,
-        "ROUNDS": 2,
-    },
-    synthesis: {
-        "SAMPLES": 15,
-        "ORDER": 8,
-        "RENEWALS": (1, 10),
-        "DURATION_S": 3.0,
-        "TIMED_SAMPLES": 400,
-        "CALLS": 300,
-        "ROUNDS": 2,
-    },
-    update: {
-        "COUNTS": (10, 40, 160),
-        "SECONDS": 3,
-        "FIRST_SECOND": 1,
-        "REPEATS": 1,
-        "CALLS": 100,
-        "ROUNDS": 2,
-    },
-    order: {
-        "SURFACES": ("wood",),
-        "DURATION_S": 6.0,
-        "ORDERS": (4, 12),
-        "PERIODS_S": (1.0, 2.0),
-        "MOMENTS_S": (5.0, 6.0),
-        "ROUNDS": 1,
-    },
     pipeline: {
         "SURFACES": ("wood",),
         "DURATION_S": 6.0,
@@ -78,21 +34,6 @@ SMALL = {
         "PERIODS_S": (1.0, 2.0),
         "ROUNDS": 1,
         "RATES_KHZ": (1, 10),
-    },
-    conceal: {
-        "SURFACES": ("wood",),
-        "DURATION_S": 8.0,
-        "GAPS": (5, 20),
-        "COMPARED": (5, 20),
-        "TIMED_GAPS": 20,
-    },
-    contact: {
-        "STIFFNESSES_N_M": (5_000.0,),
-        "TICKS": 10,
-        "DIVISIONS": (1, 4, 16),
-        "TOLERANCES": (1e-4,),
-        "REFERENCE": 1e-9,
-        "ROUNDS": 1,
     },
 }
 STAGES = [module.__name__.rpartition(".")[2] for module in SMALL]
@@ -163,45 +104,6 @@ def test_frequencies_from_reflection_coefficients_keep_their_digits(results):
     assert accuracy.met
 
 
-def test_more_samples_interpolate_better_and_the_field_knows_the_power_best(results):
-    shape, level = results["interpolation"].panels
-    for method in ("field", "published"):
-        at = errors(shape, method)
-        assert at[60] < at[10]
-    at_60 = {curve.method: errors(level, curve.method)[60] for curve in level.curves}
-    assert at_60["field"] < at_60["published"]
-    rows = results["interpolation"].records[0].rows
-    floor = next(row for row in rows if row["method"] == interpolation.FLOOR)
-    assert floor["power error (dB)"] < 1e-6
-
-
-def test_a_rarer_renewal_changes_more(results):
-    result = results["synthesis"]
-    for method in (synthesis.OURS, synthesis.SCIPY):
-        at = errors(result.panels[0], method)
-        assert at[1] == 0.0
-        assert 0.0 < at[10] < 0.5
-    assert any(isinstance(out, SkippedMethod) for out in result.left_out) or any(
-        curve.method == synthesis.C for curve in result.panels[0].curves
-    )
-
-
-def test_the_update_and_rendering_are_measured_at_every_size(results):
-    stages, calls = results["update"].panels
-    names = {curve.method for curve in stages.curves}
-    assert {"filter", "segment", "fit", "triangulate", "completion", update.WHOLE} == names
-    for panel in (stages, calls):
-        for curve in panel.curves:
-            assert [point.knob for point in curve.points] == [10, 40, 160]
-    assert len(results["update"].targets) == 4
-
-
-def test_a_higher_order_costs_no_power_error(results):
-    _, level = results["order"].panels
-    at = errors(level, "period 1 s")
-    assert at[4] == pytest.approx(at[12], rel=0.1)  # but for the share below 8 Hz
-
-
 def test_before_the_first_model_nothing_is_right(results):
     panels = {panel.name: panel for panel in results["pipeline"].panels}
     for method in pipeline.METHODS:
@@ -224,27 +126,3 @@ def test_each_row_of_the_pipeline_has_an_error_and_what_an_update_costs(results)
     orders = {row["acceleration (kHz)"]: row["order"] for row in rates.rows}
     assert orders == {1: 16, 10: 64}
     assert all(row["a second rendered (ms)"] > 0.0 for row in rates.rows)
-
-
-def test_the_exact_step_agrees_with_the_general_solver(results):
-    panel = results["contact"].panels[0]
-    assert max(errors(panel, "exact with events").values()) < 1e-7
-    for method in ("explicit Euler", "semi-implicit Euler", "discrete gradient"):
-        at = errors(panel, method)
-        assert at[1000.0 / 16] < at[1000.0]
-    assert errors(panel, contact.RADAU)[1e-4] < 1e-2
-
-
-def test_a_model_conceals_gaps_better_than_silence(results):
-    result = results["conceal"]
-    spectrum, alone, step = result.panels
-    for gap in (5, 20):
-        of = {curve.method: errors(spectrum, curve.method)[gap] for curve in spectrum.curves}
-        assert of[conceal.MODEL] < of[conceal.SILENCE]
-        assert 0.0 < errors(alone, conceal.MODEL)[gap] < 0.1
-        assert errors(step, conceal.MODEL)[gap] < 1.0
-    assert [row[""] for row in result.records[0].rows] == [
-        conceal.MODEL,
-        conceal.BACKWARDS,
-        conceal.SILENCE,
-    ]

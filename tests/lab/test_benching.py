@@ -16,7 +16,7 @@ from mmt_lab.harness.findings import Findings, Target
 
 
 def test_an_unknown_stage_is_explained() -> None:
-    with pytest.raises(InputError, match=r"allowed are burg, conceal, .*, link, order"):
+    with pytest.raises(InputError, match=r"allowed are burg, devices, .*, link, pipeline"):
         run_benches(["speed"])
 
 

@@ -55,17 +55,6 @@ def interleave(
     return {name: spread(np.array(values)) for name, values in seconds.items()}
 
 
-def call_times(task: Task, count: int) -> FloatArray:
-    """Return the seconds of each of `count` calls, shape (count,), the clock's own included."""
-    times = np.empty(count, dtype=np.int64)
-    with _no_collection():
-        for index in range(count):
-            started = time.perf_counter_ns()
-            task()
-            times[index] = time.perf_counter_ns() - started
-    return np.asarray(times * 1e-9, dtype=np.float64)
-
-
 def spread(values: FloatArray) -> Spread:
     """Return median and quartiles."""
     low, median, high = np.percentile(values, [25.0, 50.0, 75.0])

@@ -11,7 +11,6 @@ from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.burg import burg, burg_batch
 from mmt.texture.autoregression.forms import reflection_to_ar
 from mmt_lab.bench import peers, references, signals
-from mmt_lab.bench.c_loops import burg_loops
 from mmt_lab.bench.measuring import interleave
 from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import (
@@ -77,7 +76,6 @@ def run() -> Findings:
     single = _by_order(methods)
     batch = _by_batch(methods)
     stiff = _stiff(methods)
-    loops, without_loops = burg_loops(((1, LENGTHS[0]), BATCH), ORDERS, ROUNDS)
     return Findings(
         title="Burg's method",
         about=(
@@ -91,9 +89,9 @@ def run() -> Findings:
             "prediction error that the filter leaves over what the reference leaves."
         ),
         panels=(single, _by_length(methods), batch, _by_offset(methods)),
-        records=(stiff, *loops),
+        records=(stiff,),
         targets=(*_speed_targets(single, batch), *_stiff_targets(stiff)),
-        left_out=(*left_out, *without_loops),
+        left_out=left_out,
     )
 
 

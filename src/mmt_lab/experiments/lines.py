@@ -16,7 +16,6 @@ from mmt.texture.autoregression.forms import (
     reflection_to_lsf,
 )
 from mmt_lab.bench import peers, references, signals
-from mmt_lab.bench.c_loops import lines_loops
 from mmt_lab.bench.measuring import interleave
 from mmt_lab.bench.signals import Filters
 from mmt_lab.harness.experiment import Experiment
@@ -85,8 +84,6 @@ def run() -> Findings:
     there = _timed(methods, spread, trip=False)
     low_pass = _low_pass(methods)
     largest = signals.spread_filters(LARGEST, LOOKED_AT)
-    frequencies = {order: given.rounded_lsf for order, given in spread.items()}
-    loops, without_loops = lines_loops(frequencies, ROUNDS)
     return Findings(
         title="Line spectral frequencies",
         about=(
@@ -105,9 +102,9 @@ def run() -> Findings:
             low_pass,
             _poles(methods),
         ),
-        records=(_ratios(there), *loops),
+        records=(_ratios(there),),
         targets=(*_targets(there, low_pass), _back_target(largest)),
-        left_out=(*left_out, *without_loops),
+        left_out=left_out,
     )
 
 
