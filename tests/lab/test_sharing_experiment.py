@@ -68,9 +68,8 @@ def test_the_ticks_are_compared_within_pairs_and_over_them_by_the_median(
 @pytest.mark.parametrize(
     ("options", "refusal"),
     [
-        ({"network": "wan", "hubs": 2}, "--hubs does not go with --network: give one of them"),
-        ({"network": "wan", "minutes": 2.0}, "--minutes does not go with --network: give one"),
-        ({"network": "wan", "pairs": 3}, "does not go with --network: .* the plain experiment"),
+        ({"minutes": 2.0, "hubs": 2}, "--hubs does not go with --minutes: give one of them"),
+        ({"minutes": 2.0, "pairs": 3}, "does not go with --minutes: .* the plain experiment"),
         ({"minutes": 2.0, "listeners": 9}, "with --minutes: it goes with --hubs or the plain"),
         ({"minutes": 2.0, "duration": 9.0}, "--duration does not go with --minutes"),
         ({"hubs": 2, "seed": 0}, "--seed does not go with --hubs: it goes with --minutes$"),

@@ -5,14 +5,13 @@ join within one second as soon as the model is ready, take each of its changes, 
 the time to the first model includes building it, one listener at a time. All runs on this machine.
 The ticks are compared within a pair of sessions, and over several pairs by the median.
 
-With ``--network`` ten listeners are behind an emulated network, and what they feel is compared with
-what the operator feels at the same motion. With ``--minutes`` the session lasts so long, while
-listeners join and leave, vanish, stall, and send what makes no sense.
+With ``--minutes`` the session lasts so long, while listeners join and leave, vanish, stall, and
+send what makes no sense.
 """
 
 import asyncio
 from statistics import median
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final
 
 import numpy as np
 import typer
@@ -23,7 +22,7 @@ from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import Findings
 from mmt_lab.sharing.hubs import findings
-from mmt_lab.sharing.lasting import behind_network, lasting
+from mmt_lab.sharing.lasting import lasting
 from mmt_lab.sharing.session import listened_to
 
 
@@ -33,7 +32,6 @@ async def _session(duration_s: float, count: int) -> tuple[dict[str, Any], list[
 
 
 _FORMS: Final = {
-    "network": ("duration",),
     "minutes": ("seed",),
     "hubs": ("duration", "listeners"),
     "": ("duration", "listeners", "pairs"),
@@ -66,10 +64,6 @@ def run(
         int | None,
         typer.Option(min=1, max=99, help="Sessions with one and with many, by turns; 3 if absent."),
     ] = None,
-    network: Annotated[
-        Literal["lan", "wifi", "wan", "bad"] | None,
-        typer.Option(help="Listeners behind this emulated network: what they feel."),
-    ] = None,
     minutes: Annotated[
         float | None,
         typer.Option(min=1.0, max=1400.0, help="So long, with listeners that make trouble."),
@@ -84,7 +78,6 @@ def run(
 ) -> Findings:
     """Share a model with one listener, and with many who join at once."""
     _check_form(
-        network=network,
         minutes=minutes,
         hubs=hubs,
         duration=duration,
@@ -94,8 +87,6 @@ def run(
     )
     duration = 18.0 if duration is None else duration
     listeners = 100 if listeners is None else listeners
-    if network is not None:
-        return behind_network(network, duration)
     if minutes is not None:
         return lasting(60.0 * minutes, 1 if seed is None else seed)
     if hubs is not None:

@@ -9,7 +9,7 @@ import asyncio
 import json
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
@@ -90,8 +90,6 @@ class Count:
     ----------
     first_s
         Seconds from its first attempt to connect to its first model.
-    building_s
-        Of `first_s` what building took, None where nothing was built.
     lags_ms
         From the making of each change of the model until it was there, by one clock.
     number, digest
@@ -103,7 +101,6 @@ class Count:
     """
 
     first_s: float | None = None
-    building_s: float | None = None
     lags_ms: list[float] = field(default_factory=list)
     number: int = 0
     digest: str = ""
@@ -218,18 +215,31 @@ def auth_of(url: str, states_hz: float | None = None) -> dict[str, Any]:
     return Hello(states_hz=states_hz).as_auth() | ({} if token is None else {"token": token})
 
 
-async def count(url: str, listeners: int, longest_s: float) -> list[Count]:
-    """Let listeners join, and count until the session has ended for each of them."""
+async def count(
+    url: str,
+    listeners: int,
+    longest_s: float,
+    *,
+    within_s: float = 0.0,
+    states_hz: float | None = None,
+    on_joined: Callable[[float], None] = lambda _: None,
+) -> list[Count]:
+    """Let listeners join, and count until the session has ended for each of them.
+
+    They join over `within_s` seconds, at most ten at a time; `on_joined` is called with how many
+    seconds that took. `states_hz` is as for `auth_of`.
+    """
     begun_s = time.monotonic()
-    auth, joining = auth_of(url), asyncio.Semaphore(_JOINING)
+    auth, joining = auth_of(url, states_hz), asyncio.Semaphore(_JOINING)
     crowd = [Counter(url, auth) for _ in range(listeners)]
 
-    async def join(one: Counter) -> None:
+    async def join(number: int, one: Counter) -> None:
+        await asyncio.sleep(within_s * number / listeners)
         async with joining:
             await one.join()
 
-    await asyncio.gather(*(join(one) for one in crowd))
-    print(json.dumps({"joined_s": time.monotonic() - begun_s}), flush=True)
+    await asyncio.gather(*(join(number, one) for number, one in enumerate(crowd)))
+    on_joined(time.monotonic() - begun_s)
     ends = [asyncio.create_task(one.ended.wait()) for one in crowd]
     _, late = await asyncio.wait(ends, timeout=longest_s)
     for each in late:
@@ -240,7 +250,12 @@ async def count(url: str, listeners: int, longest_s: float) -> list[Count]:
 def main() -> None:
     """Run the listeners of the command line."""
     url, longest_s, listeners = sys.argv[1], float(sys.argv[2]), int(sys.argv[3])
-    print(json.dumps([asdict(each) for each in asyncio.run(count(url, listeners, longest_s))]))
+
+    def say(joined_s: float) -> None:
+        print(json.dumps({"joined_s": joined_s}), flush=True)
+
+    found = asyncio.run(count(url, listeners, longest_s, on_joined=say))
+    print(json.dumps([asdict(each) for each in found]))
 
 
 if __name__ == "__main__":

@@ -1,59 +1,15 @@
-"""Sessions whose listeners are behind a network, or make trouble for long."""
+"""Sessions whose listeners make trouble for long."""
 
 import asyncio
 from typing import Final
 
-import numpy as np
-
-from mmt.core.errors import MmtError
-from mmt.evaluation.levels import root_mean_square
 from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.harness.findings import Findings
 from mmt_lab.sharing.memory import Memory
 from mmt_lab.sharing.session import listened_to
 from mmt_lab.sharing.troubled import EVERY_S, KINDS, STEADY
 
-_DISTANT: Final = 10
 _LARGEST_GROWTH_MB: Final = 1.0
-
-
-def behind_network(network: str, duration_s: float) -> Findings:
-    """Compare what listeners behind a network feel with what the operator feels."""
-    listeners = ("felt", str(_DISTANT), network)
-    leader, found = asyncio.run(listened_to(duration_s, listeners, _DISTANT + 1))
-    errors, lags = np.array(found["errors_db"]), found["lags_ms"]
-    if not len(errors) or not lags:
-        raise MmtError("no listener behind the network had a model and a change of it")
-    lag_50, lag_99 = np.percentile(lags, [50, 99])
-    rows: dict[str, Figure] = {
-        "listeners": ("listeners who had the model", found["listeners"], "at least", _DISTANT),
-        "error_db": (
-            "felt against the operator's, rms over bands, motion and time (dB)",
-            root_mean_square(errors),
-            "at most",
-            0.1,
-        ),
-        "delay_error_db": (
-            "the same of one who has each change as soon as the delay allows (dB)",
-            root_mean_square(np.array(found["delay_errors_db"])),
-        ),
-        "error_99_db": (
-            "the same of the worst hundredth of the time (dB)",
-            float(np.quantile(errors, 0.99)),
-        ),
-        "same_share": ("share of the time with the operator's very model", found["same_share"]),
-        "behind": ("listeners without the last state", found["behind_at_end"], "at most", 0),
-        "lag_p50_ms": ("from the leader's state to the listener's, p50 (ms)", lag_50),
-        "lag_p99_ms": ("the same, p99 (ms)", lag_99),
-        "repeated": ("packets lost and sent again", found["repeated"]),
-        "wholes": ("whole models to each", found["wholes"] / _DISTANT),
-        "frames_lost": ("frames that the leader lost", leader["link"]["lost"], "at most", 0),
-    }
-    about = (
-        f"A rough texture for {duration_s:g} s, {_DISTANT} listeners behind the network profile "
-        f"{network}; from each one's first model to the end, every 50 ms."
-    )
-    return single_figures("Listeners behind a network", about, rows)
 
 
 def lasting(duration_s: float, seed: int) -> Findings:
