@@ -12,7 +12,6 @@ from mmt.texture.autoregression.burg import ReflectionFits, burg
 from mmt.texture.field import posterior
 from mmt.texture.field.observations import Observations
 from mmt.texture.model.texture_model import TextureModel
-from mmt_lab.stability.cases import run_case
 from mmt_lab.stability.families import anisotropic, ar, field, lsf, model, networks
 from mmt_lab.stability.families.ar import exact_burg, exact_residual
 
@@ -93,12 +92,6 @@ def test_a_filter_that_rings_up_does_not_hold(monkeypatch: pytest.MonkeyPatch) -
         assert not case_of(cases, words).run().held
 
 
-def test_frequencies_that_come_back_elsewhere_do_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
-    back = lsf.reflection_to_lsf
-    monkeypatch.setattr(lsf, "reflection_to_lsf", lambda k: back(k) + 1e-12)
-    assert not case_of(lsf.cases(filters=3), "gaps of 1e-06").run().held
-
-
 def test_fields_of_any_blocks_hold() -> None:
     assert those_that_do_not_hold("field", field.cases(many=5000)) == []
 
@@ -168,14 +161,9 @@ def test_networks_hold() -> None:
 
 
 def test_networks_that_miss_their_samples_do_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
-    at, remove = networks.RadialBasisNetwork.at, networks.NetworkNeighbours.remove
-    cases = networks.cases(samples=30)
+    at, cases = networks.RadialBasisNetwork.at, networks.cases(samples=30)
     monkeypatch.setattr(networks.RadialBasisNetwork, "at", lambda *_: at(*_) + 1e-4)
     assert not case_of(cases, "on a line").run().held
-    assert not case_of(cases, "without each").run().held
     monkeypatch.setattr(networks.RadialBasisNetwork, "at", at)
     monkeypatch.setattr(networks.NetworkNeighbours, "remove", lambda *_: None)
     assert not case_of(cases, "samples leave").run().held
-    monkeypatch.setattr(networks.NetworkNeighbours, "remove", remove)
-    monkeypatch.setattr(networks, "nearest_valid_lsf", lambda *_: None)
-    assert not run_case("networks", case_of(cases, "of order 8")).held

@@ -10,9 +10,7 @@ from extreme_cases import case_of, those_that_do_not_hold
 import mmt.leader.output.playout
 import mmt.texture.online.modeller
 from mmt.core.frames import empty_frames
-from mmt.devices.protocols import Vector
-from mmt.leader.motion.force_ramp import ForceRamp
-from mmt_lab.stability import clocks, interrupted, uptime
+from mmt_lab.stability import interrupted, uptime
 from mmt_lab.stability.cases import run_case
 from mmt_lab.stability.fake_time import FakeClock, run_in_fake_time
 from mmt_lab.stability.families import services
@@ -21,19 +19,16 @@ from mmt_lab.stability.uptime import MemoryWatch, run_endless_modelling, run_hou
 
 
 def test_what_needs_no_hour_holds() -> None:
-    cases = services.cases(real_s=0.3)
-    long = ["leader's parts", "never complete", "at rest"]
-    long += [case.what for case in interrupted_cases(6.0)]
-    quick = [case for case in cases if not any(words in case.what for words in long)]
-    assert len(quick) >= 10
+    quick = [case for case in services.cases() if "clock steps" in case.what]
+    assert len(quick) == 4
     assert those_that_do_not_hold("services", quick) == []
 
 
-@pytest.mark.parametrize("number", range(4))
+@pytest.mark.parametrize("number", range(2))
 def test_the_services_survive_what_interrupts_them(number: int) -> None:
     cases = interrupted_cases(6.0)
     if number >= len(cases):
-        pytest.skip("this system cannot stop processes or limit their files")
+        pytest.skip("this system cannot stop processes")
     row = run_case("services", cases[number])
     assert row.held, f"{row.what}: {row.got}"
 
@@ -42,7 +37,6 @@ SUMMARY: dict[str, Any] = {
     "outcome": "stopped",
     "link": {"frames": 9000},
     "backfill": {"filled": 40, "lost": 0},
-    "recording": {"frames": 3000, "error": "disk full"},
 }
 
 
@@ -66,24 +60,6 @@ def test_a_robot_that_catches_up_too_fast_is_seen() -> None:
     assert not interrupted.judge_speed(340.0, SUMMARY, strokes(3000, 400.0)).held
 
 
-def test_a_session_that_ends_with_its_recording_is_seen() -> None:
-    frames = strokes(3000, 100.0)
-    assert interrupted.judge_disk(SUMMARY, frames).held
-    assert not interrupted.judge_disk({**SUMMARY, "outcome": "failed: disk full"}, frames).held
-    assert not interrupted.judge_disk({**SUMMARY, "link": {"frames": 3200}}, frames).held
-    assert not interrupted.judge_disk(SUMMARY, frames[:2000]).held
-
-
-def test_a_ramp_that_catches_up_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    shape = ForceRamp.shape
-
-    def at_once(self: ForceRamp, force_n: Vector, elapsed: int) -> Vector:
-        return [shape(self, force_n, 1) for _ in range(elapsed)][-1]
-
-    monkeypatch.setattr(ForceRamp, "shape", at_once)
-    assert not interrupted_cases(1.0)[-1].run().held
-
-
 def test_a_clock_that_is_not_watched_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mmt.leader.output.playout, "_CLOCK_STEP_NS", 10**15)
     cases = services.cases()
@@ -92,10 +68,10 @@ def test_a_clock_that_is_not_watched_does_not_hold(monkeypatch: pytest.MonkeyPat
 
 
 def test_the_age_of_what_is_heard() -> None:
-    heard = clocks.play(np.full(400, 5.0), lambda _: (0, 0))
-    assert np.nanmedian(clocks.ages_ms(heard)) == pytest.approx(7.0, abs=1.0)
-    assert np.isnan(clocks.ages_ms(np.zeros(5))).all()
-    assert np.isnan(clocks.ages_ms(0.6 * heard[100:110])).all()
+    heard = services.play(np.full(400, 5.0), lambda _: (0, 0))
+    assert np.nanmedian(services.ages_ms(heard)) == pytest.approx(7.0, abs=1.0)
+    assert np.isnan(services.ages_ms(np.zeros(5))).all()
+    assert np.isnan(services.ages_ms(0.6 * heard[100:110])).all()
 
 
 def test_time_passes_by_waiting_alone() -> None:

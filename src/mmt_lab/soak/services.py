@@ -73,12 +73,6 @@ class SoakServices:
         self.errors: list[str] = []
 
     @property
-    def leader_pid(self) -> int:
-        """Number of the leader's process."""
-        assert self._leader is not None  # noqa: S101 - entered
-        return self._leader.pid
-
-    @property
     def proxy(self) -> Proxy:
         """What the follower's connection goes through."""
         assert self._proxy is not None  # noqa: S101 - entered

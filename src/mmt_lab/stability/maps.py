@@ -19,11 +19,11 @@ _TICKS_MS: Final = (0, 1, 2, 5, 10, 20, 50, 100, 200)
 
 def contact_map(figures: Mapping[str, Any]) -> Figure:
     """Draw by how much impacts grow, over step and stiffness, for each integrator."""
-    figure = Figure(figsize=(8.8, 6.4), layout="constrained")
-    axes = figure.subplots(2, 2, sharex=True, sharey=True)
+    figure = Figure(figsize=(9.6, 3.6), layout="constrained")
+    axes = figure.subplots(1, 3, sharex=True, sharey=True)
     step_ms, stiffness = 1e3 * np.array(figures["step_s"]), np.array(figures["stiffness_n_m"])
     image = None
-    for axis, (name, growth) in zip(axes.flat, figures["growth"].items(), strict=True):
+    for axis, (name, growth) in zip(axes, figures["growth"].items(), strict=True):
         grown = np.ma.masked_less(np.array(growth), _LEAST_GROWTH)
         axis.set_facecolor(LIGHT["unready"])
         image = axis.pcolormesh(
@@ -51,10 +51,8 @@ def contact_map(figures: Mapping[str, Any]) -> Figure:
             ylim=(stiffness[0], stiffness[-1]),
         )
         axis.set_title(name, fontsize=10)
-    for axis in axes[-1]:
         axis.set_xlabel("step (ms)")
-    for axis in axes[:, 0]:
-        axis.set_ylabel("stiffness (N/m)")
+    axes[0].set_ylabel("stiffness (N/m)")
     if image is not None:
         bar = figure.colorbar(image, ax=axes, extend="both", pad=0.02)
         bar.set_label("growth of energy in an impact, as a share of it")

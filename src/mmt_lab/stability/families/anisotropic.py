@@ -59,15 +59,11 @@ def cases(*, many: int = MANY, queries: int = 2000) -> list[Extreme]:
             )
             for scale in (1e-200, 1e-30, 1e100)
         ),
-        Extreme("a network's samples turned by 30 degrees", "the model turned, to 1e-9", _turned),
         Extreme(
             "queries NaN, infinite, negative, far outside",
             "as at the end of the space with the same heading, NaN as zero",
             _any_query,
         ),
-        Extreme("points outside of all tetrahedra", "weights that are an average", _outside),
-        Extreme("queries on every vertex, four to a cluster", "the vertex: 1e-9 rad", _on_vertices),
-        Extreme("queries on every face", "both tetrahedra agree to 1e-8", _on_faces),
     ]
 
 
@@ -147,18 +143,6 @@ def _difference(one: tuple[FloatArray, FloatArray], other: tuple[FloatArray, Flo
     return float(max(lsf, np.abs(one[1] - other[1]).max() / one[1].max()))
 
 
-def _turned() -> CaseResult:
-    """Turn samples and queries together; the boundary is the same after 30 degrees."""
-    points, asked = (anywhere(count, np.random.default_rng(7)) for count in (60, 500))
-    turn = np.eye(3)
-    turn[:2, :2] = np.array([[3**0.5, -1.0], [1.0, 3**0.5]]) / 2.0
-    off = _difference(  # the boundary of a triangulation has no symmetry
-        build(points).at(*(asked * ANISOTROPIC.scale).T),
-        build(points @ turn.T).at(*(asked @ turn.T * ANISOTROPIC.scale).T),
-    )
-    return CaseResult(f"off by {off:.0e}", held=off < 1e-9, figures={"off": off})
-
-
 def _any_query() -> CaseResult:
     odd = np.array([np.nan, -np.inf, -1e308, -300.0, -1e-300, 0.0, 1e-300, 300.0, 1e308, np.inf])
     asked = np.array(list(product(odd, odd, odd / 100.0)))
@@ -176,65 +160,6 @@ def _any_query() -> CaseResult:
         f"{len(asked)} moments, off by {off:.0e}, rendered {'' if finite else 'not '}finite",
         held=off < 1e-9 and finite,
         figures={"off": off},
-    )
-
-
-def _outside() -> CaseResult:
-    mesh = build(anywhere(200, np.random.default_rng(10))).triangulation
-    generator = np.random.default_rng(11)
-    directions = generator.standard_normal((2000, 3))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    hull = ConvexHull(mesh.points)
-    worst_sum, least, outside = 0.0, 0.0, 0
-    for beyond in (1e-15, 1e-9, 1e-3, 1.0, 1e6):
-        faces = mesh.points[hull.simplices[generator.integers(0, len(hull.simplices), 2000)]]
-        points = faces.mean(axis=1) + beyond * directions
-        outside += int((points @ hull.equations[:, :3].T + hull.equations[:, 3] > 0).any(1).sum())
-        _, weights = mesh.weights(points)
-        worst_sum = max(worst_sum, float(np.abs(weights.sum(axis=1) - 1.0).max()))
-        least = min(least, float(weights.min()))
-    return CaseResult(
-        f"{outside} outside, weights from {least:g}, their sum 1 to {worst_sum:.0e}",
-        held=outside > 0 and least >= 0.0 and worst_sum < 1e-14,
-        figures={"outside": outside, "least_weight": least, "sum_off": worst_sum},
-    )
-
-
-def _on_vertices() -> CaseResult:
-    """Ask at samples that stand four together, 1e-4 to 1e-2 of the space apart."""
-    generator = np.random.default_rng(12)
-    centres = anywhere(100, generator) * 0.9
-    spread = 10.0 ** generator.uniform(-4.0, -2.0, (100, 1, 1))
-    points = (centres[:, None] + spread * generator.standard_normal((100, 4, 3))).reshape(-1, 3)
-    points[:, 2] = np.clip(points[:, 2], 0.02, 0.98)
-    model = build(points, "field")
-    vertices = model.vertices[np.hypot(*model.vertices[:, :2].T) <= 1.0]
-    lsf, _ = model.at(*(vertices[:, :3] * ANISOTROPIC.scale).T)
-    off = float(np.abs(lsf - vertices[:, 4:]).max())
-    return CaseResult(
-        f"{len(vertices)} vertices, LSF off by {off:.0e} rad",
-        held=off < 1e-9,
-        figures={"lsf_off_rad": off},
-    )
-
-
-def _on_faces() -> CaseResult:
-    model = build(anywhere(200, np.random.default_rng(13)), "field")
-    corners = model.triangulation.points[model.triangles[:, :4]]
-    share = np.random.default_rng(14).dirichlet([1.0, 1.0, 1.0], len(corners))
-    on_face = np.einsum("tc,tck->tk", share, corners[:, 1:])
-    normal = np.cross(corners[:, 2] - corners[:, 1], corners[:, 3] - corners[:, 1])
-    normal *= 1e-12 / np.linalg.norm(normal, axis=1, keepdims=True)
-    inside = (np.hypot(on_face[:, 0], on_face[:, 1]) < 0.99) & (on_face[:, 2] > 0.01)
-    sides = [
-        model.at(*((on_face + side * normal)[inside] * ANISOTROPIC.scale).T)[0]
-        for side in (-1.0, 0.0, 1.0)
-    ]
-    off = float(np.ptp(np.stack(sides), axis=0).max())
-    return CaseResult(
-        f"{int(inside.sum())} points, LSF differ by {off:.0e} rad across 2e-12 of the space",
-        held=off < 1e-8,
-        figures={"lsf_differ_rad": off},
     )
 
 

@@ -8,14 +8,11 @@ from typing import Final
 
 import numpy as np
 
-from mmt.contact.friction import SMOOTHING_M_S, friction_slope_n_s_m, step_tangential
 from mmt.contact.normal import ContactLaw, Drive
 from mmt.evaluation.document import Picture
 from mmt.evaluation.report_files import picture
-from mmt.scene import Simulated
-from mmt.testing.simulation.robot import SimulatedRobot, tip_drive
-from mmt_lab.contact.integrators import INTEGRATORS, Integrator, total_energy_j
 from mmt_lab.stability.cases import CaseResult, Extreme, Family, Figures
+from mmt_lab.stability.integrators import INTEGRATORS, Integrator, total_energy_j
 
 STIFFNESSES_N_M: Final = (1e2, 1e3, 1e4, 1e5, 1e6, 1e7)
 MASSES_KG: Final = (0.001, 0.01, 0.1, 1.0)
@@ -70,20 +67,6 @@ def cases(
             for way, stiffness in product(INTEGRATORS.values(), stiffnesses)
             if not way.safe
         ),
-        *(
-            Extreme(
-                f"Hunt-Crossley contact of {stiffness:,.0f} N/m, 0 to 100 s/m",
-                "energy never grows",
-                partial(_hunt_crossley, stiffness),
-            )
-            for stiffness in stiffnesses
-        ),
-        Extreme("friction to 100 N, coefficient to 1", "energy never grows", _friction),
-        Extreme(
-            "the follower's tip, 15 and 60 Hz, pressed on walls of 0.05 to 50 N/mm",
-            "at rest, force as in statics to 1e-6",
-            _follower_at_rest,
-        ),
         Extreme(
             f"energy map, {MAP_MASS_KG:g} kg, {MAP_RATIO:g} of critical damping",
             "growth only where not offered as safe",
@@ -135,11 +118,6 @@ def _impacts(way: Integrator, stiffness: float) -> CaseResult:
         held=worst <= _ROUNDING if way.safe else worst > _ROUNDING,
         figures={"growth": worst},
     )
-
-
-def _bounded(growth: float) -> CaseResult:
-    held = growth <= _ROUNDING
-    return CaseResult(f"grows by {_share(growth)}", held=held, figures={"growth": growth})
 
 
 def _share(growth: float) -> str:
@@ -210,47 +188,6 @@ def _stays(way: Integrator, drive: Drive, law: ContactLaw, step_s: float) -> boo
         if abs(state[0] / rest - 1.0) > 0.1:
             return False
     return True
-
-
-def _hunt_crossley(stiffness: float) -> CaseResult:
-    worst = 0.0
-    for mass, dissipation, step_s in product(MASSES_KG, (0.0, 0.3, 3.0, 100.0), STEPS_S):
-        drive = Drive(mass, 0.0, 0.0)
-        law = ContactLaw(stiffness, dissipation_s_m=dissipation)
-        worst = max(worst, _worst(INTEGRATORS["discrete gradient"], drive, law, step_s))
-    return _bounded(worst)
-
-
-def _friction() -> CaseResult:
-    def energy_j(drive: Drive, state: tuple[float, float]) -> float:
-        return 0.5 * (drive.mass_kg * state[1] ** 2 + drive.stiffness_n_m * state[0] ** 2)
-
-    worst = 0.0
-    for mass, coefficient, normal_n, step_s in product(
-        MASSES_KG, (0.0, 0.1, 1.0), (0.01, 1.0, 100.0), STEPS_S
-    ):
-        drive, state = Drive(mass, 700.0, 0.0), (0.01, IMPACT_M_S)
-        energy = start = energy_j(drive, state)
-        for _ in range(50):
-            slope = friction_slope_n_s_m(coefficient, normal_n, abs(state[1]), SMOOTHING_M_S)
-            state = step_tangential(drive, slope, state, 0.0, step_s)[:2]
-            later = energy_j(drive, state)
-            worst = max(worst, (later - energy) / start)
-            energy = later
-    return _bounded(worst)
-
-
-def _follower_at_rest() -> CaseResult:
-    worst = 0.0
-    for bandwidth_hz, stiffness_n_mm in product((15.0, 60.0), (0.05, 0.5, 5.0, 50.0)):
-        settings = Simulated(robot_bandwidth_hz=bandwidth_hz, surface_stiffness_n_mm=stiffness_n_mm)
-        robot = SimulatedRobot(settings, 0.3)
-        for _ in range(3000):
-            tip = robot.advance((0.0, 0.0, -1.0))
-        drive, _ = tip_drive(bandwidth_hz)
-        series = 1.0 / (1e3 / drive.stiffness_n_m + 1.0 / stiffness_n_mm)
-        worst = max(worst, abs(tip.force_n[2] / series - 1.0), abs(tip.velocity_mm_s[2]))
-    return CaseResult(f"off by {worst:.0e}", held=worst < 1e-6, figures={"off": worst})
 
 
 def _map(points: int) -> CaseResult:

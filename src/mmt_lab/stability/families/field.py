@@ -30,16 +30,8 @@ def cases(*, many: int = MANY) -> list[Extreme]:
             )
             for directed in (False, True)
         ),
-        Extreme("one block", "finite, unsure of everything else", _one),
         Extreme("one stroke repeated", "sure there, unsure far away", _repeated),
-        Extreme("strokes along one line", "finite, unsure beside it", _line),
-        Extreme("powers all 0", "finite level and deviation", partial(_any_power, 0.0, 0.0)),
-        Extreme(
-            "powers of 0 and 1e-300 to 1e300",
-            "finite level and deviation",
-            partial(_any_power, -300.0, 300.0),
-        ),
-        Extreme("moments up to 2^53 blocks apart", "finite, as sure as at near ones", _far_moments),
+        Extreme("powers of 0 and 1e-300 to 1e300", "finite level and deviation", _any_power),
         Extreme(
             "moments that differ by 3 dB", "stated deviation 0.7 to 1.7 times the error", _unsteady
         ),
@@ -95,16 +87,6 @@ def _many(many: int, directed: bool) -> CaseResult:
     )
 
 
-def _one() -> CaseResult:
-    field = LevelField(_felt(1))
-    mean, deviation = field.level_db(_points(_ASKED, False, 3))
-    return CaseResult(
-        f"deviation {deviation.min():.1f} to {deviation.max():.1f} dB",
-        held=bool(np.isfinite(mean).all() and deviation.min() > 1.0),
-        figures={"deviation_db": float(deviation.min())},
-    )
-
-
 def _repeated() -> CaseResult:
     points = np.tile([[0.4, 0.5]], (10_000, 1))
     field = LevelField(FieldCells.of(points, np.full(len(points), 2.0), np.arange(len(points))))
@@ -118,46 +100,14 @@ def _repeated() -> CaseResult:
     )
 
 
-def _line() -> CaseResult:
-    share = np.random.default_rng(9).uniform(0.1, 0.9, (2000, 1))
-    points = share * np.ones(2)
-    field = LevelField(FieldCells.of(points, np.exp(_law(points)), np.arange(len(points))))
-    on, beside = (
-        field.level_db(np.array(asked))[1].mean()
-        for asked in ([[0.3, 0.3], [0.6, 0.6]], [[0.8, 0.1], [0.1, 0.8]])
-    )
-    return CaseResult(
-        f"{on:.2f} dB on it, {beside:.1f} dB beside it", held=bool(on < 1.0 and beside > 2.0 * on)
-    )
-
-
-def _any_power(lowest: float, highest: float) -> CaseResult:
-    exponents = np.random.default_rng(6).uniform(lowest, highest, 500)
-    power = 10.0**exponents if highest > lowest else np.zeros(500)
+def _any_power() -> CaseResult:
+    power = 10.0 ** np.random.default_rng(6).uniform(-300.0, 300.0, 500)
     power[::7] = 0.0
     points = _points(len(power), False, 6)
     field = LevelField(FieldCells.of(points, power, np.arange(len(power))))
     found = np.concatenate([*field.level_db(points), field.table.ravel()])
     finite = bool(np.isfinite(found).all())
     return CaseResult("all finite" if finite else "not finite", held=finite)
-
-
-def _far_moments() -> CaseResult:
-    points = _points(2000, False, 7)
-    power = np.exp(_law(points))
-    random = np.random.default_rng(7)
-    deviations = [
-        LevelField(FieldCells.of(points, power, random.integers(0, last, len(points)))).level_db(
-            points
-        )[1]
-        for last in (10_000, 2**53)
-    ]
-    ratio = float(deviations[1].mean() / deviations[0].mean())
-    return CaseResult(
-        f"deviations {ratio:.2f} times those of near moments",
-        held=bool(np.isfinite(deviations[1]).all() and 0.3 < ratio < 3.0),
-        figures={"ratio": ratio},
-    )
 
 
 def _unsteady() -> CaseResult:

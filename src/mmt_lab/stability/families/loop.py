@@ -10,8 +10,7 @@ from mmt.core.frames import empty_frames
 from mmt.evaluation.document import Picture
 from mmt.evaluation.report_files import picture
 from mmt.leader.motion.feedback import StreamedForce
-from mmt.scene import Hand, Simulated
-from mmt.testing.simulation.hand import SimulatedHand
+from mmt.scene import Simulated
 from mmt.testing.simulation.robot import SimulatedRobot, tip_drive
 from mmt_lab.feedback import simulated
 from mmt_lab.feedback.sides import PASSIVITY, Method
@@ -34,7 +33,6 @@ def cases(
     *,
     walls_n_mm: tuple[float, ...] = WALLS_N_MM,
     delays_ms: tuple[int, ...] = DELAYS_MS,
-    hand_s: float = 15.0,
     method_walls_n_mm: tuple[float, ...] = simulated.WALLS_N_MM,
     method_delays_ms: tuple[int, ...] = simulated.DELAYS_MS,
 ) -> list[Extreme]:
@@ -46,8 +44,6 @@ def cases(
         Stiffness of the walls.
     delays_ms
         One-way delays of the map.
-    hand_s
-        Seconds of each session with the demo's hand.
     method_walls_n_mm, method_delays_ms
         Cells of the passive and the model method.
     """
@@ -59,15 +55,6 @@ def cases(
                 partial(_boundary, wall),
             )
             for wall in walls_n_mm
-        ),
-        *(
-            Extreme(
-                f"the demo's hand, {delay} ms each way, on {wall:g} N/mm",
-                "force bounded by 5 x what the hand intends",
-                partial(_learning_hand, wall, delay, hand_s),
-            )
-            for wall in (walls_n_mm[0], walls_n_mm[-1])
-            for delay in (0, 200)
         ),
         *_method_cases(method_walls_n_mm, method_delays_ms),
         Extreme(
@@ -149,31 +136,6 @@ def _boundary(wall_n_mm: float) -> CaseResult:
         f"dies out at {low} ms, grows at {high} ms" if high else "grows without any delay",
         held=low - tolerance_ms <= critical_ms <= high + tolerance_ms,
         figures={"wall_n_mm": wall_n_mm, "theory_ms": critical_ms, "measured_ms": float(high)},
-    )
-
-
-def _learning_hand(wall_n_mm: float, delay_ms: int, seconds: float) -> CaseResult:
-    """Let the demo's hand, which learns how deep to press, stroke over the link."""
-    hand = SimulatedHand(Hand(), 1)
-    robot = SimulatedRobot(Simulated(surface_stiffness_n_mm=wall_n_mm), 0.3)
-    feedback = StreamedForce(hand, limit_n=_LIMIT_N)
-    frame = empty_frames(1, ("force",))
-    forces = deque([(0.0, 0.0, 0.0)] * (delay_ms + 1))
-    commands = deque([(0.0, 0.0, 5.0)] * (delay_ms + 1))
-    intended = shown = 0.0
-    for _ in range(round(1e3 * seconds)):
-        state = hand.read(1)
-        commands.append(state.position_mm)
-        tip = robot.advance(commands.popleft())
-        forces.append(tip.force_n)
-        frame["force_n"][0] = forces.popleft()
-        feedback.on_frames(frame)
-        feedback.tick(1, None)
-        intended, shown = max(intended, state.force_n), max(shown, tip.force_n[2])
-    return CaseResult(
-        f"{shown:.1f} N at most, intended {intended:.1f} N",
-        held=shown <= 5.0 * intended,
-        figures={"largest_n": shown, "intended_n": intended},
     )
 
 

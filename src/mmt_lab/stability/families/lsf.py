@@ -11,18 +11,15 @@ from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.burg_recursion import LARGEST_REFLECTION
 from mmt.texture.autoregression.forms import (
     burg,
-    lsf_to_ar,
     lsf_to_reflection,
     output_power,
     reflection_to_lsf,
 )
-from mmt.texture.autoregression.lsf import lsf_inverse_gain
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt_lab.stability.cases import CaseResult, Extreme, Family
 from mmt_lab.stability.families import ar
 
-GAPS_RAD: Final = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 HOUR_SAMPLES: Final = 3_600_000
 
 _BLOCK: Final = 10_000
@@ -39,21 +36,13 @@ def cases(*, filters: int = 200, swaps: int = HOUR_SAMPLES, renders: int = 300) 
     Parameters
     ----------
     filters
-        Random filters, or pairs of them, for each case.
+        Pairs of random filters.
     swaps
         Samples of the swaps and of the pauses.
     renders
         Realisations of each stiff fit.
     """
     return [
-        *(
-            Extreme(
-                f"gaps of {gap:g} rad, {filters} filters of order 2 to 64",
-                "|k| < 1, gain above 0, and back within 1e-14 rad",
-                partial(_gaps, gap, filters),
-            )
-            for gap in GAPS_RAD
-        ),
         Extreme(
             f"averages of {filters} pairs of stable filters, |k| to 1 - 1e-15",
             "ascending, variance not negative, rendered within 8 deviations",
@@ -87,41 +76,6 @@ def _swap_cases(samples: int) -> Iterator[Extreme]:
             f"power the model's to 2 %, peak under 8 deviations, flat within {_FLAT:g} x",
             partial(_swaps, spread, count),
         )
-
-
-def _gaps(gap: float, count: int) -> CaseResult:
-    generator = np.random.default_rng(round(-np.log10(gap)))
-    largest = back = 0.0
-    least_gain = np.inf
-    for _ in range(count):
-        order = int(generator.integers(2, 65))
-        lsf = _with_gaps(order, gap, generator)
-        k = lsf_to_reflection(lsf)
-        largest = max(largest, float(np.abs(k).max()))
-        back = max(back, float(np.abs(reflection_to_lsf(k) - lsf).max()))
-        least_gain = min(least_gain, lsf_inverse_gain(lsf, np.empty(2 * order)))
-        if not np.isfinite(lsf_to_ar(lsf)).all():
-            return CaseResult("a coefficient is not finite", held=False)
-    return CaseResult(
-        f"|k| to 1 - {1.0 - largest:.0e}, gain from {least_gain:.0e}, back within {back:.0e} rad",
-        held=largest < 1.0 and least_gain > 0.0 and back < 1e-14,
-        figures={"largest_k": largest, "least_gain": least_gain, "back_rad": back},
-    )
-
-
-def _with_gaps(order: int, gap: float, generator: np.random.Generator) -> FloatArray:
-    """Return frequencies (order,) of which some pairs stand at a gap.
-
-    Never three: 1 - |k| is then about the gap's square, and below 1e-8 rad has no digits left.
-    """
-    steps = generator.uniform(0.2, 1.0, order + 1)
-    close = np.zeros(order + 1, dtype=np.bool_)
-    close[1:-1:2] = generator.uniform(size=len(close[1:-1:2])) < 0.7
-    close[1] |= order > 1
-    steps *= (np.pi - gap * close.sum()) / steps[~close].sum()
-    steps[close] = gap
-    lsf: FloatArray = np.cumsum(steps)[:-1]
-    return lsf
 
 
 def _averages(pairs: int) -> CaseResult:

@@ -9,11 +9,8 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.core.errors import InputError
-from mmt.core.frames import empty_frames
 from mmt.texture.autoregression.forms import lsf_to_reflection, output_power
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt_lab.stability.cases import CaseResult, Extreme, Family
 from mmt_lab.stability.degenerate import build, of_plane
@@ -35,7 +32,6 @@ def cases(*, many: int = MANY, queries: int = 10_000) -> list[Extreme]:
         Points at which each model is asked, besides its own.
     """
     return [
-        Extreme("no sample", "refused with a sentence, silence", _no_sample),
         *(
             Extreme(what, _EXPECTED, partial(_plane, points, queries))
             for what, points in of_plane(many)
@@ -50,8 +46,6 @@ def cases(*, many: int = MANY, queries: int = 10_000) -> list[Extreme]:
             "as at the nearest edge, NaN as at zero",
             _any_query,
         ),
-        Extreme("queries on every vertex", "the sample itself to 1e-9", _on_vertices),
-        Extreme("queries on every edge", "both triangles agree to 1e-8", _on_edges),
     ]
 
 
@@ -89,20 +83,6 @@ def _areas(model: TextureModel) -> tuple[float, float]:
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     areas = 0.5 * np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
     return float(areas.sum()), float(areas.min())
-
-
-def _no_sample() -> CaseResult:
-    try:
-        build(np.empty((0, 2)))
-        return CaseResult("a model without samples", held=False)
-    except InputError as error:
-        said = str(error)
-    update = OnlineModeller().update(empty_frames(1000))
-    silence = Synthesizer().render(np.full(1000, 150.0), np.full(1000, 1.5))
-    return CaseResult(
-        f"refused ({said}), silence",
-        held=update.model is None and not silence.any(),
-    )
 
 
 def _growth(many: int) -> CaseResult:
@@ -152,42 +132,6 @@ def _any_query() -> CaseResult:
         held=off <= 1e-9 and bool(np.isfinite(rendered).all()),
         figures={"off": off},
     )
-
-
-def _on_vertices() -> CaseResult:
-    points = np.random.default_rng(10).uniform(0.05, 0.95, (400, 2))
-    model = build(points)
-    lsf, variance = model.at(model.samples.speed_mm_s, model.samples.force_n)
-    off = float(np.abs(lsf - model.samples.lsf).max())
-    level = float(np.abs(variance / model.samples.variance - 1.0).max())
-    return CaseResult(
-        f"{len(points)} vertices, LSF off by {off:.0e} rad, variance by {level:.0e}",
-        held=off < 1e-9 and level < 1e-9,
-        figures={"lsf_off_rad": off, "variance_off": level},
-    )
-
-
-def _on_edges() -> CaseResult:
-    model = build(np.random.default_rng(11).uniform(0.05, 0.95, (200, 2)))
-    corners = model.vertices[model.triangles[:, :3], :2]
-    starts, ends = corners.reshape(-1, 2), np.roll(corners, -1, axis=1).reshape(-1, 2)
-    share = np.random.default_rng(12).uniform(0.0, 1.0, (len(starts), 1))
-    on_edge = starts + share * (ends - starts)
-    along = ends - starts
-    across = np.column_stack([-along[:, 1], along[:, 0]])
-    across *= 1e-12 / np.hypot(along[:, 0], along[:, 1])[:, None]
-    lsf = np.stack([_lsf_at(model, on_edge + side * across) for side in (-1.0, 0.0, 1.0)])
-    off = float(np.ptp(lsf, axis=0).max())
-    return CaseResult(
-        f"{len(on_edge)} points, LSF differ by {off:.0e} rad across 2e-12 of the plane",
-        held=off < 1e-8,
-        figures={"lsf_differ_rad": off},
-    )
-
-
-def _lsf_at(model: TextureModel, points: FloatArray) -> FloatArray:
-    lsf, _ = model.at(points[:, 0] * _SPEED_MM_S, points[:, 1] * _FORCE_N)
-    return lsf
 
 
 FAMILY: Final = Family("Texture models of any samples", cases)

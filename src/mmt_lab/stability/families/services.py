@@ -1,31 +1,25 @@
-"""The services and their parts over faults, clocks that step, late frames, an hour of uptime."""
+"""The services and their parts over clocks that step, over stops, and over an hour of uptime."""
 
-import time
+from collections.abc import Callable
 from functools import partial
 from typing import Final
 
 import numpy as np
 
-from mmt.core.arrays import RecordArray
-from mmt.leader.modelling.frame_queue import FrameQueue
-from mmt.leader.output.stream import StreamedMotion
-from mmt.texture.signals.filtering import StreamFilter
+from mmt.core.arrays import FloatArray
+from mmt.leader.output.playout import PlayoutBuffer
 from mmt_lab.stability import uptime
 from mmt_lab.stability.cases import CaseResult, Extreme, Family
-from mmt_lab.stability.clocks import clock_cases
 from mmt_lab.stability.interrupted import interrupted_cases
-from mmt_lab.stability.stalls import stall_cases
-from mmt_lab.stability.uptime import PERIOD_NS, stroke_pattern
+from mmt_lab.stability.uptime import PERIOD_NS
 
-_FLAT: Final = 1.5
+_STEP_NS: Final = 10_000_000_000
+_START_NS: Final = 100_000_000_000
+_EVENT_MS: Final = 4000
 
 
 def cases(
-    *,
-    hour_samples: int = 3_600_000,
-    modelling_s: int = 600,
-    real_s: float = 1.5,
-    stopped_s: float = 6.0,
+    *, hour_samples: int = 3_600_000, modelling_s: int = 600, stopped_s: float = 6.0
 ) -> list[Extreme]:
     """Return the family's cases.
 
@@ -35,99 +29,84 @@ def cases(
         Ticks of the simulated uptime.
     modelling_s
         Seconds of the stream that never completes a model.
-    real_s
-        Seconds on the system's own clock.
     stopped_s
-        Seconds for which a service is stopped.
+        Seconds for which the leader is stopped.
     """
+    flat = (
+        f"under {uptime.MOST_BLOCKS} objects and {uptime.MOST_MB:g} MB more, "
+        f"time within {uptime.MOST_SLOWER:g} x"
+    )
     return [
-        *clock_cases(real_s),
-        *stall_cases(),
+        *(
+            Extreme(
+                f"streamed vibration, the {whose}'s clock steps by {step_ns / 1e9:+g} s",
+                "not one sample missing, same delay within 2 ms",
+                partial(_stepping_clock, whose == "follower", step_ns),
+            )
+            for whose in ("follower", "leader")
+            for step_ns in (_STEP_NS, -_STEP_NS)
+        ),
         *interrupted_cases(stopped_s),
         Extreme(
-            "filters, the same frames evenly and in bursts of 2 s",
-            "the same to the bit",
-            _filters_in_bursts,
-        ),
-        Extreme(
-            "filters at rest for a minute after a stroke",
-            f"time a frame within {_FLAT:g} x of the stroke's",
-            _filters_at_rest,
-        ),
-        Extreme(
-            "frames for the model, bursts of 2 s and of 20 s",
-            "none of 2 s dropped, of 20 s the oldest and counted",
-            _queue_in_bursts,
-        ),
-        Extreme(
             f"the leader's parts for {hour_samples} ticks, waking 12 ms late on average",
-            f"no drift, under {uptime.MOST_BLOCKS} objects and {uptime.MOST_MB:g} MB more, "
-            f"time within {uptime.MOST_SLOWER:g} x",
+            f"no drift, {flat}",
             partial(uptime.run_hour, hour_samples),
         ),
         Extreme(
             f"a model that is never complete, {modelling_s} s of strokes in one corner",
-            f"under {uptime.MOST_BLOCKS} objects and {uptime.MOST_MB:g} MB more, "
-            f"time within {uptime.MOST_SLOWER:g} x",
+            flat,
             partial(uptime.run_endless_modelling, modelling_s),
         ),
     ]
 
 
-def _filters_in_bursts() -> CaseResult:
-    frames = numbered(stroke_pattern(20_000, whole_plane=True))
-    outputs = []
-    for block in (7, 2000):
-        stream = StreamFilter()
-        blocks = [
-            stream.process(frames[start : start + block]) for start in range(0, len(frames), block)
-        ]
-        outputs.append(
-            [
-                np.concatenate([getattr(part, name) for part in blocks])
-                for name in ("index", "position_mm", "speed_mm_s", "vibration_m_s2")
-            ]
-        )
-    same = all(np.array_equal(even, burst) for even, burst in zip(*outputs, strict=True))
-    return CaseResult(f"{len(outputs[0][0])} frames {'the same' if same else 'differ'}", held=same)
+def play(lateness_ms: FloatArray, clocks: Callable[[int], tuple[int, int]]) -> FloatArray:
+    """Play frames through a playout buffer; return what is played in each tick (n,).
+
+    Frame k carries the value k + 1/3, so that a played value identifies its frame.
+
+    Parameters
+    ----------
+    lateness_ms
+        Lateness of each frame's arrival, shape (n,); frames overtake none before them.
+    clocks
+        From a tick to the offsets (ns) of the follower's and the leader's clock.
+    """
+    count = len(lateness_ms)
+    arrivals_ms = np.maximum.accumulate(np.arange(count) + lateness_ms)
+    buffer, played = PlayoutBuffer(), np.zeros(count)
+    frame = 0
+    for tick in range(count):
+        _, leader_ns = clocks(tick)
+        while frame < count and arrivals_ms[frame] <= tick:
+            follower_ns, _ = clocks(frame)
+            arrival_ns = round(arrivals_ms[frame] * 1e6) + leader_ns
+            buffer.push(frame, frame * PERIOD_NS + follower_ns, arrival_ns, (frame + 1.0 / 3.0,))
+            frame += 1
+        (played[tick],) = buffer.pull(tick * PERIOD_NS + leader_ns)
+    return played
 
 
-def numbered(frames: RecordArray) -> RecordArray:
-    """Return the frames (n,), numbered from 0 on and a period apart."""
-    frames["sequence"] = np.arange(len(frames))
-    frames["time_ns"] = np.arange(len(frames)) * PERIOD_NS
-    return frames
+def ages_ms(played: FloatArray) -> FloatArray:
+    """Return the age of what is played in each tick (n,), NaN where it is silent or fading."""
+    whole = np.abs(played % 1.0 - 1.0 / 3.0) < 1e-6
+    return np.where(whole, np.arange(len(played)) - played, np.nan)
 
 
-def _filters_at_rest() -> CaseResult:
-    """Feed silence after a stroke: states that decay for ever would become denormal."""
-    stroke = stroke_pattern(10_000, whole_plane=True)
-    frames = numbered(np.concatenate([stroke, *[np.zeros_like(stroke)] * 6]))
-    stream, motion = StreamFilter(), StreamedMotion("z", 1000.0)
-    seconds = []
-    for start in range(0, len(frames), 1000):
-        block = frames[start : start + 1000]
-        started = time.thread_time()
-        stream.process(block)
-        motion.on_frames(block, 0)
-        seconds.append(time.thread_time() - started)
-    ratio = float(np.quantile(seconds[10:], 0.1) / np.quantile(seconds[:10], 0.1))
-    return CaseResult(f"{ratio:.2f} x", held=ratio < _FLAT, figures={"rest_over_stroke": ratio})
+def _stepping_clock(of_follower: bool, step_ns: int) -> CaseResult:
+    def clocks(tick: int) -> tuple[int, int]:
+        stepped = step_ns if tick >= _EVENT_MS else 0
+        return (stepped, _START_NS) if of_follower else (0, _START_NS + stepped)
 
-
-def _queue_in_bursts() -> CaseResult:
-    queue = FrameQueue(10_000, least_drop=1000)
-    frames = numbered(stroke_pattern(20_000, whole_plane=True))
-    short = queue.put(frames[:2000])
-    kept_short = len(queue.pop_all())
-    long = queue.put(frames)
-    kept = queue.pop_all()
-    newest = bool(kept["sequence"][-1] == 19_999)
+    jitter_ms = 3.0 + np.random.default_rng(1).uniform(0.0, 2.0, 2 * _EVENT_MS)
+    age_ms = ages_ms(play(jitter_ms, clocks))
+    missing = int(np.isnan(age_ms[_EVENT_MS - 1000 :]).sum())
+    before, after = (float(np.nanmedian(part)) for part in np.split(age_ms, [_EVENT_MS]))
     return CaseResult(
-        f"of 2 s {short} dropped, of 20 s {long} dropped and {len(kept)} kept, "
-        f"{'the newest' if newest else 'not the newest'}",
-        held=short == 0 and kept_short == 2000 and long + len(kept) == 20_000 and newest,
+        f"{missing} missing, delay {before:.0f} ms before and {after:.0f} ms after",
+        held=missing == 0 and abs(after - before) <= 2.0,
+        figures={"missing": missing, "before_ms": before, "after_ms": after},
     )
 
 
-FAMILY: Final = Family("Clocks, bursts and uptime", cases)
+FAMILY: Final = Family("Clocks, stops and uptime", cases)

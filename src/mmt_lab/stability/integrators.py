@@ -1,4 +1,4 @@
-"""Ways to step a tool against a stiff wall, side by side: two that break, two that do not.
+"""Ways to step a tool against a stiff wall, side by side: two that break, and one that does not.
 
 All advance the same system, a mass on a drive that meets a unilateral Kelvin-Voigt wall
 (`Drive` and `ContactLaw`), and are called like `mmt.contact.normal.step_normal`, which is the
@@ -10,7 +10,6 @@ integrator          order  sustained contact is stable below
 explicit Euler      1      ``c/k``, but ``2/(s + sqrt(s^2 - w^2))`` if overdamped
 semi-implicit       1      ``2 (sqrt(w^2 + s^2) - s)/w^2``
 discrete gradient   2      every step
-exact               all    every step
 ==================  =====  ==========================================================
 
 with w^2 = k/m and s = c/2m of the wall and the drive together. The first two also gain energy
@@ -23,7 +22,6 @@ from dataclasses import dataclass
 from typing import Final
 
 from mmt.contact.normal import ContactLaw, Drive, step_normal
-from mmt_lab.contact.exact import step_exact
 
 State = tuple[float, float]
 """Height (m) and velocity (m/s)."""
@@ -60,7 +58,7 @@ def step_explicit(
 ) -> tuple[float, float, float]:
     """Advance by explicit Euler; arguments and results as `step_normal`."""
     height_m, velocity_m_s = state
-    force_n, acceleration = accelerate(drive, law, state, command_m)
+    force_n, acceleration = _accelerate(drive, law, state, command_m)
     return height_m + step_s * velocity_m_s, velocity_m_s + step_s * acceleration, force_n
 
 
@@ -69,7 +67,7 @@ def step_semi_implicit(
 ) -> tuple[float, float, float]:
     """Advance by semi-implicit (symplectic) Euler: the new velocity moves the mass."""
     height_m, velocity_m_s = state
-    force_n, acceleration = accelerate(drive, law, state, command_m)
+    force_n, acceleration = _accelerate(drive, law, state, command_m)
     velocity_m_s += step_s * acceleration
     return height_m + step_s * velocity_m_s, velocity_m_s, force_n
 
@@ -107,7 +105,6 @@ INTEGRATORS: Final[Mapping[str, Integrator]] = {
             "semi-implicit Euler", step_semi_implicit, safe=False, limit_s=semi_implicit_limit_s
         ),
         Integrator("discrete gradient", step_normal, safe=True, limit_s=_unlimited),
-        Integrator("exact with events", step_exact, safe=True, limit_s=_unlimited),
     )
 }
 
@@ -119,7 +116,7 @@ def _poles(drive: Drive, law: ContactLaw) -> tuple[float, float]:
     return stiffness / drive.mass_kg, 0.5 * damping / drive.mass_kg
 
 
-def accelerate(
+def _accelerate(
     drive: Drive, law: ContactLaw, state: State, command_m: float
 ) -> tuple[float, float]:
     """Return the contact force and the acceleration at a state."""
