@@ -14,7 +14,7 @@ from mmt_lab.compare.ablations import INGREDIENTS, Ingredient, without
 from mmt_lab.compare.cases import ComparisonCase
 from mmt_lab.compare.judging import blocks_of
 
-HEADINGS = {"ridges", "nap", "return"}
+HEADINGS = {"ridges", "nap"}
 """Ingredients of models over velocity and force alone."""
 
 

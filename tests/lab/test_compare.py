@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ from mmt.evaluation.document import ReportTable
 from mmt.evaluation.levels import BAND_EDGES_HZ, band_edges_hz, band_errors_db
 from mmt.testing.simulation.textures import SURFACES
 from mmt.texture.settings import START_SHARE, STOP_SHARE
-from mmt_lab.compare.cases import INHOMOGENEOUS, ComparisonCase, recorded_cases, simulated_cases
+from mmt_lab.compare.cases import INHOMOGENEOUS, ComparisonCase, simulated_cases
 from mmt_lab.compare.judging import FIGURES, Certainty, JudgedMethod, check_methods, judge
 from mmt_lab.compare.spoiling import MOMENT_S, check_spoils, spoilt
 from mmt_lab.compare.summary import RUN_TO_RUN_DB, MethodComparison
@@ -151,30 +150,6 @@ def test_a_moment_spoils_the_samples_of_its_time(count):
     knocked = np.flatnonzero(acceleration_samples(spoilt(frames, "knock", 1))[:, 2])
     assert knocked[0] == where[0] + 1
     assert len(knocked) == 10 * count - 1
-
-
-def make_stroke(path: Path, speed_mm_s: float) -> Path:
-    time_s = np.arange(0.0, 4.0, 0.001)
-    position = np.zeros((len(time_s), 3))
-    position[:, 0] = speed_mm_s / (4 * np.pi) * np.sin(4 * np.pi * time_s)
-    force = np.zeros_like(position)
-    force[:, 2] = 0.6 + 0.3 * np.sin(2.7 * time_s)
-    np.savez(path, time_s=time_s, position_mm=position, force_n=force)
-    return path
-
-
-def test_recorded_strokes_are_scaled_into_the_plane_and_others_left_out_with_a_reason(tmp_path):
-    make_stroke(tmp_path / "slow.npz", 2.0)
-    make_stroke(tmp_path / "usual.npz", 80.0)
-    (tmp_path / "broken.npz").write_bytes(b"no zip")
-    cases, remarks = recorded_cases([tmp_path, tmp_path / "absent"], ["wood", "oak"])
-    assert [(case.name, case.texture, case.group) for case in cases] == [
-        ("usual", "wood", "recorded strokes")
-    ]
-    assert cases[0].motion_scale == pytest.approx(200 / 80, rel=0.1)
-    assert len(remarks) == 3
-    assert "no stroking" in " ".join(remarks)
-    assert "there is no recorded stroke" in remarks[-1]
 
 
 @pytest.fixture(scope="module")

@@ -73,7 +73,6 @@ def test_a_recorded_spring_is_found_and_shown_without_its_delay(tmp_path: Path) 
     assert model.settled_s < 1.5
     for result in (passive, model):
         assert result.energy_mj <= 1.0 + 1e-6
-        assert result.force_error_n >= result.least_error_n > 0.0
 
 
 def test_without_delay_the_streamed_force_is_the_true_one(tmp_path: Path) -> None:
@@ -146,7 +145,6 @@ def test_a_rigid_wall_that_is_met_in_knocks_is_estimated(name: str, largest: flo
     run = read_run(RECORDED / f"question1{name}_rigid.npz")
     streamed, model = (evaluate_run(run, method, 100) for method in ("streamed", "model"))
     assert model.force_error_n < largest * streamed.force_error_n
-    assert model.force_error_n > model.least_error_n
     assert model.surface is not None
     assert model.surface.stiffness_at(1.0) > 2000.0
 

@@ -1,7 +1,6 @@
 """Paper C's tables come from nothing but a seed, on trials that are strung together."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -48,19 +47,6 @@ def test_a_data_set_is_made_of_trials_and_knocks_add_their_share_of_the_power(ro
     assert np.median((quieter / power)[~quiet.knocked]) == pytest.approx(1.0, abs=1e-6)
 
 
-def test_knocks_are_taken_from_recorded_ones_where_there_are_any(recordings):
-    lone = np.zeros(400)
-    lone[0] = 1.0
-    found = data_set(PLANE, 3, recordings["Grass"], knocks=[lone])
-    clean = data_set(PLANE, 3, recordings["Grass"], share=0.0)
-    for struck, quiet, hit in zip(
-        found.data.segments, clean.data.segments, found.knocked, strict=True
-    ):
-        if hit:  # one sample, high-passed
-            added = np.square(struck - quiet)
-            assert added.max() > 0.9 * added.sum()
-
-
 def test_trials_are_one_sequence_in_which_the_clock_runs_on():
     trials = [stroke(PLANE, 1.0, seed) for seed in (1, 2)]
     frames = concatenated._joined(trials)
@@ -71,18 +57,12 @@ def test_trials_are_one_sequence_in_which_the_clock_runs_on():
 
 def test_as_published_is_the_published_selection_and_variations_differ(recordings):
     found = data_set(SPACE, 3, recordings["Wood"], ORDER)
-    result, removed = table_two._vary(VARIATIONS[AS_PUBLISHED], found, 3)
+    result, removed = table_two._vary(VARIATIONS[AS_PUBLISHED], found)
     expected = select_published(found.data)
     np.testing.assert_array_equal(result.outlier, expected.outlier)
-    np.testing.assert_allclose(result.threshold, expected.threshold)
     assert removed.detected == expected.outlier[found.knocked].mean()
-    flat, _ = table_two._vary(replace(VARIATIONS[AS_PUBLISHED], sparsity=0), found, 3)
-    tested = np.isfinite(flat.threshold)
-    np.testing.assert_allclose(flat.threshold[tested], 0.25)
-    turned, _ = table_two._vary(replace(VARIATIONS[AS_PUBLISHED], sparsity=-1), found, 3)
-    assert np.corrcoef(turned.threshold[tested], expected.threshold[tested])[0, 1] < 0.0
-    spread, _ = table_two._vary(replace(VARIATIONS[AS_PUBLISHED], spread_db=6.0), found, 3)
-    assert spread.outlier.sum() > expected.outlier.sum()
+    through, _ = table_two._vary(VARIATIONS["network through every point"], found)
+    assert not np.array_equal(through.outlier, expected.outlier)
 
 
 def test_the_tables_of_paper_c_are_made_with_the_papers_numbers_beside(tmp_path, monkeypatch):

@@ -13,13 +13,10 @@ from mmt_lab.selection import running, sessions
 from mmt_lab.selection.knocks import (
     SAMPLES,
     add_knock,
-    read_knocks,
     read_taps,
     simulated_knock,
 )
 from mmt_lab.selection.sessions import session_trials
-
-IMPACTS = Path(__file__).parents[2] / "../shared/data/impact_noise/machete_1.csv"
 
 
 def test_a_knock_has_four_tenths_of_the_segments_variance():
@@ -56,53 +53,6 @@ def test_a_missed_target_is_said():
         assert missed == expected
         assert len(selection.selection_table(evaluation).rows) == 2 * len(running.METHODS)
         assert json.loads(json.dumps(evaluation.as_dict()))["overall"][1]["method"] == "ours"
-
-
-def write_recording(path: Path, signal: np.ndarray, header: str, step_ms: float = 3.0) -> None:
-    time_ms = np.arange(len(signal)) * step_ms
-    columns = np.column_stack([time_ms, 0.1 * signal, signal, np.zeros(len(signal))])
-    np.savetxt(path, columns, delimiter=",", header=header, comments="")
-
-
-def test_knocks_are_found_in_a_recording_at_its_own_rate(tmp_path):
-    generator = np.random.default_rng(0)
-    signal = 0.01 * generator.standard_normal(2000) + 5.0
-    for start in (300, 900, 1500):
-        decay = np.exp(-np.arange(100) / 15.0)
-        signal[start : start + 100] += decay * np.cos(np.arange(100))
-    path = tmp_path / "knocks.csv"
-    write_recording(path, signal, "timestamp_ms,accel_x,accel_y,accel_z")
-    knocks = read_knocks([path])
-    assert [len(knock) for knock in knocks] == [SAMPLES] * 3
-    assert all(np.abs(knock[:150]).max() > 0.3 for knock in knocks)
-
-
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        ("a,b\n1,2\n", "needs a column"),
-        (None, "not a CSV"),
-    ],
-)
-def test_a_bad_recording_of_knocks_is_refused_with_a_reason(tmp_path, content, words):
-    path = tmp_path / "bad.csv"
-    if content is not None:
-        path.write_text(content)
-    with pytest.raises(InputError, match=words):
-        read_knocks([path])
-
-
-def test_noise_without_a_knock_is_refused(tmp_path):
-    path = tmp_path / "quiet.csv"
-    signal = np.random.default_rng(1).standard_normal(2000)
-    write_recording(path, signal, "timestamp_ms,accel_x,accel_y,accel_z")
-    with pytest.raises(InputError, match="stands out"):
-        read_knocks([path])
-
-
-@pytest.mark.skipif(not IMPACTS.exists(), reason="the recorded impacts are not on this machine")
-def test_recorded_impacts_are_found():
-    assert len(read_knocks([IMPACTS])) >= 8
 
 
 def write_taps(path: Path, taps: np.ndarray) -> None:

@@ -83,12 +83,6 @@ def _without_columns(*columns: int) -> Replace:
     return replace
 
 
-def _alike(smoothed: Callable[..., Any]) -> Callable[..., Any]:
-    return lambda points, lsf, weights, *around: smoothed(
-        points, lsf, np.ones(len(weights)), *around
-    )
-
-
 _FIELD: Final = "mmt.texture.field"
 
 INGREDIENTS: Final[Mapping[str, Ingredient]] = MappingProxyType(
@@ -113,14 +107,6 @@ INGREDIENTS: Final[Mapping[str, Ingredient]] = MappingProxyType(
             "the prior of the slopes: 0 +- 2 for both",
             {f"{_FIELD}.covariance:SLOPES": _constantly(((0.0, 2.0), (0.0, 2.0)))},
         ),
-        "settings": Ingredient(
-            "half of the 16 settings",
-            {f"{_FIELD}.posterior:SETTINGS": _constantly(8)},
-        ),
-        "rounds": Ingredient(
-            "all rounds of trust and prediction but the first",
-            {f"{_FIELD}.observations:ROUNDS": _constantly(1)},
-        ),
         "blocks": Ingredient(
             "the scatter between blocks as it was met: that of a homogeneous surface",
             {f"{_FIELD}.observations:_block_variance": _homogeneous},
@@ -128,10 +114,6 @@ INGREDIENTS: Final[Mapping[str, Ingredient]] = MappingProxyType(
         "steady": Ingredient(
             "that speed and force change by a factor of two at most within a block",
             {f"{_FIELD}.blocks:_LARGEST_CHANGE": _constantly(1e9)},
-        ),
-        "fall": Ingredient(
-            "the fall of the level below the slowest and the lightest stroke",
-            {f"{_FIELD}.posterior:_fall": _constantly(lambda *_: None)},
         ),
         "ridges": Ingredient(
             "the departure that is the same for a stroke and its return",
@@ -145,14 +127,6 @@ INGREDIENTS: Final[Mapping[str, Ingredient]] = MappingProxyType(
             "the choice of the shapes' lengths by their evidence: 0.5 and 0.7",
             {f"{_FIELD}.shape_smoothing:_SCALES": _constantly(((0.5,), (0.7,)))},
         ),
-        "weights": Ingredient(
-            "the weight of a segment's filter by its length: all alike",
-            {f"{_FIELD}.shape_smoothing:smoothed": _alike},
-        ),
-        "return": Ingredient(
-            "that the shapes of a stroke and of its return are alike",
-            {f"{_FIELD}.shape_smoothing:_RETURN": _constantly(0.0)},
-        ),
         "smoothing": Ingredient(
             "the smoothing of the spectra's shapes",
             {f"{_FIELD}.shape_smoothing:smoothed": _as_fitted},
@@ -160,14 +134,6 @@ INGREDIENTS: Final[Mapping[str, Ingredient]] = MappingProxyType(
         "high-pass": Ingredient(
             "giving back what the high-pass takes",
             {"mmt.texture.signals.high_pass:_given_back": _constantly(lambda _: 1.0)},
-        ),
-        "noise": Ingredient(
-            "the subtraction of the sensor's noise",
-            {
-                "mmt.texture.signals.noise_floor:NoiseFloor.power": _constantly(
-                    property(lambda _: 0.0)
-                )
-            },
         ),
     }
 )
@@ -179,11 +145,6 @@ def without(name: str) -> Iterator[None]:
     """Leave out one of `INGREDIENTS` inside the block; nothing if the name is empty.
 
     Models have to be built and asked for inside it.
-
-    Raises
-    ------
-    AttributeError
-        What the ingredient replaces is no longer there.
     """
     with ExitStack() as stack:
         for target, replace in INGREDIENTS[name].replacements.items() if name else ():

@@ -102,22 +102,7 @@ def check_generators(names: Sequence[str]) -> None:
 def judge_generators(
     case: ComparisonCase, generators: Sequence[str], run_s: float = RUN_S
 ) -> tuple[list[GeneratorScore], list[Fault]]:
-    """Judge generators on one session by what they render.
-
-    Parameters
-    ----------
-    case
-        The session.
-    generators
-        Names that `mmt_methods.generators.registry.load` knows.
-    run_s
-        Length of each of two runs at a stroke.
-
-    Raises
-    ------
-    InputError
-        There is no such generator.
-    """
+    """Judge generators on one session by what they render."""
     session = _Session(case, run_s)
     for name in generators:
         try:
@@ -140,13 +125,7 @@ class _Session:
         self.faults: list[Fault] = []
 
     def judge(self, name: str) -> None:
-        """Judge a generator at every time, as it is then.
-
-        Raises
-        ------
-        GeneratorFault
-            It has failed, or was never there.
-        """
+        """Judge a generator at every time, as it is then."""
         modeller = GeneratorModeller(name, load(name), self._settings)
         late = f"generator {name}: an update took longer than {LONGEST_UPDATE_S:g} s"
         updates_ms = []

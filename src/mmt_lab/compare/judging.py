@@ -140,15 +140,6 @@ def judge(
     """Judge methods on one session as it is, and as each of some things spoils it.
 
     Costs a pass of modelling for each method and session.
-
-    Parameters
-    ----------
-    case
-        The session.
-    methods
-        Names as `check_methods` allows them.
-    spoils
-        Names in `mmt_lab.compare.spoiling.SPOILS`.
     """
     frames = case.session()
     judge = SessionJudge(case, frames)

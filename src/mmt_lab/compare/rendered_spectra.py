@@ -79,13 +79,7 @@ def motion_of(strokes: Strokes, *, directed: bool) -> FloatArray:
 def render_strokes(
     source: GuardedGenerator, strokes: Strokes, seed: int, run_s: float = RUN_S
 ) -> tuple[FloatArray, FloatArray]:
-    """Return two runs of vibration at each of k strokes, (2, k, n), and each block's time (us).
-
-    Raises
-    ------
-    GeneratorFault
-        The generator has failed, or is slower than real time.
-    """
+    """Return two runs of vibration at each of k strokes, (2, k, n), and each block's time (us)."""
     motion = motion_of(strokes, directed=source.directed)
     settling = round(SETTLING_S * RATE_HZ / BLOCK_SAMPLES)
     blocks = settling + round(run_s * RATE_HZ / BLOCK_SAMPLES)

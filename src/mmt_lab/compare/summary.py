@@ -31,7 +31,7 @@ Measured by `mmt_lab.surfaces.slides.scatter_db`; the source is in the page on e
 
 @dataclass(frozen=True)
 class MethodRow:
-    """One method at one moment, over the sessions of a texture, stroke or group.
+    """One method at one moment, over the sessions of a texture or group.
 
     ``sessions`` is how many there are, ``time_s`` and ``samples`` medians over those that came to
     the moment, ``figures`` what they have.
@@ -96,11 +96,10 @@ class MethodComparison:
     methods: tuple[str, ...]
     judged: tuple[JudgedMethod, ...]
     certainties: tuple[Certainty, ...] = ()
-    remarks: tuple[str, ...] = ()
 
     @cached_property
     def groups(self) -> list[str]:
-        """Groups of textures and strokes, in their order."""
+        """Groups of textures, in their order."""
         return list(dict.fromkeys(one.group for one in self.judged))
 
     @cached_property
@@ -114,11 +113,11 @@ class MethodComparison:
         return any(one.acceleration_rate_hz != 1000 for one in self.judged)
 
     def names(self, group: str) -> list[str]:
-        """Return the textures or strokes of a group."""
+        """Return the textures of a group."""
         return list(dict.fromkeys(one.name for one in self.judged if one.group == group))
 
     def rows(self, name: str, spoil: str = "") -> list[MethodRow]:
-        """Return the rows of a texture or stroke, or of a whole group."""
+        """Return the rows of a texture, or of a whole group."""
         whole = len({_key(one) for one in self._chosen(name, spoil)})
         return [
             _row(name, spoil, method, moment, whole, chosen)
@@ -172,7 +171,6 @@ class MethodComparison:
             "falls": [asdict(fall) for fall in self.falls()],
             "sessions": [asdict(one) for one in self.judged],
             "certainty": [asdict(one) for one in self.certainties],
-            "remarks": list(self.remarks),
         }
 
     def _chosen(

@@ -23,18 +23,6 @@ def time_limit(seconds: float, fault: str) -> Iterator[None]:
 
     A call into compiled code ends first. Without signals (not Linux, not the main thread) the
     block is not interrupted, and the fault is raised when it ends.
-
-    Parameters
-    ----------
-    seconds
-        How long it may take.
-    fault
-        The sentence to raise.
-
-    Raises
-    ------
-    GeneratorFault
-        It took longer.
     """
     started = time.monotonic()
     if not (hasattr(signal, "SIGALRM") and threading.current_thread() is threading.main_thread()):

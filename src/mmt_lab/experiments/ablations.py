@@ -121,13 +121,7 @@ def run(
     ] = ",".join(SPOILS),
     workers: Workers = None,
 ) -> Findings:
-    """Say what each ingredient of the field is worth.
-
-    Raises
-    ------
-    InputError
-        An ingredient, a texture or a way to spoil a session is not known.
-    """
+    """Say what each ingredient of the field is worth."""
     names = [name.strip() for name in ingredients.split(",")]
     spoils = [name.strip() for name in spoil.split(",")]
     methods = (WHOLE, *(f"{WHOLE}-{name}" for name in names))

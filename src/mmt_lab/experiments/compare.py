@@ -1,4 +1,4 @@
-"""Methods of texture modelling side by side, on known textures and recorded strokes.
+"""Methods of texture modelling side by side, on known textures.
 
 Each session is simulated once and modelled by every method. At four times, and where each method's
 own criteria are met, the models are compared with the known texture: over the strokes that were
@@ -9,7 +9,6 @@ by moments and by lost frames.
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
-from pathlib import Path
 from typing import Annotated, Final
 
 import typer
@@ -18,7 +17,7 @@ from mmt.core.errors import InputError
 from mmt.evaluation.document import Block, Heading, ReportTable
 from mmt.evaluation.levels import BAND_EDGES_HZ, WORST
 from mmt.evaluation.report_files import picture
-from mmt_lab.compare.cases import INHOMOGENEOUS, ComparisonCase, recorded_cases, simulated_cases
+from mmt_lab.compare.cases import INHOMOGENEOUS, ComparisonCase, simulated_cases
 from mmt_lab.compare.generators import DEFINITIONS as OF_GENERATORS
 from mmt_lab.compare.generators import (
     Fault,
@@ -88,8 +87,6 @@ DEFINITIONS: Final = {
     "and, for 10 s of stroking, like the whole plane",
     "standardised error": "error of the level over the strokes made, each over its predicted "
     "standard deviation, root mean square",
-    "recorded strokes": "scaled so that the 95th percentiles are 200 mm/s and 2 N; on every "
-    "isotropic texture",
 }
 
 
@@ -169,7 +166,6 @@ def compare(
     cases: Sequence[ComparisonCase],
     methods: Sequence[str],
     spoils: Sequence[str] = (),
-    remarks: Sequence[str] = (),
     workers: int | None = None,
 ) -> MethodComparison:
     """Judge methods on every session, in local processes."""
@@ -179,16 +175,10 @@ def compare(
         tuple(methods),
         tuple(one for judged, _ in found for one in judged),
         tuple(one for _, sure in found for one in sure),
-        tuple(remarks),
     )
 
 
 def run(
-    strokes: Annotated[
-        list[Path] | None,
-        typer.Argument(metavar="[STROKE]...", help="Recorded strokes (.npz), or their folders."),
-    ] = None,
-    *,
     methods: Annotated[
         str, typer.Option(metavar="METHOD,METHOD", help=f"Some of {', '.join(METHODS)}.")
     ] = ",".join(METHODS),
@@ -214,30 +204,19 @@ def run(
     ] = None,
     workers: Workers = None,
 ) -> Findings:
-    """Compare methods of texture modelling; the first one named is what the others differ from.
-
-    Raises
-    ------
-    InputError
-        A method, generator, texture, kind of hand, rate or way to spoil a session is not known.
-    """
+    """Compare methods of texture modelling; the first one named is what the others differ from."""
     names, others = _names(methods), _names(generators)
     spoils = list(SPOILS) if spoil == "all" else _names(spoil)
     check_methods(names)
     check_spoils(spoils)
     check_generators(others)
     chosen = chosen_textures(textures) + ([] if textures else list(INHOMOGENEOUS))
-    recorded, remarks = recorded_cases(strokes or [], chosen)
     made = simulated_cases(seeds, chosen, hand_of(hand).kind, noise=not noise_free)
     rates = rates_of(acceleration_rate)
     if others and rates != [1000]:
         raise InputError("--generators: they render at 1 kHz; leave --acceleration-rate out")
-    cases = [
-        replace(case, acceleration_rate_hz=rate_hz)
-        for rate_hz in rates
-        for case in (*made, *recorded)
-    ]
-    found = compare(cases, names, spoils, remarks, workers)
+    cases = [replace(case, acceleration_rate_hz=rate_hz) for rate_hz in rates for case in made]
+    found = compare(cases, names, spoils, workers)
     if not others:
         return findings(found)
     calls = [(case, tuple(others)) for case in cases]
@@ -260,7 +239,7 @@ def findings(comparison: MethodComparison) -> Findings:
     return Findings(
         TITLE,
         tables=method_tables(comparison),
-        sentences=[*sentences, *comparison.remarks],
+        sentences=sentences,
         blocks=lambda: method_blocks(comparison),
         definitions=DEFINITIONS,
         targets=tuple(targets(comparison)),

@@ -40,8 +40,6 @@ DEFINITIONS: Final = {
     "environment at the same instant of the hand, from the first round trip on, learning "
     "included. Simulated: the same against the force that the tool meets when the hand's "
     "motion has reached it, from the second touch on",
-    "least_error_n": "recorded: the least force error of a passive display that knows the whole "
-    "recording from the moment when the first contact has arrived, and shows nothing before",
     "position_error_mm": "simulated: the handle's place less the tool's when the hand's motion "
     "has reached it, from the second touch on",
     "injected_mj": "most energy that the hand had got beyond what it had put in",
@@ -112,26 +110,7 @@ def evaluate_feedback(
     seed: int = 0,
     workers: int | None = None,
 ) -> FeedbackEvaluation:
-    """Run every method in every cell; about 2 s a wall and delay, and as much a run and delay.
-
-    Parameters
-    ----------
-    paths
-        Recorded runs; none leaves that part out.
-    walls_n_mm, delays_ms
-        Cells of the closed loop.
-    recorded_delays_ms
-        Delays of the recorded runs.
-    seed
-        Seed of the jitter.
-    workers
-        Local processes; see `mmt_lab.harness.processes.each`.
-
-    Raises
-    ------
-    InputError
-        A recording cannot be used.
-    """
+    """Run every method in every cell; about 2 s a wall and delay, and as much a run and delay."""
     runs = [read_run(path) for path in paths]
     loops = [(m, w, d, seed) for w in walls_n_mm for d in delays_ms for m in METHODS]
     replays = [(run, m, d) for run in runs for d in recorded_delays_ms for m in METHODS]
@@ -206,14 +185,13 @@ def run_table(results: Sequence[RecordedResult]) -> ReportTable:
                 f"{model.force_n:.2f}",
                 *(f"{methods[m].force_error_n:.3f}" for m in METHODS),
                 f"{model.force_error_n / base:.2f}",
-                f"{model.least_error_n / base:.2f}",
                 *_estimate(model.surface),
                 *_estimate(model.felt)[:1],
                 number(model.settled_s, 2),
             ]
         )
     columns = ["run", "force rms (N)", *(f"{m} (N)" for m in METHODS), "model / streamed"]
-    columns += ["least / streamed", "surface (N/m)", "damping (N s/m)", "felt (N/m)", "settled (s)"]
+    columns += ["surface (N/m)", "damping (N s/m)", "felt (N/m)", "settled (s)"]
     return ReportTable(columns, rows, caption=f"Recorded runs at {TARGET_DELAY_MS} ms each way.")
 
 
@@ -272,13 +250,7 @@ def run(
     seed: Seed = 0,
     workers: Workers = None,
 ) -> Findings:
-    """Compare methods of force feedback over a delay.
-
-    Raises
-    ------
-    InputError
-        A recording cannot be used.
-    """
+    """Compare methods of force feedback over a delay."""
     evaluation = evaluate_feedback(find_runs(recordings or []), seed=seed, workers=workers)
     return Findings(
         TITLE,

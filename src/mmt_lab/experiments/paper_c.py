@@ -10,11 +10,9 @@ detection, false alarms and compression come to by other readings and on other d
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Annotated, Final
+from typing import Final
 
 import numpy as np
-import typer
 
 from mmt.evaluation.document import ReportTable
 from mmt.texture.signals.amplitude_spectra import Spectra
@@ -23,7 +21,7 @@ from mmt_lab.harness.experiment import Experiment, Seed, Seeds, SpectraOption, W
 from mmt_lab.harness.findings import Findings, Target
 from mmt_lab.harness.processes import each
 from mmt_lab.selection.concatenated import KNOCKS, ROWS, TRIAL_S, PaperRow
-from mmt_lab.selection.knocks import RATE_HZ, SAMPLES, SHARE, read_knocks
+from mmt_lab.selection.knocks import RATE_HZ, SAMPLES, SHARE
 from mmt_lab.selection.table_two import (
     AS_PUBLISHED,
     FRESH_S,
@@ -77,25 +75,14 @@ PAPER: Final = {
 
 
 def run(
-    knocks: Annotated[
-        list[Path] | None,
-        typer.Argument(metavar="[KNOCKS]...", help="Recordings of knocks on a table (.csv)."),
-    ] = None,
     seeds: Seeds = 3,
     seed: Seed = 1,
     spectra: SpectraOption = Spectra.WELCH,
     workers: Workers = None,
 ) -> Findings:
-    """Select from the four data sets, and compare the models.
-
-    Raises
-    ------
-    InputError
-        A recording of knocks cannot be used.
-    """
-    recorded = read_knocks(knocks or [])
+    """Select from the four data sets, and compare the models."""
     numbers = range(seed, seed + seeds)
-    calls = [(row, number, spectra, recorded) for row in ROWS for number in numbers]
+    calls = [(row, number, spectra) for row in ROWS for number in numbers]
     selected = each(select_from, calls, what="data sets", workers=workers)
     found = {row.name: [one for one in selected if one.texture == row.name] for row in ROWS}
     return Findings(

@@ -156,13 +156,7 @@ def run(
     seed: Seed = 0,
     workers: Workers = None,
 ) -> Findings:
-    """Compare sample selection as published with ours.
-
-    Raises
-    ------
-    InputError
-        A texture, the kind of hand or the folder of taps cannot be used.
-    """
+    """Compare sample selection as published with ours."""
     chosen = chosen_textures(textures)
     results = run_textures(range(seed, seed + seeds), chosen, hand_of(hand).kind, taps, workers)
     evaluation = SelectionEvaluation(results)

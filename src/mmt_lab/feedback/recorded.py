@@ -20,15 +20,7 @@ from mmt.core.errors import InputError
 from mmt.core.frames import empty_frames
 from mmt.evaluation.levels import root_mean_square
 from mmt.leader.motion.feedback_model import ModelForce
-from mmt_lab.feedback.passive_bound import least_shown
-from mmt_lab.feedback.sides import (
-    PASSIVITY,
-    Display,
-    Method,
-    Sides,
-    handle_state,
-    make_sides,
-)
+from mmt_lab.feedback.sides import Display, Method, Sides, handle_state, make_sides
 
 DELAYS_MS: Final = (0, 20, 50, 100, 200)
 """One way; the force comes back after twice this."""
@@ -97,9 +89,6 @@ class RecordedResult:
         Root mean square of displayed less true force, from the first round trip on.
     force_n
         Root mean square of the true force over the same time.
-    least_error_n
-        The least force error of a passive display that knows the whole recording from the
-        moment when the first contact has arrived, and shows nothing before.
     energy_mj
         What the hand had got at most beyond what it had put in.
     settled_s
@@ -114,7 +103,6 @@ class RecordedResult:
     delay_ms: int
     force_error_n: float
     force_n: float
-    least_error_n: float
     energy_mj: float
     settled_s: float | None = None
     surface: ContactModel | None = None
@@ -126,11 +114,6 @@ def read_run(path: Path) -> RecordedRun:
 
     The sign of the force differs between the files. It is taken so that the largest force
     pushes back; depth grows with the angle.
-
-    Raises
-    ------
-    InputError
-        The file is none, or lacks an array.
     """
     try:
         loaded, _ = load_arrays(path)
@@ -157,13 +140,7 @@ def read_run(path: Path) -> RecordedRun:
 
 
 def find_runs(paths: list[Path]) -> list[Path]:
-    """Return the files, those of a folder in their order.
-
-    Raises
-    ------
-    InputError
-        A folder holds none, or a path does not exist.
-    """
+    """Return the files, those of a folder in their order."""
     found: list[Path] = []
     for path in paths:
         inside = sorted(path.glob("[!.]*.npz")) if path.is_dir() else [path]
@@ -189,7 +166,6 @@ def evaluate_run(run: RecordedRun, method: Method, delay_ms: int) -> RecordedRes
         delay_ms,
         force_error_n=root_mean_square(error),
         force_n=root_mean_square(run.force_n[known]),
-        least_error_n=root_mean_square((_least_shown(run, delay_ms) - run.force_n)[known]),
         energy_mj=1e3 * max(0.0, float(net.max())),
         settled_s=_settled_s(stiffness),
         surface=model.surface if model is not None else None,
@@ -224,15 +200,6 @@ def _replay(
         if isinstance(sides.leader, ModelForce) and sides.leader.felt is not None:
             stiffness[tick] = sides.leader.felt.stiffness_at(_REFERENCE_N)
     return shown, stiffness
-
-
-def _least_shown(run: RecordedRun, delay_ms: int) -> FloatArray:
-    """Return the best that a passive display could have shown, (n,)."""
-    touched = np.flatnonzero(run.force_n > _CONTACT_N)
-    first = int(touched[0]) if len(touched) else 0
-    travel_m = np.append(np.diff(run.hand_m), 0.0)
-    energy_j = PASSIVITY.reserve_j + run.opening_j
-    return least_shown(run.force_n, travel_m, energy_j, first + 2 * delay_ms)
 
 
 def _frames(run: RecordedRun) -> RecordArray:

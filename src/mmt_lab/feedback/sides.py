@@ -34,19 +34,7 @@ class Sides:
 def make_sides(
     method: Method, interface: ForceDisplay, *, limit_n: float, opening_j: float = 0.0
 ) -> Sides:
-    """Return both sides of a method, with the scene's defaults.
-
-    Parameters
-    ----------
-    method
-        One of `METHODS`.
-    interface
-        Gets the force.
-    limit_n
-        Bound of the displayed force.
-    opening_j
-        Energy that the leader's accounts begin with.
-    """
+    """Return both sides of a method, with the scene's defaults."""
     table = ForceFeedback(method=method, limit_n=limit_n)
     scene = Scene(link=Link(), simulated=Simulated(), hand=Hand(), force_feedback=table)
     leader = build_leader_feedback(

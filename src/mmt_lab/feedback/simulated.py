@@ -116,21 +116,7 @@ class HeldHandle(Display):
 def run_cell(
     method: Method, wall_n_mm: float, delay_ms: int, seed: int = 0, *, hand: Drive = LIGHT_GRIP
 ) -> CellResult:
-    """Run a method on a wall over a delay with jitter.
-
-    Parameters
-    ----------
-    method
-        Method of force feedback.
-    wall_n_mm
-        Stiffness of the surface.
-    delay_ms
-        Mean delay of each way.
-    seed
-        Seed of the jitter.
-    hand
-        Mass, spring and damper of hand and handle.
-    """
+    """Run a method on a wall over a delay with jitter."""
     holder = HeldHandle(hand, _CLEAR_M)
     log = _run(method, wall_n_mm, delay_ms, seed, holder)
     heights, speeds, shown, tips, forces = log.T
@@ -220,15 +206,6 @@ class DelayLine(Generic[Item]):
 
     As on a link over TCP, an item that comes after a later one waits for nothing, and one
     before which another is still on its way waits for it.
-
-    Parameters
-    ----------
-    delay_ticks
-        Mean delay.
-    jitter_ticks
-        Delays are spread evenly over this much to either side; at most the delay.
-    seed
-        Seed of the jitter.
     """
 
     def __init__(self, delay_ticks: int, jitter_ticks: int, seed: int) -> None:

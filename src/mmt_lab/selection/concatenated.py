@@ -6,7 +6,6 @@ it is added to the recorded acceleration, from somewhere in the segment on, so t
 filters, and may ring on into the next segment.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -14,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from mmt.core.arrays import BoolArray, FloatArray, RecordArray
+from mmt.core.arrays import BoolArray, RecordArray
 from mmt.scene import Hand, Scene
 from mmt.session import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
@@ -114,15 +113,7 @@ def segments_of(frames: RecordArray, settings: ModellingSettings) -> list[Segmen
 
 
 def recording(row: PaperRow, seed: int) -> ConcatenatedTrials:
-    """Simulate as many trials as give the paper's number of points.
-
-    Parameters
-    ----------
-    row
-        The texture, and how many points.
-    seed
-        Seed of all random numbers; trials of other seeds differ.
-    """
+    """Simulate as many trials as give the paper's number of points."""
     settings = settings_of(row)
     generator = np.random.default_rng([seed, row.points])
     trials: list[RecordArray] = []
@@ -140,27 +131,12 @@ def data_set(
     recorded: ConcatenatedTrials,
     order: int = ORDER,
     share: float = SHARE,
-    knocks: Sequence[FloatArray] = (),
 ) -> DataSet:
-    """Return a recording's points, with knocks planted.
-
-    Parameters
-    ----------
-    row, seed
-        As of the recording.
-    recorded
-        See `recording`.
-    order
-        Of the filters.
-    share
-        Variance of a knock over that of its segment; 0 for none.
-    knocks
-        Recorded ones to take from; `KNOCKS` simulated ones if there are none.
-    """
+    """Return a recording's points, with knocks planted."""
     generator = np.random.default_rng([seed, row.points, 1])
     bad = generator.choice(row.points, row.outliers, replace=False)
     frames = recorded.frames.copy()
-    kinds = knocks or [simulated_knock(generator) for _ in range(KNOCKS)]
+    kinds = [simulated_knock(generator) for _ in range(KNOCKS)]
     acceleration = frames["acceleration_m_s2"][:, _NORMAL]
     for number in bad.tolist():
         struck, knock = recorded.segments[number], kinds[int(generator.integers(len(kinds)))]

@@ -1,6 +1,5 @@
 """Knocks on the table that a tool strokes on: simulated ones, and recorded ones."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
@@ -16,13 +15,6 @@ SHARE: Final = 0.4
 """Variance of the knock over that of the segment (paper C, equation 3)."""
 
 _LATEST: Final = 0.7  # of a segment, by which a knock has begun
-_TIMES: Final = ("timestamp_ms", "time_s")
-_AXES: Final = (
-    ("accel_x", "accel_y", "accel_z"),
-    ("acceleration_x_m_s2", "acceleration_y_m_s2", "acceleration_z_m_s2"),
-)
-_STANDS_OUT: Final = 30.0  # smoothed energy over its median
-_APART: Final = 400  # samples of rest between two knocks
 _LEAD: Final = 10
 _TAP_STEP: Final = 10  # samples at 10 kHz
 
@@ -72,37 +64,11 @@ def placed_knock(
     return start, np.asarray(knock * (segment.std() / inside.std() * np.sqrt(share)))
 
 
-def read_knocks(paths: Sequence[Path]) -> list[FloatArray]:
-    """Return the knocks in recordings of an accelerometer, each of shape (SAMPLES,).
-
-    A recording is a CSV file with a column of time (`timestamp_ms` or `time_s`) and three of
-    acceleration. The axis that moves most is taken, resampled to 1 kHz and high-passed at
-    10 Hz; a knock is where the energy of 20 ms exceeds 30 times its median.
-
-    Raises
-    ------
-    InputError
-        A file cannot be read, lacks a column, or holds nothing that stands out.
-    """
-    knocks: list[FloatArray] = []
-    for path in paths:
-        found = _events(_resampled(path))
-        if not found:
-            raise InputError(f"knocks {path}: nothing in it stands out of its noise")
-        knocks += found
-    return knocks
-
-
 def read_taps(path: Path) -> list[FloatArray]:
     """Return the taps on a material of the Penn toolkit, each of shape (SAMPLES,).
 
     A file ``Taps_MATERIAL.xml`` holds accelerations of 10 ms at 10 kHz (``tap/tapAccel/value``),
     which are brought to 1 kHz and high-passed at 10 Hz.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read or holds no taps.
     """
     from scipy.signal import resample_poly
 
@@ -119,46 +85,8 @@ def read_taps(path: Path) -> list[FloatArray]:
     return list(_high_passed(resample_poly(taps, 1, _TAP_STEP, axis=1)))
 
 
-def _resampled(path: Path) -> FloatArray:
-    try:
-        table = np.genfromtxt(path, delimiter=",", names=True)
-    except (OSError, ValueError, StopIteration) as error:
-        raise InputError(f"knocks {path}: not a CSV file with a heading") from error
-    names = table.dtype.names or ()
-    time_name = next((name for name in _TIMES if name in names), None)
-    axes = next((axes for axes in _AXES if set(axes) <= set(names)), None)
-    if time_name is None or axes is None:
-        raise InputError(
-            f"knocks {path}: needs a column {' or '.join(_TIMES)} and "
-            f"{' or '.join(', '.join(axes) for axes in _AXES)}"
-        )
-    time_s = table[time_name] * (1e-3 if time_name.endswith("_ms") else 1.0)
-    values = np.stack([table[name] for name in axes])
-    good = np.isfinite(time_s) & np.isfinite(values).all(axis=0)
-    time_s, values = time_s[good], values[:, good]
-    if time_s.size < SAMPLES or (np.diff(time_s) <= 0).any():
-        raise InputError(f"knocks {path}: its times must ascend, over {SAMPLES} rows or more")
-    grid = np.arange(time_s[0], time_s[-1], 1.0 / RATE_HZ)
-    loudest = values[int(np.argmax(values.std(axis=1)))]
-    signal = np.interp(grid, time_s, loudest - np.median(loudest))
-    return _high_passed(signal)
-
-
 def _high_passed(signal: FloatArray) -> FloatArray:
     from scipy.signal import butter, sosfilt
 
     sections = butter(2, 10.0, "highpass", fs=RATE_HZ, output="sos")
     return np.asarray(sosfilt(sections, signal))
-
-
-def _events(signal: FloatArray) -> list[FloatArray]:
-    energy = np.convolve(signal**2, np.full(20, 0.05), "same")
-    loud = np.flatnonzero(energy > _STANDS_OUT * np.median(energy))
-    if not loud.size:
-        return []
-    begins = loud[np.diff(loud, prepend=-_APART - 1) > _APART] - _LEAD
-    return [
-        signal[start : start + SAMPLES]
-        for start in begins.tolist()
-        if start >= 0 and start + SAMPLES <= len(signal)
-    ]

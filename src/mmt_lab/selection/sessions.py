@@ -72,11 +72,6 @@ def session_trials(
     taps
         Folder of the Penn toolkit's taps, from which all knocks are then taken: those on the
         texture's own material where it is a model of that toolkit, else any.
-
-    Raises
-    ------
-    InputError
-        The hand makes too few steady strokes, or there are no taps.
     """
     surface = get_surface(texture)
     scene = Scene(hand=hand_of(hand, isotropic=surface.isotropic))

@@ -1,12 +1,11 @@
 """Paper C's selection from one data set, as published, by other readings, and by the product."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from mmt.core.arrays import BoolArray, FloatArray
+from mmt.core.arrays import BoolArray
 from mmt.evaluation.held_out import Approximation, HeldOutRecording
 from mmt.texture.signals.amplitude_spectra import Spectra
 from mmt_lab.selection.concatenated import (
@@ -21,12 +20,10 @@ from mmt_lab.selection.concatenated import (
 )
 from mmt_lab.selection.knocks import SHARE
 from mmt_lab.selection.sessions import fitted
-from mmt_methods.selection import ModelPoints, select
+from mmt_methods.selection import select
 from mmt_methods.selection.published import (
     SMOOTHING,
-    TAU_1,
     PublishedSelection,
-    local_sparsity,
     select_published,
 )
 
@@ -42,17 +39,12 @@ the false alarms: see `VARIATIONS`."""
 class Variation:
     """Another reading of the paper, or other data.
 
-    ``sparsity`` is the power of local over average sparsity in the threshold: 1 as published, -1
-    for the pseudo-code's fraction, 0 for one threshold everywhere. ``spread_db`` is the standard
-    deviation of a level of each point's own.
+    ``share`` is the variance of a knock over that of its segment.
     """
 
     order: int = ORDER
     share: float = SHARE
     smoothing: float = SMOOTHING
-    sparsity: int = 1
-    shuffled: bool = False
-    spread_db: float = 0.0
 
 
 AS_PUBLISHED: Final = "as published"
@@ -60,17 +52,10 @@ AS_PUBLISHED: Final = "as published"
 VARIATIONS: Final = {
     AS_PUBLISHED: Variation(),
     "filters of order 8": Variation(order=8),
-    "filters of order 12": Variation(order=12),
-    "filters of order 16": Variation(order=16),
     "filters of order 20": Variation(order=20),
     "network through every point": Variation(smoothing=0.0),
-    "average over local sparsity": Variation(sparsity=-1),
-    "one threshold everywhere": Variation(sparsity=0),
-    "points in another order": Variation(shuffled=True),
     "knocks of 0.2 of the variance": Variation(share=0.2),
     "knocks of 0.8 of the variance": Variation(share=0.8),
-    "levels scattered by 1 dB": Variation(spread_db=1.0),
-    "levels scattered by 3 dB": Variation(spread_db=3.0),
 }
 
 
@@ -109,16 +94,13 @@ class Selected:
         return self.gfc[1] / self.gfc[0] - 1.0
 
 
-def select_from(
-    row: PaperRow, seed: int, spectra: Spectra, knocks: Sequence[FloatArray] = ()
-) -> Selected:
+def select_from(row: PaperRow, seed: int, spectra: Spectra) -> Selected:
     """Record a data set, select from it in every way, and score the published selection."""
     recorded = recording(row, seed)
     shares = {variation.share for variation in VARIATIONS.values()}
-    sets = {share: data_set(row, seed, recorded, ORDER, share, knocks) for share in shares}
+    sets = {share: data_set(row, seed, recorded, ORDER, share) for share in shares}
     results = {
-        name: _vary(variation, sets[variation.share], seed)
-        for name, variation in VARIATIONS.items()
+        name: _vary(variation, sets[variation.share]) for name, variation in VARIATIONS.items()
     }
     found, result = sets[SHARE], results[AS_PUBLISHED][0]
     own = select(fitted(found.data.points, found.data.segments or ()))
@@ -139,24 +121,13 @@ def select_from(
     )
 
 
-def _vary(variation: Variation, found: DataSet, seed: int) -> tuple[PublishedSelection, Removed]:
+def _vary(variation: Variation, found: DataSet) -> tuple[PublishedSelection, Removed]:
     """Select as published from a data set that is varied."""
-    generator = np.random.default_rng(seed)
-    data, knocked = found.data, found.knocked
+    data = found.data
     if variation.order != ORDER:
         data = fitted(data.points, data.segments or (), variation.order)
-    if variation.spread_db:
-        power = 10.0 ** (0.1 * variation.spread_db * generator.normal(size=len(data)))
-        data = ModelPoints(data.points, data.lsf, data.variance * power)
-    if variation.shuffled:
-        order = generator.permutation(len(data))
-        data, knocked = data.subset(order), knocked[order]
-    sparsity = local_sparsity(data.points / np.ptp(data.points, axis=0))
-    relative = sparsity / np.nanmean(sparsity)
-    alpha = TAU_1 * np.nanmean(np.abs(relative - 1.0))
-    threshold = TAU_1 + alpha * (relative**variation.sparsity - 1.0)
-    result = select_published(data, smoothing=variation.smoothing, threshold=threshold)
-    return result, _removed(result.outlier, result.kept, knocked)
+    result = select_published(data, smoothing=variation.smoothing)
+    return result, _removed(result.outlier, result.kept, found.knocked)
 
 
 def _removed(outlier: BoolArray, kept: BoolArray, knocked: BoolArray) -> Removed:
