@@ -1,6 +1,5 @@
-"""Clocks, bursts and uptime: what holds, and that a fault would be seen."""
+"""Clocks, stops and endless modelling: what holds, and that a fault would be seen."""
 
-import asyncio
 from typing import Any
 
 import numpy as np
@@ -10,12 +9,11 @@ from extreme_cases import case_of, those_that_do_not_hold
 import mmt.leader.output.playout
 import mmt.texture.online.modeller
 from mmt.core.frames import empty_frames
-from mmt_lab.stability import interrupted, uptime
+from mmt_lab.stability import endless, interrupted
 from mmt_lab.stability.cases import run_case
-from mmt_lab.stability.fake_time import FakeClock, run_in_fake_time
+from mmt_lab.stability.endless import MemoryWatch, run_endless_modelling
 from mmt_lab.stability.families import services
 from mmt_lab.stability.interrupted import interrupted_cases
-from mmt_lab.stability.uptime import MemoryWatch, run_endless_modelling, run_hour
 
 
 def test_what_needs_no_hour_holds() -> None:
@@ -74,65 +72,23 @@ def test_the_age_of_what_is_heard() -> None:
     assert np.isnan(services.ages_ms(0.6 * heard[100:110])).all()
 
 
-def test_time_passes_by_waiting_alone() -> None:
-    clock = FakeClock(lambda: 2_000_000)
-    started_ns = clock.now_ns()
-
-    async def sleep() -> None:
-        await asyncio.sleep(3600.0)
-
-    run_in_fake_time(clock, sleep)
-    assert (clock.now_ns() - started_ns) / 1e9 == pytest.approx(3600.002, abs=1e-6)
-
-
-def test_minutes_of_uptime_neither_drift_nor_grow() -> None:
-    figures = run_hour(60_000).figures
-    assert figures["ticks"] >= 60_000
-    assert figures["drift_ticks"] == 0
-    assert figures["growth_blocks"] < uptime.MOST_BLOCKS
-    assert figures["resyncs"] <= 1
-
-
-def test_a_part_that_keeps_everything_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Hoarder(uptime.SimulatedActuator):
-        kept: list[object]
-
-        def write(self, samples_m_s2: np.ndarray) -> None:  # type: ignore[override]
-            super().write(samples_m_s2)
-            self.kept = [*getattr(self, "kept", []), samples_m_s2.tolist()]
-
-    monkeypatch.setattr(uptime, "SimulatedActuator", Hoarder)
-    outcome = run_hour(60_000)
-    assert outcome.figures["growth_blocks"] > uptime.MOST_BLOCKS
-    assert not outcome.held
-
-
-def test_a_part_that_loses_samples_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Forgetful(uptime.SimulatedActuator):
-        def write(self, samples_m_s2: np.ndarray) -> None:  # type: ignore[override]
-            super().write(samples_m_s2[:-1])
-
-    monkeypatch.setattr(uptime, "SimulatedActuator", Forgetful)
-    assert not run_hour(20_000).held
-
-
 def test_endless_modelling_keeps_its_size(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mmt.texture.online.modeller, "LARGEST_MODEL", 60)
     figures = run_endless_modelling(60).figures
     assert figures["samples"] == 60
-    assert figures["growth_blocks"] < uptime.MOST_BLOCKS
+    assert figures["growth_blocks"] < endless.MOST_BLOCKS
 
 
 def test_a_model_without_an_end_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mmt.texture.online.modeller, "LARGEST_MODEL", 10**9)
     outcome = run_endless_modelling(120)
     assert outcome.figures["samples"] > 300
-    assert outcome.figures["growth_blocks"] > uptime.MOST_BLOCKS
+    assert outcome.figures["growth_blocks"] > endless.MOST_BLOCKS
     assert not outcome.held
 
 
 def test_growth_counts_from_the_quarter_that_is_asked_for() -> None:
-    watch = MemoryWatch(since=2)
+    watch = MemoryWatch()
     watch.seconds = [0.0, 5.0, 6.0, 7.0, 8.5]
     watch.blocks, watch.megabytes = [0, 9, 10, 11, 13], [0.0, 5.0, 6.0, 6.0, 6.5]
     assert watch.growth() == (3, 0.5, 1.5)

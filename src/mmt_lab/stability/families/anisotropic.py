@@ -30,15 +30,7 @@ _EXPECTED: Final = "the whole space; filters ordered, level within bounds, silen
 
 
 def cases(*, many: int = MANY, queries: int = 2000) -> list[Extreme]:
-    """Return the family's cases.
-
-    Parameters
-    ----------
-    many
-        Samples of the largest model.
-    queries
-        Points at which each model is asked, besides its own.
-    """
+    """Return the family's cases."""
     scales = (1e-3, 1e3, 1e6)
     return [
         *(

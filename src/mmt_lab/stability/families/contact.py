@@ -39,15 +39,7 @@ _ROUNDING: Final = 1e-12
 def cases(
     *, stiffnesses: tuple[float, ...] = STIFFNESSES_N_M, map_points: int = 24
 ) -> list[Extreme]:
-    """Return the family's cases.
-
-    Parameters
-    ----------
-    stiffnesses
-        Stiffnesses of the walls, N/m.
-    map_points
-        Points of the energy map along each axis.
-    """
+    """Return the family's cases."""
     impacts = len(MASSES_KG) * len(RATIOS) * len(STEPS_S) * len(_TOUCHES)
     return [
         *(

@@ -36,17 +36,7 @@ def cases(
     method_walls_n_mm: tuple[float, ...] = simulated.WALLS_N_MM,
     method_delays_ms: tuple[int, ...] = simulated.DELAYS_MS,
 ) -> list[Extreme]:
-    """Return the family's cases.
-
-    Parameters
-    ----------
-    walls_n_mm
-        Stiffness of the walls.
-    delays_ms
-        One-way delays of the map.
-    method_walls_n_mm, method_delays_ms
-        Cells of the passive and the model method.
-    """
+    """Return the family's cases."""
     return [
         *(
             Extreme(

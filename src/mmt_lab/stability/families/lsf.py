@@ -31,17 +31,7 @@ _SPEED_MM_S, _FORCE_N = 300.0, 3.0
 
 
 def cases(*, filters: int = 200, swaps: int = HOUR_SAMPLES, renders: int = 300) -> list[Extreme]:
-    """Return the family's cases.
-
-    Parameters
-    ----------
-    filters
-        Pairs of random filters.
-    swaps
-        Samples of the swaps and of the pauses.
-    renders
-        Realisations of each stiff fit.
-    """
+    """Return the family's cases."""
     return [
         Extreme(
             f"averages of {filters} pairs of stable filters, |k| to 1 - 1e-15",

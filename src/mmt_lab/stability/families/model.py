@@ -22,15 +22,7 @@ _SPEED_MM_S, _FORCE_N = 300.0, 3.0
 
 
 def cases(*, many: int = MANY, queries: int = 10_000) -> list[Extreme]:
-    """Return the family's cases.
-
-    Parameters
-    ----------
-    many
-        Samples of the largest model.
-    queries
-        Points at which each model is asked, besides its own.
-    """
+    """Return the family's cases."""
     return [
         *(
             Extreme(what, _EXPECTED, partial(_plane, points, queries))

@@ -1,4 +1,4 @@
-"""The services and their parts over clocks that step, over stops, and over an hour of uptime."""
+"""The services and their parts over clocks that step, over stops, and while a model grows on."""
 
 from collections.abc import Callable
 from functools import partial
@@ -8,34 +8,21 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.leader.output.playout import PlayoutBuffer
-from mmt_lab.stability import uptime
+from mmt_lab.stability import endless
 from mmt_lab.stability.cases import CaseResult, Extreme, Family
+from mmt_lab.stability.endless import PERIOD_NS
 from mmt_lab.stability.interrupted import interrupted_cases
-from mmt_lab.stability.uptime import PERIOD_NS
 
 _STEP_NS: Final = 10_000_000_000
 _START_NS: Final = 100_000_000_000
 _EVENT_MS: Final = 4000
 
 
-def cases(
-    *, hour_samples: int = 3_600_000, modelling_s: int = 600, stopped_s: float = 6.0
-) -> list[Extreme]:
+def cases(*, modelling_s: int = 600, stopped_s: float = 6.0) -> list[Extreme]:
     """Return the family's cases.
 
-    Parameters
-    ----------
-    hour_samples
-        Ticks of the simulated uptime.
-    modelling_s
-        Seconds of the stream that never completes a model.
-    stopped_s
-        Seconds for which the leader is stopped.
+    The stream that never completes a model lasts `modelling_s`, the stop of the leader `stopped_s`.
     """
-    flat = (
-        f"under {uptime.MOST_BLOCKS} objects and {uptime.MOST_MB:g} MB more, "
-        f"time within {uptime.MOST_SLOWER:g} x"
-    )
     return [
         *(
             Extreme(
@@ -48,14 +35,10 @@ def cases(
         ),
         *interrupted_cases(stopped_s),
         Extreme(
-            f"the leader's parts for {hour_samples} ticks, waking 12 ms late on average",
-            f"no drift, {flat}",
-            partial(uptime.run_hour, hour_samples),
-        ),
-        Extreme(
             f"a model that is never complete, {modelling_s} s of strokes in one corner",
-            flat,
-            partial(uptime.run_endless_modelling, modelling_s),
+            f"under {endless.MOST_BLOCKS} objects and {endless.MOST_MB:g} MB more, "
+            f"time within {endless.MOST_SLOWER:g} x",
+            partial(endless.run_endless_modelling, modelling_s),
         ),
     ]
 
@@ -109,4 +92,4 @@ def _stepping_clock(of_follower: bool, step_ns: int) -> CaseResult:
     )
 
 
-FAMILY: Final = Family("Clocks, stops and uptime", cases)
+FAMILY: Final = Family("Clocks, stops and endless modelling", cases)
