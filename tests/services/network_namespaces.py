@@ -8,9 +8,16 @@ import pytest
 
 from mmt.core.errors import MmtError
 from mmt_lab.bench import network_namespaces as bench
-from mmt_lab.bench.network_namespaces import LEADER_ADDRESS, Namespaces
+from mmt_lab.bench.network_namespaces import (
+    FOLLOWER_ADDRESS,
+    LEADER_ADDRESS,
+    Namespaces,
+    bring_up,
+    namespaces,
+    run,
+)
 
-__all__ = ["LEADER_ADDRESS", "Namespaces", "netem", "relay", "veth"]
+__all__ = ["LEADER_ADDRESS", "Namespaces", "netem", "relay", "veth", "within_follower"]
 
 P = ParamSpec("P")
 
@@ -30,4 +37,31 @@ def _or_skipped(
     return entered
 
 
-netem, relay, veth = map(_or_skipped, (bench.netem, bench.relay, bench.veth))
+@contextmanager
+def _veth() -> Iterator[Namespaces]:
+    """Make two namespaces that are joined without delay."""
+    with namespaces() as made:
+        ends = ("peer", "name", "mmt1", "netns", made.follower)
+        run("ip", "-n", made.leader, "link", "add", "mmt0", "type", "veth", *ends)
+        bring_up(made.leader, "mmt0", LEADER_ADDRESS)
+        bring_up(made.follower, "mmt1", FOLLOWER_ADDRESS)
+        yield made
+
+
+@contextmanager
+def _netem(delay_ms: float, jitter_ms: float) -> Iterator[Namespaces]:
+    """Delay each packet by ``tc netem``, both ways."""
+    with _veth() as made:
+        delay = ("delay", f"{delay_ms}ms", f"{jitter_ms}ms", "limit", "100000")
+        for name, device in ((made.leader, "mmt0"), (made.follower, "mmt1")):
+            run("tc", "-n", name, "qdisc", "add", "dev", device, "root", "netem", *delay)
+        yield made
+
+
+def within_follower(made: Namespaces, clock_ahead_s: int) -> list[str]:
+    """Return the command that runs something on the follower's machine, whose clock is ahead."""
+    elsewhen = ["unshare", "--time", "--monotonic", str(clock_ahead_s), "--fork"]
+    return ["ip", "netns", "exec", made.follower, *elsewhen, "--kill-child"]
+
+
+netem, relay, veth = map(_or_skipped, (_netem, bench.relay, _veth))

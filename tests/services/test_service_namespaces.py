@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from network_namespaces import LEADER_ADDRESS, Namespaces, netem, relay, veth
+from network_namespaces import LEADER_ADDRESS, Namespaces, netem, relay, veth, within_follower
 from service_processes import Service, scene
 
 DELAY_MS, JITTER_MS = 40.0, 10.0
@@ -52,7 +52,7 @@ def stream(made: Namespaces, folder: Path, duration_s: int = 3, **variables: str
         with Service(
             *("follower", scene("stream-only"), "--json-lines", "--leader", url),
             cwd=folder,
-            within=made.within_follower(AHEAD_S),
+            within=within_follower(made, AHEAD_S),
             **variables,
         ) as follower:
             assert (leader.end(), follower.end()) == (0, 0), leader.stderr + follower.stderr

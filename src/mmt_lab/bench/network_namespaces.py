@@ -1,4 +1,4 @@
-"""Two network namespaces of this machine, as two machines: joined by veth, or by a relay.
+"""Two network namespaces of this machine, as two machines that a relay joins.
 
 The relay stands in for ``tc netem`` where the kernel has none: it delays each IP packet between
 two tun devices by itself, or loses it, below TCP, and knows nothing of mmt. All of it needs Linux
@@ -42,20 +42,9 @@ class Namespaces:
         """Return the command that runs something on the leader's machine."""
         return ["ip", "netns", "exec", self.leader]
 
-    def within_follower(self, clock_ahead_s: int) -> list[str]:
-        """Return the command that runs something on the follower's, whose clock is ahead."""
-        elsewhen = ["unshare", "--time", "--monotonic", str(clock_ahead_s), "--fork"]
-        return ["ip", "netns", "exec", self.follower, *elsewhen, "--kill-child"]
-
 
 def run(*command: str) -> None:
-    """Run a command of the system.
-
-    Raises
-    ------
-    MmtError
-        The machine has no such command, or cannot do it.
-    """
+    """Run a command of the system."""
     try:
         done = subprocess.run(  # noqa: S603
             command, check=False, capture_output=True, text=True, timeout=20
@@ -90,35 +79,14 @@ def namespaces() -> Iterator[Namespaces]:
 
 
 @contextmanager
-def veth() -> Iterator[Namespaces]:
-    """Make two namespaces that are joined without delay."""
-    with namespaces() as made:
-        ends = ("peer", "name", "mmt1", "netns", made.follower)
-        run("ip", "-n", made.leader, "link", "add", "mmt0", "type", "veth", *ends)
-        _bring_up(made.leader, "mmt0", LEADER_ADDRESS)
-        _bring_up(made.follower, "mmt1", FOLLOWER_ADDRESS)
-        yield made
-
-
-@contextmanager
-def netem(delay_ms: float, jitter_ms: float) -> Iterator[Namespaces]:
-    """Delay each packet by ``tc netem``, both ways."""
-    with veth() as made:
-        delay = ("delay", f"{delay_ms}ms", f"{jitter_ms}ms", "limit", "100000")
-        for name, device in ((made.leader, "mmt0"), (made.follower, "mmt1")):
-            run("tc", "-n", name, "qdisc", "add", "dev", device, "root", "netem", *delay)
-        yield made
-
-
-@contextmanager
 def relay(delay_ms: float, jitter_ms: float, loss: float = 0.0) -> Iterator[Namespaces]:
     """Delay each packet by a relay between two tun devices, or lose it, both ways."""
     first, second = f"mmt{os.getpid()}a", f"mmt{os.getpid()}b"
     with namespaces() as made, _tun(first) as one, _tun(second) as other:
         run("ip", "link", "set", first, "netns", made.leader)
         run("ip", "link", "set", second, "netns", made.follower)
-        _bring_up(made.leader, first, LEADER_ADDRESS)
-        _bring_up(made.follower, second, FOLLOWER_ADDRESS)
+        bring_up(made.leader, first, LEADER_ADDRESS)
+        bring_up(made.follower, second, FOLLOWER_ADDRESS)
         ended = threading.Event()
         passing = threading.Thread(
             target=_pass, args=(one, other, delay_ms, jitter_ms, loss, ended, made.late_s)
@@ -131,7 +99,8 @@ def relay(delay_ms: float, jitter_ms: float, loss: float = 0.0) -> Iterator[Name
             passing.join(60.0)
 
 
-def _bring_up(namespace: str, device: str, address: str) -> None:
+def bring_up(namespace: str, device: str, address: str) -> None:
+    """Give a device of a namespace its address, and let it carry packets."""
     run("ip", "-n", namespace, "address", "add", f"{address}/30", "dev", device)
     run("ip", "-n", namespace, "link", "set", device, "up")
 
