@@ -34,11 +34,6 @@ def test_stability_is_that_of_exactly_these_coefficients():
     assert not references.is_stable(np.array([np.nan, 0.1]))
 
 
-def test_pole_pairs_give_their_polynomial():
-    ar = references.poles_to_ar(np.array([0.9]), np.array([np.pi / 3]))
-    np.testing.assert_allclose(references.rounded(ar), [-0.9, 0.81], rtol=1e-15)
-
-
 @pytest.mark.parametrize("order", [1, 2, 5, 8])
 def test_line_spectral_frequencies_are_found_again(order):
     lsf = np.pi / (order + 1) * (np.arange(1, order + 1) + 0.2 * np.sin(np.arange(order)))
@@ -58,15 +53,12 @@ def test_filters_are_the_same_in_every_form():
     for made in (
         signals.spread_filters(6, 2),
         signals.low_pass_filter(5),
-        signals.pole_pair_filter(1e-3),
     ):
         for lsf, k, ar in zip(made.lsf, made.reflection, made.ar, strict=True):
             exact = references.step_up(references.exact(k))
             assert references.largest_error(ar, exact) <= 1e-13 * max(1.0, *np.abs(ar))
             frequencies = references.rounded(lsf)
             assert (np.diff(frequencies, prepend=0, append=np.pi) > 0).all()
-    roots = np.roots([1.0, *signals.pole_pair_filter(1e-3).ar[0]])
-    np.testing.assert_allclose(np.abs(roots), 0.999, atol=1e-9)
 
 
 def test_stiff_cases_have_names_of_their_own_and_enough_samples():

@@ -12,8 +12,7 @@ from mmt_lab.harness.plots import panels_figure
 SMALL = {
     burg: {
         "ORDERS": (4, 8),
-        "ORDER": 4,
-        "LENGTHS": (60, 100),
+        "LENGTH": 60,
         "BATCH": (3, 80),
         "ROUNDS": 2,
         "OFFSETS": (1.0, 1e4),
@@ -22,7 +21,6 @@ SMALL = {
     lines: {
         "ORDERS": (6, 16),
         "LOW_PASS_ORDERS": (8, 30),
-        "DISTANCES": (0.1, 0.001),
         "BATCH": 4,
         "LOOKED_AT": 2,
         "ROUNDS": 2,

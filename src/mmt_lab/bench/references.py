@@ -90,15 +90,6 @@ def is_stable(ar: FloatArray) -> bool:
     return reflection is not None and all(abs(k) < 1 for k in reflection)
 
 
-def poles_to_ar(radius: FloatArray, angle: FloatArray) -> list[Number]:
-    """Return the filter coefficients of conjugate pairs of poles, shapes (p,), order 2 p."""
-    with mpmath.workdps(DIGITS):
-        taps = [mpmath.mpf(1)]
-        for r, w in zip(exact(radius), exact(angle), strict=True):
-            taps = _product(taps, [mpmath.mpf(1), -2 * r * mpmath.cos(w), r * r])
-        return taps[1:]
-
-
 def lsf_to_ar(lsf: FloatArray) -> list[Number]:
     """Return the filter coefficients of line spectral frequencies, from their definition."""
     with mpmath.workdps(DIGITS):

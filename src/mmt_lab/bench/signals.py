@@ -11,8 +11,6 @@ from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.forms import burg, reflection_to_lsf
 from mmt_lab.bench import references
 
-POLE_PAIRS: Final = 8
-
 RATE_HZ: Final = 1000.0
 _SETTLE: Final = 2000
 _LOW: Final = np.array([0.05, 0.07, 0.09, 0.11, 0.13])
@@ -114,13 +112,6 @@ def low_pass_filter(order: int) -> Filters:
     noise = np.random.default_rng(1).standard_normal(1000)
     sections = butter(8, 0.1, output="sos")
     return _of_reflection(burg(sosfilt(sections, noise)[200:], order).reflection)
-
-
-def pole_pair_filter(distance: float) -> Filters:
-    """Return one filter whose poles are all so far inside the unit circle."""
-    angles = np.linspace(0.3, 2.8, POLE_PAIRS) + 0.05 * np.sin(np.arange(POLE_PAIRS) ** 2.0)
-    ar = references.poles_to_ar(np.full(POLE_PAIRS, 1.0 - distance), angles)
-    return _of_reflection(references.rounded(references.step_down(ar) or []))
 
 
 def _of_reflection(reflection: FloatArray) -> Filters:

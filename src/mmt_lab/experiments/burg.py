@@ -55,8 +55,7 @@ class BurgFit:
 
 
 ORDERS: Final = (8, 10, 16, 24, 40)
-ORDER: Final = 16
-LENGTHS: Final = (200, 400, 800, 1200)
+LENGTH: Final = 200
 BATCH: Final = (50, 1000)
 ROUNDS: Final = 15
 OFFSETS: Final = (1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6)
@@ -65,13 +64,7 @@ STIFF: Final = signals.STIFF_CASES
 
 @peers.quiet()
 def run() -> Findings:
-    """Measure every implementation that is installed.
-
-    Raises
-    ------
-    ImportError
-        mpmath, the reference, is not installed.
-    """
+    """Measure every implementation that is installed."""
     methods, left_out = _find_methods()
     single = _by_order(methods)
     batch = _by_batch(methods)
@@ -88,7 +81,7 @@ def run() -> Findings:
             "coefficients that it returns, are below one in magnitude; residual is the "
             "prediction error that the filter leaves over what the reference leaves."
         ),
-        panels=(single, _by_length(methods), batch, _by_offset(methods)),
+        panels=(single, batch, _by_offset(methods)),
         records=(stiff,),
         targets=(*_speed_targets(single, batch), *_stiff_targets(stiff)),
         left_out=left_out,
@@ -128,8 +121,7 @@ def _memspectrum(module: Any, kind: str, x: FloatArray, order: int) -> FloatArra
 
 
 def _by_order(methods: Sequence[BurgFit]) -> Panel:
-    length = LENGTHS[0]
-    x = signals.texture(length, seed=1)
+    x = signals.texture(LENGTH, seed=1)
     times = {
         order: interleave({m.name: partial(m.fit, x, order) for m in methods}, ROUNDS)
         for order in ORDERS
@@ -137,25 +129,8 @@ def _by_order(methods: Sequence[BurgFit]) -> Panel:
     errors = _errors(methods, x, ORDERS)
     return Panel(
         "order",
-        f"One segment of {length} samples, by order",
+        f"One segment of {LENGTH} samples, by order",
         "order",
-        TIME_US,
-        ERROR,
-        _curves(methods, times, errors),
-    )
-
-
-def _by_length(methods: Sequence[BurgFit]) -> Panel:
-    times, errors = {}, {}
-    for length in LENGTHS:
-        x = signals.texture(length, seed=2)
-        calls = {m.name: partial(m.fit, x, ORDER) for m in methods}
-        times[length] = interleave(calls, ROUNDS)
-        errors[length] = _errors(methods, x, (ORDER,))[ORDER]
-    return Panel(
-        "length",
-        f"One segment, order {ORDER}, by its number of samples",
-        "samples",
         TIME_US,
         ERROR,
         _curves(methods, times, errors),

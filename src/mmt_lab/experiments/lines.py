@@ -45,7 +45,6 @@ Convert = Callable[[FloatArray], FloatArray]
 
 ORDERS: Final = (8, 10, 16, 24, 32, 40)
 LOW_PASS_ORDERS: Final = (8, 16, 24, LOW_PASS_ORDER, 40, LARGEST)
-DISTANCES: Final = (0.1, 0.01, 0.001, 0.0001)
 BATCH: Final = 50
 LOOKED_AT: Final = 5
 ROUNDS: Final = 15
@@ -64,24 +63,14 @@ class LsfMethod:
         """Return filters in the form that this method takes, (n, m)."""
         return given.reflection if self.given == "reflection" else given.ar
 
-    def round_trip(self, start: FloatArray) -> FloatArray:
-        """Return the frequencies after going there, back, and there again."""
-        return self.to_lsf(self.back(self.to_lsf(start)))
-
 
 @peers.quiet()
 def run() -> Findings:
-    """Measure every implementation that is installed.
-
-    Raises
-    ------
-    ImportError
-        mpmath, the reference, is not installed.
-    """
+    """Measure every implementation that is installed."""
     modules, left_out = peers.find((PEER, "spectrum"))
     methods = [*_ours(), *_peers(modules)]
     spread = {order: signals.spread_filters(order, BATCH) for order in ORDERS}
-    there = _timed(methods, spread, trip=False)
+    there = _timed(methods, spread)
     low_pass = _low_pass(methods)
     largest = signals.spread_filters(LARGEST, LOOKED_AT)
     return Findings(
@@ -92,15 +81,12 @@ def run() -> Findings:
             "Burg's method gives them, or from filter coefficients as the peers do. Errors "
             "are against the filter itself: what its coefficients lose by their rounding "
             "counts. pysptk searches a grid; its finer setting has 512 points, 16 steps, and "
-            "1e-12 as its end. A round trip goes to line spectral frequencies, to the form "
-            "that the method started from, and to the frequencies again."
+            "1e-12 as its end."
         ),
         panels=(
             there,
-            _timed(methods, spread, trip=True),
             _back(methods, {**spread, LARGEST: largest}),
             low_pass,
-            _poles(methods),
         ),
         records=(_ratios(there),),
         targets=(*_targets(there, low_pass), _back_target(largest)),
@@ -148,12 +134,10 @@ def _led(rows: FloatArray) -> FloatArray:
     return np.hstack([np.ones((len(rows), 1)), rows])
 
 
-def _timed(methods: Sequence[LsfMethod], cases: Mapping[int, Filters], *, trip: bool) -> Panel:
+def _timed(methods: Sequence[LsfMethod], cases: Mapping[int, Filters]) -> Panel:
     curves = Curves()
     for order, given in cases.items():
-        calls = {
-            m.name: partial(m.round_trip if trip else m.to_lsf, m.start(given)) for m in methods
-        }
+        calls = {m.name: partial(m.to_lsf, m.start(given)) for m in methods}
         errors = {}
         for name, call in calls.items():
             try:
@@ -163,8 +147,8 @@ def _timed(methods: Sequence[LsfMethod], cases: Mapping[int, Filters], *, trip: 
         times = interleave({name: calls[name] for name in errors}, ROUNDS)
         for name, error in errors.items():
             curves.add(name, order, times[name].times(MICROSECONDS / BATCH), error)
-    name, title = ("round_trip", "Round trip") if trip else ("to_lsf", "To the frequencies")
-    return Panel(name, f"{title}, by order", "order", TIME_US, ERROR, curves.done())
+    title = "To the frequencies, by order"
+    return Panel("to_lsf", title, "order", TIME_US, ERROR, curves.done())
 
 
 def _error(found: FloatArray, expected: Sequence[Sequence[Any]]) -> float:
@@ -175,30 +159,16 @@ def _error(found: FloatArray, expected: Sequence[Sequence[Any]]) -> float:
 def _low_pass(methods: Sequence[LsfMethod]) -> Panel:
     curves = Curves()
     for order in LOW_PASS_ORDERS:
-        _add_errors(curves, methods, order, signals.low_pass_filter(order))
+        given = signals.low_pass_filter(order)
+        for method in methods:
+            try:
+                error = _error(method.to_lsf(method.start(given)), given.lsf)
+                curves.add(method.name, order, order, error)
+            except peers.FAILURES as failure:
+                curves.fail(method.name, order, str(failure))
     title = "Filters that Burg's method finds in low-pass noise, by order"
     axis = Axis("order", "order", logarithmic=False)
     return Panel("low_pass", title, "order", axis, ERROR, curves.done())
-
-
-def _poles(methods: Sequence[LsfMethod]) -> Panel:
-    curves = Curves()
-    for distance in DISTANCES:
-        _add_errors(curves, methods, distance, signals.pole_pair_filter(distance))
-    knob = "distance of the poles from the unit circle"
-    title = f"{signals.POLE_PAIRS} pole pairs, by their distance from the unit circle"
-    return Panel("poles", title, knob, Axis(knob, "distance"), ERROR, curves.done())
-
-
-def _add_errors(curves: Curves, methods: Sequence[LsfMethod], knob: float, given: Filters) -> None:
-    """Add the error of one filter's conversion by every method, over the knob itself."""
-    for method in methods:
-        try:
-            curves.add(
-                method.name, knob, knob, _error(method.to_lsf(method.start(given)), given.lsf)
-            )
-        except peers.FAILURES as error:
-            curves.fail(method.name, knob, str(error))
 
 
 def _back(methods: Sequence[LsfMethod], cases: Mapping[int, Filters]) -> Panel:
