@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mmt.core.errors import MmtError
-from mmt_lab.bench.device_path.children import BenchChild
 from mmt_lab.bench.device_path.frame_times import (
     PERIOD_NS,
     Motion,
@@ -112,23 +111,11 @@ def test_where_all_was_held_up_there_is_no_figure_without() -> None:
     assert found.held_up_share == 1.0
 
 
-def test_a_child_that_fails_is_quoted() -> None:
-    child = BenchChild(
-        "mmt_lab.bench.device_path.emulated", "no_such_sensor", "adxl335", "ordinary"
-    )
-    try:
-        with pytest.raises(MmtError, match=r"emulated has ended: KeyError.*no_such_sensor"):
-            child.receive(30.0)
-    finally:
-        child.close()
-
-
 @pytest.mark.parametrize(("force", "acceleration"), [("net_ft", "adxl335"), ("bota", "iio")])
 def test_a_run_on_emulated_devices_finds_what_holds_on_any_machine(
     force: str, acceleration: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(devices, "SET_UPS", [SetUp("both", force, acceleration)])
-    monkeypatch.setattr(devices, "ARMS", {})
     monkeypatch.setattr(devices, "DURATION_S", 1.0)
     monkeypatch.setattr(devices, "STOPS", 1)
     result = devices.run()
@@ -172,7 +159,6 @@ def test_targets_are_of_the_worst_set_up_and_what_cannot_run_is_left_out(
     set_ups = [SetUp(name, "net_ft", "u6") for name in names]
     set_ups.append(SetUp("slow", "bota", "iio", slow=True))
     monkeypatch.setattr(devices, "SET_UPS", set_ups)
-    monkeypatch.setattr(devices, "ARMS", {})
     result = devices.run()
     by_name = {target.what: target for target in result.targets}
     share = by_name["share of a core, without emulation"]

@@ -5,18 +5,19 @@ import subprocess
 import sys
 import textwrap
 from collections.abc import Iterator
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from mmt.cli.main import app
-from mmt.core.errors import InputError
+from mmt.core.errors import InputError, MmtError
 from mmt.evaluation.document import Paragraph, ReportTable
 from mmt_lab import experiments
 from mmt_lab.harness.experiment import Listed, chosen_textures, listed, load
 from mmt_lab.harness.findings import Findings, Target
-from mmt_lab.harness.processes import each
+from mmt_lab.harness.processes import beside, each, received
 from mmt_lab.harness.report import write_report
 from mmt_lab.harness.tables import missed_because, targets_table
 
@@ -163,3 +164,24 @@ def test_targets_with_one_reason_share_a_sentence():
     missed = [Target(name, 0.0, "at least", 1.0, reason="why") for name in ("a", "b")]
     results = [Findings("One", targets=(missed[0],)), Findings("Two", targets=(missed[1],))]
     assert missed_because(results) == ["not met: a, b: why"]
+
+
+def tell(pipe: Connection, kind: str) -> None:
+    """Be a process that fails, ends, or is silent until nobody wants it any more."""
+    if kind == "fails":
+        raise InputError("there is no such device")
+    if kind == "is silent":
+        pipe.recv()
+
+
+@pytest.mark.parametrize(
+    ("kind", "longest_s", "words"),
+    [
+        ("fails", 60.0, "there is no such device"),
+        ("ends", 60.0, "a process has failed"),
+        ("is silent", 0.5, "gave nothing in 0.5 s"),
+    ],
+)
+def test_what_becomes_of_a_process_is_told(kind: str, longest_s: float, words: str) -> None:
+    with beside((tell, kind)) as (pipe,), pytest.raises(MmtError, match=words):
+        received(pipe, longest_s)

@@ -5,7 +5,6 @@ from typing import Final
 
 from mmt.core.errors import MmtError
 from mmt.core.realtime import require_real_time
-from mmt_lab.bench.device_path.arm_times import ARMS, ArmTimes, Delays, measure_arm
 from mmt_lab.bench.device_path.running import SetUp, SetUpFigures, measure_set_up
 from mmt_lab.harness.experiment import Experiment, RealTime
 from mmt_lab.harness.findings import Cell, Findings, FindingsTable, SkippedMethod, Target
@@ -36,11 +35,6 @@ def run(realtime: RealTime = False) -> Findings:
     """Measure cost, latency and truth of frames, by the real drivers on emulated devices.
 
     A set-up that cannot run here is left out.
-
-    Raises
-    ------
-    MmtError
-        Real-time scheduling is not permitted.
     """
     if realtime:
         require_real_time()
@@ -51,12 +45,6 @@ def run(realtime: RealTime = False) -> Findings:
             found[set_up.name] = measure_set_up(set_up, DURATION_S, STOPS, realtime=realtime)
         except MmtError as error:
             left_out.append(SkippedMethod(set_up.name, str(error), _REMEDY))
-    arms: dict[str, ArmTimes] = {}
-    for arm, of in ARMS.items():
-        try:
-            arms[of.title] = measure_arm(arm, DURATION_S, realtime=realtime)
-        except MmtError as error:
-            left_out.append(SkippedMethod(of.title, str(error), _REMEDY))
     return Findings(
         title="Devices",
         about=(
@@ -75,10 +63,7 @@ def run(realtime: RealTime = False) -> Findings:
             "was read. Seen: from when a sensor stops to when the follower knows, the longest of "
             f"{2 * STOPS} times. A force sensor whose frames are a millisecond apart and come "
             "through a USB adapter cannot have the latency aimed at: its set-up is shown and not "
-            "judged by it. Arms and handles are read and commanded at 1 kHz by themselves. "
-            "Position: from its instant to the tick that reads it first; command: from a step to "
-            "when the device is told of it; jitter: how far one is from the median."
-            + (" By real-time scheduling." if realtime else "")
+            "judged by it." + (" By real-time scheduling." if realtime else "")
         ),
         records=tuple(
             FindingsTable(
@@ -90,8 +75,7 @@ def run(realtime: RealTime = False) -> Findings:
                 ("frames", "Frames and stops", _frames),
                 ("clocks", "Clocks", _clocks),
             )
-        )
-        + (_arms(arms) if arms else ()),
+        ),
         targets=_targets(found, {one.name for one in SET_UPS if one.slow}),
         left_out=tuple(left_out),
     )
@@ -134,42 +118,6 @@ def _clocks(one: SetUpFigures) -> dict[str, Cell]:
         "acceleration (ppm)": one.drift_errors_ppm["accelerometer"],
         "offset of the time: force (ms)": one.times.offset_ms["force"],
         "acceleration (ms)": one.times.offset_ms["acceleration"],
-    }
-
-
-def _arms(arms: Mapping[str, ArmTimes]) -> tuple[FindingsTable, ...]:
-    positions = tuple(
-        {
-            "arm or handle": name,
-            **_delays(one.positions),
-            "p99, running (ms)": one.running_p99_ms,
-            "new positions": one.new_positions,
-        }
-        for name, one in arms.items()
-    )
-    commands = tuple(
-        {
-            "arm or handle": name,
-            **_delays(one.commands),
-            "steps": one.steps,
-            "unanswered": one.unanswered,
-        }
-        for name, one in arms.items()
-    )
-    return (
-        FindingsTable(
-            "arm_positions", "Arms and handles: from a position to the driver", positions
-        ),
-        FindingsTable("arm_commands", "Arms and handles: from a command to the device", commands),
-    )
-
-
-def _delays(delays: Delays) -> dict[str, Cell]:
-    return {
-        "p50 (ms)": delays.p50_ms,
-        "p99 (ms)": delays.p99_ms,
-        "jitter p50 (ms)": delays.jitter_p50_ms,
-        "jitter p99 (ms)": delays.jitter_p99_ms,
     }
 
 

@@ -16,11 +16,11 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 import typer
 
-from mmt.core.errors import InputError, MmtError
+from mmt.core.errors import InputError
 from mmt.core.realtime import require_real_time
 from mmt_lab.bench.link_sides import PATIENCE_S, SideReport, follow, lead
 from mmt_lab.bench.link_traffic import Kind, Turn, TurnFigures
@@ -28,7 +28,7 @@ from mmt_lab.bench.lossy_path import measure_losses
 from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.harness.experiment import Duration, Experiment, RealTime
 from mmt_lab.harness.findings import Findings
-from mmt_lab.harness.processes import spawn_context
+from mmt_lab.harness.processes import beside, received
 
 ROUND_S: Final = 1.0
 """Longest turn."""
@@ -104,13 +104,6 @@ def bench_link(
     realtime
         Whether both processes run by real-time scheduling, so that no other work of the machine
         comes in between.
-
-    Raises
-    ------
-    InputError
-        A number is not positive.
-    MmtError
-        A process of the measurement failed, or real-time scheduling is not permitted.
     """
     if realtime:
         require_real_time()
@@ -126,9 +119,9 @@ def bench_link(
         for number in range(rounds)
         for kind in _order(number)
     ]
-    leader, follower = _run(
-        rate_hz, [*turns, Turn("ours", sustained_hz, 0, sustained_s, 0.5)], realtime
-    )
+    turns.append(Turn("ours", sustained_hz, 0, sustained_s, 0.5))
+    with beside((lead, rate_hz, realtime), (follow, rate_hz, realtime)) as pipes:
+        leader, follower = _conduct(pipes, turns)
     *compared, sustained = zip(leader.turns, follower.turns, strict=True)
     ours, bare = ([pair for pair in compared if pair[0].kind == kind] for kind in _KINDS)
     up, down = (_missing_at_end(*pair) for pair in ((follower, leader), (leader, follower)))
@@ -146,38 +139,12 @@ def _order(number: int) -> tuple[Kind, ...]:
     return _KINDS if number % 2 == 0 else _KINDS[::-1]
 
 
-def _run(rate_hz: int, turns: list[Turn], realtime: bool) -> tuple[SideReport, SideReport]:
-    """Start the two processes, let them take the turns, and return what they noted."""
-    context = spawn_context()
-    ends = [context.Pipe() for _ in range(2)]
-    processes = [
-        context.Process(target=target, args=(there, rate_hz, realtime))
-        for target, (_, there) in zip((lead, follow), ends, strict=True)
-    ]
-    pipes = [here for here, _ in ends]
-    try:
-        for process in processes:
-            process.start()
-        for _, there in ends:
-            there.close()
-        return _conduct(pipes, turns)
-    finally:
-        for process in processes:
-            if process.pid is not None:
-                process.join(2.0)
-                process.terminate()
-                process.join()
-            process.close()
-        for pipe in pipes:
-            pipe.close()
-
-
 def _conduct(pipes: list[Connection], turns: list[Turn]) -> tuple[SideReport, SideReport]:
     """Exchange the ports, send both processes their turns, and receive their reports."""
     leader, follower = pipes
-    follower.send(_receive(leader, PATIENCE_S))
+    follower.send(received(leader, PATIENCE_S))
     for pipe in pipes:
-        _receive(pipe, PATIENCE_S)  # it is ready
+        received(pipe, PATIENCE_S)  # it is ready
     plan: list[Turn] = []
     for turn in turns:
         start_ns = plan[-1].end_ns if plan else time.monotonic_ns() + _LEAD_TIME_NS
@@ -185,16 +152,7 @@ def _conduct(pipes: list[Connection], turns: list[Turn]) -> tuple[SideReport, Si
     for pipe in pipes:
         pipe.send(plan)
     patience_s = (plan[-1].end_ns - time.monotonic_ns()) / 1e9 + PATIENCE_S
-    return _receive(leader, patience_s), _receive(follower, patience_s)
-
-
-def _receive(pipe: Connection, timeout_s: float) -> Any:
-    if not pipe.poll(timeout_s):
-        raise MmtError(f"a process of the link's measurement gave nothing in {timeout_s:g} s")
-    try:
-        return pipe.recv()
-    except EOFError as error:
-        raise MmtError("a process of the link's measurement failed") from error
+    return received(leader, patience_s), received(follower, patience_s)
 
 
 def _missing_at_end(sender: SideReport, receiver: SideReport) -> dict[Kind, int]:

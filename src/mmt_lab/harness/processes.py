@@ -1,4 +1,4 @@
-"""Calls in processes of this machine, and a bar that counts them."""
+"""Calls in processes of this machine, processes to talk to, and a bar that counts."""
 
 import multiprocessing
 import os
@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnContext
 from typing import Any, TypeVar
 
@@ -101,6 +102,73 @@ def in_processes(
         raise MmtError("a process has died; start it again to go on") from error
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
+
+
+@contextmanager
+def beside(*calls: tuple[Any, ...]) -> Iterator[list[Connection]]:
+    """Run functions in processes of their own while the block runs.
+
+    Parameters
+    ----------
+    calls
+        Each a function of a module and its arguments, which can be pickled.
+
+    Yields
+    ------
+    list
+        The end of a pipe to each; the function gets the other end as its first argument. It is to
+        return when that says `EOFError`, which is silent.
+    """
+    context = spawn_context()
+    pipes: list[Connection] = []
+    started = []
+    try:
+        for call in calls:
+            here, there = context.Pipe()
+            pipes.append(here)
+            started.append(context.Process(target=_piped, args=(there, *call)))
+            started[-1].start()
+            there.close()
+        yield pipes
+    finally:
+        for pipe in pipes:
+            pipe.close()
+        for process in started:
+            if process.pid is not None:
+                process.join(5.0)
+                process.terminate()
+                process.join()
+            process.close()
+
+
+def received(pipe: Connection, timeout_s: float) -> Any:
+    """Return what a process of `beside` sent next.
+
+    Raises
+    ------
+    MmtError
+        It has failed, with its own error where that is one, or sent nothing for so long.
+    """
+    if not pipe.poll(timeout_s):
+        raise MmtError(f"a process gave nothing in {timeout_s:g} s")
+    try:
+        answer = pipe.recv()
+    except EOFError as error:
+        raise MmtError("a process has failed") from error
+    if isinstance(answer, MmtError):
+        raise answer
+    return answer
+
+
+def _piped(pipe: Connection, function: Callable[..., object], *arguments: Any) -> None:
+    """Run a function of `beside`, and send the error that it ends with."""
+    _leave_interrupts()
+    try:
+        function(pipe, *arguments)
+    except MmtError as error:
+        pipe.send(error)
+    except EOFError:
+        pass  # the other end is closed: it is no longer wanted
 
 
 def processes(workers: int | None, jobs: int) -> int:

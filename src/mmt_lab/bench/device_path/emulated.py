@@ -1,17 +1,17 @@
 """The emulated devices, in a process of their own.
 
-It prints the addresses as one line of JSON, then does what the lines of its standard input say,
-``begin``, ``stall SENSOR`` and ``resume SENSOR``, each answered by the monotonic time (ns) at
-which it was done, and ``pauses``, answered by when the sensors were held up (ns); it ends when its
-input ends.
+It sends their addresses, then does what it is told, ``begin``, ``stall SENSOR`` and
+``resume SENSOR``, each answered by the monotonic time (ns) at which it was done, and ``pauses``,
+answered by when the sensors were held up (ns); it ends when the pipe does.
 """
 
 import math
 import os
-import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
+from multiprocessing.connection import Connection
 from typing import Any, Final
 
 import numpy as np
@@ -28,7 +28,6 @@ from mmt.testing.emulated.remote_u6 import U6Server
 from mmt.testing.emulated.robot import RobotLink
 from mmt_devices.bota.emulated import EmulatedBota
 from mmt_devices.iio.emulated import EmulatedIio
-from mmt_lab.bench.device_path.children import say
 from mmt_lab.bench.device_path.frame_times import Motion, pauses_of_device
 
 FORCE_PPM: Final = 40.0
@@ -147,18 +146,13 @@ def leave_a_processor_to_others() -> None:
             os.sched_setaffinity(0, others)
 
 
-def be_real_time_device(scheduling: str) -> None:
-    """Run all threads to come so where it is ``realtime``: no device waits for other work here."""
-    if scheduling == "realtime":
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY - 1))
-
-
-def main(force: str, acceleration: str, scheduling: str) -> None:
-    """Run the lab until standard input ends."""
+def emulate(pipe: Connection, force: str, acceleration: str, realtime: bool) -> None:
+    """Run the lab until the pipe ends."""
     prefer_even_ticks()
     leave_a_processor_to_others()
     wake_on_time()
-    be_real_time_device(scheduling)
+    if realtime:  # all threads to come: no device waits for other work here
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY - 1))
     motions = (Motion(10.0), Motion(5.0), Motion(20.0, (0.0, 0.0, GRAVITY_M_S2)))
     robot = RobotLink(_Tip(motions[0]))
     robot.start()
@@ -166,23 +160,20 @@ def main(force: str, acceleration: str, scheduling: str) -> None:
         "force_sensor": FORCES[force](motions[1]),
         "accelerometer": ACCELERATIONS[acceleration](motions[2]),
     }
-    say({"robot": {"port": robot.port}, **{key: one.options for key, one in sensors.items()}})
-    for line in sys.stdin:
-        word, _, sensor = line.strip().partition(" ")
-        if word == "pauses":
-            pauses = [pauses_of_device(np.array(motion.asked)) for motion in motions[1:]]
-            say({"pauses_ns": np.concatenate(pauses).tolist()})
-            continue
-        if word == "begin":
-            for motion in motions:
-                motion.begin()
-        else:
-            sensors[sensor].stall(word == "stall")
-        say({"done_ns": time.monotonic_ns()})
+    pipe.send({"robot": {"port": robot.port}, **{key: one.options for key, one in sensors.items()}})
+    with suppress(EOFError):
+        while True:
+            word, _, sensor = pipe.recv().partition(" ")
+            if word == "pauses":
+                pauses = [pauses_of_device(np.array(motion.asked)) for motion in motions[1:]]
+                pipe.send(np.concatenate(pauses))
+                continue
+            if word == "begin":
+                for motion in motions:
+                    motion.begin()
+            else:
+                sensors[sensor].stall(word == "stall")
+            pipe.send(time.monotonic_ns())
     for one in sensors.values():
         one.device.stop()
     robot.stop()
-
-
-if __name__ == "__main__":
-    main(*sys.argv[1:])

@@ -19,15 +19,7 @@ _MS: Final = 1e6
 
 
 class Motion:
-    """A vector at rest, and from `begin` on one that turns about z on top of it.
-
-    Parameters
-    ----------
-    size
-        Size of the part that turns.
-    rest
-        What is there before, and along z.
-    """
+    """A vector at rest, and from `begin` on one that turns about z on top of it."""
 
     def __init__(self, size: float, rest: Vector = (0.0, 0.0, 0.0)) -> None:
         self._size = size

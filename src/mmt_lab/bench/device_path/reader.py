@@ -1,14 +1,13 @@
 """The follower's part of it: the real drivers and the frames, in a process of its own.
 
-Its first line of input is the job, as JSON. It prints a line of JSON when it streams, and for
-each device that is lost or back. ``begin`` and ``end`` say between which moments to measure; with
-the end of its input it writes the frames and prints what it found.
+It is sent the job, and says when it streams, and each device that is lost or back. ``begin`` and
+``end`` say between which moments to measure; at ``finish`` it sends the frames and what it found.
 """
 
 import asyncio
-import json
 import sys
 import time
+from multiprocessing.connection import Connection
 from typing import Any, Final, Protocol
 
 import numpy as np
@@ -23,7 +22,6 @@ from mmt.devices.source import PERIOD_NS, DeviceSource
 from mmt.testing.emulated.hd import EmulatedHd
 from mmt.testing.emulated.remote_u6 import RemoteU6
 from mmt.testing.emulated.robot import DatagramRobot
-from mmt_lab.bench.device_path.children import say
 
 _COMMAND_MM: Final = (0.0, 0.0, 5.0)
 _HELD_UP_TICKS: Final = 10
@@ -47,9 +45,12 @@ class FrameReader:
         ``robot``, ``force_sensor`` and ``accelerometer``, each with ``driver`` and ``options``;
         ``realtime``, whether it ticks by real-time scheduling; ``bare_s``, for how long the tick is
         measured alone.
+    pipe
+        To who measures.
     """
 
-    def __init__(self, job: dict[str, Any]) -> None:
+    def __init__(self, job: dict[str, Any], pipe: Connection) -> None:
+        self._pipe = pipe
         self._emulations: list[_Emulation] = []
         robot, force, acceleration = (
             self._load(job[key]) for key in ("robot", "force_sensor", "accelerometer")
@@ -70,8 +71,8 @@ class FrameReader:
         self._realtime: bool = job["realtime"]
         self._bare_s: float = job["bare_s"]
 
-    async def run(self, file: str) -> None:
-        """Stream until standard input ends; then write the frames and say what was found."""
+    async def run(self) -> None:
+        """Stream until it is to finish; then send the frames and what was found."""
         loop = asyncio.get_running_loop()
         prefer_even_ticks()
         if self._realtime:
@@ -80,16 +81,20 @@ class FrameReader:
             self._measured["bare_share"] = await _bare_share(self._bare_s)
             self.source.start(time.monotonic_ns())
             self.ticker.start()
-            loop.add_reader(sys.stdin.fileno(), self._read_command)
-            say({"ready": True})
+            loop.add_reader(self._pipe.fileno(), self._read_command)
+            self._pipe.send({"ready": True})
             await self.ticker.wait()
         finally:
             self.ticker.stop()
-            loop.remove_reader(sys.stdin.fileno())
+            loop.remove_reader(self._pipe.fileno())
             self.source.close()
-        self._write(file)
-        say(
+        formed = [at_ns for at_ns, count in self._formed for _ in range(count)]
+        self._pipe.send(
             {
+                "finished": True,
+                "frames": np.concatenate(self._frames) if self._frames else np.empty(0),
+                "formed_ns": np.array(formed, dtype=np.int64),
+                "ticked": np.array(self._ticked, dtype=np.int64),
                 **self._measured,
                 "devices": self.source.summary,
                 "latency_ns": {key: one.latency_ns for key, one in self.sensors.items()},
@@ -100,7 +105,10 @@ class FrameReader:
         )
 
     def _read_command(self) -> None:
-        word = sys.stdin.readline().strip()
+        try:
+            word = self._pipe.recv()
+        except EOFError:  # who measures has gone
+            word = "finish"
         emulated_ns = sum(each.own_ns for each in self._emulations)
         now = (time.monotonic_ns(), time.process_time_ns(), emulated_ns)
         if word == "begin":
@@ -110,7 +118,7 @@ class FrameReader:
             self._measured["core_share"] = busy_ns / wall_ns
             self._measured["emulated_share"] = emulated_ns / wall_ns
             self._keeps = False
-            say({"ended": True})
+            self._pipe.send({"ended": True})
         else:
             self.ticker.stop()
 
@@ -129,7 +137,7 @@ class FrameReader:
             self._formed.append((time.monotonic_ns(), len(frames)))
 
     def _note(self, lost: bool, sentence: str) -> None:
-        say({"lost": lost, "at_ns": time.monotonic_ns(), "sentence": sentence})
+        self._pipe.send({"lost": lost, "at_ns": time.monotonic_ns(), "sentence": sentence})
 
     def _load(self, device: dict[str, Any]) -> Any:
         options = dict(device["options"])
@@ -144,16 +152,6 @@ class FrameReader:
             self._emulations.append(options["backend"])
         return load_device(device["driver"], options)
 
-    def _write(self, file: str) -> None:
-        formed = [at_ns for at_ns, count in self._formed for _ in range(count)]
-        frames = np.concatenate(self._frames) if self._frames else np.empty(0)
-        np.savez(
-            file,
-            frames=frames,
-            formed_ns=np.array(formed, dtype=np.int64),
-            ticked=np.array(self._ticked, dtype=np.int64),
-        )
-
 
 async def _bare_share(duration_s: float) -> float:
     """Return the share of a core that a tick takes by itself."""
@@ -166,6 +164,6 @@ async def _bare_share(duration_s: float) -> float:
     return share
 
 
-if __name__ == "__main__":
-    job = json.loads(sys.stdin.readline())
-    asyncio.run(FrameReader(job).run(job["file"]))
+def read(pipe: Connection) -> None:
+    """Read devices as the job says that comes first."""
+    asyncio.run(FrameReader(pipe.recv(), pipe).run())

@@ -1,9 +1,8 @@
 """One set-up of devices: start it, measure it, stop its sensors one after the other."""
 
-import tempfile
 import time
 from dataclasses import dataclass
-from pathlib import Path
+from multiprocessing.connection import Connection
 from typing import Any, Final
 
 import numpy as np
@@ -11,9 +10,10 @@ import numpy as np
 from mmt.core.arrays import IntArray
 from mmt.core.errors import MmtError
 from mmt.devices.source import PERIOD_NS as TICK_NS
-from mmt_lab.bench.device_path.children import ANSWER_S, START_S, BenchChild, keep_for
-from mmt_lab.bench.device_path.emulated import ACCELERATION_PPM, FORCE_PPM
+from mmt_lab.bench.device_path.emulated import ACCELERATION_PPM, FORCE_PPM, emulate
 from mmt_lab.bench.device_path.frame_times import FrameTimes, frame_times, pauses_of_ticks, within
+from mmt_lab.bench.device_path.reader import read
+from mmt_lab.harness.processes import beside, received
 
 DRIVERS: Final = {
     "net_ft": "ati-net-ft",
@@ -24,6 +24,11 @@ DRIVERS: Final = {
     "iio": "iio-accelerometer",
 }
 """By the names of the lab."""
+
+START_S: Final = 60.0
+"""How long a process may take until it is ready."""
+ANSWER_S: Final = 20.0
+"""How long it may take to answer."""
 
 _BARE_S: Final = 2.0
 _SETTLE_S: Final = 2.0
@@ -76,62 +81,45 @@ class SetUpFigures:
 def measure_set_up(
     set_up: SetUp, duration_s: float, stops: int, *, realtime: bool = False
 ) -> SetUpFigures:
-    """Measure one set-up.
-
-    Parameters
-    ----------
-    set_up
-        Its devices.
-    duration_s
-        How long frames are kept.
-    stops
-        How often each sensor stops.
-    realtime
-        Whether the follower's part ticks by real-time scheduling, and the emulated devices too.
-
-    Raises
-    ------
-    MmtError
-        A process ends, no frame is formed, or a device is not lost or does not come back.
-    """
-    scheduling = "realtime" if realtime else "ordinary"
-    lab = BenchChild(
-        "mmt_lab.bench.device_path.emulated", set_up.force, set_up.acceleration, scheduling
-    )
-    try:
-        addresses = lab.receive(START_S)
-        with tempfile.TemporaryDirectory() as folder:
-            job = {
-                **_job(set_up, addresses),
-                "file": str(Path(folder) / "frames.npz"),
-                "realtime": realtime,
-                "bare_s": min(_BARE_S, duration_s),
-            }
-            return _measure(job, lab, duration_s, stops)
-    finally:
-        lab.close()
-
-
-def _measure(job: dict[str, Any], lab: BenchChild, duration_s: float, stops: int) -> SetUpFigures:
-    reader = BenchChild("mmt_lab.bench.device_path.reader")
-    try:
-        keep_for(duration_s, job, lab=lab, reader=reader, settle_s=_SETTLE_S)
+    """Measure one set-up."""
+    calls = (emulate, set_up.force, set_up.acceleration, realtime), (read,)
+    with beside(*calls) as (lab, reader):
+        job = {
+            **_job(set_up, received(lab, START_S)),
+            "realtime": realtime,
+            "bare_s": min(_BARE_S, duration_s),
+        }
+        reader.send(job)
+        _await(reader, "ready", True, START_S)
+        _ask(lab, "begin")
+        time.sleep(min(_SETTLE_S, duration_s))
+        reader.send("begin")
+        time.sleep(duration_s)
         reader.send("end")
-        reader.receive_where("ended", True, ANSWER_S)
-        pauses_ns = lab.ask("pauses", ANSWER_S)["pauses_ns"]
+        _await(reader, "ended", True)
+        pauses_ns = _ask(lab, "pauses")
         seen_after_ms = [
             _stop(lab, reader, sensor)
             for _ in range(stops)
             for sensor in ("force_sensor", "accelerometer")
         ]
-        reader.finish()
-        found = reader.receive(ANSWER_S)
-        while "devices" not in found:
-            found = reader.receive(ANSWER_S)
-    finally:
-        reader.close()
-    device_pauses_ns = np.array(pauses_ns, dtype=np.int64).reshape(-1, 2)
-    return _evaluate(job, found, seen_after_ms, device_pauses_ns)
+        reader.send("finish")
+        return _evaluate(job, _await(reader, "finished", True), seen_after_ms, pauses_ns)
+
+
+def _ask(lab: Connection, words: str) -> Any:
+    lab.send(words)
+    return received(lab, ANSWER_S)
+
+
+def _await(
+    reader: Connection, key: str, value: object, longest_s: float = ANSWER_S
+) -> dict[str, Any]:
+    """Return the next message that has this value at this key, skipping others."""
+    while True:
+        answer: dict[str, Any] = received(reader, longest_s)
+        if answer.get(key) == value:
+            return answer
 
 
 def _job(set_up: SetUp, addresses: dict[str, Any]) -> dict[str, Any]:
@@ -146,16 +134,16 @@ def _job(set_up: SetUp, addresses: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _stop(lab: BenchChild, reader: BenchChild, sensor: str) -> float:
+def _stop(lab: Connection, reader: Connection, sensor: str) -> float:
     """Stop a sensor until that is seen; return after how many ms it was."""
-    stopped_ns = lab.ask(f"stall {sensor}", ANSWER_S)["done_ns"]
+    stopped_ns = _ask(lab, f"stall {sensor}")
     role = f"the {sensor.replace('_', ' ')} "
     while True:  # on a busy machine one may have been lost and found before
-        event = reader.receive_where("lost", True, ANSWER_S)
+        event = _await(reader, "lost", True)
         if event["at_ns"] > stopped_ns and event["sentence"].startswith(role):
             break
-    lab.ask(f"resume {sensor}", ANSWER_S)
-    reader.receive_where("lost", False, ANSWER_S)
+    _ask(lab, f"resume {sensor}")
+    _await(reader, "lost", False)
     time.sleep(_PAUSE_S)
     return float(event["at_ns"] - stopped_ns) / 1e6
 
@@ -166,8 +154,7 @@ def _evaluate(
     seen_after_ms: list[float],
     device_pauses_ns: IntArray,
 ) -> SetUpFigures:
-    with np.load(Path(job["file"])) as content:
-        frames, formed_ns, ticked = content["frames"], content["formed_ns"], content["ticked"]
+    frames, formed_ns, ticked = (found[name] for name in ("frames", "formed_ns", "ticked"))
     if not len(frames):
         raise MmtError("no frame was formed: end what loads this machine, or use --realtime")
     pauses_ns = np.concatenate([pauses_of_ticks(ticked, TICK_NS), device_pauses_ns])
