@@ -22,26 +22,11 @@ def run_benches(
 ) -> tuple[list[Findings], dict[str, Any]]:
     """Run the named stages, all of them where none is named; print each as it is done.
 
-    Parameters
-    ----------
-    names
-        The stages.
-    report
-        Folder of the report, None for none.
-    options
-        Options of the stages, each for those that have it: ``duration``, ``realtime``,
-        ``strangers``, ``loss``, ``acceleration_rate``.
-
     Returns
     -------
     results, figures
         Every stage that could be measured, and what ``--json`` writes. The stages that failed
         stand under ``failed`` with the reason, where there are any.
-
-    Raises
-    ------
-    InputError
-        There is no stage of such a name, or the report cannot be written.
     """
     stages = [each.name for each in listed("bench")]
     unknown = [name for name in names if name not in stages]
@@ -84,13 +69,7 @@ def as_dict(results: Sequence[Findings], machine: Mapping[str, str]) -> dict[str
 def write_bench_report(
     directory: Path, results: Sequence[Findings], machine: Mapping[str, str]
 ) -> Path:
-    """Write ``report.md``, ``report.html``, ``figures/`` and ``bench.json``; return the page.
-
-    Raises
-    ------
-    InputError
-        The directory cannot be written.
-    """
+    """Write ``report.md``, ``report.html``, ``figures/`` and ``bench.json``; return the page."""
     opening: list[Block] = [
         Paragraph(
             "Methods took turns on the machine below; times are medians over rounds, with half "

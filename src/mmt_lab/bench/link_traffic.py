@@ -65,15 +65,7 @@ class TurnFigures:
 
 @dataclass
 class Side:
-    """What one process sends and receives over one link.
-
-    Parameters
-    ----------
-    layout
-        Dtype of what it sends.
-    leads
-        Whether it is the leader's.
-    """
+    """What one process sends and receives over one link."""
 
     layout: np.dtype[np.void]
     leads: bool = False

@@ -27,18 +27,7 @@ _STARTING_S: Final = 60.0
 
 
 def measure_losses(duration_s: float) -> Findings:
-    """Run the services over each path with each loss.
-
-    Parameters
-    ----------
-    duration_s
-        How long each session lasts.
-
-    Raises
-    ------
-    MmtError
-        A service failed.
-    """
+    """Run the services over each path with each loss."""
     left_out: list[SkippedMethod] = []
     records = []
     try:

@@ -143,16 +143,6 @@ def compare(duration_s: float) -> Findings:
 
     As many processes as there are processors are busy beside them all the while, so that the
     gain is seen on an idle machine too.
-
-    Parameters
-    ----------
-    duration_s
-        How long each way runs, over all turns.
-
-    Raises
-    ------
-    MmtError
-        Real-time scheduling is not permitted, or a service failed.
     """
     require_real_time()
     rounds = max(1, round(duration_s / ROUND_S))
@@ -182,18 +172,7 @@ def compare(duration_s: float) -> Findings:
 
 
 def disturbed(duration_s: float) -> Findings:
-    """Run the demo's services with a token beside strangers of each kind and a bystander, in turns.
-
-    Parameters
-    ----------
-    duration_s
-        How long each way runs, over all turns.
-
-    Raises
-    ------
-    MmtError
-        A service failed.
-    """
+    """Run the demo's services with a token beside strangers and a bystander, in turns."""
     rounds = max(1, round(duration_s / ROUND_S))
     ways = (_ALONE, disturbing.BYSTANDER, *disturbing.KINDS)
     late: dict[str, list[float]] = {way: [] for way in ways}

@@ -42,15 +42,7 @@ def run(
     seed: Seed = 1,
     output: Annotated[Path, typer.Option(help="Where the recording goes.")] = Path("mmt-soak"),
 ) -> Findings:
-    """Run both services for a long time with faults, and check that nothing wears out.
-
-    Raises
-    ------
-    InputError
-        A number is out of range, or the directory cannot be written.
-    MmtError
-        The services did not start.
-    """
+    """Run both services for a long time with faults, and check that nothing wears out."""
     _check(duration, every)
     try:
         output.mkdir(parents=True, exist_ok=True)

@@ -48,13 +48,7 @@ def findings_of(rows: Sequence[CaseRow]) -> Findings:
 
 
 def load_families(names: Sequence[str] = ()) -> dict[str, Family]:
-    """Return the named families, all of them where none is named, in alphabetical order.
-
-    Raises
-    ------
-    InputError
-        There is no family of such a name.
-    """
+    """Return the named families, all of them where none is named, in alphabetical order."""
     every = family_names()
     unknown = [name for name in names if name not in every]
     if unknown:

@@ -178,14 +178,7 @@ def run(
     ] = None,
     workers: Workers = None,
 ) -> Findings:
-    """Tell how soon changes of surface are found, and how many are missed.
-
-    Raises
-    ------
-    InputError
-        A session has no course over known surfaces, a texture or the kind of hand is not known,
-        or a slide cannot be read.
-    """
+    """Tell how soon changes of surface are found, and how many are missed."""
     tables: list[ReportTable] = []
     if slides is not None:
         if sessions or textures is not None:

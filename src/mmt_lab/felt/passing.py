@@ -70,21 +70,7 @@ class Passage:
 def pass_over(
     surface: KnownSurface, network: Network, ticks: int, seed: int, stroking: Hand | None = None
 ) -> Passage:
-    """Let a hand stroke a surface over a network for `ticks` milliseconds.
-
-    Parameters
-    ----------
-    surface
-        The texture.
-    network
-        Emulated each way.
-    ticks
-        At least 1.
-    seed
-        Seed of hand, texture, sensors and network.
-    stroking
-        The hand; by default one with the scene's defaults.
-    """
+    """Let a hand stroke a surface over a network for `ticks` milliseconds."""
     settings = Simulated()
     compliance_mm_n = nominal_compliance_mm_n(settings)
     hand = SimulatedHand(stroking or Hand(), seed, compliance_mm_n=compliance_mm_n)

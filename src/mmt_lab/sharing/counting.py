@@ -60,13 +60,7 @@ class CountingReplica(ModelReplica):
         self._file, self._digest = taken["file"], b""
 
     def take_change(self, message: object) -> None:
-        """Take a change.
-
-        Raises
-        ------
-        InputError
-            It does not follow on what is here.
-        """
+        """Take a change."""
         if not isinstance(message, Mapping) or message["since"] != self.number or not self.number:
             raise InputError("a change is missing")
         self._digest = self._stamped(message)["digest"]
@@ -112,15 +106,7 @@ class Count:
 
 
 class Counter:
-    """One listener.
-
-    Parameters
-    ----------
-    url
-        Where the model is shared.
-    auth
-        What it shows; see `auth_of`.
-    """
+    """One listener."""
 
     def __init__(self, url: str, auth: Mapping[str, Any]) -> None:
         self.replica = CountingReplica()
@@ -197,20 +183,7 @@ class Counter:
 
 
 def auth_of(url: str, states_hz: float | None = None) -> dict[str, Any]:
-    """Return what a listener shows there: its hello, and the token where there is one.
-
-    Parameters
-    ----------
-    url
-        Where the model is shared.
-    states_hz
-        How many states of the hand it wants in a second at most, None for all.
-
-    Raises
-    ------
-    InputError
-        The token in `TOKEN_VARIABLE` is too short.
-    """
+    """Return what a listener shows there: its hello, and the token where there is one."""
     token = Access.of(Listening(url=url), variable=TOKEN_VARIABLE).token
     return Hello(states_hz=states_hz).as_auth() | ({} if token is None else {"token": token})
 

@@ -20,13 +20,7 @@ from mmt_share.tables import Listening
 
 
 async def wait_until_ready(url: str) -> float:
-    """Listen until the shared model is ready, and leave; return the seconds of building it.
-
-    Raises
-    ------
-    MmtError
-        Nobody shares a model there, or the session has ended before.
-    """
+    """Listen until the shared model is ready, and leave; return the seconds of building it."""
     over = asyncio.Event()
 
     def hear(text: str) -> None:

@@ -55,15 +55,7 @@ class HubSession:
 
 
 async def hold(hubs: int, listeners: int, duration_s: float) -> HubSession:
-    """Run Redis, a leader, hubs, their listeners, and then the follower.
-
-    Raises
-    ------
-    InputError
-        There is no redis-server.
-    MmtError
-        Something did not start.
-    """
+    """Run Redis, a leader, hubs, their listeners, and then the follower."""
     async with _redis() as redis, shared_session(duration_s) as session:
         direct = Counter(session.url, auth_of(session.url))
         await direct.join()
@@ -96,15 +88,7 @@ async def hold(hubs: int, listeners: int, duration_s: float) -> HubSession:
 
 
 def findings(hubs: int, listeners: int, duration_s: float) -> Findings:
-    """Run a session with hubs; return what it took.
-
-    Raises
-    ------
-    InputError
-        There is no redis-server.
-    MmtError
-        Something did not start, or no listener has heard a change.
-    """
+    """Run a session with hubs; return what it took."""
     session = asyncio.run(hold(hubs, listeners, duration_s))
     counts, last = session.counts, session.direct
     lags = [lag for each in counts for lag in each.lags_ms]

@@ -21,15 +21,7 @@ _PING, _PONG = "2", "3"
 
 
 class PlainSocket:
-    """One connection, of Engine.IO 4 over a WebSocket with the msgpack serializer.
-
-    Parameters
-    ----------
-    on_event
-        Awaited with each event's name and argument.
-    on_lost
-        Called when the connection has ended, by whomever.
-    """
+    """One connection, of Engine.IO 4 over a WebSocket with the msgpack serializer."""
 
     def __init__(
         self, on_event: Callable[..., Awaitable[None]], on_lost: Callable[[], None]

@@ -21,27 +21,13 @@ LAST_S: Final = 30.0
 
 
 class Service:
-    """A service as a process, read line by line.
-
-    Parameters
-    ----------
-    child
-        The process.
-    watch
-        Called with its id at each line.
-    """
+    """A service as a process, read line by line."""
 
     def __init__(self, child: Child, watch: Callable[[int], None]) -> None:
         self.child, self._watch, self._lines = child, watch, child.lines()
 
     async def line(self, kind: str, pattern: str = "") -> dict[str, Any]:
-        """Return the next line of a kind, and of an event in which a pattern is found.
-
-        Raises
-        ------
-        MmtError
-            It ends before.
-        """
+        """Return the next line of a kind, and of an event in which a pattern is found."""
         async for line in self._lines:
             self._watch(self.child.pid)
             if line["kind"] == kind and re.search(pattern, str(line.get("event", ""))):
@@ -50,13 +36,7 @@ class Service:
 
 
 class ListenedSession:
-    """A leader that shares its model, and what is started beside it.
-
-    Parameters
-    ----------
-    stack
-        Ends every process that is started.
-    """
+    """A leader that shares its model, and what is started beside it."""
 
     def __init__(self, stack: AsyncExitStack) -> None:
         self._stack = stack
@@ -115,20 +95,7 @@ class ListenedSession:
 async def shared_session(
     duration_s: float, watch: Callable[[int], None] = lambda _: None
 ) -> AsyncIterator[ListenedSession]:
-    """Run a leader that shares its model; a follower has yet to come.
-
-    Parameters
-    ----------
-    duration_s
-        Of the session.
-    watch
-        Called with the leader's process id at each line that it writes.
-
-    Raises
-    ------
-    MmtError
-        It did not start.
-    """
+    """Run a leader that shares its model; a follower has yet to come."""
     async with AsyncExitStack() as stack:
         session = ListenedSession(stack)
         await session.lead(duration_s, watch)
@@ -141,17 +108,7 @@ async def listened_to(
     first: int,
     watch: Callable[[int], None] = lambda _: None,
 ) -> tuple[dict[str, Any], Any]:
-    """Run one session with listeners; return the leader's summary and what they have found.
-
-    Parameters
-    ----------
-    duration_s, watch
-        As for `shared_session`.
-    listeners
-        Module that listens, and its arguments behind the address and the longest time.
-    first
-        How many must listen before the follower is started.
-    """
+    """Run one session with listeners; return the leader's summary and what they have found."""
     module, *arguments = listeners
     async with shared_session(duration_s, watch) as session:
         longest_s = str(duration_s + LAST_S)
@@ -163,13 +120,7 @@ async def listened_to(
 
 
 async def printed_by(listeners: asyncio.subprocess.Process, longest_s: float | None = None) -> Any:
-    """Return the next line that the listeners' process prints.
-
-    Raises
-    ------
-    MmtError
-        It prints nothing, or does not end.
-    """
+    """Return the next line that the listeners' process prints."""
     assert listeners.stdout is not None  # noqa: S101 - it was asked for
     try:
         async with asyncio.timeout(longest_s):

@@ -38,15 +38,7 @@ KINDS: Final = {
 
 
 class Troubled:
-    """The troubles of one run.
-
-    Parameters
-    ----------
-    url
-        Where the model is shared.
-    seed
-        Of the order of the troubles.
-    """
+    """The troubles of one run."""
 
     def __init__(self, url: str, seed: int) -> None:
         self._url, self._target = url, int(url.rpartition(":")[2])

@@ -84,17 +84,7 @@ class Check:
 
 
 def judge(observed: SoakLog, readback: Readback, recovery_s: float = RECOVERY_S) -> list[Check]:
-    """Return the rows of a soak and its recording.
-
-    Parameters
-    ----------
-    observed
-        What was done and seen.
-    readback
-        The recording.
-    recovery_s
-        See `RECOVERY_S`.
-    """
+    """Return the rows of a soak and its recording."""
     return [
         Check("services", "; ".join(observed.errors) or "ran to the end", "", not observed.errors),
         *_recording(observed, readback, recovery_s),

@@ -42,13 +42,7 @@ class Readback:
 
 
 def read_back(path: Path) -> Readback:
-    """Read a recording of services that ran on this machine.
-
-    Raises
-    ------
-    InputError
-        It cannot be read at all.
-    """
+    """Read a recording of services that ran on this machine."""
     scan = scan_mcap(path)
     blocks = scan.on_topic(FRAMES_TOPIC)
     offset_ns = utc_offset_ns(scan.metadata_of(SESSION_METADATA)) or 0

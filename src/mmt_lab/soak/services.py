@@ -26,20 +26,6 @@ class SoakServices:
     """Leader and follower of the demo's scene with an emulated network.
 
     Entered, both run and the stream has begun; left, both have been ended.
-
-    Parameters
-    ----------
-    recording
-        The leader's.
-    seed
-        Seed of the emulated network.
-    on_status
-        Called five times a second with the leader's status.
-
-    Raises
-    ------
-    MmtError
-        On entering: the services did not start.
     """
 
     def __init__(

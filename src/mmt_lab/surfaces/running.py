@@ -63,21 +63,6 @@ def run_simulated(
     Two groups of sessions: over textures that are the same in all directions, and, with a hand
     that strokes along all headings, over some that depend on the heading. Half of the changes
     fall on a lift-off, half happen within contact. On a single texture the tool stays.
-
-    Parameters
-    ----------
-    seeds
-        Sessions for each number of surfaces in each group.
-    first
-        The first seed.
-    textures
-        Names from which those of each session are drawn.
-    hand
-        Kind of the hand.
-    stay_s
-        Mean stay on a surface; a session has some eleven.
-    workers
-        Local processes; see `mmt_lab.harness.processes.each`.
     """
     calls = [
         (group, chosen, seed, hand, stay_s)
@@ -90,13 +75,7 @@ def run_simulated(
 
 
 def run_recorded(path: Path) -> SurfaceResult:
-    """Score a recorded session with a known course.
-
-    Raises
-    ------
-    InputError
-        It cannot be read, has no course over known surfaces, or lacks frames.
-    """
+    """Score a recorded session with a known course."""
     session = read_session(path)
     scene = scene_of(session, None)
     modelling = (scene.texture or Texture()).settings(
@@ -160,13 +139,7 @@ def run_session(
     frames: RecordArray,
     modelling: ModellingSettings | None = None,
 ) -> SurfaceResult:
-    """Follow one session's frames, with all channels, and score what was found.
-
-    Raises
-    ------
-    InputError
-        There are no frames, or frames are missing: the course counts every one.
-    """
+    """Follow one session's frames, with all channels, and score what was found."""
     if not len(frames) or int(frames["sequence"][-1]) != len(frames) - 1:
         raise InputError(f"{name}: a session over several surfaces is scored from whole frames")
     truth = course.along(frames["force_n"][:, 2].astype(np.float64))

@@ -49,13 +49,7 @@ class Slide:
 
 @lru_cache(maxsize=512)
 def read_slide(path: Path) -> Slide:
-    """Read a slide by its ``_bio.csv`` and the ``_cw.csv`` beside it, without its landing.
-
-    Raises
-    ------
-    InputError
-        A file is missing or holds no slide.
-    """
+    """Read a slide by its ``_bio.csv`` and the ``_cw.csv`` beside it, without its landing."""
     try:
         bio = np.loadtxt(path, delimiter=",", skiprows=1, usecols=(0, *range(4, 26)))
         wrench = path.with_name(path.name.replace("_bio", "_cw"))
@@ -73,13 +67,7 @@ def read_slide(path: Path) -> Slide:
 
 
 def materials_in(folder: Path) -> dict[str, list[Path]]:
-    """Return the slides of each material in a folder, two materials at least.
-
-    Raises
-    ------
-    InputError
-        There are fewer.
-    """
+    """Return the slides of each material in a folder, two materials at least."""
     found = {each.name: sorted(each.glob("*_bio.csv")) for each in sorted(folder.glob("mat*"))}
     found = {name: slides for name, slides in found.items() if len(slides) >= STAYS}
     if len(found) < 2:

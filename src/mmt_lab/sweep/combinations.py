@@ -58,18 +58,7 @@ class JobOutcome:
 
 
 def combinations(choices: Sequence[str]) -> list[dict[str, Value]]:
-    """Return every combination of values.
-
-    Parameters
-    ----------
-    choices
-        Texts such as ``"texture.order=8,12,16"``, none for the session's own settings alone.
-
-    Raises
-    ------
-    InputError
-        A text has another form, a key twice, or a table that an evaluation does not read.
-    """
+    """Return every combination of values."""
     values: dict[str, list[Value]] = {}
     for text in choices:
         key, equals, listed = text.partition("=")
@@ -93,24 +82,7 @@ def make_jobs(
     step_s: float = 2.5,
     seed: int = 0,
 ) -> list[Job]:
-    """Return a job for every choice of settings.
-
-    Parameters
-    ----------
-    session
-        What is evaluated.
-    base
-        What holds where a choice does not say otherwise.
-    settings
-        See `combinations`.
-    step_s, seed
-        As in `evaluate_session`.
-
-    Raises
-    ------
-    InputError
-        A key is unknown, or a value is not allowed.
-    """
+    """Return a job for every choice of settings."""
     data = hashlib.sha256(session.frames.tobytes() + session.annotations).hexdigest()
     jobs = []
     for chosen in settings:
@@ -141,11 +113,6 @@ class SweepResults:
     ----------
     directory
         Made where it does not exist.
-
-    Raises
-    ------
-    InputError
-        The directory or the file cannot be used.
     """
 
     def __init__(self, directory: Path) -> None:

@@ -22,22 +22,7 @@ Result = TypeVar("Result")
 def run_locally(
     jobs: Sequence[Job], sessions: Mapping[str, RecordedSession], workers: int
 ) -> Iterator[JobOutcome]:
-    """Evaluate jobs in processes of this machine; yield each as it is done.
-
-    Parameters
-    ----------
-    jobs
-        What to evaluate.
-    sessions
-        By their path.
-    workers
-        Number of processes.
-
-    Raises
-    ------
-    MmtError
-        A process has died.
-    """
+    """Evaluate jobs in processes of this machine; yield each as it is done."""
     calls = {number: (sessions[job.path], job) for number, job in enumerate(jobs)}
     for number, future in in_processes(evaluate_job, calls, workers):
         yield _outcome(jobs[number], future.result)
@@ -49,20 +34,6 @@ def run_on_dask(
     """Evaluate jobs on a Dask cluster; yield each as it is done.
 
     Sessions travel to the workers, which need no file, but this package in this version.
-
-    Parameters
-    ----------
-    jobs, sessions
-        As in `run_locally`.
-    address
-        Address of the scheduler, such as ``tcp://10.0.0.1:8786``.
-
-    Raises
-    ------
-    InputError
-        The package distributed is not installed.
-    MmtError
-        No scheduler answers, or a worker has another version of this package.
     """
     require("distributed")
     import distributed
