@@ -5,18 +5,13 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from mmt.core.errors import MmtError
 from mmt_lab.bench.device_path.frame_times import (
     PERIOD_NS,
     Motion,
     frame_times,
-    pauses_of_device,
-    pauses_of_ticks,
     time_errors_ms,
-    within,
 )
 from mmt_lab.bench.device_path.running import SetUp, SetUpFigures
 from mmt_lab.experiments import devices
@@ -58,57 +53,13 @@ def test_latency_jitter_and_offset_of_frames_that_are_known() -> None:
         "force": turned(moving(5.0), times_ns - 100_000 + wander_ns),
         "acceleration": turned(moving(20.0), times_ns - 300_000),
     }
-    held_up = np.arange(1000) < 20
-    formed_ns = times_ns + np.where(held_up, 9_000_000, 2_000_000)
-    found = frame_times(values, times_ns, formed_ns, held_up, stated_ms=0.5)
+    formed_ns = times_ns + np.where(np.arange(1000) < 20, 9_000_000, 2_000_000)
+    found = frame_times(values, times_ns, formed_ns, stated_ms=0.5)
     assert found.latency_p50_ms == pytest.approx(2.0 + 0.3 - 0.5)
     assert found.latency_p99_ms == pytest.approx(8.8)
-    assert found.running_p99_ms == pytest.approx(1.8)
-    assert found.held_up_share == pytest.approx(0.02)
     assert found.offset_ms == pytest.approx({"force": -0.1, "acceleration": -0.3})
     assert found.jitter_p99_ms == pytest.approx({"force": 0.04, "acceleration": 0.0}, abs=1e-6)
     assert found.apart_p99_ms == pytest.approx(0.24)
-
-
-def test_ticks_that_the_machine_held_up_are_found() -> None:
-    elapsed = np.array([1, 1, 4, 1, 1])  # it stood still for three ticks
-    counts = np.cumsum(elapsed) + 100
-    lateness = np.array([20_000, 0, 300_000, 5_000, 600_000])
-    times_ns = START_NS + counts * 1_000_000 + lateness
-    found = pauses_of_ticks(np.stack([counts, times_ns], axis=1), 1_000_000)
-    assert (found - START_NS).tolist() == [[103_000_000, 106_300_000], [108_000_000, 108_600_000]]
-
-
-def test_a_device_is_held_up_where_it_asks_later_than_it_usually_does() -> None:
-    times_ns = START_NS + 500_000 * np.arange(9)
-    delays = np.array([340, 100, 680, 340, 2_000, 1_500, 1_000, 340, 340]) * 1000
-    found = pauses_of_device(np.stack([times_ns, times_ns + delays], axis=1))
-    assert (found[:, 1] - found[:, 0]).tolist() == [1_660_000, 1_160_000, 660_000]
-    assert found[0, 0] == times_ns[4] + 340_000
-    assert pauses_of_device(np.array([])).shape == (0, 2)
-
-
-@given(
-    st.lists(st.integers(0, 4), min_size=1, max_size=30),
-    st.lists(st.tuples(st.integers(-5, 120), st.integers(0, 20)), max_size=6),
-)
-def test_frames_with_a_pause_within_are_found(steps: list[int], pauses: list[tuple[int, int]]):
-    times = np.cumsum(steps)
-    formed = np.maximum.accumulate(times + np.array(steps) % 3)
-    intervals = np.array([(begin, begin + length) for begin, length in pauses]).reshape(-1, 2)
-    found = within(intervals, times, formed)
-    for frame, held_up in enumerate(found):
-        assert held_up == any(
-            begin < formed[frame] and end > times[frame] for begin, end in intervals
-        )
-
-
-def test_where_all_was_held_up_there_is_no_figure_without() -> None:
-    turning = {"force": np.array([[1.0, 0.0, 0.0]])}
-    times_ns = np.array([START_NS])
-    found = frame_times(turning, times_ns, times_ns, np.array([True]), 0.0)
-    assert found.running_p99_ms is None
-    assert found.held_up_share == 1.0
 
 
 @pytest.mark.parametrize(("force", "acceleration"), [("net_ft", "adxl335"), ("bota", "iio")])
@@ -140,7 +91,6 @@ def test_targets_are_of_the_worst_set_up_and_what_cannot_run_is_left_out(
         {"force": np.array([[1.0, 0.0, 0.0]]), "acceleration": np.array([[1.0, 0.0, 0.0]])},
         np.array([START_NS]),
         np.array([START_NS + 1_500_000]),
-        np.array([False]),
         0.0,
     )
 
@@ -152,7 +102,7 @@ def test_targets_are_of_the_worst_set_up_and_what_cannot_run_is_left_out(
         share = 0.1 if set_up.name == "good" else 0.301
         sensors = {"force_sensor": 1.0, "accelerometer": 2.0}
         seen = late if set_up.slow else times
-        return SetUpFigures(share, 0.05, 0.02, 100, 0, 0, seen, sensors, [15.0, 16.0], 0.0, [])
+        return SetUpFigures(share, 0.05, 0.02, 100, 0, seen, sensors, [15.0, 16.0], 0.0, [])
 
     monkeypatch.setattr(devices, "measure_set_up", measured)
     names = ("good", "worse", "broken")

@@ -55,12 +55,9 @@ def run(realtime: RealTime = False) -> Findings:
             "and forms frames; of it what stands for an arm, or for the library of a U6 or an "
             "arm; and that of its tick alone, which tells how busy the machine is. Latency: from "
             "the instant of a frame's oldest value to the frame, less what the slowest sensor "
-            "states of itself; running: of the frames between whose instant and forming neither "
-            "the follower nor an emulated device was due 0.5 ms or more before it ran; held up: "
-            "the other frames. Jitter: how far the error of a "
-            "frame's time is from its median; apart: the instants of its two values. Ticks held "
-            "up: those in pauses of more than 10 ms in which the process did not run, and no arm "
-            "was read. Seen: from when a sensor stops to when the follower knows, the longest of "
+            "states of itself. Jitter: how far the error of a frame's time is from its median; "
+            "apart: the instants of its two values. "
+            "Seen: from when a sensor stops to when the follower knows, the longest of "
             f"{2 * STOPS} times. A force sensor whose frames are a millisecond apart and come "
             "through a USB adapter cannot have the latency aimed at: its set-up is shown and not "
             "judged by it." + (" By real-time scheduling." if realtime else "")
@@ -94,8 +91,6 @@ def _times(one: SetUpFigures) -> dict[str, Cell]:
     return {
         "latency p50 (ms)": times.latency_p50_ms,
         "p99 (ms)": times.latency_p99_ms,
-        "p99, running (ms)": times.running_p99_ms,
-        "held up (%)": 100.0 * times.held_up_share,
         "jitter p99: force (ms)": times.jitter_p99_ms["force"],
         "acceleration (ms)": times.jitter_p99_ms["acceleration"],
         "apart, p99 (ms)": times.apart_p99_ms,
@@ -106,7 +101,6 @@ def _frames(one: SetUpFigures) -> dict[str, Cell]:
     return {
         "frames": one.frames,
         "missing": one.missing,
-        "ticks held up": one.held_up_ticks,
         "ticks 1 ms late (%)": 100.0 * one.late_share_1ms,
         "stop seen after, longest (ms)": max(one.seen_after_ms, default=None),
     }
@@ -125,14 +119,12 @@ def _targets(found: Mapping[str, SetUpFigures], slow: Set[str]) -> tuple[Target,
     """Return what the worst set-up reaches; latency and jitter without the slow ones."""
     every = list(found.values())
     quick = [one.times for name, one in found.items() if name not in slow]
-    running_ms = [one.running_p99_ms for one in quick if one.running_p99_ms is not None]
     jitters_ms = [value for one in quick for value in one.jitter_p99_ms.values()]
     seen_ms = [value for one in every for value in one.seen_after_ms]
     shares = [one.core_share - one.emulated_share for one in every]
     worst: tuple[tuple[str, Sequence[float], float], ...] = (
         ("share of a core, without emulation", shares, CORE_SHARE),
         ("latency sensor to frame, p99 (ms)", [one.latency_p99_ms for one in quick], LATENCY_MS),
-        ("the same, of frames that were not held up (ms)", running_ms, LATENCY_MS),
         ("jitter of a frame's time, p99 (ms)", jitters_ms, JITTER_MS),
         ("stopped sensor seen after, longest (ms)", seen_ms, SEEN_MS),
     )

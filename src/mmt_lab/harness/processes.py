@@ -167,7 +167,7 @@ def _piped(pipe: Connection, function: Callable[..., object], *arguments: Any) -
         function(pipe, *arguments)
     except MmtError as error:
         pipe.send(error)
-    except EOFError:
+    except (EOFError, ConnectionError):
         pass  # the other end is closed: it is no longer wanted
 
 

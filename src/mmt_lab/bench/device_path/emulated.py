@@ -1,8 +1,8 @@
 """The emulated devices, in a process of their own.
 
 It sends their addresses, then does what it is told, ``begin``, ``stall SENSOR`` and
-``resume SENSOR``, each answered by the monotonic time (ns) at which it was done, and ``pauses``,
-answered by when the sensors were held up (ns); it ends when the pipe does.
+``resume SENSOR``, each answered by the monotonic time (ns) at which it was done; it ends when the
+pipe does.
 """
 
 import math
@@ -13,8 +13,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any, Final
-
-import numpy as np
 
 from mmt.core.process import prefer_even_ticks, wake_on_time
 from mmt.core.realtime import PRIORITY
@@ -28,7 +26,7 @@ from mmt.testing.emulated.remote_u6 import U6Server
 from mmt.testing.emulated.robot import RobotLink
 from mmt_devices.bota.emulated import EmulatedBota
 from mmt_devices.iio.emulated import EmulatedIio
-from mmt_lab.bench.device_path.frame_times import Motion, pauses_of_device
+from mmt_lab.bench.device_path.frame_times import Motion
 
 FORCE_PPM: Final = 40.0
 ACCELERATION_PPM: Final = -70.0
@@ -164,10 +162,6 @@ def emulate(pipe: Connection, force: str, acceleration: str, realtime: bool) -> 
     with suppress(EOFError):
         while True:
             word, _, sensor = pipe.recv().partition(" ")
-            if word == "pauses":
-                pauses = [pauses_of_device(np.array(motion.asked)) for motion in motions[1:]]
-                pipe.send(np.concatenate(pauses))
-                continue
             if word == "begin":
                 for motion in motions:
                     motion.begin()

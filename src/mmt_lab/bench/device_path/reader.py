@@ -24,8 +24,6 @@ from mmt.testing.emulated.remote_u6 import RemoteU6
 from mmt.testing.emulated.robot import DatagramRobot
 
 _COMMAND_MM: Final = (0.0, 0.0, 5.0)
-_HELD_UP_TICKS: Final = 10
-"""From one tick to the next: an arm that was not read for longer has no position in between."""
 
 
 class _Emulation(Protocol):
@@ -62,12 +60,9 @@ class FrameReader:
         self.ticker = Ticker(PERIOD_NS, self._tick)
         self._frames: list[RecordArray] = []
         self._formed: list[tuple[int, int]] = []
-        self._ticks = 0
-        self._ticked: list[tuple[int, int]] = []
         self._measured: dict[str, float] = {}
         self._begun = (0, 0, 0)
         self._keeps = False
-        self._held_up_ticks = 0
         self._realtime: bool = job["realtime"]
         self._bare_s: float = job["bare_s"]
 
@@ -94,11 +89,9 @@ class FrameReader:
                 "finished": True,
                 "frames": np.concatenate(self._frames) if self._frames else np.empty(0),
                 "formed_ns": np.array(formed, dtype=np.int64),
-                "ticked": np.array(self._ticked, dtype=np.int64),
                 **self._measured,
                 "devices": self.source.summary,
                 "latency_ns": {key: one.latency_ns for key, one in self.sensors.items()},
-                "held_up_ticks": self._held_up_ticks,
                 "late_share_1ms": self.ticker.statistics.late_share_1ms,
                 "imported": sorted({"numba", "scipy"} & set(sys.modules)),
             }
@@ -123,13 +116,7 @@ class FrameReader:
             self.ticker.stop()
 
     def _tick(self, elapsed: int) -> None:
-        now_ns = time.monotonic_ns()
-        self._ticks += elapsed
-        if self._keeps:
-            self._ticked.append((self._ticks, now_ns))
-            if elapsed > _HELD_UP_TICKS:
-                self._held_up_ticks += elapsed
-        self._keep(self.source.step(elapsed, now_ns, _COMMAND_MM))
+        self._keep(self.source.step(elapsed, time.monotonic_ns(), _COMMAND_MM))
 
     def _keep(self, frames: RecordArray) -> None:
         if self._keeps and len(frames):

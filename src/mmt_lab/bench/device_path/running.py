@@ -5,13 +5,9 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any, Final
 
-import numpy as np
-
-from mmt.core.arrays import IntArray
 from mmt.core.errors import MmtError
-from mmt.devices.source import PERIOD_NS as TICK_NS
 from mmt_lab.bench.device_path.emulated import ACCELERATION_PPM, FORCE_PPM, emulate
-from mmt_lab.bench.device_path.frame_times import FrameTimes, frame_times, pauses_of_ticks, within
+from mmt_lab.bench.device_path.frame_times import FrameTimes, frame_times
 from mmt_lab.bench.device_path.reader import read
 from mmt_lab.harness.processes import beside, received
 
@@ -65,8 +61,6 @@ class SetUpFigures:
     frames: int
     missing: int
     """Frames that could not be formed."""
-    held_up_ticks: int
-    """Ticks in pauses of more than 10 ms, in which the process did not run."""
     times: FrameTimes
     drift_errors_ppm: dict[str, float]
     """By the sensor, at the end."""
@@ -97,14 +91,13 @@ def measure_set_up(
         time.sleep(duration_s)
         reader.send("end")
         _await(reader, "ended", True)
-        pauses_ns = _ask(lab, "pauses")
         seen_after_ms = [
             _stop(lab, reader, sensor)
             for _ in range(stops)
             for sensor in ("force_sensor", "accelerometer")
         ]
         reader.send("finish")
-        return _evaluate(job, _await(reader, "finished", True), seen_after_ms, pauses_ns)
+        return _evaluate(job, _await(reader, "finished", True), seen_after_ms)
 
 
 def _ask(lab: Connection, words: str) -> Any:
@@ -149,15 +142,11 @@ def _stop(lab: Connection, reader: Connection, sensor: str) -> float:
 
 
 def _evaluate(
-    job: dict[str, Any],
-    found: dict[str, Any],
-    seen_after_ms: list[float],
-    device_pauses_ns: IntArray,
+    job: dict[str, Any], found: dict[str, Any], seen_after_ms: list[float]
 ) -> SetUpFigures:
-    frames, formed_ns, ticked = (found[name] for name in ("frames", "formed_ns", "ticked"))
+    frames = found["frames"]
     if not len(frames):
         raise MmtError("no frame was formed: end what loads this machine, or use --realtime")
-    pauses_ns = np.concatenate([pauses_of_ticks(ticked, TICK_NS), device_pauses_ns])
     values = {"force": frames["force_n"], "acceleration": frames["acceleration_m_s2"]}
     span = int(frames["sequence"][-1]) - int(frames["sequence"][0]) + 1
     return SetUpFigures(
@@ -166,12 +155,10 @@ def _evaluate(
         bare_share=found["bare_share"],
         frames=len(frames),
         missing=span - len(frames),
-        held_up_ticks=found["held_up_ticks"],
         times=frame_times(
             values,
             frames["time_ns"],
-            formed_ns,
-            within(pauses_ns, frames["time_ns"], formed_ns),
+            found["formed_ns"],
             max(found["latency_ns"].values()) / 1e6,
         ),
         drift_errors_ppm={
