@@ -291,7 +291,7 @@ def test_a_report_holds_the_figures_and_what_methods_say_of_their_error(tmp_path
     found = replace(comparison([0.1, 0.2, 0.3], moments=TIMES), certainties=sure)
     write_report(tmp_path, findings(found))
     text = (tmp_path / "report.md").read_text()
-    assert ("How sure field is" in text) == bool(count)
+    assert ("means of tenths" in text) == bool(count)
     assert (tmp_path / "figures" / "calibration-field.png").exists() == bool(count)
     data = json.loads((tmp_path / "summary.json").read_text())
     assert len(data["sessions"]) == 24

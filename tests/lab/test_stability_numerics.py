@@ -63,7 +63,7 @@ def test_a_fit_that_is_not_stable_does_not_hold(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_line_spectral_frequencies_hold() -> None:
-    cases = lsf.cases(filters=30, swaps=400_000, renders=60)
+    cases = lsf.cases(swaps=400_000, renders=60)
     timed = [case for case in cases if "strokes and pauses" in case.what or "swapped" in case.what]
     assert those_that_do_not_hold("lsf", [case for case in cases if case not in timed]) == []
     for case in timed:
@@ -86,7 +86,7 @@ class GrowingVibration:
 
 
 def test_a_filter_that_rings_up_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
-    cases = lsf.cases(filters=3, swaps=200_000, renders=20)
+    cases = lsf.cases(swaps=200_000, renders=20)
     monkeypatch.setattr(lsf, "Synthesizer", GrowingVibration)
     for words in ("ordinary filters", "pauses", "radius 0.999,"):
         assert not case_of(cases, words).run().held

@@ -25,21 +25,7 @@ DURATION_S: Final = 30.0
 
 @dataclass(frozen=True)
 class ComparisonCase:
-    """One session.
-
-    Attributes
-    ----------
-    texture
-        The known texture.
-    seed
-        Seed of all random numbers.
-    hand
-        Kind of the simulated hand.
-    noise
-        Whether the sensors have noise and a resolution.
-    acceleration_rate_hz
-        Rate of the acceleration.
-    """
+    """One session: a known texture, a seed, a kind of hand, sensors with or without noise."""
 
     texture: str
     seed: int

@@ -55,18 +55,9 @@ DEFINITIONS: Final = {
 class GeneratorScore:
     """A generator at one time of one session, by what it renders.
 
-    Attributes
-    ----------
-    judged
-        As of a method, without the figures over the plane; ``samples`` are its segments.
-    scatter_db
-        Scatter of the estimate of a level, root mean square over the strokes.
-    clipped
-        Share of the samples that were beyond the actuator's limit.
-    block_us
-        Median and 99th percentile of the time of a block of 10 ms.
-    update_ms
-        Median and longest update so far.
+    ``judged`` is as of a method, without the figures over the plane; ``samples`` are its segments.
+    ``clipped`` is a share of the samples, ``block_us`` median and 99th percentile of 10 ms,
+    ``update_ms`` median and longest so far.
     """
 
     judged: JudgedMethod

@@ -30,9 +30,7 @@ TITLES: Final = dict(
 )
 
 MAIN_ERRORS: Final = ("power_error_db", "plane_power_error_db", "log_spectral_db")
-"""Errors that a terminal has room for."""
-
-ALL_ERRORS: Final = tuple(figure for figure in FIGURES if figure not in SHARES)
+"""Errors that a table has room for."""
 
 TENTHS: Final = np.linspace(0.0, 1.0, 11)
 
@@ -57,17 +55,15 @@ def shares_table(comparison: MethodComparison, name: str) -> ReportTable:
     return ReportTable(columns, rows, caption)
 
 
-def errors_table(
-    comparison: MethodComparison, name: str, shown: Sequence[str] = MAIN_ERRORS
-) -> ReportTable:
+def errors_table(comparison: MethodComparison, name: str) -> ReportTable:
     """Return some errors of a texture or group, a row for each moment and method."""
     rows = []
     for row in comparison.rows(name):
         bands = row.figures.get("band_error_db")
-        cells = [_cell(figure, row.figures.get(figure)) for figure in shown]
+        cells = [_cell(figure, row.figures.get(figure)) for figure in MAIN_ERRORS]
         times = None if bands is None else bands.median / RUN_TO_RUN_DB
         rows.append([row.moment, row.method, *cells, number(times, 1)])
-    columns = ["moment", "method", *(TITLES[figure] for figure in shown), "times run-to-run"]
+    columns = ["moment", "method", *(TITLES[figure] for figure in MAIN_ERRORS), "times run-to-run"]
     caption = (
         f"{name}: errors; median / mean / mean of the five worst. Last: the median error by bands "
         f"over {RUN_TO_RUN_DB} dB, by which one real surface differs from run to run."
@@ -131,28 +127,10 @@ def falls_table(comparison: MethodComparison) -> ReportTable:
     return ReportTable(columns, rows, caption)
 
 
-def by_texture(comparison: MethodComparison, group: str) -> ReportTable:
-    """Return the median share over the strokes that were made, a row for each texture."""
-    times = list(dict.fromkeys(row.moment for row in comparison.rows(group)))
-    rows = []
-    for name in comparison.names(group):
-        found = {(row.moment, row.method): row.figures[SHARES[0]] for row in comparison.rows(name)}
-        cells = (
-            " / ".join(
-                number(found[moment, method].median, 2) if (moment, method) in found else "-"
-                for method in comparison.methods
-            )
-            for moment in times
-        )
-        rows.append([name, *cells])
-    caption = f"{group}: median share over the strokes made, {' / '.join(comparison.methods)}."
-    return ReportTable(["session", *times], rows, caption)
-
-
-def calibration_table(comparison: MethodComparison, method: str, spoil: str = "") -> ReportTable:
+def calibration_table(comparison: MethodComparison, method: str) -> ReportTable:
     """Return true shares by expected ones: over all updates, and where thresholds were met."""
     rows = []
-    certainties = [c for c in comparison.certainties if (c.method, c.spoil) == (method, spoil)]
+    certainties = [c for c in comparison.certainties if (c.method, c.spoil) == (method, "")]
     expected, true = shares(certainties)
     for low, high in pairwise(TENTHS):
         last = high == TENTHS[-1]
@@ -160,13 +138,13 @@ def calibration_table(comparison: MethodComparison, method: str, spoil: str = ""
         if inside.any():
             rows.append([f"{low:.1f} to {high:.1f}", *_calibrated(expected[inside], true[inside])])
     for moment in ("start", "stop"):
-        met = list(_certain(comparison, method, spoil, moment))
+        met = list(_certain(comparison, method, moment))
         if met:
             pairs = np.array([(one.expected, one.true) for one in met], dtype=np.float64)
             rows.append([f"at the {moment}", *_calibrated(*pairs.T)])
-    ratios = [one.standardised for one in _certain(comparison, method, spoil, "30 s")]
+    ratios = [one.standardised for one in _certain(comparison, method, "30 s")]
     caption = (
-        f"{method}{f', spoilt by {spoil}' if spoil else ''}: true share by the expected one, over "
+        f"{method}: true share by the expected one, over "
         "all updates and at the thresholds. Standardised error at 30 s, root mean square: "
         f"{number(root_mean_square(np.array(ratios, np.float64)) if ratios else None, 2)}."
     )
@@ -180,11 +158,9 @@ def _calibrated(expected: FloatArray, true: FloatArray) -> list[str]:
     return [str(len(expected)), *means, f"{off:+.3f}"]
 
 
-def _certain(
-    comparison: MethodComparison, method: str, spoil: str, moment: str
-) -> Iterator[JudgedMethod]:
+def _certain(comparison: MethodComparison, method: str, moment: str) -> Iterator[JudgedMethod]:
     for one in comparison.judged:
-        same = (one.method, one.spoil, one.moment) == (method, spoil, moment)
+        same = (one.method, one.spoil, one.moment) == (method, "", moment)
         if same and one.expected is not None:
             yield one
 

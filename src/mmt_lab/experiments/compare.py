@@ -32,8 +32,6 @@ from mmt_lab.compare.judging import METHODS, SHARES, TIMES_S, check_methods, jud
 from mmt_lab.compare.spoiling import SPOILS, check_spoils
 from mmt_lab.compare.summary import RUN_TO_RUN_DB, STANDARD_ERRORS, MethodComparison
 from mmt_lab.compare.tables import (
-    ALL_ERRORS,
-    by_texture,
     calibration_figure,
     calibration_table,
     difference_sentences,
@@ -103,22 +101,12 @@ def method_tables(comparison: MethodComparison) -> list[ReportTable]:
 
 
 def method_blocks(comparison: MethodComparison) -> list[Block]:
-    """Return every table and figure, for a report."""
-    blocks: list[Block] = []
-    for group in comparison.groups:
-        blocks += [Heading(group.capitalize()), shares_table(comparison, group)]
-        blocks += [errors_table(comparison, group, ALL_ERRORS), by_texture(comparison, group)]
-    if comparison.spoils:
-        blocks += [Heading("Spoilt sessions"), falls_table(comparison)]
-    if comparison.several_rates:
-        blocks += [Heading("Rates of the acceleration"), rates_table(comparison)]
+    """Return the tables, and how sure methods are as pictures, for a report."""
+    blocks: list[Block] = [*method_tables(comparison)]
     for method in certain(comparison):
-        blocks.append(Heading(f"How sure {method} is"))
         sure = [c for c in comparison.certainties if (c.method, c.spoil) == (method, "")]
-        caption = "Each update of each session; means of tenths; grey: where they agree."
+        caption = f"{method}: each update of each session; means of tenths; grey: where they agree."
         blocks.append(picture(f"calibration-{method}", caption, calibration_figure(sure)))
-        ways = ("", *comparison.spoils)
-        blocks += [calibration_table(comparison, method, spoil) for spoil in ways]
     return blocks
 
 

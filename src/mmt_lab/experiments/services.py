@@ -8,22 +8,23 @@ import asyncio
 import os
 import secrets
 import subprocess
-from collections.abc import Iterator, Mapping
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Annotated, Final
+from pathlib import Path
+from typing import Annotated, Any, Final
 
 import typer
 
-from mmt.cli.scene_services import DemoRun
+from mmt.cli.scene_services import DemoRun, run_services
 from mmt.core.children import python_command
-from mmt.core.errors import InputError
+from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import check_acceleration_rate
 from mmt.core.realtime import require_real_time
 from mmt.evaluation.run_verdict import median_of_known
-from mmt.scene.files import ENVIRONMENT_PREFIX
+from mmt.scene.files import ENVIRONMENT_PREFIX, example_scenes, load_scene
 from mmt_lab.bench import strangers as disturbing
 from mmt_lab.bench.measuring import Figure, single_figures
-from mmt_lab.harness.demo_services import run_demo_services
 from mmt_lab.harness.experiment import AccelerationRate, Duration, Experiment, RealTime
 from mmt_lab.harness.findings import Findings, FindingsTable
 from mmt_lab.harness.processes import spawn_context
@@ -71,6 +72,35 @@ def run(
     if strangers:
         return disturbed(duration)
     return compare(duration) if realtime else measure(duration, acceleration_rate)
+
+
+async def run_demo_services(
+    duration_s: float,
+    scene_name: str = "demo",
+    *,
+    realtime: bool = False,
+    environment: Mapping[str, str] | None = None,
+    on_link: Callable[[str], None] = lambda _: None,
+) -> DemoRun:
+    """Run both services of an example scene, which record to a temporary file."""
+    scene_file = example_scenes()[scene_name]
+    with tempfile.TemporaryDirectory() as directory:
+        overrides: dict[str, Any] = {
+            "session.duration_s": duration_s,
+            "recording.file": str(Path(directory) / "session.mcap"),
+        }
+        run = await run_services(
+            scene_file,
+            load_scene(scene_file, overrides),
+            duration_s,
+            None,
+            environment=environment,
+            realtime=realtime,
+            on_link=on_link,
+        )
+    if run.failed:
+        raise MmtError("the services did not end well: " + "; ".join(run.errors))
+    return run
 
 
 def measure(duration_s: float, acceleration_rate_hz: int = 1000) -> Findings:

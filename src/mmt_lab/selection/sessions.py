@@ -33,21 +33,7 @@ _FEWEST: Final = 12
 
 @dataclass(frozen=True)
 class Trials:
-    """Fitted strokes with planted knocks.
-
-    Attributes
-    ----------
-    data
-        The points.
-    without
-        The same, none of them knocked on.
-    knocked
-        Which of `data` hold a knock, shape (n,).
-    surface
-        The truth.
-    directed
-        Whether the points have a heading.
-    """
+    """Fitted strokes with knocks, the same ``without`` any, and which are ``knocked``, (n,)."""
 
     data: ModelPoints
     without: ModelPoints

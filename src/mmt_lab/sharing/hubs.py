@@ -27,15 +27,7 @@ _MANY: Final = 100_000
 
 @dataclass
 class Used:
-    """What a hub used while it served.
-
-    Attributes
-    ----------
-    cpu_s, seconds
-        Processor time, and over which time.
-    empty_mb, full_mb
-        Resident memory before the first listener, and with all of them.
-    """
+    """Processor time of a hub over some seconds, and its memory without listeners and with all."""
 
     cpu_s: float
     seconds: float

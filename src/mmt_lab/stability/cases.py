@@ -13,17 +13,7 @@ Figures = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class CaseResult:
-    """What a case gave.
-
-    Attributes
-    ----------
-    got
-        What came out, in a few words.
-    held
-        Whether that is what was expected.
-    figures
-        The numbers behind it.
-    """
+    """What a case gave: in a few words, whether that was expected, and the numbers behind it."""
 
     got: str
     held: bool
@@ -41,17 +31,7 @@ class Extreme:
 
 @dataclass(frozen=True)
 class Family:
-    """Cases of one kind.
-
-    Attributes
-    ----------
-    title
-        Heading of their table.
-    cases
-        Returns all cases.
-    pictures
-        Draws what a report shows above the table, from the figures of all rows; None for nothing.
-    """
+    """Cases of one kind, and what a report draws above them from the figures of all rows."""
 
     title: str
     cases: Callable[[], Sequence[Extreme]]

@@ -38,18 +38,9 @@ _FREQUENCIES_RAD_S: Final[FloatArray] = np.geomspace(0.01, 1e5, 60_000)
 
 @dataclass(frozen=True)
 class Loop:
-    """A hand, a follower and a wall, joined by a link.
+    """A hand on a handle, a follower, and a wall in steady contact, joined by a link.
 
-    Attributes
-    ----------
-    hand
-        Mass, spring and damper of hand and handle.
-    bandwidth_hz
-        Bandwidth of the follower's arm.
-    wall_n_m
-        Stiffness of the wall.
-    contact_n
-        Force of the steady contact; the wall's Hunt-Crossley damping grows with it.
+    The wall's Hunt-Crossley damping grows with the contact's force.
     """
 
     hand: Drive

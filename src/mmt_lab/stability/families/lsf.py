@@ -1,4 +1,4 @@
-"""Line spectral frequencies: tiny gaps, averages of stable filters, swaps at every sample."""
+"""Line spectral frequencies in rendering: filters swapped at every sample, pauses, stiff fits."""
 
 import time
 from collections.abc import Iterator
@@ -8,7 +8,6 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.texture.autoregression.burg_recursion import LARGEST_REFLECTION
 from mmt.texture.autoregression.forms import (
     burg,
     lsf_to_reflection,
@@ -30,14 +29,9 @@ _FLAT: Final = 1.5
 _SPEED_MM_S, _FORCE_N = 300.0, 3.0
 
 
-def cases(*, filters: int = 200, swaps: int = HOUR_SAMPLES, renders: int = 300) -> list[Extreme]:
+def cases(*, swaps: int = HOUR_SAMPLES, renders: int = 300) -> list[Extreme]:
     """Return the family's cases."""
     return [
-        Extreme(
-            f"averages of {filters} pairs of stable filters, |k| to 1 - 1e-15",
-            "ascending, variance not negative, rendered within 8 deviations",
-            partial(_averages, filters),
-        ),
         *_swap_cases(swaps),
         Extreme(
             f"strokes and pauses of 1 s, {swaps} samples",
@@ -66,44 +60,6 @@ def _swap_cases(samples: int) -> Iterator[Extreme]:
             f"power the model's to 2 %, peak under 8 deviations, flat within {_FLAT:g} x",
             partial(_swaps, spread, count),
         )
-
-
-def _averages(pairs: int) -> CaseResult:
-    """Render along the line between two samples, each an extreme filter of power one."""
-    generator = np.random.default_rng(5)
-    speed, force = np.linspace(100.0, 200.0, 101), np.full(101, 1.5)
-    least_gap, least_variance, peak = np.inf, np.inf, 0.0
-    for seed in range(pairs):
-        order = int(generator.integers(1, 65))
-        k = np.array([_extreme(order, generator) for _ in range(2)])
-        model = TextureModel(
-            TextureSamples.isotropic(
-                np.array([100.0, 200.0]),
-                np.array([1.5, 1.5]),
-                reflection_to_lsf(k),
-                1.0 / output_power(1.0, k),
-                np.ones(2),
-            )
-        )
-        lsf, variance = model.at(speed, force)
-        gaps = np.diff(lsf, prepend=0.0, append=np.pi, axis=1)
-        least_gap = min(least_gap, float(gaps.min()))
-        least_variance = min(least_variance, float(variance.min()))
-        output = Synthesizer(model, seed=seed, limit_m_s2=np.inf).render(speed, force)
-        peak = max(peak, float(np.abs(output).max()))
-    return CaseResult(
-        f"gaps from {least_gap:.0e} rad, variance from {least_variance:.0e}, peak {peak:.1f}",
-        held=least_gap > 0.0 and least_variance >= 0.0 and peak < 8.0,
-        figures={"least_gap_rad": least_gap, "least_variance": least_variance, "peak": peak},
-    )
-
-
-def _extreme(order: int, generator: np.random.Generator) -> FloatArray:
-    """Return reflection coefficients of which some come as near to one as there are numbers."""
-    k = np.tanh(generator.normal(0.0, 2.0, order))
-    near = generator.uniform(size=order) < 0.2
-    k[near] = np.sign(k[near]) * (1.0 - 10.0 ** generator.uniform(-15.0, -3.0, near.sum()))
-    return np.clip(k, -LARGEST_REFLECTION, LARGEST_REFLECTION)
 
 
 def many_filters(spread: float, count: int = 50, order: int = 16, *, seed: int = 7) -> TextureModel:
