@@ -77,7 +77,7 @@ def histogram(name: str, text: str, times: TimeHistogram) -> Metric:
     """Return the counts of a time histogram, in seconds."""
     counts, sum_ns = times.cumulative([round(bound * 1e9) for bound in BOUNDS_S])
     buckets: list[Any] = [
-        (f"{bound:.4g}", count) for bound, count in zip(BOUNDS_S, counts, strict=True)
+        (repr(bound), count) for bound, count in zip(BOUNDS_S, counts, strict=True)
     ]
     total = max(times.count, counts[-1])
     return HistogramMetricFamily(

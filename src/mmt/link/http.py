@@ -300,16 +300,20 @@ def health_page(read: Callable[[], Mapping[str, Any]]) -> Page:
 
 
 def metrics_page(registry: "CollectorRegistry") -> Page:
-    """Return the page ``/metrics`` for Prometheus, generated in a thread, one at a time."""
-    from prometheus_client.exposition import CONTENT_TYPE_LATEST, generate_latest
+    """Return the page ``/metrics``, in OpenMetrics for who asks for it, else Prometheus' text.
+
+    It is generated in a thread, one at a time.
+    """
+    from prometheus_client.exposition import choose_encoder
 
     def add(application: web.Application, _: Access) -> None:
         one = asyncio.Lock()
 
-        async def metrics(_: web.Request) -> web.Response:
+        async def metrics(request: web.Request) -> web.Response:
+            encode, content_type = choose_encoder(request.headers.get("Accept", ""))
             async with one:
-                text = await asyncio.to_thread(generate_latest, registry)
-            return web.Response(body=text, headers={"Content-Type": CONTENT_TYPE_LATEST})
+                text = await asyncio.to_thread(encode, registry)
+            return web.Response(body=text, headers={"Content-Type": content_type})
 
         application.router.add_get("/metrics", metrics)
 
