@@ -66,6 +66,10 @@ def test_hdf5_has_the_fields_and_everything_else(tmp_path, session, suffix):
         for name in session.frames.dtype.names:
             np.testing.assert_array_equal(file[name], session.frames[name])
         np.testing.assert_array_equal(file["time_s"], session.time_s)
+        texts = [file[name].dtype for name in ("scene", "events")]
+        assert [kind.kind for kind in texts] == ["S", "S"]  # Octave stops at those of any length
+        assert file["acceleration_m_s2"].attrs["units"] == "m/s2"
+        assert file.attrs["rate_hz"] == 1000
         assert json.loads(file["scene"].asstr()[()]) == SCENE
         assert json.loads(file["events"].asstr()[()])[0]["event"] == "mark"
         assert file["annotations"][:].tobytes() == b"\x00truth"

@@ -36,7 +36,7 @@ def export_file(
     ] = False,
     force: Force = False,
 ) -> None:
-    """Export by the suffix of OUT: .csv, .npz, .parquet, .h5, .mcap, none for a ROS 2 bag."""
+    """Export by the suffix of OUT: .csv, .npz, .mat, .wav, .parquet, .h5, .mcap, none for a bag."""
     if data_set is not None:
         if scalars:
             raise InputError("--scalars is for .mcap files: leave it out")

@@ -100,9 +100,10 @@ def export_session(session: RecordedSession, path: str | Path, *, scalars: bool 
     """Write a session to a file of the format that the suffix names.
 
     MCAP holds everything, with `scalars` each frame and each sample of the output also as a
-    message of its own, for tools that plot numbers; ``.npz``, ``.parquet``, ``.h5`` hold
-    frames, scene, annotations and events (HDF5 the models too), ``.csv`` the frames alone. A
-    name without suffix becomes a folder with a ROS 2 bag: frames, scene and events.
+    message of its own, for tools that plot numbers; ``.npz``, ``.mat``, ``.parquet``, ``.h5``
+    hold frames, scene, annotations and events (HDF5 the models too), ``.csv`` the frames alone,
+    ``.wav`` the acceleration. A name without suffix becomes a folder with a ROS 2 bag: frames,
+    scene and events. All hold the date.
 
     Raises
     ------

@@ -6,6 +6,7 @@ They are described as in https://github.com/sccn/xdf/wiki/Meta-Data.
 """
 
 import socket
+import time
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
@@ -18,6 +19,9 @@ from mmt.leader.publishing import Block, Marker
 from mmt.session.data import FRAME_PERIOD_NS, axis_columns, sample_times, sampled_parts
 
 _UNITS: Final[dict[Channel, str]] = {"position": "mm", "force": "N", "acceleration": "m/s2"}
+MANUFACTURER: Final = "mmt"
+UTC_AHEAD: Final = "utc_ahead_ns"
+"""UTC since 1970 minus LSL's clock, by which a recording of the streams has a date."""
 _BUFFERED_S: Final = 60
 """What liblsl keeps for a recipient that does not fetch it."""
 
@@ -54,13 +58,15 @@ class Streams:
     ) -> None:
         lsl = load_pylsl()
         self.clock_s: Callable[[], float] = lsl.local_clock
+        ahead_ns = time.time_ns() - round(lsl.local_clock() * 1e9)
         source = f"mmt-{socket.gethostname()}-{name}"
 
         def outlet(part: str, kind: str, width: int, rate_hz: float, form: Any, of: Any) -> Any:
             info = lsl.StreamInfo(f"{name}-{part}", kind, width, rate_hz, form, f"{source}-{part}")
             if of:
                 _describe(info, of)
-            info.desc().append_child_value("manufacturer", "mmt")
+            info.desc().append_child_value("manufacturer", MANUFACTURER)
+            info.desc().append_child_value(UTC_AHEAD, str(ahead_ns))
             info.desc().append_child_value("session_id", session_id)
             return lsl.StreamOutlet(info, max_buffered=_BUFFERED_S)
 

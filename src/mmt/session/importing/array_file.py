@@ -8,13 +8,22 @@ from typing import Any
 import numpy as np
 
 from mmt.core.archives import load_arrays
-from mmt.core.arrays import FloatArray
+from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.core.extras import require
-from mmt.session.importing.columns import SourceColumns, parsed_events, parsed_scene, reading
+from mmt.core.frames import FRAMES_HZ, MOST_SAMPLES, frame_dtype
+from mmt.session.data import FRAME_PERIOD_NS
+from mmt.session.importing.columns import (
+    BEGAN,
+    OF_THE_SESSION,
+    SourceColumns,
+    parsed_date,
+    parsed_events,
+    parsed_scene,
+    reading,
+)
 from mmt.session.importing.options import ImportOptions
-
-_OF_THE_SESSION = ("scene_json", "annotations", "events_json")
+from mmt.session.sound import told_by
 
 
 def read_archive(
@@ -30,17 +39,18 @@ def read_archive(
     """
     origin = f"import {path}"
     with reading(origin, "an .npz archive"):
-        arrays, names = load_arrays(path, lambda name: name in _OF_THE_SESSION or wanted(name))
+        arrays, names = load_arrays(path, lambda name: name in OF_THE_SESSION or wanted(name))
     scene, events = (
         str(arrays[name]) if name in arrays else None for name in ("scene_json", "events_json")
     )
     return SourceColumns(
         origin=origin,
-        values={n: _numbers(a, n, origin) for n, a in arrays.items() if n not in _OF_THE_SESSION},
+        values={n: _numbers(a, n, origin) for n, a in arrays.items() if n not in OF_THE_SESSION},
         names=names,
         scene=parsed_scene(scene, "scene_json", origin),
         annotations=arrays["annotations"].tobytes() if "annotations" in arrays else b"",
         events=parsed_events(events, "events_json", origin),
+        began_utc_ns=parsed_date(arrays.get(BEGAN), origin),
     )
 
 
@@ -71,6 +81,8 @@ def read_array(path: Path, wanted: Callable[[str], bool], _options: ImportOption
 def read_sound(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> SourceColumns:
     """Read the channels of a ``.wav`` as "1", "2" and on, in shares of full scale, with times.
 
+    One that mmt wrote tells its full scale: it has ``acceleration_m_s2`` too.
+
     Raises
     ------
     InputError
@@ -83,18 +95,40 @@ def read_sound(path: Path, wanted: Callable[[str], bool], _options: ImportOption
     with reading(origin, "a .wav file"), warnings.catch_warnings():
         warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks of other programs
         rate_hz, samples = wavfile.read(path)
+        told = told_by(path)
     scaled = samples.astype(np.float64)
     if samples.dtype.kind in "iu":
         middle = 128.0 if samples.dtype == np.uint8 else 0.0
         scaled = (scaled - middle) / (np.iinfo(samples.dtype).max + 1.0 - middle)
     columns = _numbered(scaled)
+    units = dict.fromkeys(columns, "full scale")
+    full_scale, frames = told.get("full_scale_m_s2"), None
+    if isinstance(full_scale, float) and scaled.ndim == 2 and scaled.shape[1] == 3:
+        columns["acceleration_m_s2"] = full_scale * scaled
+        frames = _frames(columns["acceleration_m_s2"], rate_hz)
     return SourceColumns(
         origin=origin,
         values={name: values for name, values in columns.items() if wanted(name)},
         names=list(columns),
-        units=dict.fromkeys(columns, "full scale"),
+        units=units,
         times=dict.fromkeys(columns, np.arange(len(scaled)) / rate_hz),
+        frames=frames,
+        began_utc_ns=parsed_date(told.get(BEGAN), origin),
     )
+
+
+def _frames(acceleration_m_s2: FloatArray, rate_hz: int) -> RecordArray | None:
+    """Return samples (n, 3) as frames, None if their rate is not one of frames."""
+    several, rest = divmod(rate_hz, FRAMES_HZ)
+    if rest or not 1 <= several <= MOST_SAMPLES:
+        return None
+    count = len(acceleration_m_s2) // several
+    frames = np.zeros(count, frame_dtype(["acceleration"], several))
+    frames["sequence"] = np.arange(count)
+    frames["time_ns"] = np.arange(count) * FRAME_PERIOD_NS
+    field = frames["acceleration_m_s2"]
+    field[...] = acceleration_m_s2[: count * several].reshape(field.shape)
+    return frames
 
 
 def _numbered(array: Any) -> dict[str, Any]:

@@ -8,6 +8,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+import numpy as np
+
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError, brief
 from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL
@@ -21,6 +23,11 @@ MESSAGE_PARTS: Final = {
     "acceleration": ("linear_acceleration", "linear", "vector"),
 }
 """Names that a vector has within a ROS message, by quantity."""
+
+BEGAN: Final = "began_utc_ns"
+"""Under which exported sessions hold the date of their first frame."""
+OF_THE_SESSION: Final = ("scene_json", "annotations", "events_json", BEGAN)
+"""What files of arrays hold of an exported session beside its frames."""
 
 SHOWN_COLUMNS = 12
 _SHOWN_CHARACTERS = 60
@@ -61,7 +68,8 @@ class SourceColumns:
     notes: Sequence[str] = ()
     """What a person should know of how the file was read."""
     began_utc_ns: int | None = None
-    """UTC of the earliest of `times` since 1970, None where the file has no dates."""
+    """UTC since 1970 of the earliest of `times`, or of an exported session's first frame; None
+    where the file has no dates."""
     episode: int | None = None
     """Number of the episode that was read, None if it is no data set with episodes."""
 
@@ -98,7 +106,7 @@ def reading(
 
 def wanted_names(options: ImportOptions) -> Callable[[str], bool]:
     """Return a function that says whether a column of a name is to be read."""
-    names = {"sequence", *STANDARD_NAMES.values(), *options.mapped_names()}
+    names = {"sequence", BEGAN, *STANDARD_NAMES.values(), *options.mapped_names()}
     return lambda name: (
         name in names
         or any(name[: place.start()] in names for place in re.finditer(r"[.\[(]", name))
@@ -164,6 +172,21 @@ def parsed_events(text: str | bytes | None, name: str, origin: str) -> Sequence[
     if not isinstance(events, list) or not all(isinstance(event, dict) for event in events):
         raise InputError(f"{origin}: {name} is not a list of JSON objects")
     return events
+
+
+def parsed_date(value: Any, origin: str) -> int | None:
+    """Return the date of an exported session (ns of UTC since 1970), None where it has none.
+
+    Raises
+    ------
+    InputError
+        It is not a number of a date.
+    """
+    found = np.ravel([] if value is None else value)
+    try:
+        return int(np.int64(int(found[0]))) if len(found) else None
+    except (ValueError, OverflowError) as error:
+        raise InputError(f"{origin}: {BEGAN} is not a number of nanoseconds") from error
 
 
 def _parsed(text: str | bytes | None, name: str, origin: str) -> Any:

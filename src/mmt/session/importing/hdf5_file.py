@@ -10,8 +10,10 @@ from mmt.core.archives import check_growth
 from mmt.core.arrays import FloatArray
 from mmt.core.extras import require
 from mmt.session.importing.columns import (
+    BEGAN,
     SourceColumns,
     distinct,
+    parsed_date,
     parsed_events,
     parsed_scene,
     reading,
@@ -47,8 +49,10 @@ def read_hdf5(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
                 check_growth(item.size * 8, path.stat().st_size)
                 values[name] = _numbers(file, item[()] if field is None else item[field])
                 units[name] = _unit(item)
-        own = ("scene", "events", "annotations") if file.keys() >= _OF_MMT else ()
+        exported = file.keys() >= _OF_MMT
+        own = ("scene", "events", "annotations") if exported else ()
         texts = {name: file[name][()] for name in own if name in file}
+        began_utc_ns = parsed_date(file.attrs.get(BEGAN), origin) if exported else None
     return SourceColumns(
         origin=origin,
         values=values,
@@ -58,6 +62,7 @@ def read_hdf5(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
         events=parsed_events(_text(texts.get("events")), "events", origin),
         annotations=np.asarray(texts["annotations"]).tobytes() if "annotations" in texts else b"",
         notes=notes,
+        began_utc_ns=began_utc_ns,
     )
 
 

@@ -3,16 +3,26 @@
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.extras import require
-from mmt.session.importing.columns import SourceColumns, reading
+from mmt.session.importing.columns import (
+    BEGAN,
+    OF_THE_SESSION,
+    SourceColumns,
+    parsed_date,
+    parsed_events,
+    parsed_scene,
+    reading,
+)
 from mmt.session.importing.hdf5_file import read_hdf5
 from mmt.session.importing.options import ImportOptions
 
+_OF_MMT: Final = {"sequence", "time_s"}
+"""Variables of every session that mmt wrote."""
 _MOST_COMPONENTS = 16
 """Rows up to which an array that is wider than high has its samples along the columns."""
 
@@ -40,16 +50,27 @@ def read_matlab(path: Path, wanted: Callable[[str], bool], options: ImportOption
         except NotImplementedError:  # version 7.3 is HDF5, with the axes turned
             read = read_hdf5(path, wanted, options)
             return replace(read, values={n: _upright(v.T) for n, v in read.values.items()})
+        own = content.keys() & OF_THE_SESSION if content.keys() >= _OF_MMT else ()
+        belongings = {name: content.pop(name) for name in own}
+        annotations = np.asarray(belongings.get("annotations", ()), dtype=np.uint8).tobytes()
     variables = {
         name: values
         for variable, content in content.items()
         if not variable.startswith("__")
         for name, values in _flattened(variable, content)
     }
+    scene, events = (
+        str(belongings[name]) if name in belongings else None
+        for name in ("scene_json", "events_json")
+    )
     return SourceColumns(
         origin=origin,
         values={n: _upright(v) for n, v in variables.items() if wanted(n)},
         names=list(variables),
+        scene=parsed_scene(scene, "scene_json", origin),
+        annotations=annotations,
+        events=parsed_events(events, "events_json", origin),
+        began_utc_ns=parsed_date(belongings.get(BEGAN), origin),
     )
 
 

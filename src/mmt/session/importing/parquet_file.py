@@ -13,7 +13,13 @@ from mmt.core.extras import require
 from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, MOST_SAMPLES, frame_dtype
 from mmt.core.units import DATE
 from mmt.session.data import field_columns
-from mmt.session.importing.columns import SourceColumns, parsed_events, parsed_scene, reading
+from mmt.session.importing.columns import (
+    SourceColumns,
+    parsed_date,
+    parsed_events,
+    parsed_scene,
+    reading,
+)
 from mmt.session.importing.options import ImportOptions
 
 _COUNTS: Final = range(1, MOST_SAMPLES + 1)
@@ -50,6 +56,7 @@ def read_parquet(
         annotations=metadata.get(b"mmt.annotations", b""),
         events=parsed_events(metadata.get(b"mmt.events"), "mmt.events", origin),
         frames=_frames(read_numbers([path], own, origin)) if own else None,
+        began_utc_ns=parsed_date(metadata.get(b"mmt.began_utc_ns"), origin),
     )
 
 

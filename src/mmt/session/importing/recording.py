@@ -1,6 +1,6 @@
 """Import a recording: read its columns, map them, make frames, and say what was found."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -85,6 +85,7 @@ def import_columns(
         and asked_hz in (None, FRAMES_HZ * samples_per_frame(frames.dtype))
     ):
         samples, stamps = _of_frames(columns.origin, frames)
+        later_ns = 0
     else:
         parts = [to_samples(c, o) for c, o in zip(read, each, strict=True)]
         if options.blanks_as_gaps:
@@ -95,6 +96,7 @@ def import_columns(
         frames, stamps, resampled = to_frames(
             samples, options.longest_gap_s, options.stamps, options.acceleration_rate_hz
         )
+        later_ns = int(frames["time_ns"][0]) if resampled else _first_ns(frames, stamps)
     began_ns = columns.began_utc_ns
     session = RecordedSession(
         frames=frames,
@@ -102,11 +104,18 @@ def import_columns(
         annotations=columns.annotations,
         events=[*columns.events, *({"time_s": 0.0, "event": note} for note in samples.notes)],
         path=files[0],
-        began_utc_ns=None if began_ns is None else began_ns + int(frames["time_ns"][0]),
+        began_utc_ns=None if began_ns is None else began_ns + later_ns,
     )
     report = assess(frames, samples, stamps, options, resampled=resampled)
     notes = [note for part in read for note in part.notes]
     return session, replace(report, warnings=(*notes, *samples.notes, *report.warnings))
+
+
+def _first_ns(frames: RecordArray, stamps: Mapping[Channel, Stamps]) -> int:
+    """Return the file's time of the first frame; samples of its acceleration may be earlier."""
+    channel, found = next(iter(stamps.items()))
+    last = samples_per_frame(frames.dtype) - 1 if channel == "acceleration" else 0
+    return round(float(found.time_s[last]) * 1e9)
 
 
 def _of_frames(origin: str, frames: RecordArray) -> tuple[Samples, dict[Channel, Stamps]]:
@@ -133,10 +142,10 @@ def read_columns(
         installed.
     """
     options = options or ImportOptions()
+    if not (path.suffix or path.exists()):
+        raise InputError(f"session {path}: No such file or directory")
     read = find_format("import", path)
     if read is None:
-        if not (path.suffix or path.exists()):
-            raise InputError(f"session {path}: No such file or directory")
         given = path.suffix or "a name without suffix"
         raise InputError(
             f"session {path}: {given} cannot be read; the suffix must be one of "

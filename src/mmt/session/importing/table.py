@@ -12,7 +12,7 @@ import numpy as np
 from mmt.core.errors import InputError
 from mmt.core.units import DATE, is_unit
 from mmt.session.importing.cells import MISSING, Cell, Numbers, seconds_of, text_of
-from mmt.session.importing.columns import SourceColumns, distinct
+from mmt.session.importing.columns import BEGAN, SourceColumns, distinct, parsed_date
 from mmt.session.importing.options import ImportOptions
 
 _LOOKED_AT = 200
@@ -65,11 +65,12 @@ def read_table(
     dated = [n for n, p in places.items() if any(_is_date(row, p) for row in start[first:])]
     return SourceColumns(
         origin=origin,
-        values={name: np.array(values) for name, values in columns.items()},
+        values={name: np.array(values) for name, values in columns.items() if name != BEGAN},
         names=names,
         units=units | dict.fromkeys(dated, DATE),
         row_name=lambda row: f"line {lines[row]}",
         notes=(*notes, *doubled, *said),
+        began_utc_ns=parsed_date(columns.get(BEGAN), origin),
     )
 
 

@@ -1,0 +1,102 @@
+"""XDF files, as LabRecorder writes them: the channels of each stream as ``STREAM.LABEL``.
+
+The streams of `mmt_bridges.lsl.streams` have the names of an exported session as well.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.core.extras import require
+from mmt.session.data import JsonObject
+from mmt.session.importing.columns import (
+    STANDARD_NAMES,
+    SourceColumns,
+    distinct,
+    parsed_events,
+    reading,
+)
+from mmt.session.importing.options import ImportOptions
+from mmt_bridges.lsl.streams import MANUFACTURER, UTC_AHEAD
+
+_STANDARD = frozenset(STANDARD_NAMES.values())
+
+
+def read_xdf(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> SourceColumns:
+    """Read the wanted channels (n,) of the streams, and the events of mmt's.
+
+    Times are the stamps by the clock of the recording computer, as they are, from the earliest on.
+
+    Raises
+    ------
+    InputError
+        pyxdf is not installed, or the file is missing or no XDF file.
+    """
+    origin = f"import {path}"
+    require("pyxdf")
+    import pyxdf
+
+    with reading(origin, "an XDF file"), path.open("rb") as file:
+        found, _ = pyxdf.load_xdf(file, dejitter_timestamps=False)
+        called, notes = distinct([stream["info"]["name"][0] for stream in found])
+        streams = [_Stream(name, stream) for name, stream in zip(called, found, strict=True)]
+        sampled = [each for each in streams if each.numeric and len(each.stamps_s)]
+        begin_s = min((each.stamps_s[0] for each in sampled), default=0.0)
+        values: dict[str, FloatArray] = {}
+        times: dict[str, FloatArray] = {}
+        units: dict[str, str] = {}
+        for stream in sampled:
+            time_s = stream.stamps_s - begin_s
+            for name, unit, column in stream.channels():
+                if name not in times:  # a second leader's keep the names with the stream's
+                    times[name] = time_s
+                    units |= {name: unit} if unit else {}
+                    values |= {name: column.astype(np.float64)} if wanted(name) else {}
+        return SourceColumns(
+            origin=origin,
+            values=values,
+            names=list(times),
+            units=units,
+            times=times,
+            events=[event for stream in streams for event in stream.events()],
+            notes=notes,
+            began_utc_ns=next((s.utc_ns(begin_s) for s in sampled if s.dated), None),
+        )
+
+
+class _Stream:
+    """A stream as pyxdf gives it, whose XML has a list for each element."""
+
+    def __init__(self, name: str, stream: Mapping[str, Any]) -> None:
+        self._name, self._stream = name, stream
+        self._told: Mapping[str, Any] = stream["info"]["desc"][0] or {}
+        self.stamps_s = stream["time_stamps"]
+        self.numeric = stream["info"]["channel_format"][0] != "string"
+        self._of_mmt = self._told.get("manufacturer") == [MANUFACTURER]
+        self.dated = self._of_mmt and UTC_AHEAD in self._told
+
+    def channels(self) -> Iterator[tuple[str, str, Any]]:
+        """Yield name, unit and samples of each channel."""
+        described = (self._told.get("channels") or [None])[0] or {}
+        each = described.get("channel", [])
+        for place, column in enumerate(self._stream["time_series"].T):
+            about = each[place] if place < len(each) else {}
+            label = (about.get("label") or [None])[0] or str(place + 1)
+            unit = (about.get("unit") or [None])[0] or ""
+            yield f"{self._name}.{label}", unit, column
+            if self._of_mmt and label in _STANDARD:
+                yield label, unit, column
+
+    def events(self) -> Iterator[JsonObject]:
+        """Yield the events of a leader."""
+        if self._of_mmt and not self.numeric:
+            texts = ", ".join(sample[0] for sample in self._stream["time_series"])
+            yield from parsed_events(f"[{texts}]", self._name, "its events")
+
+    def utc_ns(self, time_s: float) -> int:
+        """Return UTC since 1970 of a time by the recording computer's clock."""
+        corrected_s = float(np.median(self._stream["clock_values"] or [0.0]))
+        return round((time_s - corrected_s) * 1e9) + int(self._told[UTC_AHEAD][0])

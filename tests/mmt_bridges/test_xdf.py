@@ -1,0 +1,94 @@
+"""What goes out by LSL and was recorded as XDF comes back."""
+
+import json
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+from session_samples import made_frames
+from test_lsl_services import needs_the_library
+from xdf_writer import Received, write_xdf
+
+from mmt.core.errors import InputError
+from mmt.core.frames import CHANNELS
+from mmt.leader.publishing import Block, Marker
+from mmt.session import import_session, read_session
+from mmt_bridges.lsl.streams import Streams
+
+pytest.importorskip("pyxdf", reason="needs the extra 'import'")
+
+EVENT = {"time_s": 0.25, "event": "it begins"}
+OTHER = """<?xml version="1.0"?><info><name>EEG</name><type>EEG</type>
+<channel_count>2</channel_count><nominal_srate>250</nominal_srate><channel_format>float32</channel_format><desc></desc></info>"""
+
+
+class Outlet:
+    """Keeps what a recipient would get."""
+
+    def __init__(self, info: Any, max_buffered: int) -> None:
+        self.xml = info.as_xml()
+        self.samples: list[Any] = []
+        self.stamps_s: list[float] = []
+
+    def push_chunk(self, values: Any, stamps_s: list[float]) -> None:
+        self.samples += list(values)
+        self.stamps_s += stamps_s
+
+    def push_sample(self, values: list[str], stamp_s: float) -> None:
+        self.push_chunk([values], [stamp_s])
+
+
+@pytest.fixture
+def streamed(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Returns the streams of frames (n,), from now on by LSL's clock."""
+    needs_the_library()
+    import pylsl
+
+    def stream(frames: Any, samples_per_frame: int, offset_s: float) -> list[Received]:
+        made: list[Outlet] = []
+
+        def outlet(info: Any, max_buffered: int) -> Outlet:
+            made.append(Outlet(info, max_buffered))
+            return made[-1]
+
+        monkeypatch.setattr(pylsl, "StreamOutlet", outlet)
+        streams = Streams("bench", CHANNELS, 1000.0, samples_per_frame, "3f9c")
+        begin_ns = round(streams.clock_s() * 1e9)
+        streams.push_frames([Block(frames, begin_ns - int(frames["time_ns"][0]))])
+        streams.push_marker(Marker(begin_ns, json.dumps(EVENT)))
+        return [Received(each.xml, each.samples, each.stamps_s, offset_s) for each in made]
+
+    return stream
+
+
+@pytest.mark.parametrize("several", [1, 5])
+@pytest.mark.parametrize("offset_s", [0.0, -7000.5])
+def test_a_recorded_stream_comes_back(
+    tmp_path: Any, streamed: Any, several: int, offset_s: float
+) -> None:
+    steps = np.ones(59, dtype=int)
+    steps[20] = 4
+    frames = made_frames(60, steps=steps, samples_per_frame=several)
+    write_xdf(tmp_path / "a.xdf", streamed(frames, several, offset_s))
+    back = import_session(tmp_path / "a.xdf", acceleration_rate_hz=1000 * several)
+    for name in ("position_mm", "force_n", "acceleration_m_s2"):
+        np.testing.assert_array_equal(back.frames[name], frames[name])
+    np.testing.assert_array_equal(np.diff(back.frames["sequence"]), steps)
+    assert back.events == [EVENT]
+    assert back.began_utc_ns == pytest.approx(time.time_ns(), abs=60e9)
+
+
+def test_streams_of_other_programs_are_mapped_by_their_names(tmp_path: Any, streamed: Any) -> None:
+    times_s = [1.0 + k / 1000 for k in range(600)]
+    other = Received(OTHER, [[k, -k] for k in range(600)], times_s)
+    write_xdf(tmp_path / "a.xdf", [other, *streamed(made_frames(60), 1, 0.0)])
+    columns = {"force_x": "0", "force_y": "0", "force_z": "EEG.2"}
+    assert len(import_session(tmp_path / "a.xdf").frames) == 60
+    write_xdf(tmp_path / "b.xdf", [other])
+    back = import_session(tmp_path / "b.xdf", columns=columns)
+    np.testing.assert_array_equal(back.frames["force_n"][:, 2], -np.arange(600))
+    assert back.began_utc_ns is None
+    (tmp_path / "c.xdf").write_bytes(b"no XDF at all")
+    with pytest.raises(InputError, match=r"c\.xdf: this is not an XDF file"):
+        read_session(tmp_path / "c.xdf")

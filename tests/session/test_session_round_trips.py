@@ -1,0 +1,117 @@
+"""A session that is exported and imported again is the same, in every format."""
+
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+from scipy.io import wavfile
+from session_samples import made_frames
+
+from mmt.core.errors import InputError
+from mmt.core.frames import CHANNELS
+from mmt.session import export_session, import_session, read_session
+from mmt.session.data import RecordedSession
+
+SCENE = {"session": {"name": "wäre"}}
+EVENTS = [{"time_s": 0.5, "event": "mark"}]
+BEGAN_NS = 1_765_000_000_123_456_789
+SUFFIXES = (".mcap", ".npz", ".csv", ".parquet", ".h5", ".mat", ".wav", "")
+channels_of = st.lists(st.sampled_from(CHANNELS), min_size=1, unique=True)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@given(
+    channels=channels_of,
+    several=st.sampled_from([1, 5]),
+    gap=st.integers(1, 30),
+    began_ns=st.integers(10**18, 2 * 10**18),
+)
+@settings(max_examples=8, phases=[Phase.generate])
+def test_arrays_rate_and_date_survive(suffix, channels, several, gap, began_ns):
+    channels = tuple(c for c in CHANNELS if c in channels or suffix == ".wav")
+    several = several if "acceleration" in channels else 1
+    steps = np.ones(49, dtype=int)
+    steps[30] = 1 if suffix == ".wav" else gap
+    frames = made_frames(50, channels, steps=steps, samples_per_frame=several)
+    session = RecordedSession(frames, began_utc_ns=began_ns)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"run{suffix}"
+        export_session(session, path)
+        back = read_session(path)
+    assert back.samples_per_frame == several
+    assert back.channels == (("acceleration",) if suffix == ".wav" else channels)
+    for name in back.frames.dtype.names:
+        if name not in ("sequence", "time_ns"):
+            np.testing.assert_array_equal(back.frames[name], frames[name])
+    np.testing.assert_array_equal(np.diff(back.frames["sequence"]), steps)
+    # sound has no times of its own; these were within 0.02 ms of their places
+    np.testing.assert_allclose(back.time_s, session.time_s, atol=2e-5 if suffix == ".wav" else 1e-9)
+    # text is read in double precision
+    assert abs(back.began_utc_ns - began_ns) <= (256 if suffix == ".csv" else 0)
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".parquet", ".h5", ".mat"])
+def test_what_belongs_to_the_frames_survives(tmp_path, suffix):
+    session = RecordedSession(made_frames(60), SCENE, b"\x00truth", (), EVENTS)
+    export_session(session, tmp_path / f"run{suffix}")
+    back = import_session(tmp_path / f"run{suffix}")
+    assert (back.scene, back.annotations, back.events) == (SCENE, b"\x00truth", EVENTS)
+    assert back.began_utc_ns is None
+
+
+def test_a_date_that_is_none_is_named(tmp_path):
+    np.savez(
+        tmp_path / "a.npz", time_s=np.arange(50) / 1e3, force_n=np.ones((50, 3)), began_utc_ns=9e99
+    )
+    with pytest.raises(InputError, match=r"a\.npz: began_utc_ns is not a number of nanoseconds"):
+        import_session(tmp_path / "a.npz")
+
+
+def test_a_sound_holds_what_is_missing_and_other_programs_may_cut_and_round_it(tmp_path):
+    steps = np.ones(59, dtype=int)
+    steps[9] = 11
+    frames = made_frames(60, steps=steps)
+    export_session(RecordedSession(frames), tmp_path / "a.wav")
+    back = read_session(tmp_path / "a.wav").frames["acceleration_m_s2"]
+    np.testing.assert_array_equal(back[9:20], frames["acceleration_m_s2"][[9] * 11])
+    np.testing.assert_array_equal(back[20:], frames["acceleration_m_s2"][10:])
+    rate_hz, samples = wavfile.read(tmp_path / "a.wav")
+    assert 0.5 < np.abs(samples).max() <= 1.0
+    sound = (tmp_path / "a.wav").read_bytes()
+    wavfile.write(tmp_path / "b.wav", rate_hz, np.round(samples[:50] * 32767).astype(np.int16))
+    with (tmp_path / "b.wav").open("ab") as stream:
+        stream.write(sound[sound.index(b"LIST") :])
+    rounded = read_session(tmp_path / "b.wav").frames["acceleration_m_s2"]
+    np.testing.assert_allclose(rounded, back[:50], atol=0.002)
+    with pytest.raises(InputError, match="sound is made of acceleration, and there is none"):
+        export_session(RecordedSession(made_frames(60, ("force",))), tmp_path / "c.wav")
+
+
+@pytest.mark.skipif(shutil.which("octave-cli") is None, reason="needs octave-cli")
+@pytest.mark.parametrize(
+    ("suffix", "belonging"),
+    [
+        (".h5", "jsondecode(scene), jsondecode(events), annotations, models"),
+        (".mat", "jsondecode(scene_json), jsondecode(events_json), annotations, began_utc_ns"),
+    ],
+)
+def test_octave_loads_the_whole_file(tmp_path, suffix, belonging):
+    frames = made_frames(60)
+    models = ((0.1, b"one"), (0.2, b"two"))
+    session = RecordedSession(frames, SCENE, b"truth", models, EVENTS, began_utc_ns=10**18)
+    export_session(session, tmp_path / f"run{suffix}")
+    program = (
+        f"load run{suffix}; {belonging}; disp('sums'), printf('%.9g\\n', sum(force_n(:)), time_s)"
+    )
+    done = subprocess.run(
+        ["octave-cli", "--eval", program], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert "sums" in done.stdout, done.stderr
+    total, *time_s = map(float, done.stdout.partition("sums")[2].split())
+    assert total == pytest.approx(frames["force_n"].astype(float).sum(), rel=1e-6)
+    np.testing.assert_allclose(time_s, session.time_s, atol=1e-9)
