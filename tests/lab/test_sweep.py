@@ -3,6 +3,7 @@
 import copy
 import dataclasses
 import json
+from importlib import metadata
 from pathlib import Path
 
 import numpy as np
@@ -185,6 +186,23 @@ def test_a_dask_cluster_gives_the_numbers_of_local_processes(session, by_process
     ) as cluster:
         on_dask = figures(run_on_dask(jobs, sessions, cluster.scheduler_address))
     assert on_dask == by_processes
+
+
+def test_a_worker_without_mmt_is_said(session, monkeypatch):
+    distributed = pytest.importorskip("distributed", reason="the extra dask is not installed")
+
+    def nowhere(name):
+        raise metadata.PackageNotFoundError(name)
+
+    with distributed.LocalCluster(
+        n_workers=1, processes=False, dashboard_address=None, host="127.0.0.1", protocol="tcp"
+    ) as cluster:
+        monkeypatch.setattr(metadata, "distribution", nowhere)
+        with pytest.raises(
+            MmtError, match=r"the worker tcp.* has no mmt: install mmt-haptics\[lab"
+        ):
+            list(run_on_dask(jobs_of(session), {}, cluster.scheduler_address))
+        monkeypatch.undo()
 
 
 def test_a_scheduler_that_does_not_answer_is_said(session, monkeypatch):

@@ -5,11 +5,12 @@ numbers.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from importlib import metadata
 from typing import Any, Final, TypeVar
 
 import mmt
 from mmt.core.errors import MmtError
-from mmt.core.extras import require
+from mmt.core.extras import DISTRIBUTION, require
 from mmt.session.data import RecordedSession
 from mmt_lab.harness.processes import in_processes
 from mmt_lab.sweep.combinations import Job, JobOutcome, evaluate_job
@@ -43,6 +44,7 @@ def run_on_dask(
     except (OSError, TimeoutError, ValueError) as error:
         raise MmtError(f"--dask {address}: no scheduler answers: {error}") from error
     with client:
+        _check_installed(client)
         placed = {path: client.scatter(session) for path, session in sessions.items()}
         futures = {
             client.submit(evaluate_job, placed[job.path], job, key=f"mmt-{job.key}"): job
@@ -60,6 +62,16 @@ def _outcome(job: Job, result: Callable[[], dict[str, Any]]) -> JobOutcome:
         return JobOutcome(job, result())
     except MmtError as error:
         return JobOutcome(job, None, str(error))
+
+
+def _check_installed(client: Any) -> None:
+    """Ask each worker for this package, by what every worker knows."""
+    for worker, found in client.run(metadata.version, DISTRIBUTION, on_error="return").items():
+        if isinstance(found, Exception):
+            raise MmtError(
+                f"--dask: the worker {worker} has no mmt: install {DISTRIBUTION}[lab] "
+                f"{mmt.__version__} where it runs"
+            )
 
 
 def _check_version(outcome: JobOutcome) -> None:
