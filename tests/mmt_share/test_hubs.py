@@ -6,9 +6,11 @@ import time
 from collections.abc import Iterator
 from contextlib import AsyncExitStack
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 import socketio
+import trustme
 from hub_samples import RedisServer, free_port, hub_process, needs_redis, redis_server, serving
 from sharing_samples import ENDED, Heard, about, listening, model_of, shared, until
 
@@ -17,7 +19,7 @@ from mmt.texture.model.file import arrays_of
 from mmt.texture.model.file_arrays import file_arrays
 from mmt_share.difference import apply, digest
 from mmt_share.hub import peers
-from mmt_share.hub.manager import HubManager
+from mmt_share.hub.manager import FORBIDDEN, HubManager
 from mmt_share.messages import SHARING_VERSION, About
 
 pytestmark = needs_redis
@@ -295,5 +297,61 @@ async def test_a_wrong_password_of_redis_is_called_so() -> None:
             assert "wr0ng" not in str(caught.value)
             await manager.close()
         manager = HubManager(f"redis://:right@{address}", "group", pytest.fail)
+        await manager.require()
+        await manager.close()
+
+
+ALLOWED = "+publish +subscribe +unsubscribe"  # what docs/how-to/hubs.md allows
+
+
+@pytest.mark.parametrize(
+    ("rules", "problem"),
+    [
+        (f"&mmt-hubs* {ALLOWED}", None),
+        (f"&others* {ALLOWED}", FORBIDDEN),
+        ("&mmt-hubs* +publish +ping", FORBIDDEN),
+        ("&mmt-hubs* +subscribe +unsubscribe +ping", FORBIDDEN),
+    ],
+)
+async def test_a_channel_that_redis_forbids_is_said_and_the_documented_rules_suffice(
+    rules: str, problem: str | None
+) -> None:
+    user = f"hub on >right resetchannels {rules}"
+    with redis_server("--user", *user.split()) as guarded:
+        url = f"redis://hub:right@127.0.0.1:{guarded.port}"
+        heard: list[str] = []
+        managers = [HubManager(url, "g", lambda event, _: heard.append(event)) for _ in range(2)]
+        assert await managers[0].check() == problem
+        if problem is None:
+            assert await managers[0].check() is None, "as once a second"
+            await managers[1].require()
+            for manager in managers:
+                manager.server = socketio.AsyncServer(async_mode="aiohttp")
+                manager.initialize()
+            await asyncio.sleep(0.5)
+            await managers[0].tell("beat", {})
+            await until(lambda: len(heard) == 2)
+        else:
+            with pytest.raises(MmtError, match=r"forbids this user the channel .*: allow it &mmt"):
+                await managers[1].require()
+        for manager in managers:
+            await manager.close()
+
+
+async def test_a_certificate_that_is_not_trusted_is_called_so(tmp_path: Path) -> None:
+    authority, port = trustme.CA(), free_port()
+    authority.cert_pem.write_to_path(tmp_path / "ca.pem")
+    authority.issue_cert("127.0.0.1").private_key_and_cert_chain_pem.write_to_path(
+        tmp_path / "redis.pem"
+    )
+    files = {"cert": "redis.pem", "key": "redis.pem", "ca-cert": "ca.pem"}
+    options = [part for k, v in files.items() for part in (f"--tls-{k}-file", str(tmp_path / v))]
+    with redis_server("--tls-port", str(port), "--tls-auth-clients", "no", *options):
+        manager = HubManager(f"rediss://127.0.0.1:{port}", "group", pytest.fail)
+        with pytest.raises(MmtError, match="certificate is not trusted: name the authority"):
+            await manager.require()
+        await manager.close()
+        trusting = f"rediss://127.0.0.1:{port}?ssl_ca_certs={tmp_path / 'ca.pem'}"
+        manager = HubManager(trusting, "group", pytest.fail)
         await manager.require()
         await manager.close()

@@ -2,14 +2,14 @@
 
 import asyncio
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import AsyncExitStack, suppress
 from typing import Any, Final
 
 import redis.asyncio
 import socketio
 from redis.asyncio.retry import Retry
 from redis.backoff import ConstantBackoff, NoBackoff
-from redis.exceptions import AuthenticationError, RedisError
+from redis.exceptions import AuthenticationError, NoPermissionError, RedisError
 
 from mmt.core.ending import cancel_until_ended
 from mmt.core.errors import InputError, MmtError
@@ -24,9 +24,20 @@ START_IT: Final = (
 )
 
 REFUSED: Final = "the Redis server refuses the user or the password"
+FORBIDDEN: Final = "the Redis server forbids this user the channel of the hubs"
+DISTRUSTED: Final = "the Redis server's certificate is not trusted"
+
+_MENDED_BY: Final = {
+    REFUSED: "check redis of [hub], redis://USER:PASSWORD@HOST:PORT",
+    FORBIDDEN: "allow it &mmt-hubs*, +publish, +subscribe and +unsubscribe (ACL SETUSER)",
+    DISTRUSTED: "name the authority, rediss://HOST:PORT?ssl_ca_certs=FILE, and the host as the "
+    "certificate does",
+}
 
 _ANSWER_S: Final = 1.0
 """How long Redis may take to answer, and to take a message."""
+_NOTHING: Final = "null"
+"""A message that python-socketio passes over."""
 _RETRY_S: Final = 0.5
 _SILENCE_S: Final = 5.0
 """Every hub's own beats come back from Redis once a second: a connection without them is dead."""
@@ -93,16 +104,22 @@ class HubManager(socketio.AsyncRedisManager, _LocalDelivery):  # type: ignore[mi
             super().initialize()
 
     async def check(self) -> str | None:
-        """Ask Redis for an answer; return None, or why there was none."""
+        """Tell the hubs' channel nothing; return None, or why that is not possible.
+
+        While Redis was not reached, whether it can be heard as well.
+        """
         try:
-            async with asyncio.timeout(_ANSWER_S):
-                await self._probe.ping()
+            async with asyncio.timeout(_ANSWER_S), AsyncExitStack() as stack:
+                if not self.reached:
+                    heard = await stack.enter_async_context(self._probe.pubsub())
+                    await heard.subscribe(self.channel)
+                await self._probe.publish(self.channel, _NOTHING)
+                while not self.reached:
+                    message = await heard.get_message(timeout=_ANSWER_S)
+                    self.reached = message is not None and message["type"] == "message"
         except (RedisError, OSError, TimeoutError) as error:
             self.reached = False
-            if _is_refusal(error):
-                return REFUSED
-            return without_secrets(str(error)).rstrip(".") or "no answer"
-        self.reached = True
+            return _why(error)
         return None
 
     async def require(self) -> None:
@@ -114,8 +131,8 @@ class HubManager(socketio.AsyncRedisManager, _LocalDelivery):  # type: ignore[mi
             It is not.
         """
         problem = await self.check()
-        if problem == REFUSED:
-            raise MmtError(f"{problem}: check redis of [hub], redis://USER:PASSWORD@HOST:PORT")
+        if problem in _MENDED_BY:
+            raise MmtError(f"{problem}: {_MENDED_BY[problem]}")
         if problem is not None:
             raise MmtError(f"no Redis server answers ({problem}): {START_IT}")
 
@@ -137,7 +154,13 @@ class HubManager(socketio.AsyncRedisManager, _LocalDelivery):  # type: ignore[mi
                     await each.aclose()
 
 
-def _is_refusal(error: Exception) -> bool:
-    """Whether Redis does not know the user, or the password, or asks for one."""
+def _why(error: Exception) -> str:
+    """Return in a sentence why Redis cannot be used."""
     said = str(error)
-    return isinstance(error, AuthenticationError) or said.startswith(("NOAUTH", "WRONGPASS"))
+    if isinstance(error, AuthenticationError) or said.startswith(("NOAUTH", "WRONGPASS")):
+        return REFUSED
+    if isinstance(error, NoPermissionError):
+        return FORBIDDEN
+    if "CERTIFICATE_VERIFY_FAILED" in said:
+        return DISTRUSTED
+    return without_secrets(said).rstrip(".") or "no answer"
