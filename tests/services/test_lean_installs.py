@@ -3,6 +3,8 @@
 import ast
 import os
 import re
+import shlex
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -12,6 +14,7 @@ from pathlib import Path
 import pytest
 from service_processes import LONGEST_S, Service, scene
 
+from mmt import Scene, simulate_session, write_session
 from mmt.core.extras import PACKAGES
 
 ROOT = Path(__file__).parents[2]
@@ -146,3 +149,51 @@ def test_a_follower_on_devices_runs_without_the_leaders_packages(tmp_path: Path)
         with Service("follower", *arguments, "--leader", url, cwd=folder, **absent) as follower:
             assert (leader.end(), follower.end()) == (0, 0), leader.stderr + follower.stderr
     assert follower.summary()["link"]["frames"] > 100
+
+
+INSTALLS = re.compile(r'^pip install -e "\.\[([\w,]+)\]"', re.MULTILINE)
+COMMANDS = re.compile(r"^(?:(MMT_\w+)=(\S+) )?(mmt[\w-]*) (.*?)(?: +#.*)?$", re.MULTILINE)
+RECIPES = {
+    path.name: "".join(
+        re.findall(r"^```sh\n(.*?)^```$", path.read_text(), re.MULTILINE | re.DOTALL)
+    )
+    for path in (ROOT / "docs" / "how-to").glob("*.md")
+}
+"""By the page: what it lets a person type."""
+STARTED_S = 20.0
+"""What lacks is said at the start."""
+
+
+def brought_by(extras: str) -> set[str]:
+    """The distributions that extras bring, with those of the extras that are in them."""
+    requirements = [one for extra in extras.split(",") for one in EXTRAS[extra]]
+    inner = re.findall(r"mmt-haptics\[([\w,]+)\]", str(requirements))
+    return named(requirements).union(*map(brought_by, inner))
+
+
+@pytest.mark.parametrize("page", sorted(p for p, text in RECIPES.items() if INSTALLS.search(text)))
+def test_a_page_installs_what_its_commands_need(page: str, tmp_path: Path) -> None:
+    there = brought_by(",".join(INSTALLS.findall(RECIPES[page])))
+    holders = NOT_IN_ALL | packages_distributions()
+    absent = [n for n in PACKAGES if not there & {d.replace("-", "_") for d in holders[n]}]
+    frames, _ = simulate_session(Scene(), duration_s=2.0)
+    for name in ("session", "one", "two", "a", "b"):
+        write_session(tmp_path / f"{name}.mcap", frames)
+    shutil.copy(ROOT / "configs" / "demo.toml", tmp_path / "SCENE")
+    for variable, value, program, rest in COMMANDS.findall(RECIPES[page]):
+        module, name = PROJECT["scripts"][program].split(":")
+        arguments = shlex.split(rest) + (["--duration", "1"] if rest == "demo" else [])
+        with subprocess.Popen(
+            [sys.executable, "-c", f"from {module} import {name}; {name}()", *arguments],
+            stderr=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            text=True,
+            cwd=tmp_path,
+            env=os.environ | without(tmp_path, *absent) | ({variable: value} if variable else {}),
+        ) as started:
+            try:
+                _, said = started.communicate(timeout=STARTED_S)
+            except subprocess.TimeoutExpired:
+                started.terminate()
+                _, said = started.communicate()
+        assert "which is not installed" not in said, f"{program} {rest}: {said}"
