@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from importlib.util import find_spec
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 from mmt.session import read_session
+from mmt_bridges.lerobot.dataset import export_lerobot
 
 PROGRAM = Path(__file__).with_name("lerobot_dataset_program.py")
 PACKAGES = ("lerobot", "datasets", "rerun", "imageio", "diffusers", "cv2")
@@ -27,6 +29,53 @@ PLUGIN = ("--robot.discover_packages_path=mmt_bridges.lerobot", "--robot.type=mm
 ROBOT = (*PLUGIN, "--robot.scene=scene.toml")
 HAND = ("--teleop.type=mmt", "--teleop.scene=scene.toml")
 DATA_SET = ("--dataset.repo_id=me/strokes", "--dataset.root=strokes")
+
+CAMERA = """
+from dataclasses import dataclass
+
+import numpy as np
+from lerobot.cameras import Camera, CameraConfig
+
+
+@CameraConfig.register_subclass("made")
+@dataclass(kw_only=True)
+class MadeConfig(CameraConfig): ...
+
+
+class Made(Camera):
+    is_connected = False
+
+    @staticmethod
+    def find_cameras():
+        return []
+
+    def connect(self, warmup=True):
+        self.is_connected = True
+
+    def read(self, color_mode=None):
+        return np.full((self.height, self.width, 3), 99, np.uint8)
+
+    def async_read(self, timeout_ms=0):
+        return self.read()
+
+    def disconnect(self):
+        self.is_connected = False
+"""
+"""A camera that needs no hardware, in a package that LeRobot discovers."""
+TRAIN = """
+import json, sys
+from lerobot.scripts.lerobot_train import main
+
+for arguments in json.loads(sys.argv.pop()):
+    sys.argv[1:] = arguments
+    main()
+"""
+"""Trains as the command does, several times in one process: LeRobot is long in coming."""
+SMALL = {
+    "act": ("--policy.dim_model=32", "--policy.dim_feedforward=32", "--policy.chunk_size=8",
+            "--policy.n_action_steps=8", "--policy.pretrained_backbone_weights=null"),
+    "diffusion": ("--policy.down_dims=[32,64]", "--policy.crop_shape=null"),
+}  # fmt: skip
 
 pytestmark = pytest.mark.skipif(
     any(find_spec(name) is None for name in PACKAGES),
@@ -50,7 +99,7 @@ def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
         capture_output=True,
         text=True,
         check=False,
-        timeout=150,
+        timeout=300,
     )
 
 
@@ -103,6 +152,44 @@ def test_what_is_recorded_opens_and_the_forces_rise_in_contact(folder: Path) -> 
     reached = np.sort(again["position_mm"][:, 0])[[0, -1]]
     asked = np.sort(action[:rows, 0])[[0, -1]]
     np.testing.assert_allclose(reached, asked, atol=5.0)  # along x it strokes over 50 mm and more
+
+
+@pytest.mark.timeout(900)
+def test_stock_policies_train_on_what_is_recorded_and_on_what_is_exported(folder: Path) -> None:
+    (folder / "camera").mkdir()
+    (folder / "camera" / "__init__.py").write_text(CAMERA)
+    recorded = command(
+        folder,
+        "record",
+        *(*ROBOT, *HAND, *DATA_SET, "--teleop.discover_packages_path=camera"),
+        "--robot.cameras={front: {type: made, width: 96, height: 96, fps: 30}}",
+        *("--dataset.single_task=stroke wood", "--dataset.fps=30", "--dataset.num_episodes=1"),
+        *("--dataset.episode_time_s=4", "--dataset.reset_time_s=0", "--dataset.vcodec=h264"),
+        *("--dataset.push_to_hub=false", "--play_sounds=false"),
+    )
+    assert recorded.returncode == 0, recorded.stderr
+    export_lerobot([read_session(folder / "session.mcap")], folder / "exported", fps=30)
+    runs: list[list[str]] = []
+    for root in ("strokes", "exported"):
+        info = json.loads((folder / root / "meta/info.json").read_text())
+        felt = info["features"]["observation.environment_state"]["names"]
+        assert felt == ["force_x_n", "force_y_n", "force_z_n", "vibration_rms_m_s2"]
+        assert "observation.environment_state" in (folder / root / "meta/stats.json").read_text()
+        assert ("observation.images.front" in info["features"]) == (root == "strokes")
+        runs += [
+            [
+                *("--dataset.repo_id=me/strokes", f"--dataset.root={root}"),
+                "--dataset.video_backend=pyav",
+                *(f"--policy.type={policy}", "--policy.device=cpu", "--policy.push_to_hub=false"),
+                *("--steps=2", "--batch_size=2", "--num_workers=0", "--log_freq=1", *small),
+                *("--save_checkpoint=false", f"--output_dir={root}-{policy}"),
+            ]
+            for policy, small in SMALL.items()
+        ]
+    trained = run(folder, "-c", TRAIN, json.dumps(runs))
+    assert trained.returncode == 0, trained.stderr
+    losses = re.findall(r"loss:([\d.]+)", trained.stdout + trained.stderr)
+    assert len(losses) == 2 * len(runs), trained.stderr
 
 
 def test_the_hand_may_be_connected_first_and_a_problem_is_one_sentence(folder: Path) -> None:

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
@@ -33,14 +33,45 @@ class Device:
         self.given_config = config
 
 
+class Camera:
+    """Gives its number of pictures."""
+
+    def __init__(self, config: SimpleNamespace) -> None:
+        self.pictures, self.is_connected = 0, False
+
+    def connect(self) -> None:
+        self.is_connected = True
+
+    def disconnect(self) -> None:
+        self.is_connected = False
+
+    def async_read(self) -> int:
+        self.pictures += 1
+        return self.pictures
+
+
+def made_cameras(configs: dict[str, SimpleNamespace]) -> dict[str, Camera]:
+    return {name: Camera(config) for name, config in configs.items()}
+
+
+def made_features(values: dict[str, Any], prefix: str, use_video: bool = True) -> dict[str, Any]:
+    names = [name for name, kind in values.items() if kind is float]
+    return {f"{prefix}.state": {"dtype": "float32", "shape": (len(names),), "names": names}}
+
+
 class NotConnectedError(ConnectionError): ...
 
 
 class AlreadyConnectedError(ConnectionError): ...
 
 
-STAND_IN: dict[str, dict[str, type]] = {
+STAND_IN: dict[str, dict[str, Any]] = {
     "lerobot": {},
+    "lerobot.cameras": {"CameraConfig": Config},
+    "lerobot.cameras.utils": {"make_cameras_from_configs": made_cameras},
+    "lerobot.datasets": {
+        "pipeline_features": SimpleNamespace(hw_to_dataset_features=made_features)
+    },
     "lerobot.robots": {"Robot": Device, "RobotConfig": Config},
     "lerobot.teleoperators": {"Teleoperator": Device, "TeleoperatorConfig": Config},
     "lerobot.utils": {},
@@ -223,3 +254,26 @@ def test_options_and_features_are_known_before_it_is_connected(
         robot_of(devices, scene="nowhere.toml")
     with pytest.raises(InputError, match="allowed are hand, actions"):
         robot_of(devices, moved_by="feet")
+
+
+def test_pictures_of_cameras_are_passed_on(devices: ModuleType, answers: Answers) -> None:
+    front = SimpleNamespace(height=48, width=64, fps=30)
+    robot = robot_of(devices, cameras={"front": front})
+    assert robot.observation_features["front"] == (48, 64, 3)
+    robot.connect()
+    assert [robot.get_observation()["front"] for _ in range(2)] == [1, 2]
+    robot.disconnect()
+    assert not robot.cameras["front"].is_connected
+
+
+def test_what_is_felt_is_the_environments_state_as_well(devices: ModuleType) -> None:
+    features = devices.pipeline_features.hw_to_dataset_features
+    robot = robot_of(devices)
+    found = features(robot.observation_features | {"front": (48, 64, 3)}, "observation")
+    felt = [name for name in robot.observation_features if not name.startswith("position")]
+    assert found["observation.environment_state"]["names"] == felt
+    assert found["observation.environment_state"]["shape"] == (4,)
+    assert list(found["observation.state"]["names"]) == list(robot.observation_features)
+    others = features({"shoulder.pos": float, "force_z_n": float}, "observation")
+    assert "observation.environment_state" not in others
+    assert list(features(robot.action_features, "action")) == ["action.state"]

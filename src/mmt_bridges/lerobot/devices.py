@@ -4,26 +4,57 @@ Names and units are those of an exported data set, see `mmt_bridges.lerobot.data
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import wraps
 from typing import Any, Final, cast
 
+from lerobot.cameras.utils import make_cameras_from_configs
+from lerobot.datasets import pipeline_features
 from lerobot.robots import Robot
 from lerobot.teleoperators import Teleoperator
 from lerobot.utils.errors import DeviceAlreadyConnectedError, DeviceNotConnectedError
 
 from mmt.core.errors import MmtError
+from mmt.core.frames import CHANNELS
 from mmt.devices.protocols import Vector
 from mmt.session.data import axis_columns
 from mmt_bridges.lerobot.config_devices import MmtRobotConfig, MmtTeleoperatorConfig
 from mmt_bridges.lerobot.dataset import state_names
+from mmt_bridges.lerobot.rows import FELT, STATE
 from mmt_bridges.lerobot.session import SharedSession, shared_session
 from mmt_bridges.lerobot.settings import MovedBy, Settings
 
 ACTION_NAMES: Final = axis_columns("position")
 
+_OWN_NAMES: Final = frozenset(state_names(CHANNELS))
+
 _SAME_MM: Final = 1e-3
 """An action that went through LeRobot's processors is the same to this; they may round it."""
+
+
+def _with_what_is_felt(made: Callable[..., dict[str, Any]]) -> Callable[..., dict[str, Any]]:
+    """Have a data set of mmt's states force and vibration as the environment's state as well.
+
+    LeRobot puts every number of a robot into its own state, and policies without pictures ask for
+    the environment's. It has no other place to say so.
+    """
+
+    @wraps(made)
+    def features(values: Mapping[str, Any], prefix: str, *args: Any, **options: Any) -> Any:
+        found = made(values, prefix, *args, **options)
+        names = found.get(STATE, {}).get("names", ())
+        felt = [name for name in names if name not in ACTION_NAMES]
+        if felt and set(names) <= _OWN_NAMES:
+            found[FELT] = {**found[STATE], "shape": (len(felt),), "names": felt}
+        return found
+
+    return features
+
+
+pipeline_features.hw_to_dataset_features = _with_what_is_felt(
+    pipeline_features.hw_to_dataset_features
+)
 
 
 @contextmanager
@@ -114,25 +145,51 @@ class MmtRobot(_SessionDevice, Robot):
     def __init__(self, config: MmtRobotConfig) -> None:
         super().__init__(config)
         self.config = config
-        self.cameras: dict[str, Any] = {}
-        """None: LeRobot asks how many there are."""
+        self.cameras: dict[str, Any] = make_cameras_from_configs(config.cameras)
+        """Those of a LeRobot set-up, whose pictures are passed on."""
         moved_by = cast("MovedBy", config.moved_by)  # the settings check it
         settings = Settings(config.scene, config.follower, moved_by, config.wait_s)
         self._session = shared_session(config.scene, settings)
         self._names = state_names(self._session.scene.channels())
 
     @property
-    def observation_features(self) -> dict[str, type]:
-        """Position (mm), force (N), level of vibration (m/s2), as far as the scene has them."""
-        return dict.fromkeys(self._names, float)
+    def observation_features(self) -> dict[str, Any]:
+        """Position (mm), force (N), level of vibration (m/s2) as in the scene; cameras' shapes."""
+        pictures = {name: (c.height, c.width, 3) for name, c in self.config.cameras.items()}
+        return dict.fromkeys(self._names, float) | pictures
 
     @property
     def action_features(self) -> dict[str, type]:
         """Commanded position (mm)."""
         return dict.fromkeys(ACTION_NAMES, float)
 
-    def get_observation(self) -> dict[str, float]:
-        """Return the newest state.
+    def connect(self, calibrate: bool = True) -> None:
+        """Start the session unless the teleoperator has, and the cameras.
+
+        Raises
+        ------
+        DeviceNotConnectedError
+            The session cannot begin; the message says why.
+        """
+        super().connect(calibrate)
+        for camera in self.cameras.values():
+            camera.connect()
+
+    def disconnect(self) -> None:
+        """End the cameras, and the session, unless the teleoperator still uses it.
+
+        Raises
+        ------
+        DeviceNotConnectedError
+            The robot is not connected.
+        """
+        super().disconnect()
+        for camera in self.cameras.values():
+            if camera.is_connected:
+                camera.disconnect()
+
+    def get_observation(self) -> dict[str, Any]:
+        """Return the newest state, and a picture of each camera.
 
         Raises
         ------
@@ -141,7 +198,8 @@ class MmtRobot(_SessionDevice, Robot):
         """
         self._require()
         with _told_to_lerobot():
-            return dict(zip(self._names, self._session.observe(), strict=True))
+            state = dict(zip(self._names, self._session.observe(), strict=True))
+        return state | {name: camera.async_read() for name, camera in self.cameras.items()}
 
     def send_action(self, action: Mapping[str, Any]) -> dict[str, float]:
         """Return the command that is in force, or with ``moved_by="actions"`` set it.
