@@ -113,14 +113,15 @@ def test_the_methods_of_force_feedback_add_what_they_send() -> None:
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"rate_hz": 2000}, "4 samples a frame; adxl335-u6 gives 2000 samples a second, the scene "
-         "takes 4000: nothing above 1000 Hz is in its acceleration"),
-        ({"rate_hz": 8000}, "4 samples a frame"),
-        ({}, "4 samples a frame; its start says what adxl335-u6 gives"),
+        ({"board": {"driver": "labjack-u6", "rate_hz": 2000}},
+         "4 samples a frame; adxl335-board gives 2000 samples a second, the scene takes 4000: "
+         "nothing above 1000 Hz is in its acceleration"),
+        ({"board": {"driver": "labjack-u6", "rate_hz": 8000}}, "4 samples a frame"),
+        ({"board": "labjack-u6"}, "4 samples a frame; its start says what adxl335-board gives"),
     ],
 )  # fmt: skip
 def test_what_the_acceleration_lacks_is_said(options: dict[str, Any], said: str) -> None:
-    devices = {"robot": "virtual-robot", "accelerometer": {"driver": "adxl335-u6", **options}}
+    devices = {"robot": "virtual-robot", "accelerometer": {"driver": "adxl335-board", **options}}
     tables = {"link": {}, "devices": devices, "playout": {}, "actuator": {}}
     assert describe_scene(scene_from_tables(tables)).acceleration is None
     tables["session"] = {"acceleration_rate_hz": 4000}

@@ -36,8 +36,8 @@ def test_the_list_has_drivers_ports_and_what_is_missing(
     assert states["good"] == ""
     rates = {driver["name"]: driver["rates"] for driver in found["drivers"]}
     assert rates["good"] == ""
-    assert rates["adxl335-u6"].startswith("100 to 16666 samples a second")
-    assert "adxl335-u6: 100 to 16666 samples a second" in " ".join(result.output.split())
+    assert rates["labjack-u6"].startswith("100 to 50000 samples a second")
+    assert "labjack-u6: 100 to 50000 samples a second" in " ".join(result.output.split())
     assert "cannot be imported" in states["bad"]
     assert found["serial_ports"][0]["what"] == "Teensy (16c0:0483)"
     assert [device["what"] for device in found["usb_devices"]] == ["LabJack U6"]

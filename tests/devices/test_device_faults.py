@@ -217,8 +217,8 @@ class Box:
         board = {"driver": "labjack-u6", "inputs": [0, 1, 2, 3, 4, 5], "backend": self.u6}
         options = {"calibration_file": write_calibration(tmp_path), "board": board}
         self.gauges = load_device("ati-gauges", options)
-        options = {"inputs": [6, 7, 8], "bandwidth_hz": 500.0, "backend": self.u6}
-        self.accelerometer = load_device("adxl335-u6", options)
+        options = {"board": {**board, "inputs": [6, 7, 8]}, "bandwidth_hz": 500.0}
+        self.accelerometer = load_device("adxl335-board", options)
 
     def _now(self, time_ns: int) -> list[float]:
         tremor = 0.0 if self.still else 2e-3 * (time_ns // 1_000_000 % 2)

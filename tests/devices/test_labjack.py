@@ -158,7 +158,7 @@ def test_nine_inputs_carry_a_force_sensors_gauges_and_an_accelerometer(closing) 
     box = EmulatedU6(level)
     source = closing(U6Voltages([AnalogInput(n) for n in range(9)], 1000.0, backend=box))
     source.connect()
-    assert source.serial == 360_000_001
+    assert source.serial == "u6-360000001"
     got = scans(source, 300)  # the packets' counter wraps at 256
     assert [t for t, _ in got] == [1_000_000 * k for k in range(len(got))]
     for _, volts in got:
@@ -280,9 +280,8 @@ def test_an_accelerometer_at_a_box_measures_gravity(closing, caplog) -> None:
         ]
 
     box = EmulatedU6(volts)
-    sensor = closing(
-        load_device("adxl335-u6", {"backend": box, "inputs": [1, 2, 3], "bandwidth_hz": 500.0})
-    )
+    board = {"driver": "labjack-u6", "backend": box, "inputs": [1, 2, 3]}
+    sensor = closing(load_device("adxl335-board", {"board": board, "bandwidth_hz": 500.0}))
     with caplog.at_level(logging.WARNING, "mmt.devices"):
         sensor.connect()
         sensor.calibrate()
@@ -297,7 +296,8 @@ def test_an_accelerometer_at_a_box_measures_gravity(closing, caplog) -> None:
 def test_a_stuck_accelerometer_stays_lost_until_its_value_changes(closing) -> None:
     still = {"volts": [1.65, 1.65, 1.98]}
     box = EmulatedU6(lambda _: [*still["volts"], *[0.0] * 11])
-    sensor = closing(load_device("adxl335-u6", {"backend": box, "stuck_s": 0.1}))
+    board = {"driver": "labjack-u6", "backend": box, "inputs": [0, 1, 2]}
+    sensor = closing(load_device("adxl335-board", {"board": board, "stuck_s": 0.1}))
     sensor.connect()
     for _ in range(2):
         with pytest.raises(DeviceLost, match=r"not changed for 0\.1 s"):
@@ -350,11 +350,17 @@ def test_a_boards_options_are_checked(options, message) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"inputs": [0, 0, 1]}, "three different ones of 0 to 13"),
-        ({"rate_hz": 10.0}, "rate_hz is 10.0"),
-        ({"port": "a"}, "port is not a key; allowed are .*inputs"),
+        ({"board": "labjack-u6"}, "set to 6 inputs, the sensor needs three"),
+        ({"board": {"driver": "labjack-u6", "rate_hz": 10.0}}, "rate_hz is 10.0"),
+        ({"board": "labjack-u6", "port": "a"}, "port is not a key; allowed are .*board"),
+        ({}, "board"),
     ],
 )
-def test_options_are_checked(options, message) -> None:
+def test_options_of_the_accelerometer_are_checked(options, message) -> None:
     with pytest.raises(InputError, match=message):
-        load_device("adxl335-u6", options)
+        load_device("adxl335-board", options)
+
+
+def test_the_former_driver_of_the_accelerometer_says_what_to_write() -> None:
+    with pytest.raises(InputError, match=r'no longer one; write driver = "adxl335-board".* inputs'):
+        load_device("adxl335-u6", {"inputs": [1, 2, 3]})

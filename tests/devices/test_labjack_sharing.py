@@ -15,9 +15,9 @@ from running_source import RunningSource
 from sensor_reading import read_some, read_until
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.devices import board_sharing
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, nominal
 from mmt.devices.drivers import load_device
-from mmt.devices.labjack import sharing
 from mmt.devices.labjack.board import U6Voltages
 from mmt.devices.labjack.packets import AnalogInput
 from mmt.testing.emulated.labjack_u6 import EmulatedU6
@@ -41,7 +41,7 @@ def closing() -> Iterator[Callable]:
     yield keep
     for device in opened:
         device.close()
-    assert not sharing._OPEN  # the last reader has ended the stream
+    assert not board_sharing._OPEN  # the last reader has ended the stream
 
 
 def level(time_ns: int) -> list[float]:
@@ -60,7 +60,7 @@ def test_two_readers_have_one_stream_and_each_its_own_inputs(closing) -> None:
     first.connect()
     before = read_some(first, 20)
     second.connect()
-    assert first.serial == second.serial == 360_000_001
+    assert first.serial == second.serial == "u6-360000001"
     assert len(box._table) == 5
     here, there = read_some(first, 40), read_some(second, 40)
     stamps = [t for t, _ in before + here]
@@ -154,7 +154,7 @@ def test_a_stream_that_has_stopped_is_begun_anew_by_the_first_to_connect(closing
     second.connect()
     box.stall()
     deadline = time.monotonic() + 10.0
-    while first._board._link.flows:
+    while first._shared.stream.flows:
         assert time.monotonic() < deadline
         time.sleep(0.01)
     first.connect()
@@ -163,7 +163,7 @@ def test_a_stream_that_has_stopped_is_begun_anew_by_the_first_to_connect(closing
 
 
 def test_a_driver_that_lets_its_readings_lie_holds_up_nobody(closing, monkeypatch) -> None:
-    monkeypatch.setattr(sharing, "_MOST_WAITING", 50)
+    monkeypatch.setattr(board_sharing, "_MOST_WAITING", 50)
     box = EmulatedU6(level)
     first, lazy = closing(inputs(0, backend=box)), closing(inputs(1, backend=box))
     first.connect()
@@ -235,8 +235,8 @@ class Bench(RunningSource):
         file = write_calibration(tmp_path)
         board = {"driver": "labjack-u6", "inputs": [0, 1, 2, 3, 4, 5], "backend": self.box}
         self.gauges = load_device("ati-gauges", {"calibration_file": file, "board": board})
-        options = {"inputs": [6, 7, 8], "bandwidth_hz": 1600.0, "backend": self.box}
-        self.accelerometer = load_device("adxl335-u6", options)
+        options = {"board": {**board, "inputs": [6, 7, 8]}, "bandwidth_hz": 1600.0}
+        self.accelerometer = load_device("adxl335-board", options)
         super().__init__(self.gauges, self.accelerometer)
 
     def force_n(self, time_ns: Any) -> Any:
@@ -281,7 +281,7 @@ def test_one_box_carries_the_gauges_and_the_accelerometer_into_frames_of_1_khz(t
         )
     finally:
         bench.source.close()
-    assert not sharing._OPEN
+    assert not board_sharing._OPEN
 
 
 def test_an_unplugged_box_is_two_lost_sensors_which_both_come_back(tmp_path) -> None:

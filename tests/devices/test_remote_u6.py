@@ -3,12 +3,13 @@
 import time
 from collections.abc import Iterator
 from itertools import pairwise
+from typing import Any
 
 import pytest
 from sensor_reading import read_some
 
 from mmt.core.errors import DeviceLost, MmtError
-from mmt.devices.adxl335.u6_driver import U6Adxl335
+from mmt.devices.drivers import load_device
 from mmt.testing.emulated.labjack_u6 import EmulatedU6
 from mmt.testing.emulated.remote_u6 import RemoteU6, U6Server
 
@@ -26,9 +27,14 @@ def server(box: EmulatedU6) -> Iterator[U6Server]:
     server.stop()
 
 
+def accelerometer(remote: RemoteU6) -> Any:
+    board = {"driver": "labjack-u6", "inputs": [0, 1, 2], "backend": remote}
+    return load_device("adxl335-board", {"board": board, "bandwidth_hz": 1000})
+
+
 def test_its_driver_reads_it_as_if_it_were_here(server: U6Server) -> None:
     remote = RemoteU6(server.address)
-    sensor = U6Adxl335(backend=remote, bandwidth_hz=1000)
+    sensor = accelerometer(remote)
     sensor.connect()
     readings = read_some(sensor, 100)
     sensor.close()
@@ -41,7 +47,7 @@ def test_its_driver_reads_it_as_if_it_were_here(server: U6Server) -> None:
 
 def test_one_that_is_unplugged_is_lost(box: EmulatedU6, server: U6Server) -> None:
     remote = RemoteU6(server.address)
-    sensor = U6Adxl335(backend=remote, bandwidth_hz=1000)
+    sensor = accelerometer(remote)
     sensor.connect()
     box.unplug()
     with pytest.raises(DeviceLost, match="plug it in again"):
@@ -57,4 +63,4 @@ def test_a_server_that_has_ended_is_a_device_that_is_gone(box: EmulatedU6) -> No
     remote.close()
     server.stop()
     with pytest.raises(MmtError, match="gone"):
-        U6Adxl335(backend=remote, bandwidth_hz=1000).connect()
+        accelerometer(remote).connect()

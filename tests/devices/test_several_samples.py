@@ -20,7 +20,6 @@ from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import acceleration_samples, frame_dtype, missing_band
 from mmt.devices.adxl335.gravity import nominal
 from mmt.devices.adxl335.serial_driver import SerialAdxl335
-from mmt.devices.adxl335.u6_driver import U6Adxl335
 from mmt.devices.drivers import load_device
 from mmt.devices.frame_assembly import FrameAssembler, ReadingAges
 from mmt.devices.lanes import WAITING, PolledLane
@@ -204,7 +203,7 @@ def test_ten_samples_a_frame_of_a_quick_sensor_take_little_time() -> None:
 
 
 def test_a_polled_accelerometer_is_refused() -> None:
-    with pytest.raises(InputError, match=r"1000 samples a second.* 5000 .*adxl335-u6 \(100 to"):
+    with pytest.raises(InputError, match=r"1000 samples a second.* 5000 .*adxl335-board \(as many"):
         DeviceSource(
             Instrument(), None, Instrument(), ["position", "acceleration"], samples_per_frame=5
         )
@@ -272,7 +271,9 @@ def u6_of_8_khz(fast_hz: float) -> Iterator[SampledSensor]:
         felt = shaken(time_ns - delay_ns, fast_hz)
         return [zero[i] + gain[i] * felt[i] for i in range(3)] + [0.0] * 11
 
-    yield U6Adxl335(backend=EmulatedU6(volts), rate_hz=8000.0, bandwidth_hz=1600.0)
+    board = {"driver": "labjack-u6", "inputs": [0, 1, 2], "rate_hz": 8000.0}
+    board["backend"] = EmulatedU6(volts)
+    yield load_device("adxl335-board", {"board": board, "bandwidth_hz": 1600.0})
 
 
 @contextmanager
@@ -322,3 +323,7 @@ def test_a_sensor_that_is_too_slow_says_so_at_the_start(caplog: pytest.LogCaptur
         running.source.close()
     (said,) = (each for each in caplog.messages if "samples a second" in each)
     assert "the scene takes 10000: nothing above " in said
+    assert any(
+        "passes what is below 1600 Hz, the scene takes it to 5000 Hz" in each
+        for each in caplog.messages
+    )

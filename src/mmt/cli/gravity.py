@@ -59,7 +59,7 @@ def calibrate_by_gravity(device: Any, driver: str, duration_s: float, files: Fil
     if not isinstance(device, Adxl335):
         raise InputError(
             f"{driver} is not calibrated by gravity: that is for a real ADXL335, by the drivers "
-            "adxl335-serial and adxl335-u6"
+            "adxl335-serial and adxl335-board"
         )
     problems: list[Exception] = []
     if files.rests is not None:

@@ -37,7 +37,7 @@ class FoundDriver:
     problem: str
     """Why it cannot be used, with what to do; empty where it can be imported."""
     rates: str = ""
-    """Of an accelerometer with a clock of its own: samples a second, and where its band ends."""
+    """Of a board, or an accelerometer with a clock of its own: samples a second, and its band."""
 
 
 @dataclass(frozen=True)

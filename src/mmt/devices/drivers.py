@@ -41,6 +41,12 @@ ROLE_NAMES: Final[dict[Role, str]] = {
 GROUP: Final = "mmt.devices"
 """The group of entry points under which packages offer drivers by name."""
 
+_FORMER: Final = {
+    "adxl335-u6": 'write driver = "adxl335-board", and a table "board" below it with driver = '
+    '"labjack-u6", inputs, rate_hz and box'
+}
+"""Names that scenes had before, and what to write for them."""
+
 EMULATED_LIBRARIES: Final = {"emulated": "mmt.testing.emulated.hd:build_library"}
 """Name -> ``module:function`` that returns the file of a vendor's library in software; the names
 are what a driver's option ``library`` takes in the place of a file."""
@@ -99,6 +105,8 @@ def locate(driver: str, role: Role | None = None) -> str:
     if ":" in driver:
         return driver
     known = drivers()
+    if driver in _FORMER:
+        raise InputError(f"driver {driver!r}: no longer one; {_FORMER[driver]}")
     if driver not in known:
         raise InputError(
             f"driver {driver!r} is not known; allowed are {', '.join([*sorted(known), ''])}"

@@ -8,6 +8,7 @@ a lost device is connected again beside the ticks; no two calls come at once. No
 block for longer than a small part of a 1 ms tick.
 """
 
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple, Protocol, runtime_checkable
@@ -73,7 +74,10 @@ class SensorReading(NamedTuple):
 
 
 class SampledSensor(Device, Protocol):
-    """A sensor that runs on a clock of its own, faster or slower than the session."""
+    """A sensor that runs on a clock of its own, faster or slower than the session.
+
+    It may have ``band_hz``, above which it passes nothing.
+    """
 
     latency_ns: int
     """From the physical instant to the sensor's own stamp, as far as it is known (filters,
@@ -268,7 +272,9 @@ class VoltageReading(NamedTuple):
 class VoltageBoard(Protocol):
     """A board that samples inputs at a rate of its own.
 
-    Which inputs, how fast and how amplified are options of the board's driver.
+    Which inputs, how fast and how amplified are options of the board's driver. It may have
+    ``arrival_ns`` as `ArrivalStamping`, and ``serial``, a name under which the calibration of a
+    sensor at it is stored.
     """
 
     latency_ns: int
@@ -302,3 +308,9 @@ class VoltageBoard(Protocol):
     @property
     def faults(self) -> Mapping[str, int]:
         """Counts by what went wrong and was survived."""
+
+
+def arrival_of(board: VoltageBoard) -> int:
+    """Return when a board's newest reading had come, by its ``arrival_ns``, or now without it."""
+    told: int | None = getattr(board, "arrival_ns", None)
+    return time.monotonic_ns() if told is None else told

@@ -1,6 +1,7 @@
 """Stream what real devices measure: a robot, a force sensor, an accelerometer."""
 
 import logging
+import math
 import time
 from collections.abc import Callable, Iterable
 from typing import Any, Final, Literal
@@ -201,6 +202,13 @@ class DeviceSource:
             said = missing_band(1e9 / slot.lane.period_ns, self._acceleration_hz)
             if said:
                 LOG.warning("the accelerometer %s", said)
+            band_hz = getattr(slot.device, "band_hz", math.inf)
+            if 2.0 * band_hz < self._acceleration_hz:
+                LOG.warning(
+                    "the accelerometer passes what is below %.0f Hz, the scene takes it to %.0f Hz",
+                    band_hz,
+                    0.5 * self._acceleration_hz,
+                )
 
     def probe(self, now_ns: int) -> None:  # noqa: ARG002 - each read tells its own time
         """Look at sampled sensors between two ticks; a fault is left to the next tick."""
@@ -327,7 +335,11 @@ def _check_sampled(slot: Slot | None, acceleration_hz: int) -> None:
     if isinstance(slot, PolledSlot):
         from mmt.devices.discovery import find_drivers
 
-        rates = [f"{driver.name} ({driver.rates})" for driver in find_drivers() if driver.rates]
+        rates = [
+            f"{driver.name} ({driver.rates})"
+            for driver in find_drivers()
+            if driver.rates and "accelerometer" in driver.roles
+        ]
         raise InputError(
             f"{_name(slot)} is asked once a millisecond and gives 1000 samples a second, where the "
             f"scene takes {acceleration_hz} ([session] acceleration_rate_hz): leave that out, or "

@@ -124,7 +124,8 @@ class SceneTables(Table):
         sensor = self.devices.accelerometer if self.devices is not None else None
         if sensor is None:
             return said
-        rate_hz = sensor.options.get("rate_hz")
+        board = sensor.options.get("board")
+        rate_hz = (board if isinstance(board, dict) else sensor.options).get("rate_hz")
         if not isinstance(rate_hz, int | float):
             return f"{said}; its start says what {sensor.driver} gives"
         band = missing_band(rate_hz, session.acceleration_rate_hz)

@@ -140,6 +140,11 @@ class Adxl335(ABC):
         return self._common.supply_v
 
     @property
+    def band_hz(self) -> float:
+        """Where what it passes ends, by its board's capacitors and by itself."""
+        return self._common.bandwidth_hz
+
+    @property
     def faults(self) -> Mapping[str, int]:
         """Counts by what was survived."""
         return {kind: n for counter in self._counters() for kind, n in counter.items() if n}

@@ -1,6 +1,5 @@
 """Force from bare gauge voltages on an acquisition board, by the sensor's ``.cal`` file."""
 
-import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -9,7 +8,7 @@ from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.ati.calibration import AtiOptions, check_calibration
 from mmt.devices.ati.calibration_file import FileCalibration, load_calibration_file
 from mmt.devices.drivers import load_device, read_options
-from mmt.devices.protocols import VoltageBoard
+from mmt.devices.protocols import VoltageBoard, arrival_of
 from mmt.devices.wrench import WrenchConverter
 from mmt.devices.wrench_sensor import Stamped, WrenchSensor
 from mmt.scene import Driver
@@ -104,8 +103,7 @@ class Gauges(WrenchSensor):
     @property
     def arrival_ns(self) -> int:
         """When the newest reading had come, by the host's clock, as far as the board tells."""
-        told: int | None = getattr(self._board, "arrival_ns", None)
-        return time.monotonic_ns() if told is None else told
+        return arrival_of(self._board)
 
     def _where(self) -> str:
         return "check the board's cable and its driver's options"

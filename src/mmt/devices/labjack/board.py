@@ -1,29 +1,29 @@
 """``labjack-u6``: a LabJack U6 as the board of a sensor that gives bare voltages."""
 
-from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from mmt.core.errors import DeviceLost, InputError
+from mmt.core.errors import InputError
+from mmt.devices.board_sharing import BoardStream, ChannelsOf, SharedInputs
 from mmt.devices.discovery import missing_libusb
 from mmt.devices.drivers import read_options
 from mmt.devices.labjack.packets import GAINS, AnalogInput
-from mmt.devices.labjack.sharing import (
-    INPUTS,
-    MOST_SAMPLES_HZ,
-    SharedU6,
-    U6Reader,
-    connect,
-    disconnect,
-)
-from mmt.devices.protocols import VoltageReading
+from mmt.devices.labjack.stream import U6Stream
+from mmt.devices.labjack.usb_link import check_alone, find_boxes
 
 missing = missing_libusb
 
+INPUTS: Final = 14
+MOST_SAMPLES_HZ: Final = 50_000
+"""Largest rate of all channels together (the vendor's data sheet, section 3.2)."""
 
-class U6Voltages:
+NAME: Final = "labjack-u6"
+RATES: Final = f"100 to {MOST_SAMPLES_HZ} samples a second (rate_hz), of all inputs together"
+
+
+class U6Voltages(SharedInputs[AnalogInput]):
     """A `VoltageBoard` that streams inputs at an even rate.
 
     Several may read one U6 at the same time, each its own inputs.
@@ -45,6 +45,8 @@ class U6Voltages:
         A channel or the rate is not allowed.
     """
 
+    what = "LabJack U6"
+
     def __init__(
         self,
         channels: Sequence[AnalogInput],
@@ -53,60 +55,50 @@ class U6Voltages:
         backend: Any = None,
     ) -> None:
         _check(channels, rate_hz)
-        self.inputs = len(channels)
-        """How many voltages a reading has."""
-        self.limit_v = min(10.0 / channel.gain for channel in channels)
-        """Largest magnitude that every input measures."""
-        self.latency_ns = 0
-        """A scan is stamped when it begins; its inputs follow each other within it."""
-        self._reader = U6Reader(channels, rate_hz, box, backend)
-        self._board: SharedU6 | None = None
+        limit_v = min(10.0 / channel.gain for channel in channels)
+        super().__init__(channels, rate_hz, limit_v, box, backend)
 
-    @property
-    def serial(self) -> int:
-        """Serial number of the U6 that is connected."""
-        return 0 if self._board is None else self._board.serial
+    def require_one(self) -> None:
+        """Raise where several U6 are there."""
+        check_alone(find_boxes(self.backend))
 
-    @property
-    def arrival_ns(self) -> int:
-        """When the newest scan that `read` has returned had come, by the host's clock."""
-        return self._reader.arrival_ns
+    def open_stream(self, channels_of: ChannelsOf[AnalogInput]) -> BoardStream:
+        """Open the U6, read its calibration, start the stream."""
+        box = self.board
+        assert not isinstance(box, str)  # noqa: S101 - as it was given
+        return U6Stream(box, self.backend, self.rate_hz, channels_of)
 
-    @property
-    def faults(self) -> Counter[str]:
-        """``bad packets``, ``lost scans``, ``overflows`` and, by their number, errors."""
-        return Counter(self._reader.faults)  # which another driver's thread may be adding to
+    def misfit(self, others: Sequence[SharedInputs[AnalogInput]]) -> str:
+        """Return why one stream cannot have its inputs beside others', empty where it can."""
+        taken = {number for other in others for number in terminals(other.channels)}
+        wanted = terminals(self.channels)
+        free = set(range(INPUTS)) - taken
+        if len(free) < len(wanted):
+            return (
+                f"the others take {len(taken)} of its {INPUTS} inputs (a differential one takes "
+                f"two), so that {len(wanted)} more do not fit: measure single-ended"
+            )
+        if twice := sorted(wanted & taken):
+            return (
+                f"input {_listed(twice)} belongs to another driver already: choose from "
+                f"{_listed(sorted(free))}"
+            )
+        samples_hz = self.rate_hz * sum(each.inputs for each in [self, *others])
+        if samples_hz > MOST_SAMPLES_HZ:
+            return (
+                f"{samples_hz:.0f} samples a second are more than its {MOST_SAMPLES_HZ}: lower "
+                "rate_hz of each"
+            )
+        return ""
 
-    def connect(self) -> None:
-        """Open the U6, read its calibration, start the stream; or join one that runs.
 
-        Raises
-        ------
-        InputError
-            Another driver reads the same U6 with settings that do not go with these.
-        MmtError
-            It is not there, may not be opened, or refuses.
-        """
-        self.close()
-        self._board = connect(self._reader)
+def terminals(channels: Iterable[AnalogInput]) -> set[int]:
+    """Return the inputs that channels take, a differential one two."""
+    return {c.number + half for c in channels for half in range(1 + c.differential)}
 
-    def read(self) -> list[VoltageReading]:
-        """Return what has come, oldest first, by the U6's clock; never blocks.
 
-        Raises
-        ------
-        DeviceLost
-            It was unplugged, or is not open.
-        """
-        if self._board is None:
-            raise DeviceLost("the LabJack U6 is not open: connect it again")
-        return self._board.read(self._reader)
-
-    def close(self) -> None:
-        """Let the U6 go, whose stream ends with its last reader; calling it twice is harmless."""
-        board, self._board = self._board, None
-        if board is not None:
-            disconnect(board, self._reader)
+def _listed(numbers: Sequence[int]) -> str:
+    return ", ".join(map(str, numbers))
 
 
 def _check(channels: Sequence[AnalogInput], rate_hz: float) -> None:
@@ -128,9 +120,6 @@ def _check(channels: Sequence[AnalogInput], rate_hz: float) -> None:
             raise InputError(
                 f"input {channel.number}: a differential one is named by its even half"
             )
-
-
-NAME: Final = "labjack-u6"
 
 
 class BoardOptions(BaseModel):

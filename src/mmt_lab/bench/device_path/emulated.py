@@ -120,12 +120,13 @@ def u6(truth: Motion) -> Emulated:
     box = EmulatedU6(volts, clock_ppm=ACCELERATION_PPM)
     server = U6Server(box)
     server.start()
-    options = {
-        "socket": server.address,
+    board = {
+        "driver": "labjack-u6",
+        "inputs": [0, 1, 2],
         "rate_hz": RATE_HZ,
-        "bandwidth_hz": _BANDWIDTH_HZ,
-        **_STILL,
+        "backend": server.address,
     }
+    options = {"board": board, "bandwidth_hz": _BANDWIDTH_HZ, **_STILL}
     return Emulated(server, options, lambda on: box.stall(stalled=on))
 
 

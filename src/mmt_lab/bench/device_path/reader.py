@@ -134,9 +134,10 @@ class FrameReader:
             return robot
         if device["driver"] == "openhaptics":
             self._emulations.append(EmulatedHd())
-        if "socket" in options:
-            options["backend"] = RemoteU6(options.pop("socket"))
-            self._emulations.append(options["backend"])
+        if "board" in options:
+            backend = RemoteU6(options["board"]["backend"])
+            options["board"] = {**options["board"], "backend": backend}
+            self._emulations.append(backend)
         return load_device(device["driver"], options)
 
 

@@ -15,7 +15,7 @@ DRIVERS: Final = {
     "net_ft": "ati-net-ft",
     "digital_ft": "ati-digital-ft",
     "adxl335": "adxl335-serial",
-    "u6": "adxl335-u6",
+    "u6": "adxl335-board",
     "bota": "bota-serial",
     "iio": "iio-accelerometer",
 }

@@ -1,0 +1,80 @@
+"""``adxl335-board``: an ADXL335 at three inputs of an acquisition board."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, cast
+
+from mmt.core.errors import InputError
+from mmt.devices.adxl335.options import BAND, Adxl335Options
+from mmt.devices.adxl335.sensor import Adxl335
+from mmt.devices.drivers import load_device, read_options
+from mmt.devices.protocols import Vector, VoltageBoard, arrival_of
+from mmt.scene import Driver
+
+NAME: Final = "adxl335-board"
+RATES: Final = f"as many samples a second as its board; {BAND}"
+
+
+class BoardAdxl335Options(Adxl335Options):
+    """Options of a sensor at a board."""
+
+    board: Driver
+    """Driver and options of the board; its first three inputs are the sensor's X, Y, Z."""
+
+
+class BoardAdxl335(Adxl335):
+    """Reads three inputs of a board.
+
+    Parameters
+    ----------
+    options
+        See `BoardAdxl335Options`.
+
+    Raises
+    ------
+    InputError
+        An option is not allowed, or the board has too few inputs.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        checked = read_options(BoardAdxl335Options, NAME, options)
+        super().__init__(checked)
+        named = checked.board
+        self._board: VoltageBoard = load_device(named.driver, named.options, role="board")
+        if self._board.inputs != 3:
+            raise InputError(
+                f"{NAME}: the board is set to {self._board.inputs} inputs, the sensor needs three: "
+                "give its X, Y and Z"
+            )
+
+    @property
+    def arrival_ns(self) -> int:
+        """When the newest reading had come, by the host's clock, as far as the board tells."""
+        return arrival_of(self._board)
+
+    def connect(self) -> None:
+        """Open the board and start its stream.
+
+        Raises
+        ------
+        MmtError
+            It is not there, may not be opened, or refuses.
+        """
+        self._board.connect()
+        self._prepare(getattr(self._board, "serial", None))
+
+    def voltages(self) -> Sequence[tuple[int, Vector]]:
+        """Return what has come as (time_ns, volts along the sensor's own axes).
+
+        Raises
+        ------
+        DeviceLost
+            The board was unplugged.
+        """
+        return cast(Sequence[tuple[int, Vector]], self._board.read())
+
+    def close(self) -> None:
+        """Close the board; calling it twice is harmless."""
+        self._board.close()
+
+    def _counters(self) -> Sequence[Mapping[str, int]]:
+        return (self._board.faults, *super()._counters())
