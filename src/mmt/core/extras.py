@@ -28,6 +28,7 @@ PACKAGES: Final[dict[str, tuple[str, str]]] = {
     "rtde_receive": ("ur", "arms by Universal Robots need ur-rtde"),
     "sounddevice": ("sound", "the sound card needs sounddevice"),
     "franky": ("franka", "Franka arms need franky-control (for Linux on x86-64)"),
+    "nidaqmx": ("ni", "boards by NI need nidaqmx"),
     "pyarrow": ("export", "Parquet needs pyarrow"),
     "h5py": ("export", "HDF5 needs h5py"),
     "openpyxl": ("import", "workbooks need openpyxl"),

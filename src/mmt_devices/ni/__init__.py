@@ -1,0 +1,1 @@
+"""Acquisition boards by NI, by NI-DAQmx."""

@@ -1,0 +1,96 @@
+"""``ni-daqmx``: a board by NI as the board of sensors that give bare voltages."""
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+from mmt.core.errors import MmtError
+from mmt.devices.board_sharing import BoardStream, ChannelsOf, SharedInputs
+from mmt.devices.drivers import read_options
+from mmt_devices.ni.daqmx import LOCAL, Daqmx, find_board, find_ports, in_words, input_names
+from mmt_devices.ni.options import NiOptions
+from mmt_devices.ni.stream import NiInput, NiStream
+
+NAME: Final = "ni-daqmx"
+RATES: Final = (
+    "100 to 50000 scans a second (rate_hz); of all inputs together as many samples as the board "
+    "takes, a PCIe-6323 250000, a USB-6251 1000000"
+)
+FINDERS: Final = {"NI boards": find_ports}
+
+
+def missing() -> str:
+    """Return how to install NI-DAQmx, empty if it is there."""
+    try:
+        find_ports()
+    except MmtError as error:
+        return str(error)
+    return ""
+
+
+class NiVoltages(SharedInputs[NiInput]):
+    """A `VoltageBoard` that streams inputs at an even rate; several may read one board.
+
+    Parameters
+    ----------
+    options
+        Checked already.
+    daqmx
+        NI-DAQmx.
+    """
+
+    what = "board by NI"
+
+    def __init__(self, options: NiOptions, daqmx: Daqmx = LOCAL) -> None:
+        inputs = [NiInput(n, options.terminals, options.range_v) for n in options.inputs]
+        super().__init__(inputs, options.rate_hz, options.range_v, options.device, daqmx)
+
+    def require_one(self) -> None:
+        """Raise where several boards are there."""
+        self._device()
+
+    def open_stream(self, channels_of: ChannelsOf[NiInput]) -> BoardStream:
+        """Start a task."""
+        device = self._device()
+        return NiStream(self.backend, device, self.rate_hz, channels_of(device.name))
+
+    def misfit(self, others: Sequence[SharedInputs[NiInput]]) -> str:
+        """Return why one task cannot have its inputs beside others', empty where it can."""
+        numbers = {each.number for each in self.channels}
+        taken = {each.number for other in others for each in other.channels}
+        if twice := sorted(numbers & taken):
+            return f"ai{twice[0]} belongs to another driver already"
+        device = self._device()
+        with in_words():
+            there = input_names(device)
+            most_hz = device.ai_max_multi_chan_rate
+        if strange := [f"ai{number}" for number in sorted(numbers) if f"ai{number}" not in there]:
+            return f"{device.name} has no {strange[0]}, but {len(there)} inputs from {there[0]} on"
+        samples_hz = self.rate_hz * (len(numbers) + len(taken))
+        if samples_hz > most_hz:
+            return (
+                f"{samples_hz:.0f} samples a second are more than the {most_hz:.0f} that "
+                f"{device.name} ({device.product_type}) takes of all inputs together: lower "
+                "rate_hz of each"
+            )
+        return ""
+
+    def _device(self) -> Any:
+        return find_board(self.backend, None if self.board is None else str(self.board))
+
+
+def ni_daqmx(*, backend: Daqmx = LOCAL, **options: Any) -> NiVoltages:
+    """Make the board; see `NiOptions`.
+
+    Parameters
+    ----------
+    backend
+        NI-DAQmx.
+    options
+        As the scene gives them.
+
+    Raises
+    ------
+    InputError
+        An option is not allowed.
+    """
+    return NiVoltages(read_options(NiOptions, NAME, options), backend)

@@ -1,0 +1,104 @@
+"""``virtual-ni-daqmx``: a board by NI in the virtual lab, with gauges and an accelerometer."""
+
+import socket
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from nidaqmx.error_codes import DAQmxErrors
+from nidaqmx.errors import DaqError
+
+from mmt.core.arrays import FloatArray
+from mmt.devices.adxl335.gravity import nominal
+from mmt.devices.ati.calibration_file import load_calibration_file
+from mmt.devices.drivers import read_options
+from mmt.testing.emulated.drivers import LAB, LabOptions, take_lab_options
+from mmt_devices.ni.driver import NiVoltages
+from mmt_devices.ni.emulated import INPUTS, EmulatedNi
+from mmt_devices.ni.options import NiOptions
+from mmt_devices.ni.virtual_lab import ANSWER_S, LARGEST_BYTES
+
+NAME: Final = "virtual-ni-daqmx"
+GAUGES: Final = slice(0, 6)
+AXES: Final = [6, 7, 14]
+"""Inputs of the gauges, each against its partner, and of the accelerometer, against ground."""
+_OFFSET_V: Final = 0.2
+_VOLTS_PER_N: Final = 0.5 * np.eye(6, 3)
+"""Without a calibration file: gauge k measures the force along axis k."""
+
+
+class VirtualNiOptions(LabOptions):
+    """What the first device that is connected makes of the lab, and what is wired to the board."""
+
+    calibration_file: Path | None = None
+    """The ``.cal`` file of the force sensor whose gauges it has; None for 2 N a volt."""
+
+
+@dataclass
+class _LabInputs:
+    """What lies at the board's inputs: asked of the lab, which is another process."""
+
+    port: int = 0
+    volts_per_n: FloatArray = field(default_factory=lambda: _VOLTS_PER_N)
+
+    def __call__(self, times_ns: Sequence[int]) -> FloatArray:
+        """Return them as `EmulatedNi` wants them."""
+        felt = self._ask(times_ns)
+        volts = np.zeros((len(times_ns), INPUTS))
+        volts[:, GAUGES] = felt[:, :3] @ self.volts_per_n.T + _OFFSET_V
+        sensor = nominal(3.3)
+        volts[:, AXES] = np.array(sensor.zero_v) + sensor.gain_v_per_m_s2 * felt[:, 3:]
+        return volts
+
+    def _ask(self, times_ns: Sequence[int]) -> FloatArray:
+        """Return force and acceleration, shape (n, 6)."""
+        try:
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
+                link.settimeout(ANSWER_S)
+                link.connect(("127.0.0.1", self.port))
+                link.send(np.array(times_ns, dtype="<i8").tobytes())
+                return np.frombuffer(link.recv(LARGEST_BYTES), dtype="<f8").reshape(-1, 6)
+        except OSError as error:
+            raise DaqError(
+                "The virtual lab has ended.", DAQmxErrors.DEV_CANNOT_BE_ACCESSED
+            ) from error
+
+
+_INPUTS: Final = _LabInputs()
+_BOARD: Final = EmulatedNi(_INPUTS, clock_ppm=50.0)
+"""One for all drivers of this process."""
+
+
+class VirtualNi(NiVoltages):
+    """The board of the virtual lab; it takes the options of ``ni-daqmx`` too.
+
+    Parameters
+    ----------
+    **options
+        Those, and `VirtualNiOptions`.
+
+    Raises
+    ------
+    InputError
+        An option is not allowed.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        self._lab = take_lab_options(VirtualNiOptions, NAME, options)
+        super().__init__(read_options(NiOptions, NAME, options), _BOARD)
+        file = self._lab.calibration_file
+        self._matrix = None if file is None else np.array(load_calibration_file(file).matrix)
+
+    def connect(self) -> None:
+        """Start the lab, and the board's task."""
+        _INPUTS.port = LAB.address(self, "ni", *self._lab.arguments)["port"]
+        if self._matrix is not None:
+            _INPUTS.volts_per_n = np.linalg.inv(self._matrix).astype(np.float64)[:, :3]
+        super().connect()
+
+    def close(self) -> None:
+        """Let the board go and leave the lab; calling it twice is harmless."""
+        super().close()
+        LAB.leave(self)

@@ -1,0 +1,420 @@
+"""A board by NI, emulated beneath NI's own package: gauges and an accelerometer in one task."""
+
+import asyncio
+import math
+import re
+import time
+import tomllib
+from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from nano17_files import write_calibration
+from running_source import RunningSource
+from sensor_reading import read_some, read_until, read_until_fault
+from service_runs import Together, small_scene
+
+from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.core.frames import acceleration_samples
+from mmt.devices import board_sharing
+from mmt.devices.adxl335.gravity import GRAVITY_M_S2, nominal
+from mmt.devices.discovery import FoundPort
+from mmt.devices.drivers import load_device
+from mmt.session import read_session
+from mmt.testing.emulated.drivers import LAB
+
+pytest.importorskip("nidaqmx", reason="nidaqmx is not installed: pip install -e '.[ni]'")
+
+import nidaqmx._lib
+from nidaqmx.errors import DaqError
+
+from mmt_devices.ni import daqmx, driver
+from mmt_devices.ni.emulated import INPUTS, EmulatedNi
+from mmt_devices.ni.options import NiOptions
+
+PAGE = Path(__file__).parents[2] / "docs/how-to/ni.md"
+LEVELS = 0.1 * np.arange(INPUTS)
+
+
+@pytest.fixture(autouse=True)
+def own_calibrations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+
+
+@pytest.fixture
+def closing() -> Iterator[Callable]:
+    before = list(board_sharing._OPEN)
+    opened: list[Any] = []
+
+    def keep(device: Any) -> Any:
+        opened.append(device)
+        return device
+
+    yield keep
+    for device in opened:
+        device.close()
+    assert before == board_sharing._OPEN  # the last reader has ended the task
+
+
+def level(times_ns: Sequence[int]) -> np.ndarray:
+    return np.tile(LEVELS, (len(times_ns), 1))
+
+
+def inputs(*numbers: int, backend: EmulatedNi, **options: Any) -> Any:
+    return load_device("ni-daqmx", {"inputs": numbers, "backend": backend, **options})
+
+
+# --- the board
+
+
+def test_inputs_are_measured_against_ground_or_their_partners_at_the_boards_rate(closing) -> None:
+    box = EmulatedNi(level)
+    reader = closing(inputs(3, 0, backend=box, rate_hz=3000.0))
+    single = closing(inputs(14, 6, backend=box, terminals="rse", rate_hz=3000.0))
+    reader.connect()
+    single.connect()
+    assert box.channels == 4  # in one task
+    assert reader.serial == single.serial == "ni-1A2B3C"
+    readings, others = read_some(reader, 300), read_some(single, 300)
+    assert np.mean([volts for _, volts in readings], axis=0) == pytest.approx([-0.8] * 2, abs=1e-3)
+    assert np.mean([volts for _, volts in others], axis=0) == pytest.approx([1.4, 0.6], abs=1e-3)
+    stamps = np.array([time_ns for time_ns, _ in readings])
+    assert np.diff(stamps) == pytest.approx(6666 / 20e6 * 1e9, abs=1)  # the next rate it has
+    assert {time_ns for time_ns, _ in others} & set(stamps.tolist())
+    assert reader.faults == {}
+
+
+def test_the_thread_waits_and_the_reader_does_not(closing) -> None:
+    box = EmulatedNi(level)
+    reader = closing(inputs(0, backend=box, rate_hz=100.0))
+    reader.connect()
+    read_some(reader, 3)
+    began_ns = time.thread_time_ns()
+    for _ in range(20):
+        reader.read()
+    assert time.thread_time_ns() - began_ns < 10_000_000
+    assert 0 <= time.monotonic_ns() - reader.arrival_ns < 5_000_000_000
+
+
+def test_a_board_that_is_read_too_late_says_so_and_goes_on(closing, caplog) -> None:
+    box = EmulatedNi(level)
+    reader = closing(inputs(0, 1, backend=box))
+    reader.connect()
+    before = read_some(reader, 50)
+    box.lag(10_000)  # of a buffer of 4000
+    after = read_until_fault(reader, "overruns")
+    after += read_some(reader, 50)
+    assert "was read too late" in caplog.text
+    assert reader.faults["overruns"] == 1
+    steps = [b.time_ns - a.time_ns for a, b in pairwise([*before, *after])]
+    assert min(steps) == 500_000
+    lost = reader.faults["lost scans"]
+    assert sum(steps) == 500_000 * (len(steps) + lost)
+
+
+def test_blocks_that_nobody_takes_are_counted(closing, monkeypatch) -> None:
+    monkeypatch.setattr("mmt_devices.ni.stream._MOST_WAITING", 20)
+    reader = closing(inputs(0, backend=EmulatedNi(level)))
+    reader.connect()
+    time.sleep(0.5)
+    read_until_fault(reader, "lost scans")
+
+
+def test_an_unplugged_board_is_lost_and_comes_back(closing) -> None:
+    box = EmulatedNi(level)
+    reader, other = closing(inputs(0, backend=box)), closing(inputs(1, backend=box))
+    reader.connect()
+    other.connect()
+    box.plugged = False
+    for each in (reader, other):
+        with pytest.raises(DeviceLost, match=r"NI Dev1 is gone: Device cannot be .*-201003"):
+            read_until(each, lambda _: False)
+        with pytest.raises(MmtError, match="there is no board by NI: plug it in; there is none"):
+            each.connect()
+    box.plugged = True
+    for each in (reader, other):
+        each.connect()
+        assert read_some(each, 5)
+    assert box.channels == 2
+    reader.close()
+    with pytest.raises(DeviceLost, match="is not open"):
+        reader.read()
+
+
+def test_a_board_that_gives_nothing_is_lost(closing) -> None:
+    box = EmulatedNi(level)
+    reader = closing(inputs(0, backend=box))
+    reader.connect()
+    box.stalled = True
+    with pytest.raises(DeviceLost, match="have not yet been acquired"):
+        read_until(reader, lambda _: False)
+    box.stalled = False
+    reader.connect()
+    assert read_some(reader, 5)
+
+
+def test_what_one_task_cannot_do_is_refused_and_the_other_goes_on(closing) -> None:
+    box = EmulatedNi(level)
+    first = closing(inputs(0, 1, backend=box))
+    first.connect()
+    for wrong, words in (
+        (inputs(1, 2, backend=box), "shared by 2 drivers: ai1 belongs to another driver"),
+        (inputs(2, backend=box, rate_hz=1000.0), "1000 scans a second, another for 2000"),
+        (inputs(2, 40, backend=box), "Dev1 has no ai40, but 16 inputs from ai0 on"),
+    ):
+        with pytest.raises(InputError, match=words):
+            wrong.connect()
+    with pytest.raises(MmtError, match="AI_TermCfg Possible Values: DAQmx_Val_RSE"):
+        inputs(9, backend=box).connect()
+    first.close()
+    first.connect()
+    assert read_some(first, 5)
+    first.close()
+    with pytest.raises(InputError, match=r"1100000 samples a second .* 1000000 that Dev1 \(USB-62"):
+        inputs(*range(22), backend=Larger(level), rate_hz=50_000.0).connect()
+
+
+class Larger(EmulatedNi):
+    """With more inputs."""
+
+    def get_device_attribute_string(self, device_name: str, attribute: int) -> str:
+        said = super().get_device_attribute_string(device_name, attribute)
+        return said if attribute == 0x631 else f"{said}, {device_name}/ai16:31"
+
+
+def test_which_board_is_told_where_there_are_several(closing) -> None:
+    box = EmulatedNi(level)
+    box.name = "Dev1, Dev2"
+    with pytest.raises(InputError, match=r"2 boards by NI: .*'device': Dev1 \(USB-6251\), Dev2"):
+        inputs(0, backend=box).connect()
+    with pytest.raises(MmtError, match=r"no board by NI named Dev7: .* Dev2 \(USB-6251\)"):
+        inputs(0, backend=box, device="Dev7").connect()
+    second = closing(inputs(0, backend=box, device="Dev2"))
+    second.connect()
+    assert read_some(second, 5)
+
+
+def test_a_board_that_another_program_has_is_told(closing) -> None:
+    box = EmulatedNi(level)
+    task = box.task()
+    task.start()
+    with pytest.raises(MmtError, match="another program has it: close that one"):
+        inputs(0, backend=box).connect()
+    task.close()
+
+
+# --- what there is, and what is missing
+
+
+def test_boards_are_listed_and_a_missing_driver_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert daqmx.find_ports(EmulatedNi(level)) == [FoundPort("Dev1", "USB-6251", "1A2B3C", "")]
+    monkeypatch.setattr("nidaqmx._library_interpreter.lib_importer", nidaqmx._lib.DaqLibImporter())
+    monkeypatch.setattr("nidaqmx._lib.find_library", lambda _name: None)
+    assert re.search(r"NI-DAQmx, which is not installed; .* -m nidaqmx inst", driver.missing())
+    with pytest.raises(MmtError, match="NI-DAQmx, which is not installed"):
+        load_device("ni-daqmx").connect()
+
+
+ANYTHING = st.one_of(
+    st.none(), st.booleans(), st.integers(-5, 300), st.floats(), st.text(max_size=8),
+    st.sampled_from(["rse", "differential", "Dev1"]), st.lists(st.integers(-2, 260), max_size=40),
+)  # fmt: skip
+
+
+@given(st.dictionaries(st.sampled_from([*NiOptions.model_fields, "foo"]), ANYTHING))
+def test_any_options_are_taken_in_their_bounds_or_refused_by_name(options: dict[str, Any]) -> None:
+    try:
+        board = load_device("ni-daqmx", options)
+    except InputError as error:
+        refused = str(error)
+    else:
+        refused = ""
+    if refused:
+        assert any(name in refused for name in options)
+        return
+    assert 1 <= board.inputs <= 32
+    assert 100.0 <= board.rate_hz <= 50_000.0
+    assert 0.05 <= board.limit_v <= 10.0
+    assert all(0 <= number <= 255 for number, _, _ in board.channels)
+    assert len(set(board.channels)) == board.inputs
+
+
+@given(st.text(), st.integers(-300_000, -1))
+def test_any_error_of_ni_daqmx_is_one_line(text: str, code: int) -> None:
+    said = daqmx.explain(DaqError(f"It failed.\n\n{text}\n\nTask Name: _unnamedTask<0>", code))
+    assert len(said.splitlines()) == 1
+    assert code == -50103 or said.startswith("It failed.")
+
+
+def test_the_page_has_every_option_and_its_scene_loads(tmp_path: Path) -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    assert all(f"`{option}`" in page for option in NiOptions.model_fields)
+    (block,) = re.findall(r"^```toml\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    tables = tomllib.loads(block)["devices"]
+    tables["force_sensor"]["calibration_file"] = str(write_calibration(tmp_path))
+    made = {}
+    for role, table in tables.items():
+        made[role] = load_device(table.pop("driver"), table, role=role)
+    taken = [number for each in made.values() for number, _, _ in each._board.channels]
+    assert taken == [0, 1, 2, 3, 4, 5, 6, 7, 14]
+    assert all(made["force_sensor"]._board.rate_hz == each._board.rate_hz for each in made.values())
+
+
+# --- the whole follower
+
+
+class Bench(RunningSource):
+    """An emulated board that carries six gauges and an accelerometer, and a source on both."""
+
+    def __init__(self, tmp_path: Path, rate_hz: float, samples: int, fast_hz: float) -> None:
+        self.pressed = False
+        self._fast_hz = fast_hz
+        self.box = EmulatedNi(self._volts, clock_ppm=60.0)
+        common = {"driver": "ni-daqmx", "backend": self.box, "rate_hz": rate_hz}
+        file = write_calibration(tmp_path)
+        self.gauges = load_device("ati-gauges", {"calibration_file": file, "board": common})
+        board = {**common, "inputs": [6, 7, 14], "terminals": "rse"}
+        self.accelerometer = load_device("adxl335-board", {"board": board, "bandwidth_hz": 1600})
+        super().__init__(self.gauges, self.accelerometer, samples_per_frame=samples)
+
+    def force_n(self, times_ns: np.ndarray) -> np.ndarray:
+        return 2.0 + np.sin(10e-9 * math.pi * times_ns)
+
+    def acceleration_m_s2(self, times_ns: np.ndarray) -> np.ndarray:
+        slow, fast = (math.tau * f * times_ns * 1e-9 for f in (50.0, self._fast_hz))
+        felt = [10.0 * np.sin(slow), 5.0 * np.sin(fast), np.full(len(times_ns), GRAVITY_M_S2)]
+        return np.array(felt).T
+
+    def _volts(self, times_ns: Sequence[int]) -> np.ndarray:
+        times = np.array(times_ns)
+        volts = np.zeros((len(times), INPUTS))
+        zero, gain, _ = nominal(3.3)
+        if self.pressed:
+            volts[:, 2] = 0.5 * self.force_n(times)
+        delayed = times - self.accelerometer.latency_ns  # by the sensor's own filter
+        volts[:, [6, 7, 14]] = zero + gain * self.acceleration_m_s2(delayed)
+        return volts
+
+
+@pytest.fixture
+def bench_of(tmp_path: Path) -> Iterator[Callable[..., Bench]]:
+    made: list[Bench] = []
+
+    def make(*arguments: Any) -> Bench:
+        made.append(Bench(tmp_path, *arguments))
+        made[0].start()
+        made[0].pressed = True
+        made[0].run(lambda number: number >= 50)  # some are still from before
+        return made[0]
+
+    yield make
+    made[0].source.close()
+    assert made[0].box.channels == 0
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "samples", "fast_hz"),
+    [(2000.0, 1, 300.0), (6000.0, 5, 1300.0)],
+)
+def test_one_board_carries_gauges_and_accelerometer_into_frames(
+    bench_of, rate_hz: float, samples: int, fast_hz: float
+) -> None:
+    bench = bench_of(rate_hz, samples, fast_hz)
+    frames = bench.run(lambda number: number >= 600)
+    assert bench.box.channels == 9
+    assert np.median(np.diff(frames["time_ns"])) == pytest.approx(1e6, abs=1e4)
+    times = frames["time_ns"]
+    assert np.median(abs(frames["force_n"][:, 2] - bench.force_n(times))) < 0.05
+    assert abs(frames["force_n"][:, :2]).max() < 0.02
+    earlier_ns = np.arange(1 - samples, 1) * (1_000_000 / samples)
+    expected = bench.acceleration_m_s2((times[:, np.newaxis] + earlier_ns).ravel())
+    x, y, z = acceleration_samples(frames).T.astype(float)
+    assert np.median(abs(x - expected[:, 0])) < 1.5  # half a millisecond
+    assert np.std(y) == pytest.approx(np.std(expected[:, 1]), rel=0.15)
+    assert np.median(z) == pytest.approx(GRAVITY_M_S2, abs=0.1)
+    assert bench.told == []
+
+
+def test_an_unplugged_board_is_two_lost_sensors_which_both_come_back(bench_of) -> None:
+    bench = bench_of(2000.0, 1, 300.0)
+    bench.box.plugged = False
+    bench.run_until_told("force sensor.* NI Dev1 is gone", "accelerometer.* NI Dev1 is gone")
+    bench.box.plugged = True
+    bench.run(lambda _: not bench.is_lost)
+    frames = bench.run(lambda number: number >= 200)
+    assert np.median(abs(frames["force_n"][:, 2] - bench.force_n(frames["time_ns"]))) < 0.1
+
+
+def test_an_overrun_is_survived_and_counted(bench_of) -> None:
+    bench = bench_of(2000.0, 1, 300.0)
+    bench.box.lag(10_000)
+    bench.run(lambda _: bench.gauges.faults.get("board: overruns"))
+    frames = bench.run(lambda number: number >= 1500)
+    assert (
+        np.median(abs(frames["force_n"][-200:, 2] - bench.force_n(frames["time_ns"][-200:]))) < 0.1
+    )
+    assert bench.accelerometer.faults["overruns"] == 1
+
+
+# --- both services on the virtual board
+
+
+@pytest.mark.parametrize(("acceleration_hz", "rate_hz"), [(1000, 2000), (5000, 6000)])
+async def test_a_session_runs_on_the_virtual_board(
+    tmp_path: Path, acceleration_hz: int, rate_hz: int
+) -> None:
+    lab = {"surface": "wood", "acceleration_rate_hz": acceleration_hz}
+    file = str(write_calibration(tmp_path))
+    board = {"driver": "virtual-ni-daqmx", "rate_hz": rate_hz, **lab}
+    gauges = {**board, "calibration_file": file}
+    axes = {**board, "inputs": [6, 7, 14], "terminals": "rse"}
+    scene = small_scene(
+        tmp_path,
+        link={"port": 0, "patience_s": 20.0},
+        session={"duration_s": 100.0, "acceleration_rate_hz": acceleration_hz},
+        simulated=None,
+        devices={
+            "on_lost": "hold",
+            "robot": {"driver": "virtual-robot", **lab},
+            "force_sensor": {"driver": "ati-gauges", "calibration_file": file, "board": gauges},
+            "accelerometer": {"driver": "adxl335-board", "bandwidth_hz": 1600, "board": axes},
+        },
+    )
+    together = Together.of(scene)
+    await together.listen()
+    following = asyncio.create_task(together.follow())
+    await together.until(  # on a busy machine frames are rare
+        lambda: together.leader.time_s > 3.0 and together.leader.status().frames > 500
+    )
+    together.leader.stop()
+    leader, follower = await together.end(), await following
+    assert (leader.problem, follower.problem) == (None, None)
+    frames = read_session(tmp_path / "session.mcap").frames
+    assert frames["force_n"][:, 2].max() > 0.1  # the hand has pressed on the surface
+    felt = acceleration_samples(frames).reshape(len(frames), -1, 3)
+    assert felt.shape[1] == acceleration_hz // 1000
+    assert np.std(felt[..., 0]) > 0.01
+    assert np.median(felt[..., 2]) == pytest.approx(GRAVITY_M_S2, abs=0.5)
+
+
+def test_options_of_the_virtual_board_are_checked() -> None:
+    for wrong, words in (({"foo": 1}, "foo is not a key"), ({"seed": "x"}, "seed")):
+        with pytest.raises(InputError, match=f"'virtual-ni-daqmx': {words}"):
+            load_device("virtual-ni-daqmx", wrong)
+
+
+def test_a_lab_that_ends_is_a_lost_board_which_comes_back(closing) -> None:
+    board = closing(load_device("virtual-ni-daqmx", {"seed": 3}))
+    board.connect()
+    assert np.mean([volts for _, volts in read_some(board)]) == pytest.approx(0.2, abs=1e-3)
+    assert LAB._process is not None
+    LAB._process.kill()
+    with pytest.raises(DeviceLost, match="The virtual lab has ended"):
+        read_until(board, lambda _: False)
+    board.connect()
+    assert read_some(board)
