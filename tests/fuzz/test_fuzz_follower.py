@@ -2,7 +2,7 @@
 
 import asyncio
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import fuzzing
@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 
 from mmt.devices.protocols import Vector
 from mmt.follower.service import Follower
+from mmt.link.connection import LeaderConnection
+from mmt.link.websocket import Handlers
 from mmt.scene.files import scene_from_tables
 
 LIMIT_MM_S = 200.0
@@ -31,7 +33,7 @@ class Watched:
         self.service = Follower(scene_from_tables(tables))
         self.service.source.start(0)
         self.client = self.service.client
-        self.client._endpoint.restart()
+        self.handlers: dict[str, Callable[..., None]] = {}
         self._step = self.service.source.step
         self.service.source.step = self._note  # type: ignore[method-assign]
 
@@ -40,18 +42,19 @@ class Watched:
             self.told.append(command)
         return self._step(elapsed, now_ns, command)
 
-    def take(self, event: str, arguments: list[Any]) -> None:
-        """Hand an event over as the library does."""
-        handlers = {
-            "commands": self.client._on_commands,
-            "welcome": self.client._on_welcome,
-            "stop": self.client._on_stop,
-            "network": self.client._on_network,
-            "missing": self.client._on_missing,
-            "clock": self.client._clock.handle_response,
-        }
-        if event in handlers:
-            handlers[event](*arguments)
+    async def connect(self) -> None:
+        """Take the place of the library, which a leader's events come from."""
+
+        async def open_(_: Any, handlers: Handlers, frequent: Handlers, timeout_s: float) -> None:
+            self.handlers = {**handlers, **frequent}
+
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(LeaderConnection, "open", open_)
+            await self.client.connect(1.0)
+        self.client.endpoint.restart()
+
+    def tick(self) -> None:
+        self.service._tick(1)  # its run would need a leader, and a second for each example
 
 
 @pytest.fixture(scope="module")
@@ -66,19 +69,21 @@ def test_nothing_that_a_leader_sends_ends_the_follower_or_moves_the_robot_too_fa
     def attack(messages: list[tuple[str, list[Any]]]) -> None:
         async def session() -> None:
             watched = Watched()
+            await watched.connect()
             for event, arguments in messages:
-                watched.take(event, arguments)
-                watched.service._tick(1)
+                if event in watched.handlers:
+                    watched.handlers[event](*arguments)
+                watched.tick()
                 await asyncio.sleep(0)
             for _ in range(5):
-                watched.service._tick(1)
+                watched.tick()
             assert watched.service.ending.fault is None
             assert all(math.isfinite(value) for told in watched.told for value in told)
             steps = zip(watched.told, watched.told[1:], strict=False)
             assert all(math.dist(a, b) <= LIMIT_MM_S / 1000 * 1.01 for a, b in steps)
             assert watched.client.statistics is not None
             await watched.client.disconnect()
-            watched.service._close_source()
+            watched.service.source.close()
 
         runner.run(session())
 

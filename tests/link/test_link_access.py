@@ -13,7 +13,7 @@ import aiohttp
 import pytest
 import trustme
 import yarl
-from link_samples import CHANNELS, FollowerNotes, LeaderNotes, frames, hello, until
+from link_samples import CHANNELS, FollowerNotes, LeaderNotes, frames, hello, leader, until, wire
 
 from mmt.core.errors import InputError, MmtError
 from mmt.link.access import FOLLOWERS, TOKEN_VARIABLE, Access, check_listening, check_scheme
@@ -163,11 +163,14 @@ async def test_a_token_that_nobody_asks_for_is_no_reason_to_refuse() -> None:
 
 
 async def test_the_token_is_asked_for_again_after_a_break(token_file: Path) -> None:
-    async with listening(Link(port=0, token_file=token_file)) as url:
+    async with (
+        leader(token_file=token_file) as server,
+        wire(server.port) as relay,
+    ):
+        url = f"http://127.0.0.1:{relay.port}"
         follower = FollowerClient(url, hello(), FollowerNotes().events(), access=Access(TOKEN))
         await follower.connect(5.0)
-        assert follower._connection.line is not None
-        await follower._connection.line.client.eio.ws.close()
+        relay.cut()
         await until(lambda: not follower.connected)
         await until(lambda: follower.connected)
         await follower.disconnect()

@@ -179,7 +179,7 @@ async def test_the_leader_asks_and_is_answered_while_frames_stream() -> None:
         leader(events=events) as server,
         follower(server.port, FollowerNotes(), keep_frames=50) as client,
     ):
-        await until(lambda: server._endpoint.outbox.is_open)
+        await until(lambda: server.can_send)
         client.send_frames(frames(0, 100))
         server.request_frames([(0, 3), (60, 80)])
         await until(lambda: filled and gone)
@@ -201,9 +201,8 @@ async def test_malformed_back_fill_is_rejected(payload: object) -> None:
         on_error=notes.errors.append,
     )
     async with leader(events=events) as server, follower(server.port) as client:
-        assert client._connection.line is not None
         for event in ("backfill", "gone", "settle"):
-            await client._connection.line.client.emit(event, payload)
+            client.endpoint.outbox.put(0, encode_event(event, payload))
         client.send_frames(frames(0))
         await until(lambda: notes.sequences == [0])
         await until(lambda: "malformed settle" in server.statistics.rejected)
@@ -220,8 +219,7 @@ async def test_frames_that_cannot_be_measured_are_given_up_where_they_are_filled
         block["force_n"][1, 2] = np.nan
         block["position_mm"][2, 0] = 1e30
         block["time_ns"][5] = -1
-        assert client._connection.line is not None
-        await client._connection.line.client.emit("backfill", block.tobytes())
+        client.endpoint.outbox.put(0, encode_event("backfill", block.tobytes()))
         await until(lambda: filled)
         assert filled[0]["sequence"].tolist() == [5, 8, 9]
         assert gone == [[(6, 8), (10, 11)]]

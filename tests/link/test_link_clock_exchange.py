@@ -40,7 +40,7 @@ class Linked:
 
     async def exchanged(self, count: int) -> None:
         """Wait for so many exchanges on both sides."""
-        clocks = (self.server.clock, self.client._clock)
+        clocks = (self.server.clock, self.client.clock)
         goal = [clock.statistics["exchanges"] + count for clock in clocks]
         await until(
             lambda: all(
@@ -72,7 +72,7 @@ async def linked(
     )
     try:
         await client.connect(10.0)
-        await until(lambda: server._endpoint.outbox.is_open)
+        await until(lambda: server.can_send)
         yield Linked(server, client, up, down, jumps)
     finally:
         await client.disconnect()
@@ -221,11 +221,12 @@ def test_no_answer_kills_the_follower(answers: list[object]) -> None:
     assert clock.statistics["exchanges"] <= 4
 
 
-def test_an_answer_to_no_question_is_passed_over() -> None:
+async def test_an_answer_to_no_question_is_passed_over() -> None:
     clock = ClockRequester(BlockReader(COMMAND_DTYPE, "commands"), SendQueue(10), lambda _: None)
-    clock._pending[7] = (1000,)
-    clock.handle_response(ANSWER.pack(7, 999, 5, 6))
-    clock.handle_response(ANSWER.pack(8, 1000, 5, 6))
+    clock.start(1.0)
+    for number in (1, 2):  # the first is asked, at another time
+        clock.handle_response(ANSWER.pack(number, 999, 5, 6))
+    clock.stop()
     assert clock.statistics["exchanges"] == 0
 
 
@@ -239,8 +240,8 @@ def test_too_many_questions_are_rejected() -> None:
 
 async def test_a_malformed_stamp_from_the_other_side_is_counted() -> None:
     async with linked() as link:
-        link.client._endpoint.outbox.put(0, encode_event("clock", b"short"))
-        link.server._endpoint.outbox.put(0, encode_event("clock", b"short"))
+        link.client.endpoint.outbox.put(0, encode_event("clock", b"short"))
+        link.server.endpoint.outbox.put(0, encode_event("clock", b"short"))
         await until(lambda: link.server.statistics.rejected and link.client.statistics.rejected)
         assert link.server.statistics.rejected == {"malformed clock": 1}
         assert link.client.statistics.rejected == {"malformed clock": 1}

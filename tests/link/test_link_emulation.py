@@ -20,6 +20,7 @@ from link_samples import (
 import mmt.link.emulation
 from mmt.link.client import FollowerClient
 from mmt.link.emulation import EmulatedNetwork, EmulatedSendQueue
+from mmt.link.protocol import encode_event
 from mmt.link.server import LeaderServer
 from mmt.scene import Link, Network
 
@@ -157,7 +158,7 @@ class Linked:
         self.url = f"http://127.0.0.1:{self.server.port}"
         self.client = FollowerClient(self.url, hello(), self.down.events(), network=self.follows)
         await self.client.connect(10.0)
-        await until(lambda: self.server._endpoint.outbox.is_open)
+        await until(lambda: self.server.can_send)
         self.http = aiohttp.ClientSession()
         return self
 
@@ -249,7 +250,7 @@ async def test_wrong_settings_are_refused_with_a_sentence(
 @pytest.mark.parametrize("payload", [None, 3, {"delay_ms": "x"}, {"unknown": 1}, [{}]])
 async def test_a_malformed_event_changes_nothing_and_is_counted(payload: object) -> None:
     async with Linked(profile="lan") as link:
-        await link.server._host.server.emit("network", payload, to=link.server._slot.sid)
+        link.server.endpoint.outbox.put(0, encode_event("network", payload))
         await until(lambda: link.client.statistics.rejected)
         assert link.client.statistics.rejected == {"malformed network": 1}
         assert link.follows.settings == Network(profile="lan")

@@ -1,12 +1,10 @@
 """A follower, a leader or the wire between them goes away."""
 
 import asyncio
-import contextlib
 import gc
 import socket
 import struct
-from collections.abc import AsyncIterator, Mapping
-from contextlib import asynccontextmanager
+from collections.abc import Mapping
 from types import SimpleNamespace
 
 import pytest
@@ -20,6 +18,7 @@ from link_samples import (
     hello,
     leader,
     until,
+    wire,
 )
 
 import mmt.link.client
@@ -29,62 +28,6 @@ import mmt.link.websocket
 from mmt.core.errors import MmtError
 from mmt.link.client import FollowerClient
 from mmt.link.websocket import client_send
-
-
-class Wire:
-    """A TCP relay that can be cut, or fall silent without a word."""
-
-    def __init__(self, port: int) -> None:
-        self.target = port
-        self.port = 0
-        self.flowing = asyncio.Event()
-        self.flowing.set()
-        self.writers: list[asyncio.StreamWriter] = []
-        self.tasks: list[asyncio.Task[None]] = []
-
-    async def relay(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        try:
-            far_reader, far_writer = await asyncio.open_connection("127.0.0.1", self.target)
-        except OSError:
-            writer.close()
-            return
-        self.writers += [writer, far_writer]
-        self.tasks += [
-            asyncio.create_task(self.pump(reader, far_writer)),
-            asyncio.create_task(self.pump(far_reader, writer)),
-        ]
-
-    async def pump(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        with contextlib.suppress(ConnectionError):
-            while data := await reader.read(65_536):
-                await self.flowing.wait()
-                writer.write(data)
-                await writer.drain()
-        writer.close()
-
-    def cut(self) -> None:
-        for writer in self.writers:
-            writer.transport.abort()
-        self.writers.clear()
-
-    def fall_silent(self) -> None:
-        self.flowing.clear()
-
-
-@asynccontextmanager
-async def wire(port: int) -> AsyncIterator[Wire]:
-    relay = Wire(port)
-    server = await asyncio.start_server(relay.relay, "127.0.0.1", 0)
-    relay.port = server.sockets[0].getsockname()[1]
-    try:
-        yield relay
-    finally:
-        server.close()
-        relay.cut()
-        for task in relay.tasks:
-            task.cancel()
-        await asyncio.gather(*relay.tasks, return_exceptions=True)
-        await server.wait_closed()
 
 
 async def test_a_follower_that_dies_frees_its_place_at_once() -> None:
@@ -133,7 +76,7 @@ async def test_a_cut_link_is_taken_up_again_and_shows_as_a_gap() -> None:
         client.send_frames(frames(10, 5))  # nobody can take them
         server.send_commands(commands(0))
         assert client.statistics.dropped == 5
-        await until(lambda: client.connected and server._endpoint.outbox.is_open)
+        await until(lambda: client.connected and server.can_send)
         client.send_frames(frames(15, 5))
         server.send_commands(commands(1))
         await until(lambda: len(up.sequences) == 15 and down.sequences == [1])
@@ -285,7 +228,7 @@ async def test_where_the_library_hides_its_websocket_its_queue_is_used(
     )
     up, down = LeaderNotes(), FollowerNotes()
     async with leader(up) as server, follower(server.port, down) as client:
-        await until(lambda: server._endpoint.outbox.is_open)
+        await until(lambda: server.can_send)
         for sequence in range(20):
             client.send_frames(frames(sequence))
             server.send_commands(commands(sequence))
@@ -296,15 +239,14 @@ async def test_where_the_library_hides_its_websocket_its_queue_is_used(
 
 async def test_a_link_that_breaks_in_the_moment_it_is_closed_is_closed() -> None:
     notes = FollowerNotes()
-    async with leader() as server, follower(server.port, notes) as client:
-        connection = client._connection
-        assert connection.line is not None
-        await connection.line.client.eio.ws.close()
+    async with (
+        leader() as server,
+        wire(server.port) as relay,
+        follower(relay.port, notes) as client,
+    ):
+        relay.cut()
         await until(lambda: notes.losses)
-        restoring = connection._restoring
         await client.disconnect()
-        assert restoring is not None
-        assert restoring.done()
         await asyncio.sleep(0.5)  # longer than the first pause
         assert not server.connected
-        assert connection.line is None
+        assert not client.connected

@@ -185,7 +185,7 @@ async def test_a_follower_that_floods_is_cut_off_and_the_next_is_served(
         assert server.statistics.rejected["too fast"] > 0
         await client.disconnect()
         monkeypatch.setattr(
-            server._endpoint.rate_limit, "_due_ns", 0
+            server.endpoint.rate_limit, "_due_ns", 0
         )  # what the first owes would take 0.5 s
         async with follower(server.port) as good:
             good.send_frames(frames(0))
@@ -201,11 +201,11 @@ async def test_a_leader_that_floods_ends_the_follower_with_a_reason(
     monkeypatch.setattr(mmt.link.rate_limit, "GRACE_S", 0.05)
     notes = FollowerNotes()
     async with leader() as server, follower(server.port, notes) as client:
-        await until(lambda: server._endpoint.outbox.is_open)
+        await until(lambda: server.can_send)
         async with asyncio.timeout(30):
             while not notes.errors:
-                server._endpoint.outbox.put(1, encode_event("commands", b"x"))
-                server._endpoint.outbox.put(1, encode_event("commands", b"x"))
+                server.endpoint.outbox.put(1, encode_event("commands", b"x"))
+                server.endpoint.outbox.put(1, encode_event("commands", b"x"))
                 await asyncio.sleep(0)
         assert str(notes.errors[0]).startswith("the leader was cut off: it sent more than")
         assert client.statistics.rejected["too fast"] > 0

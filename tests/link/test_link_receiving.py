@@ -69,7 +69,7 @@ async def exchange(count: int) -> tuple[LeaderNotes, FollowerNotes]:
     """Send so many frames and commands, one a message, and a reason at the end."""
     up, down = LeaderNotes(), FollowerNotes()
     async with leader(up) as server, follower(server.port, down) as client:
-        await until(lambda: server._endpoint.outbox.is_open)
+        await until(lambda: server.can_send)
         for sequence in range(count):
             client.send_frames(frames(sequence))
             server.send_commands(commands(sequence))
@@ -166,10 +166,9 @@ async def test_an_event_by_a_name_of_the_library_reaches_none_of_its_handlers(
 ) -> None:
     up, down = LeaderNotes(), FollowerNotes()
     async with leader(up) as server, follower(server.port, down) as client:
-        await until(lambda: server._endpoint.outbox.is_open)
-        assert client._connection.line is not None
-        await client._connection.line.client.emit(event, argument)
-        await server._host.server.emit(event, argument)
+        await until(lambda: server.can_send)
+        for side in (client, server):
+            side.endpoint.outbox.put(0, encode_event(event, argument))
         client.send_frames(frames(0))
         server.send_commands(commands(0))
         await until(lambda: up.sequences == down.sequences == [0])

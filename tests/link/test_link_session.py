@@ -1,6 +1,7 @@
 import asyncio
 import time
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,11 +17,13 @@ from link_samples import (
     until,
 )
 
+import mmt.link.connection
 from mmt.core.errors import MmtError
 from mmt.core.frames import frame_dtype
 from mmt.link.client import FollowerClient
 from mmt.link.protocol import FollowerHello
 from mmt.link.server import LeaderEvents, LeaderServer
+from mmt.link.websocket import Send
 from mmt.scene import Link
 
 
@@ -29,7 +32,7 @@ async def test_frames_go_up_and_commands_come_down_unchanged() -> None:
     async with leader(up) as server, follower(server.port, down) as client:
         assert server.connected
         assert client.connected
-        await until(lambda: server._endpoint.outbox.is_open)
+        await until(lambda: server.can_send)
         for sequence in range(50):
             client.send_frames(frames(sequence))
             server.send_commands(commands(sequence))
@@ -53,7 +56,7 @@ async def test_the_hello_arrives_whole() -> None:
 async def test_both_sides_count_the_same() -> None:
     up, down = LeaderNotes(), FollowerNotes()
     async with leader(up) as server, follower(server.port, down) as client:
-        await until(lambda: server._endpoint.outbox.is_open)
+        await until(lambda: server.can_send)
         now_ns = time.monotonic_ns()
         for sequence in (0, 1, 2, 5, 6):
             client.send_frames(frames(sequence, time_ns=now_ns))
@@ -89,7 +92,7 @@ async def test_one_way_latency_is_unknown_between_different_clocks() -> None:
 async def test_the_round_trip_leaves_out_how_long_the_leader_held_the_echo() -> None:
     down = FollowerNotes()
     async with leader() as server, follower(server.port, down) as client:
-        await until(lambda: server._endpoint.outbox.is_open)
+        await until(lambda: server.can_send)
         echo = commands(0)
         echo["echo_time_ns"] = time.monotonic_ns() - 3_000_000_000
         echo["echo_age_ns"] = 2_900_000_000
@@ -119,7 +122,7 @@ async def test_frames_are_gathered_into_messages(size: int) -> None:
 async def test_a_long_block_is_split_at_the_largest_message() -> None:
     up, down = LeaderNotes(), FollowerNotes()
     async with leader(up) as server, follower(server.port, down) as client:
-        await until(lambda: server._endpoint.outbox.is_open)
+        await until(lambda: server.can_send)
         client.send_frames(frames(0, 250))
         server.send_commands(commands(0, 150))
         await until(lambda: len(up.sequences) == 250 and len(down.sequences) == 150)
@@ -130,7 +133,7 @@ async def test_a_long_block_is_split_at_the_largest_message() -> None:
 
 async def test_nothing_is_sent_for_an_empty_block() -> None:
     async with leader() as server, follower(server.port) as client:
-        await until(lambda: server._endpoint.outbox.is_open)
+        await until(lambda: server.can_send)
         client.send_frames(frames(0, 0))
         server.send_commands(commands(0, 0))
         await asyncio.sleep(0.05)
@@ -181,7 +184,7 @@ async def test_the_end_counts_what_was_lost_at_the_tail() -> None:
     async with leader(notes) as server, follower(server.port) as client:
         client.send_frames(frames(0, 10))
         await until(lambda: len(notes.sequences) == 10)
-        client._endpoint.outbox.close()
+        client.endpoint.outbox.close()
         client.send_frames(frames(10, 5))
         assert client.statistics.dropped == 5
         await client.end("done")
@@ -193,17 +196,21 @@ async def test_the_end_counts_what_was_lost_at_the_tail() -> None:
     assert notes.ends == ["done"]
 
 
-async def test_a_stalled_link_drops_the_oldest_and_says_how_many() -> None:
+async def test_a_stalled_link_drops_the_oldest_and_says_how_many(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     notes, gate = LeaderNotes(), asyncio.Event()
-    async with leader(notes) as server, follower(server.port) as client:
-        send = client._endpoint.outbox._send
-        assert send is not None
 
-        async def stalled(message: bytes) -> None:
+    def stalled(client: Any) -> Send:
+        async def send(message: bytes) -> None:
             await gate.wait()
-            await send(message)
+            await usual(client)(message)
 
-        client._endpoint.outbox.open(stalled)
+        return send
+
+    usual = mmt.link.connection.client_send
+    monkeypatch.setattr(mmt.link.connection, "client_send", stalled)
+    async with leader(notes) as server, follower(server.port) as client:
         for sequence in range(1200):
             client.send_frames(frames(sequence))
         assert client.statistics.dropped == 199  # the first is under way

@@ -124,7 +124,7 @@ async def test_frames_of_ten_samples_cross_the_link_and_come_again() -> None:
     ):
         client.send_frames(sent)
         await until(lambda: len(up.sequences) == 299)
-        await until(lambda: server._endpoint.outbox.is_open)
+        await until(lambda: server.can_send)
         server.request_frames([(0, 50)])
         await until(lambda: sum(map(len, filled)) == 49 and gone)
     assert np.array_equal(np.concatenate(up.blocks), np.delete(sent, 5))

@@ -210,8 +210,11 @@ async def test_a_follower_that_was_let_in_stays_whatever_strangers_do(
         await client.disconnect()
 
 
-async def test_a_crowd_comes_in_slowly_while_a_session_goes_on_and_all_are_served() -> None:
-    turn_s = mmt.link.accepting._TURN_S
+async def test_a_crowd_comes_in_slowly_while_a_session_goes_on_and_all_are_served(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    turn_s = 0.2
+    monkeypatch.setattr(mmt.link.accepting, "_TURN_S", turn_s)
     async with leader() as server:
 
         async def crowd_s() -> float:

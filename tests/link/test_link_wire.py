@@ -75,10 +75,11 @@ async def test_a_stock_client_can_take_the_followers_place() -> None:
         await client.emit("frames", struct.pack("<Iq6f", 0, 77, 1, 2, 3, 4, 5, 6))
         await until(lambda: up.blocks)
         server.send_commands(commands(9))
-        await server._host.server.emit("stop", {"reason": "enough"})
+        stopping = asyncio.create_task(server.request_stop("enough"))
         await until(lambda: len(heard) == 3)
         answer = await client.call("end", {"reason": "bye", "frames": 1}, timeout=5)
         await client.disconnect()
+        await stopping
     assert answer is None
     frame = up.blocks[0][0]
     assert (frame["sequence"], frame["time_ns"]) == (0, 77)

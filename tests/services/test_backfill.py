@@ -266,7 +266,7 @@ async def test_a_follower_that_is_started_anew_is_not_asked_for_what_the_old_one
 @contextmanager
 def nothing_sent(client: FollowerClient) -> Iterator[None]:
     """The network loses all that is sent meanwhile."""
-    outbox = client._endpoint.outbox
+    outbox = client.endpoint.outbox
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(outbox, "put", lambda *_: None)
         yield

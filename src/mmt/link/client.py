@@ -96,7 +96,7 @@ class FollowerClient:
     ) -> None:
         self._events = events
         self._network = network
-        self._endpoint = endpoint = Endpoint(
+        self.endpoint = endpoint = Endpoint(
             BlockReader(COMMAND_DTYPE, "commands"),
             _LIVE_MESSAGES_WAITING if hello.keep_frames else _MESSAGES_WAITING,
             hello.rate_hz,
@@ -107,7 +107,7 @@ class FollowerClient:
         )
         self._frames = FrameSender(hello, endpoint)
         self._clock_hz = clock_hz
-        self._clock = ClockRequester(endpoint.reader, endpoint.outbox, endpoint.notify_jump)
+        self.clock = ClockRequester(endpoint.reader, endpoint.outbox, endpoint.notify_jump)
         self._round_trip = TimeHistogram()
         self._connection = LeaderConnection(
             url,
@@ -128,7 +128,7 @@ class FollowerClient:
     @property
     def latency(self) -> TimeHistogram:
         """One-way latencies of the commands, where the clocks are known."""
-        return self._endpoint.reader.latency
+        return self.endpoint.reader.latency
 
     @property
     def round_trip(self) -> TimeHistogram:
@@ -138,11 +138,11 @@ class FollowerClient:
     @property
     def statistics(self) -> LinkStatistics:
         """Counts since the start; takes a few hundred microseconds to compute."""
-        endpoint = self._endpoint
+        endpoint = self.endpoint
         return endpoint.statistics(
             frames=endpoint.outbox.records,
             commands=endpoint.reader.records,
-            clock=self._clock.statistics,
+            clock=self.clock.statistics,
             round_trip=self._round_trip,
         )
 
@@ -167,9 +167,9 @@ class FollowerClient:
             NETWORK: self._on_network,
             MISSING: self._on_missing,
         }
-        frequent = {COMMANDS: self._on_commands, CLOCK: self._clock.handle_response}
-        if self._endpoint.extra is not None:
-            frequent[self._endpoint.extra.event] = self._endpoint.handle_extra
+        frequent = {COMMANDS: self._on_commands, CLOCK: self.clock.handle_response}
+        if self.endpoint.extra is not None:
+            frequent[self.endpoint.extra.event] = self.endpoint.handle_extra
         await self._connection.open(handlers, frequent, timeout_s)
 
     def send_frames(self, frames: RecordArray) -> None:
@@ -192,11 +192,11 @@ class FollowerClient:
 
     def send_extra(self, records: RecordArray) -> None:
         """Queue records (n,) of the scene's further event for the leader; never waits."""
-        self._endpoint.send_extra(records)
+        self.endpoint.send_extra(records)
 
     def send_event(self, sentence: str) -> None:
         """Have the leader record what has happened here; never waits, ignored without a link."""
-        self._endpoint.outbox.put(0, encode_event(EVENT, sentence))
+        self.endpoint.outbox.put(0, encode_event(EVENT, sentence))
 
     async def end(self, reason: str) -> None:
         """Send what is queued, announce the end of the session, and wait for the acknowledgement.
@@ -206,11 +206,11 @@ class FollowerClient:
         if self._ended or not self._connection.connected:
             return
         self._ended = True
-        self._clock.stop()
+        self.clock.stop()
         self._frames.flush()
         if self._frames.has_buffer:
             await self._settle()
-        await self._endpoint.outbox.finish(CLOSE_TIMEOUT_S)
+        await self.endpoint.outbox.finish(CLOSE_TIMEOUT_S)
         if not self.connected:
             return
         payload = {"reason": reason, "frames": self._frames.sent}
@@ -228,30 +228,30 @@ class FollowerClient:
     # --- the connection
 
     def _on_open(self, send: Send) -> None:
-        self._endpoint.restart()
-        self._endpoint.notify(self._events.on_open)
-        self._endpoint.outbox.open(send)
+        self.endpoint.restart()
+        self.endpoint.notify(self._events.on_open)
+        self.endpoint.outbox.open(send)
         self._frames.open()
 
     def _on_broken(self, reason: str) -> None:
         self._stop_sending()
         if not self._ended and not self._stop_requested:
-            self._endpoint.notify(self._events.on_lost, reason)
+            self.endpoint.notify(self._events.on_lost, reason)
 
     def _on_rate_exceeded(self, fault: MmtError) -> None:
         self._ended = True  # a peer that floods is not reconnected to
         self._events.on_error(MmtError(f"the leader was cut off: {fault}"))
 
     def _stop_sending(self) -> None:
-        self._clock.stop()
-        self._endpoint.outbox.close()
+        self.clock.stop()
+        self.endpoint.outbox.close()
         self._frames.close()
 
     async def _settle(self) -> None:
         """Send what the leader lacks of the frames so far, again where that is lost as well."""
         deadline_s = time.monotonic() + SETTLE_S
         while time.monotonic() < deadline_s:
-            await self._endpoint.outbox.flush(CLOSE_TIMEOUT_S)
+            await self.endpoint.outbox.flush(CLOSE_TIMEOUT_S)
             try:
                 answer = await self._connection.request(
                     SETTLE, {"frames": self._frames.sent}, _SETTLED_S
@@ -268,27 +268,27 @@ class FollowerClient:
         payload = argument_of(arguments)
         if not isinstance(payload, Mapping):
             return
-        self._clock.start_connection(payload.get("clock_id"))
-        self._clock.start(self._clock_hz)
+        self.clock.start_connection(payload.get("clock_id"))
+        self.clock.start(self._clock_hz)
         session_id = payload.get("session_id")
         if isinstance(session_id, str) and session_id:
-            self._endpoint.notify(self._events.on_session, peer_text(session_id))
+            self.endpoint.notify(self._events.on_session, peer_text(session_id))
 
     def _on_commands(self, *arguments: object) -> None:
         arrival_ns = time.monotonic_ns()
-        block = self._endpoint.reader.read(arguments, arrival_ns)
+        block = self.endpoint.reader.read(arguments, arrival_ns)
         if block is None:
             return
         data = block.tobytes()  # the array's own buffer takes forty times as long to describe
         echo_time_ns, echo_age_ns = _ECHO.unpack_from(data, len(data) + _ECHO_FROM_END)
         if echo_time_ns:
             self._round_trip.add(arrival_ns - echo_time_ns - echo_age_ns)
-        self._endpoint.notify(self._events.on_commands, block, arrival_ns)
+        self.endpoint.notify(self._events.on_commands, block, arrival_ns)
 
     def _on_stop(self, *arguments: object) -> None:
         self._stop_requested = True
         reason = reason_of(argument_of(arguments))
-        self._endpoint.notify(self._events.on_stop, reason or "no reason given")
+        self.endpoint.notify(self._events.on_stop, reason or "no reason given")
 
     def _on_missing(self, *arguments: object) -> None:
         self._frames.request(argument_of(arguments))
@@ -298,4 +298,4 @@ class FollowerClient:
             try:
                 self._network.change(argument_of(arguments))
             except InputError:
-                self._endpoint.reader.reject("malformed network")
+                self.endpoint.reader.reject("malformed network")

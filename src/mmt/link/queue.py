@@ -108,7 +108,8 @@ class SendQueue:
     def close(self) -> None:
         """Stop sending at once; what is still queued counts as dropped."""
         if self._task is not None:
-            self._task.cancel()
+            if not self._task.done():  # to cancel one that has failed would hide its error
+                self._task.cancel()
             self._task = None
         self.dropped += sum(records for records, _ in self._waiting)
         self._waiting.clear()

@@ -98,7 +98,7 @@ class LeaderServer:
         access = Access.of(settings)
         channels = ordered_channels(channels)
         dtype = frame_dtype(channels, samples_per_frame)
-        self._endpoint = endpoint = Endpoint(
+        self.endpoint = endpoint = Endpoint(
             BlockReader(dtype, "frames", shortest_period_ns(rate_hz, fastest)),
             math.ceil(_COMMANDS_WAIT_S * rate_hz),
             rate_hz,
@@ -148,12 +148,12 @@ class LeaderServer:
     @property
     def latency(self) -> TimeHistogram:
         """One-way latencies of the frames, where the clocks are known."""
-        return self._endpoint.reader.latency
+        return self.endpoint.reader.latency
 
     @property
     def statistics(self) -> LinkStatistics:
         """Counts since the start; takes a few hundred microseconds to compute."""
-        endpoint = self._endpoint
+        endpoint = self.endpoint
         return endpoint.statistics(
             frames=endpoint.reader.records,
             commands=endpoint.outbox.records,
@@ -180,7 +180,7 @@ class LeaderServer:
     async def stop(self) -> None:
         """Drop the follower, if there is one, and stop listening."""
         self._handshake.close()
-        self._endpoint.outbox.close()
+        self.endpoint.outbox.close()
         await self._host.stop()
 
     def send_commands(self, commands: RecordArray) -> None:
@@ -202,31 +202,31 @@ class LeaderServer:
         if commands.dtype != COMMAND_DTYPE:
             message = f"commands are of dtype {commands.dtype}: allowed is COMMAND_DTYPE"
             raise ValueError(message)
-        if self._can_send:
-            self._endpoint.send(COMMANDS, commands.tobytes(), COMMAND_DTYPE.itemsize)
+        if self.can_send:
+            self.endpoint.send(COMMANDS, commands.tobytes(), COMMAND_DTYPE.itemsize)
 
     def request_frames(self, ranges: Iterable[Range]) -> None:
         """Request frames that did not arrive; ignored without a follower."""
-        if self._can_send:
-            self._backfill.request(self._endpoint.outbox, ranges)
+        if self.can_send:
+            self._backfill.request(self.endpoint.outbox, ranges)
 
     def send_extra(self, records: RecordArray) -> None:
         """Queue records (n,) of the scene's further event for the follower; never waits."""
-        if self._can_send:
-            self._endpoint.send_extra(records)
+        if self.can_send:
+            self.endpoint.send_extra(records)
 
     @property
-    def _can_send(self) -> bool:
+    def can_send(self) -> bool:
         """Whether a follower is connected and its send queue is open."""
-        return self._slot.sid is not None and self._endpoint.outbox.is_open
+        return self._slot.sid is not None and self.endpoint.outbox.is_open
 
     # --- what the follower sends
 
     def _register(self) -> dict[str, Callable[..., None]]:
         """Register the handlers at the library; return those of frequent events."""
         frequent = {FRAMES: self._on_frames, CLOCK: self._on_clock}
-        if self._endpoint.extra is not None:
-            frequent[self._endpoint.extra.event] = self._on_extra
+        if self.endpoint.extra is not None:
+            frequent[self.endpoint.extra.event] = self._on_extra
         for event, handler in {**frequent, EVENT: self._on_event, END: self._on_end}.items():
             self._host.server.on(event, handler)
         return frequent
@@ -235,9 +235,9 @@ class LeaderServer:
         arrival_ns = time.monotonic_ns()
         if not self._slot.expects(sid):
             return
-        block = self._endpoint.reader.read(arguments, arrival_ns)
+        block = self.endpoint.reader.read(arguments, arrival_ns)
         if block is not None:
-            self._endpoint.notify(self._events.on_frames, block, arrival_ns)
+            self.endpoint.notify(self._events.on_frames, block, arrival_ns)
 
     def _on_clock(self, sid: str, *arguments: object) -> None:
         if self._slot.expects(sid):
@@ -245,16 +245,16 @@ class LeaderServer:
 
     def _on_extra(self, sid: str, *arguments: object) -> None:
         if self._slot.expects(sid):
-            self._endpoint.handle_extra(*arguments)
+            self.endpoint.handle_extra(*arguments)
 
     def _on_event(self, sid: str, *arguments: object) -> None:
         sentence = argument_of(arguments)
         if not self._slot.expects(sid):
             return
         if isinstance(sentence, str):
-            self._endpoint.notify(self._events.on_event, peer_text(sentence))
+            self.endpoint.notify(self._events.on_event, peer_text(sentence))
         else:
-            self._endpoint.reader.reject("malformed event")
+            self.endpoint.reader.reject("malformed event")
 
     def _on_end(self, sid: str, *arguments: object) -> None:
         if not self._slot.expects(sid):
@@ -264,9 +264,9 @@ class LeaderServer:
         reason = reason_of(payload)
         sent = payload.get("frames") if isinstance(payload, Mapping) else None
         if reason is None or not isinstance(sent, int):
-            self._endpoint.reader.reject("malformed end")
+            self.endpoint.reader.reject("malformed end")
             return
-        self._endpoint.reader.end(sent, arrival_ns)
+        self.endpoint.reader.end(sent, arrival_ns)
         self._slot.end()
-        self._endpoint.outbox.close()
-        self._endpoint.notify(self._events.on_end, reason)
+        self.endpoint.outbox.close()
+        self.endpoint.notify(self._events.on_end, reason)
