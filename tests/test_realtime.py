@@ -66,8 +66,9 @@ def test_a_thread_that_may_not_follow_stays_an_ordinary_one(
         raise PermissionError(1, "Operation not permitted")
 
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
-    monkeypatch.setattr(realtime, "_TICKS", threading.Event())
-    realtime._TICKS.set()
+    ticks = threading.Event()
+    ticks.set()
+    monkeypatch.setattr(realtime, "_TICKS", ticks)
     before = os.sched_getscheduler(0)
     follow_real_time()
     assert os.sched_getscheduler(0) == before

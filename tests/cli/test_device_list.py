@@ -59,15 +59,15 @@ def test_a_port_without_permission_is_explained(
 ) -> None:
     (tmp_path / "ttyACM0").write_text("")
     monkeypatch.setattr(discovery.os, "access", lambda path, mode: False)
-    assert "usermod -a -G" in discovery._access_problem(str(tmp_path / "ttyACM0"))
-    assert discovery._access_problem(str(tmp_path / "ttyACM1")) == ""
+    assert "usermod -a -G" in discovery.access_problem(str(tmp_path / "ttyACM0"))
+    assert discovery.access_problem(str(tmp_path / "ttyACM1")) == ""
 
 
 def test_a_usb_device_without_permission_gets_its_udev_rule(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(discovery.os, "access", lambda path, mode: False)
-    sentence = discovery._access_problem(str(tmp_path), 0x0CD5)
+    sentence = discovery.access_problem(str(tmp_path), 0x0CD5)
     assert 'ATTR{idVendor}=="0cd5"' in sentence
     assert "/etc/udev/rules.d" in sentence
 

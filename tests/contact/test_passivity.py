@@ -186,7 +186,8 @@ def test_a_surface_gets_what_was_sent_and_the_reserve_while_there_is_drift_left(
     ticks: list[tuple[float, float]], given_j: float
 ) -> None:
     """A force that only pushes; overdrawn by no more than the work of a tick at each touch."""
-    port = MotionPort(PassivitySettings(drift_m=math.inf))
+    settings = PassivitySettings(drift_m=math.inf)
+    port = MotionPort(settings)
     wanted = command = force = touches = 0.0
     largest = out = 0.0
     port.step(0.0, given_j)
@@ -200,7 +201,7 @@ def test_a_surface_gets_what_was_sent_and_the_reserve_while_there_is_drift_left(
         largest = max(largest, abs(work))
         port.measure(next_force)
         command, force = now, next_force
-    assert out <= given_j + port._settings.reserve_j + touches * largest + 0.05 * 2e-4 * len(ticks)
+    assert out <= given_j + settings.reserve_j + touches * largest + 0.05 * 2e-4 * len(ticks)
 
 
 def test_free_motion_is_followed_exactly() -> None:

@@ -53,14 +53,14 @@ class EmulatedGauges:
         self.limit_v = limit_v
         self.stuck = False
         self.faults: Mapping[str, int] = {}
-        self._truth = truth
+        self.truth = truth
         self._to_volts = np.linalg.inv(np.array(matrix))[:, :3].tolist()
         self._period_ns = 1e9 / rate_hz
         self._rate = rate_hz * (1.0 + 1e-6 * clock_ppm) * 1e-9
         self._offset_v = offset_v
         self._noise_v = noise_v
         self._random = random.Random(seed)
-        self._began_ns = time.monotonic_ns()
+        self.began_ns = time.monotonic_ns()
         self._sent = 0
         self._plugged = True
         self._silent = False
@@ -109,11 +109,11 @@ class EmulatedGauges:
         """Nothing is held."""
 
     def _due(self) -> int:
-        return int((time.monotonic_ns() - self._began_ns) * self._rate)
+        return int((time.monotonic_ns() - self.began_ns) * self._rate)
 
     def _sample(self, number: int) -> VoltageReading:
         if not self.stuck:
-            x, y, z = self._truth(self._began_ns + round(number / self._rate))
+            x, y, z = self.truth(self.began_ns + round(number / self._rate))
             noise, limit = self._random.gauss, self.limit_v
             self._volts = tuple(
                 max(

@@ -4,7 +4,7 @@ import threading
 from collections.abc import Callable
 from itertools import pairwise
 
-from emulated_arm import until
+from waiting import until
 
 from mmt.testing.emulated.clockwork import Clockwork
 

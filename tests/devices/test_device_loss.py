@@ -247,8 +247,8 @@ def test_a_frame_whose_reading_just_missed_its_tick_comes_between_two_ticks(
     blocks = [bench.run(50)]
     late: list[RecordArray] = []
     bench.source.on_late_frames(late.append)
-    assert bench.source._merger is not None
-    under_way_ns = bench.source._merger.hold_back_ns - 150_000  # and 0.2 ms that it states itself
+    hold_back_ns = bench.time.now_ns - int(blocks[-1]["time_ns"][-1])
+    under_way_ns = hold_back_ns - 150_000  # and 0.2 ms that it states itself
     monkeypatch.setattr(
         bench.sensor, "read", lambda: bench.sensor.arrived(bench.time.now_ns - under_way_ns)
     )

@@ -94,10 +94,9 @@ def test_a_bad_status_is_explained(emulated):
         digital_ft(**emulated.options).connect()
 
 
-def test_a_sensor_that_streams_already_is_stopped_first(emulated, sensor):
-    emulated.stream()
+def test_a_sensor_that_streams_already_is_stopped_first(emulated):
+    emulated.stream()  # as after a crash
     other = digital_ft(**emulated.options)
-    sensor._line._serial.close()  # as after a crash: nobody has stopped the stream
     other.connect()
     assert read_some(other)[-1].value == NEAR
     other.close()
@@ -184,9 +183,9 @@ def test_saturation_and_overload_are_counted():
     sensor = digital_ft(**emulated.options)
     sensor.connect()
     sensor.calibrate()
-    emulated._truth = lambda _time_ns: (0.0, 0.0, 39.0)
+    emulated.truth = lambda _time_ns: (0.0, 0.0, 39.0)
     read_until_fault(sensor, "overload", 5)
-    emulated._truth = lambda _time_ns: (0.0, 0.0, 120.0)
+    emulated.truth = lambda _time_ns: (0.0, 0.0, 120.0)
     read_until_fault(sensor, "saturation", 5)
     sensor.close()
     emulated.stop()

@@ -162,12 +162,11 @@ def sensor(file, board):
     made.close()
 
 
-def test_the_bias_is_taken_in_volts_and_the_clock_is_the_boards(board, sensor):
-    board._truth = lambda _time_ns: (0.0, 0.0, 0.0)
+def test_the_bias_is_taken_off_and_the_clock_is_the_boards(board, sensor):
+    board.truth = lambda _time_ns: (0.0, 0.0, 0.0)
     sensor.read()
     sensor.calibrate()
-    np.testing.assert_allclose(sensor._converter.bias, [0.2] * 6, atol=1e-4)
-    board._truth = lambda _time_ns: FORCE
+    board.truth = lambda _time_ns: FORCE
     sensor.read()
     readings = read_some(sensor, 100)
     assert all(reading.value == pytest.approx(FORCE, abs=0.01) for reading in readings)
@@ -183,7 +182,7 @@ def test_the_stamp_is_the_instant_of_the_force(file):
     sensor.connect()
     readings = read_some(sensor, 300)
     z = np.array([reading.value[2] for reading in readings])
-    times_s = 1e-9 * (board._began_ns + np.array([reading.time_ns for reading in readings]))
+    times_s = 1e-9 * (board.began_ns + np.array([reading.time_ns for reading in readings]))
     expected = np.sin(40.0 * times_s)
     np.testing.assert_allclose(z - z.mean(), expected - expected.mean(), atol=0.02)
 
@@ -197,11 +196,11 @@ def test_the_calibration_is_checked(file, board):
 
 
 def test_overload_saturation_and_broken_voltages_are_counted(board, sensor):
-    board._truth = lambda _time_ns: (0.0, 0.0, 20.0)
+    board.truth = lambda _time_ns: (0.0, 0.0, 20.0)
     read_until_fault(sensor, "overload", 5)
-    board._truth = lambda _time_ns: (0.0, 0.0, 80.0)
+    board.truth = lambda _time_ns: (0.0, 0.0, 80.0)
     read_until_fault(sensor, "saturation", 5)
-    board._truth = lambda _time_ns: (0.0, math.nan, 0.0)
+    board.truth = lambda _time_ns: (0.0, math.nan, 0.0)
     read_until_fault(sensor, "impossible value", 5)
 
 

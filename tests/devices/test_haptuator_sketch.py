@@ -6,6 +6,7 @@ import subprocess
 import time
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ from mmt.devices.haptuator.framing import (
     Reset,
     encode,
 )
-from mmt.testing.emulated.haptuator_board import EmulatedHaptuatorBoard
+from mmt.testing.emulated import haptuator_board
 
 SKETCH = FIRMWARE / "haptuator" / "haptuator.ino"
 
@@ -103,18 +104,20 @@ def messy_turns(seed: int, number: int) -> list[bytes]:
 @needs_compiler
 def test_the_sketch_plays_and_reports_as_the_emulated_board(tmp_path, monkeypatch) -> None:
     program = compiled(HARNESS, tmp_path, "-I", str(SKETCH.parent), "-DFADE=0")
-    board = EmulatedHaptuatorBoard()
     wires: list[bytes] = []
-    monkeypatch.setattr(board._port, "write", wires.append)
-    board._port._directory.cleanup()  # it is stepped by hand
-    board._step(0, b"")
+    port = Mock(write=wires.append)
+    make = Mock(return_value=port)  # the board is stepped by hand
+    monkeypatch.setattr(haptuator_board, "EmulatedPort", make)
+    board = haptuator_board.EmulatedHaptuatorBoard()
+    step = make.call_args.args[1]
+    for _ in range(5):  # up to its first report
+        step(0, b"")
     turns = messy_turns(1, 4000)
     answers = played(program, [(wire, 8) for wire in turns])
     expected = []
     for number, wire in enumerate(turns, start=1):
         wires.clear()
-        board._periods = number - 1  # both count from here
-        board._step(1_000_000 * number, wire)
+        step(1_000_000 * number, wire)
         expected.append((board.played()[-8:], b"".join(wires)))
     assert answers == expected
     decoder = Decoder()

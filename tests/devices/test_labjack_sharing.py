@@ -1,7 +1,6 @@
 """Two drivers on one LabJack U6: one stream, each its own inputs, lost and found together."""
 
 import math
-import time
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -13,6 +12,7 @@ import usb.backend
 from nano17_files import write_calibration
 from running_source import RunningSource
 from sensor_reading import read_some, read_until
+from waiting import until
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices import board_sharing
@@ -61,7 +61,7 @@ def test_two_readers_have_one_stream_and_each_its_own_inputs(closing) -> None:
     before = read_some(first, 20)
     second.connect()
     assert first.serial == second.serial == "u6-360000001"
-    assert len(box._table) == 5
+    assert len(box.table) == 5
     here, there = read_some(first, 40), read_some(second, 40)
     stamps = [t for t, _ in before + here]
     assert stamps == [1_000_000 * k for k in range(len(stamps))]  # it was not interrupted
@@ -85,9 +85,9 @@ def test_a_reader_that_leaves_does_not_disturb_the_other(closing) -> None:
     first.connect()
     assert read_some(first, 5)[0].time_ns > readings[-1].time_ns
     second.close()
-    assert box._streaming
+    assert box.streaming
     first.close()
-    assert not box._streaming
+    assert not box.streaming
 
 
 def test_a_reader_that_is_made_late_has_its_inputs_added(closing) -> None:
@@ -144,7 +144,7 @@ def test_faults_of_the_board_are_told_to_both(closing) -> None:
     for reader in (first, second):
         reader.connect()
         assert read_some(reader, 5)
-    assert len(box._table) == 2
+    assert len(box.table) == 2
 
 
 def test_a_stream_that_has_stopped_is_begun_anew_by_the_first_to_connect(closing) -> None:
@@ -153,10 +153,7 @@ def test_a_stream_that_has_stopped_is_begun_anew_by_the_first_to_connect(closing
     first.connect()
     second.connect()
     box.stall()
-    deadline = time.monotonic() + 10.0
-    while first._shared.stream.flows:
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+    until(lambda: not first._shared.stream.flows)  # which no reader can see
     first.connect()
     assert read_some(first, 5)
     assert read_some(second, 5)
@@ -264,7 +261,7 @@ def test_one_box_carries_the_gauges_and_the_accelerometer_into_frames_of_1_khz(t
         bench.pressed = True
         bench.run(lambda number: number >= 50)  # some are still from before
         frames = bench.run(lambda number: number >= 600)
-        assert len(bench.box._table) == 9
+        assert len(bench.box.table) == 9
         assert np.median(np.diff(frames["time_ns"])) == pytest.approx(1e6, abs=1e4)
         assert (np.diff(frames["sequence"].astype(int)) > 0).all()
         t = frames["time_ns"]
@@ -281,7 +278,7 @@ def test_one_box_carries_the_gauges_and_the_accelerometer_into_frames_of_1_khz(t
         )
     finally:
         bench.source.close()
-    assert not board_sharing._OPEN
+    assert not bench.box.streaming
 
 
 def test_an_unplugged_box_is_two_lost_sensors_which_both_come_back(tmp_path) -> None:

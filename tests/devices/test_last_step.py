@@ -86,9 +86,9 @@ def _simulated() -> tuple[Callable[[Sequence[float]], Sequence[float]], float]:
     actuator = SimulatedActuator(limit_m_s2=20.0)
 
     def play(samples: Sequence[float]) -> Sequence[float]:
-        before = actuator._sum_squares
+        actuator.connect()
         actuator.write(samples)
-        return [math.sqrt((actuator._sum_squares - before) / max(len(samples), 1))]
+        return [actuator.statistics.rms_m_s2]
 
     return play, 20.0
 

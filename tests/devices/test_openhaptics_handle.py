@@ -4,7 +4,8 @@ import math
 from collections.abc import Callable, Iterator
 
 import pytest
-from emulated_arm import emulated_arm, until
+from emulated_arm import emulated_arm
+from waiting import until
 
 from mmt.core.errors import DeviceLost, InputError
 from mmt.devices.drivers import load_device

@@ -6,9 +6,11 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
-from emulated_arm import emulated_arm, until
+from emulated_arm import emulated_arm
+from waiting import until
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices import discovery
@@ -83,10 +85,15 @@ def test_the_force_stays_below_the_smaller_of_both_limits(
     assert largest_n == pytest.approx(expected_n, rel=1e-6)
 
 
+def servo_of(arm: Any) -> Any:
+    """What turns in the library's thread: no call from outside can see its turns."""
+    return arm._device.servo
+
+
 def test_the_librarys_thread_keeps_its_state_between_two_calls(make) -> None:
     arm = make()
     arm.connect()
-    servo, kept = arm._device.servo, threading.local()
+    servo, kept = servo_of(arm), threading.local()
 
     def count() -> int:
         kept.calls = getattr(kept, "calls", 0) + 1
@@ -101,7 +108,7 @@ def test_the_librarys_thread_keeps_its_state_between_two_calls(make) -> None:
 def test_its_turn_ends_with_a_tick_and_is_not_waited_for_long(make, emulated) -> None:
     arm = make()
     arm.connect()
-    servo = arm._device.servo
+    servo = servo_of(arm)
     before = servo.ticks
     arm.await_turn()
     assert servo.ticks > before

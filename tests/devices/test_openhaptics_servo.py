@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from mmt.devices.axes import Axes
 from mmt.devices.openhaptics.constants import (
-    _SENTENCES,
     CONTINUE,
     CURRENT_POSITION,
     DONE,
+    SENTENCES,
     HdError,
     explain,
     only_force,
@@ -187,14 +187,14 @@ def test_a_force_error_takes_the_force_away_for_a_second() -> None:
 
 def pushed(frame: Frame, spoil) -> tuple[PositionServo, list[float]]:
     """Push towards 5 mm with measurements that a function of tick and values spoils."""
-    made = servo(frame)
     read = frame.hdGetDoublev
 
     def spoilt(what: int, values) -> None:
         read(what, values)
         spoil(len(forces), what.value == CURRENT_POSITION, values)
 
-    made._get = spoilt
+    frame.hdGetDoublev = spoilt
+    made = servo(frame)
     forces: list[float] = []
     for _ in range(700):
         made.target = [5.0, 0.0, 0.0]
@@ -286,11 +286,11 @@ def test_a_mistake_in_the_callback_ends_it_without_force() -> None:
     assert frame.f == 0.0
 
 
-@pytest.mark.parametrize("code", sorted(_SENTENCES))
+@pytest.mark.parametrize("code", sorted(SENTENCES))
 def test_every_error_of_hd_says_what_was_seen_and_what_to_do(code: int) -> None:
     sentence = explain("the arm", HdError(code, 3))
     assert sentence.startswith("the arm: ")
-    name, seen, to_do = _SENTENCES[code]
+    name, seen, to_do = SENTENCES[code]
     assert f"{seen} (HD_{name}, device's own code 3): {to_do}" in sentence
     assert only_force(code) == (code >> 8 == 2)
 

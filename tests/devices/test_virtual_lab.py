@@ -4,22 +4,32 @@ import math
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from emulated_arm import until
 from sensor_reading import read_some
+from waiting import until
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.core.frames import empty_frames
 from mmt.devices.drivers import load_device
 from mmt.testing.emulated import drivers as drivers_module
+from mmt.testing.emulated import world as world_module
 from mmt.testing.emulated.drivers import VirtualAdxl335, VirtualNetFt, VirtualRobot
-from mmt.testing.emulated.world import _BEHIND_TICKS, TICK_NS, World
+from mmt.testing.emulated.world import TICK_NS, World
+
+
+class Turns:
+    """A clockwork, turned by hand."""
+
+    turn: Callable[[int], int]
+
+    def add(self, turn: Callable[[int], int]) -> None:
+        self.turn = turn
 
 
 @pytest.fixture
@@ -41,31 +51,36 @@ def test_the_world_waits_above_its_surface_and_follows_commands(world: World) ->
     until(lambda: world.position_mm(time.monotonic_ns())[0] > 3.0)
 
 
-def test_the_world_moves_smoothly_between_its_ticks(world: World) -> None:
+def test_the_world_moves_smoothly_between_its_ticks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("time.monotonic_ns", lambda: 0)
+    world = World("wood", 3, turns := Turns())
+    world.start()
     world.command_mm = (20.0, 0.0, 5.0)
-    until(lambda: world.position_mm(time.monotonic_ns())[0] > 1.0)
-    now_ns = time.monotonic_ns()
-    until(lambda: world._newest * TICK_NS > now_ns - world._begun_ns)  # it may be held up
+    now_ns = 0
+    while world.position_mm(now_ns)[0] < 1.0:
+        turns.turn(now_ns := now_ns + TICK_NS)
     places = [world.position_mm(now_ns - k * TICK_NS // 4)[0] for k in range(40)]
     steps = [late - early for late, early in pairwise(places)]
     assert min(steps) > -0.01  # it may have arrived, and rest within the encoder's steps
     assert max(steps) < 0.5  # a quarter of a tick; without anything between, a whole one: 1 mm
 
 
-def test_the_world_shakes_as_fast_as_its_frames_tell() -> None:
+def test_the_world_shakes_as_fast_as_its_frames_tell(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its acceleration passes through the samples of each frame, each at its time."""
-    world = World("wood", 3, samples_per_frame=4)
     ticks = 100
     frames = empty_frames(ticks, samples_per_frame=4)
     times_ms = np.arange(1, 4 * ticks + 1) / 4
     frames["acceleration_m_s2"][:, :, 0] = np.sin(1.5 * times_ms).reshape(ticks, 4)
     frames["position_mm"][:, 0] = np.arange(1, ticks + 1)
-    frames = frames[np.newaxis].T
-    world._follower = SimpleNamespace(step=lambda *_: frames[world._newest])
-    for tick in range(1, ticks + 1):
-        world._advance(tick)
+    rows = iter(frames[np.newaxis].T)
+    follower = SimpleNamespace(step=lambda *_: next(rows))
+    monkeypatch.setattr(world_module, "SimulatedFollower", lambda *_, **__: follower)
+    monkeypatch.setattr("time.monotonic_ns", lambda: 0)
+    world = World("wood", 3, turns := Turns(), samples_per_frame=4)
+    world.start()
+    turns.turn(ticks * TICK_NS)
     for place_ms in (70.0, 70.1, 70.25, 71.9, 80.0):
-        time_ns = world._begun_ns + round((place_ms + _BEHIND_TICKS) * TICK_NS)
+        time_ns = round((place_ms + 4) * TICK_NS)  # it is shown four ticks late
         x, _, _ = world.acceleration_m_s2(time_ns)
         assert x == pytest.approx(math.sin(1.5 * place_ms), abs=2e-3)
         assert world.position_mm(time_ns)[0] == pytest.approx(place_ms)
@@ -122,7 +137,7 @@ def test_the_devices_share_a_lab_which_ends_with_the_last_of_them() -> None:
         for device in devices:
             device.connect()
             device.calibrate()
-        process = drivers_module.LAB._process
+        process = drivers_module.LAB.process
         assert process is not None
         assert robot.read() == pytest.approx((0.0, 0.0, 5.0), abs=0.01)
         robot.write((0.0, 0.0, -2.0))
@@ -151,14 +166,14 @@ def test_the_devices_share_a_lab_which_ends_with_the_last_of_them() -> None:
         for device in devices:
             device.close()
     assert process.poll() == 0
-    assert drivers_module.LAB._process is None
+    assert drivers_module.LAB.process is None
 
 
 def test_a_lab_that_dies_is_a_lost_robot_and_comes_back() -> None:
     robot = VirtualRobot()
     try:
         robot.connect()
-        process = drivers_module.LAB._process
+        process = drivers_module.LAB.process
         assert process is not None
         process.kill()
         process.wait(60.0)
@@ -219,7 +234,7 @@ def test_further_sensors_of_the_lab_measure_the_same_world() -> None:
         for device in devices:
             device.connect()
             device.calibrate()
-        assert drivers_module.LAB._process is not None
+        assert drivers_module.LAB.process is not None
         robot.write((0.0, 0.0, -2.0))
         pressed: list[float] = []
 
@@ -238,4 +253,4 @@ def test_further_sensors_of_the_lab_measure_the_same_world() -> None:
     finally:
         for device in devices:
             device.close()
-    assert drivers_module.LAB._process is None
+    assert drivers_module.LAB.process is None

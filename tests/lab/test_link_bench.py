@@ -8,11 +8,11 @@ from mmt.core.frames import COMMAND_DTYPE
 from mmt_lab.bench.link_sides import SideReport
 from mmt_lab.bench.link_traffic import Side, TurnFigures
 from mmt_lab.experiments.link import (
-    _missing_at_end,
-    _order,
-    _ratios,
-    _summarise,
     bench_link,
+    missing_at_end,
+    order,
+    ratios,
+    summarise,
 )
 
 
@@ -45,8 +45,8 @@ def test_both_links_are_measured_and_lose_nothing() -> None:
 
 
 def test_each_link_goes_first_every_other_time() -> None:
-    assert [_order(number)[0] for number in range(4)] == ["ours", "bare", "ours", "bare"]
-    assert all(set(_order(number)) == {"ours", "bare"} for number in range(2))
+    assert [order(number)[0] for number in range(4)] == ["ours", "bare", "ours", "bare"]
+    assert all(set(order(number)) == {"ours", "bare"} for number in range(2))
 
 
 def test_a_disturbed_turn_does_not_move_the_ratios() -> None:
@@ -61,18 +61,18 @@ def test_a_disturbed_turn_does_not_move_the_ratios() -> None:
         "leader_cores": 2.0,
         "follower_cores": 1.0,
     }
-    assert _ratios(ours, bare) == pytest.approx(expected)
-    assert _ratios([*ours, disturbed], [*bare, bare[0]]) == pytest.approx(expected)
+    assert ratios(ours, bare) == pytest.approx(expected)
+    assert ratios([*ours, disturbed], [*bare, bare[0]]) == pytest.approx(expected)
 
 
 def test_what_is_lost_is_summed_and_includes_the_tail() -> None:
     turns = [(measured(lost=2, received=8), measured()), (measured(out_of_order=1), measured())]
-    result = _summarise(turns, missing_up=3, missing_down=1)
+    result = summarise(turns, missing_up=3, missing_down=1)
     assert (result.up.lost, result.up.out_of_order, result.up.messages) == (5, 1, 18)
     assert (result.down.lost, result.down.out_of_order) == (1, 0)
     sender = SideReport([], {"ours": 10, "bare": 0}, {"ours": -1, "bare": -1})
     receiver = SideReport([], {"ours": 0, "bare": 0}, {"ours": 7, "bare": -1})
-    assert _missing_at_end(sender, receiver) == {"ours": 2, "bare": 0}
+    assert missing_at_end(sender, receiver) == {"ours": 2, "bare": 0}
 
 
 def test_a_side_counts_gaps_and_disorder() -> None:

@@ -49,7 +49,7 @@ def test_a_data_set_is_made_of_trials_and_knocks_add_their_share_of_the_power(ro
 
 def test_trials_are_one_sequence_in_which_the_clock_runs_on():
     trials = [stroke(PLANE, 1.0, seed) for seed in (1, 2)]
-    frames = concatenated._joined(trials)
+    frames = concatenated.joined(trials)
     np.testing.assert_array_equal(frames["sequence"], np.arange(2000))
     assert set(np.diff(frames["time_ns"])) == {1_000_000}
     assert segments_of(frames, settings_of(PLANE))
@@ -57,11 +57,11 @@ def test_trials_are_one_sequence_in_which_the_clock_runs_on():
 
 def test_as_published_is_the_published_selection_and_variations_differ(recordings):
     found = data_set(SPACE, 3, recordings["Wood"], ORDER)
-    result, removed = table_two._vary(VARIATIONS[AS_PUBLISHED], found)
+    result, removed = table_two.vary(VARIATIONS[AS_PUBLISHED], found)
     expected = select_published(found.data)
     np.testing.assert_array_equal(result.outlier, expected.outlier)
     assert removed.detected == expected.outlier[found.knocked].mean()
-    through, _ = table_two._vary(VARIATIONS["network through every point"], found)
+    through, _ = table_two.vary(VARIATIONS["network through every point"], found)
     assert not np.array_equal(through.outlier, expected.outlier)
 
 

@@ -27,7 +27,7 @@ class Known:
         """Exchange at 20 Hz, and look after each."""
         for _ in range(exchanges):
             self._exchanges += 1
-            self.clock._add(self._exchanges * PERIOD_NS, 7_000 * MS - MS, 7_000 * MS + MS)
+            self.clock.add(self._exchanges * PERIOD_NS, 7_000 * MS - MS, 7_000 * MS + MS)
             self.notes.look()
 
 

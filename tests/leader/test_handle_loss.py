@@ -1,7 +1,6 @@
 """A handle that is lost and comes back somewhere else: commands, force and vibration."""
 
 import math
-import time
 from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
@@ -10,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from waiting import until
 
 from mmt.contact.passivity import PassivitySettings
 from mmt.core.errors import DeviceLost, MmtError
@@ -65,11 +65,7 @@ def made() -> tuple[Handle, OperatorHandle, list[tuple[str, dict[str, Any]]]]:
 
 
 def until_back(handle: OperatorHandle, act: Callable[[], object]) -> None:
-    deadline = time.monotonic() + 30.0
-    while handle.lost:
-        assert time.monotonic() < deadline
-        act()
-        time.sleep(1e-3)
+    until(lambda: not handle.lost, act)
 
 
 def test_the_robot_is_held_while_the_handle_is_lost_and_then_moved_without_a_jump() -> None:
@@ -128,11 +124,7 @@ def test_why_it_is_not_back_is_told_once() -> None:
     device.unplugged = "the cable is out"
     handle.read(1)
     device.unplugged = "put the stylus into the inkwell"
-    deadline = time.monotonic() + 30.0
-    while len(told) < 2:
-        assert time.monotonic() < deadline
-        handle.read(1)
-        time.sleep(1e-3)
+    until(lambda: len(told) >= 2, lambda: handle.read(1))
     assert told[1][0] == "the handle is not back yet: put the stylus into the inkwell"
     assert handle.problem == "the handle (Handle) is lost: put the stylus into the inkwell"
     handle.close()
@@ -146,11 +138,7 @@ def test_reasons_that_differ_in_numbers_alone_are_told_once(
     handle.read(1)
     for passed_ms in range(12, 18):
         device.unplugged = f"no answer for {passed_ms} ms"
-        deadline = time.monotonic() + 30.0
-        while device.unplugged not in (handle.problem or ""):
-            assert time.monotonic() < deadline
-            handle.read(1)
-            time.sleep(1e-3)
+        until(lambda: device.unplugged in (handle.problem or ""), lambda: handle.read(1))
     handle.close()
     assert [sentence for sentence, _ in told if "not back" in sentence] == []
 

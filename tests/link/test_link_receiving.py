@@ -31,7 +31,7 @@ from mmt.link.packets import DecodedPacket, Packet, binary_event, decode_packet
 from mmt.link.protocol import MAX_MESSAGE_BYTES, encode_event
 from mmt.link.rate_limit import HANDSHAKE_MESSAGES, HandshakeLimit, RateLimit
 from mmt.link.server import LeaderServer
-from mmt.link.websocket import _receive_rest, receive_directly
+from mmt.link.websocket import receive_directly, receive_rest
 
 
 @pytest.fixture
@@ -200,7 +200,7 @@ async def test_a_flood_leaves_the_loop_its_turns() -> None:
 
     counting = asyncio.create_task(count_turns())
     assert (
-        await _receive_rest(receive, no_pong, stays_open, open_gate(), {"frames": taken.append})
+        await receive_rest(receive, no_pong, stays_open, open_gate(), {"frames": taken.append})
         is last
     )
     await counting
@@ -219,7 +219,7 @@ async def test_what_does_not_pass_the_gate_is_thrown_away_until_it_shuts() -> No
     async def close(**reason: object) -> None:
         closed.append(reason["code"])
 
-    last = await _receive_rest(receive, no_pong, close, HandshakeLimit(), {"frames": taken.append})
+    last = await receive_rest(receive, no_pong, close, HandshakeLimit(), {"frames": taken.append})
     assert last.type is WSMsgType.CLOSED
     assert closed == [WSCloseCode.POLICY_VIOLATION]
     assert taken == [b"x"] * HANDSHAKE_MESSAGES
@@ -252,7 +252,7 @@ async def test_what_is_not_binary_is_the_librarys(kind: WSMsgType, data: str | b
         return message
 
     assert (
-        await _receive_rest(receive, no_pong, stays_open, open_gate(), {"frames": pytest.fail})
+        await receive_rest(receive, no_pong, stays_open, open_gate(), {"frames": pytest.fail})
         is message
     )
 
@@ -269,7 +269,7 @@ async def test_other_events_and_those_too_long_are_the_librarys(
     async def receive() -> WSMessage:
         return message
 
-    rest = await _receive_rest(receive, no_pong, stays_open, open_gate(), {"frames": pytest.fail})
+    rest = await receive_rest(receive, no_pong, stays_open, open_gate(), {"frames": pytest.fail})
     assert (rest.type, rest.data) == (WSMsgType.BINARY, data)
     assert isinstance(rest.data, DecodedPacket) is decoded_here
 
@@ -325,7 +325,7 @@ async def test_pings_and_pongs_of_strangers_are_among_what_is_limited() -> None:
     async def close(**_: object) -> None:
         answered.append(b"closed")
 
-    last = await _receive_rest(receive, pong, close, HandshakeLimit(), {})
+    last = await receive_rest(receive, pong, close, HandshakeLimit(), {})
     assert last.type is WSMsgType.CLOSED
     assert answered == [b"p", b"p", b"closed"]
 

@@ -204,7 +204,9 @@ def test_an_answer_that_comes_too_late_is_not_taken_for_the_next(
 ) -> None:
     monkeypatch.setattr("mmt_bridges.lerobot.session._REPLY_S", 0.01)
     session, silent = SharedSession(Settings()), "import sys; sys.stdin.read()"
-    session._process = subprocess.Popen([sys.executable, "-c", silent], stdin=subprocess.PIPE)
+    session._process = process = subprocess.Popen(
+        [sys.executable, "-c", silent], stdin=subprocess.PIPE
+    )
     lines = session._lines
     with pytest.raises(DeviceLost, match="no answer within"):
         session.observe()
@@ -212,10 +214,10 @@ def test_an_answer_that_comes_too_late_is_not_taken_for_the_next(
     for _ in range(2):
         with pytest.raises(DeviceLost, match="no answer within"):
             session.observe()
-    assert session._process.wait(LONGEST_S) != 0
-    assert session._process.stdin is not None
+    assert process.wait(LONGEST_S) != 0
+    assert process.stdin is not None
     with suppress(OSError):  # what was asked last cannot be sent any more
-        session._process.stdin.close()
+        process.stdin.close()
 
 
 # --- the scene

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from frame_samples import made_frames
+from waiting import until
 
 from mmt.core.errors import InputError
 from mmt.core.frames import acceleration_samples
@@ -219,8 +220,7 @@ def test_a_library_that_stands_still_holds_nothing_up_and_the_newest_are_kept(
 def test_a_library_that_fails_is_told_once_and_the_session_goes_on(running: Running) -> None:
     running.frames.broken = True
     running.send(made_frames(0, 5))
-    assert running.part._thread is not None
-    running.part._thread.join(30)
+    until(lambda: running.part.error)
     running.send(made_frames(5, 5))
     running.part.look()
     running.part.look()

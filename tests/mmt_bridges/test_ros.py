@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from frame_samples import made_frames
+from waiting import until
 
 from mmt.core.errors import InputError
 from mmt.core.frames import acceleration_samples
@@ -118,8 +119,7 @@ class Running:
         self.part = part
         self.session.parts.add(part)
         part.connect()
-        assert part._outlet is not None
-        self.process = part._outlet._process
+        self.process = part._outlet.process
 
     def send(self, frames: Any) -> None:
         self.remote.follower_time_ns = int(frames["time_ns"][-1])
@@ -218,9 +218,7 @@ def test_events_scene_and_each_model_are_published_and_kept(running: Running) ->
         running.output.newest = SimpleNamespace(to_bytes=lambda text=text: text)
         running.part.look()
         running.part.look()  # it is the same one
-        deadline_s = time.monotonic() + LONGEST_S
-        while running.part._models and time.monotonic() < deadline_s:
-            time.sleep(0.002)
+        until(lambda text=text: text.hex() in running.log.read_text())
     assert running.end()["models"] == 2
     got = running.published()
     (scene,) = got["/bench/scene"]
@@ -242,8 +240,7 @@ def test_a_process_that_ends_is_told_once_and_the_session_goes_on(running: Runni
     running.process.kill()
     running.process.wait(60.0)
     running.send(made_frames(0, 5))
-    assert running.part._thread is not None
-    running.part._thread.join(LONGEST_S)
+    until(lambda: running.part.error)
     running.send(made_frames(5, 5))
     running.part.look()
     running.part.look()

@@ -1,14 +1,11 @@
-"""The emulated HD device for a test, and waiting for what a device does."""
+"""The emulated HD device for a test."""
 
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import pytest
 
 from mmt.core.errors import MmtError
 from mmt.testing.emulated.hd import EmulatedHd
-
-PATIENCE_S = 20.0
 
 
 @pytest.fixture(name="emulated")
@@ -21,12 +18,3 @@ def emulated_arm() -> Iterator[EmulatedHd]:
     device.start()
     yield device
     device.stop()
-
-
-def until(condition: Callable[[], bool], act: Callable[[], object] = lambda: None) -> None:
-    """Act every millisecond until the condition holds."""
-    deadline = time.monotonic() + PATIENCE_S
-    while not condition():
-        act()
-        assert time.monotonic() < deadline, "it has not come to pass"
-        time.sleep(0.001)

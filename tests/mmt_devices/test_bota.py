@@ -208,9 +208,9 @@ def test_overrange_and_skipped_measurements_are_counted(emulated, sensor) -> Non
 def test_more_than_its_range_is_an_overload_and_much_more_is_left_out(emulated) -> None:
     sensor = load_device("bota-serial", {**emulated.options, "range_n": [2.0, 2.0, 2.0]})
     sensor.connect()
-    emulated._truth = lambda _time_ns: (0.0, 0.0, 3.0)
+    emulated.truth = lambda _time_ns: (0.0, 0.0, 3.0)
     read_until_fault(sensor, "overload", 5)
-    emulated._truth = lambda _time_ns: (0.0, 0.0, float("nan"))
+    emulated.truth = lambda _time_ns: (0.0, 0.0, float("nan"))
     read_until_fault(sensor, "impossible value", 5)
     sensor.close()
 

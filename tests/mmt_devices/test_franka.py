@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from emulated_arm import PATIENCE_S, until
+from emulated_arm import PATIENCE_S
 from running_source import RunningSource
+from waiting import until
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.core.extras import require
@@ -67,8 +68,8 @@ def test_the_arm_goes_where_it_is_told_in_the_scenes_axes(make, emulated) -> Non
 def test_nothing_moves_before_the_first_command(make, emulated) -> None:
     robot = make()
     robot.connect()
-    turns = robot._arm.turns
-    until(lambda: robot._arm.turns > turns + 20)
+    turns = robot.arm.turns
+    until(lambda: robot.arm.turns > turns + 20)
     assert emulated.motions == []
     assert robot.read() == pytest.approx(HOME)
 
@@ -114,8 +115,8 @@ def test_a_command_that_is_no_number_is_counted_and_not_obeyed(make, emulated) -
     for _ in range(20):
         robot.write((float("nan"), 0.0, 0.0))
         robot.write((0.0, float("inf"), 0.0))
-    turns = robot._arm.turns
-    until(lambda: robot._arm.turns > turns + 5)
+    turns = robot.arm.turns
+    until(lambda: robot.arm.turns > turns + 5)
     assert robot.faults == {"commands that are not finite": 40}
     assert emulated.motions == []
 
@@ -132,7 +133,7 @@ def test_no_call_waits_for_the_arm(make, emulated) -> None:
             robot.read()
             force.read()
 
-    with emulated._lock:  # whoever asks the arm for anything waits
+    with emulated.lock:  # whoever asks the arm for anything waits
         ticking = threading.Thread(target=tick)
         ticking.start()
         ticking.join(PATIENCE_S)
@@ -181,8 +182,8 @@ def test_a_reflex_is_recovered_on_connecting_and_nothing_moves_until_a_command(
     assert emulated.recoveries == 1
     assert "was recovered from ['cartesian_reflex']" in caplog.text
     begun = len(emulated.motions)
-    turns = robot._arm.turns
-    until(lambda: robot._arm.turns > turns + 20)
+    turns = robot.arm.turns
+    until(lambda: robot.arm.turns > turns + 20)
     assert len(emulated.motions) == begun
     assert near(robot, moved((5.0, 0.0, 0.0)))
     until(lambda: near(robot, moved((8.0, 0.0, 0.0))), lambda: robot.write(moved((8.0, 0.0, 0.0))))
@@ -252,7 +253,7 @@ def test_a_library_that_does_not_return_is_a_loss(make, emulated, monkeypatch) -
     monkeypatch.setattr(arms, "_END_S", 0.05)
     robot = make()
     robot.connect()
-    with emulated._lock, pytest.raises(DeviceLost, match="does not answer"):
+    with emulated.lock, pytest.raises(DeviceLost, match="does not answer"):
         until(lambda: False, robot.read)
     robot.close()
 
@@ -262,7 +263,7 @@ def test_a_connection_that_takes_too_long_is_told_and_not_made_twice(
 ) -> None:
     monkeypatch.setattr(arms, "_CONNECT_S", 0.05)
     robot = make()
-    with emulated._lock:
+    with emulated.lock:
         for _ in range(3):
             with pytest.raises(MmtError, match="takes the connection but does not answer"):
                 robot.connect()

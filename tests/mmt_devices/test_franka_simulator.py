@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from emulated_arm import until
 from franka_simulator import SimulatedArm, simulated_arm
+from waiting import until
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt_devices.franka.control import PositionControl
@@ -104,12 +104,12 @@ def lose(robot: FrankaRobot, sentence: str) -> None:
 @needs_simulator
 def test_reflex_user_stop_and_lost_power_are_told_and_survived(simulated, devices) -> None:
     robot, force = devices
-    until(lambda: robot._arm.turns > 20, lambda: robot.write(robot.read()))
+    until(lambda: robot.arm.turns > 20, lambda: robot.write(robot.read()))
     simulated.tell("reflex")
     lose(robot, r"beyond 'collision_force_n'.*cartesian_reflex")
     robot.connect()
     force.connect()
-    until(lambda: robot._arm.turns > 20, lambda: robot.write(robot.read()))
+    until(lambda: robot.arm.turns > 20, lambda: robot.write(robot.read()))
     simulated.tell("user-stop")
     lose(robot, r"user stop is pressed.*User Stop pressed!")
     with pytest.raises(MmtError, match="user stop is pressed"):
@@ -117,7 +117,7 @@ def test_reflex_user_stop_and_lost_power_are_told_and_survived(simulated, device
     simulated.tell("release")
     robot.connect()
     force.connect()
-    until(lambda: robot._arm.turns > 20, lambda: robot.write(robot.read()))
+    until(lambda: robot.arm.turns > 20, lambda: robot.write(robot.read()))
     simulated.kill()
     lose(robot, "sends no new state|does not answer")
     with pytest.raises(MmtError, match="takes no connection"):

@@ -205,14 +205,14 @@ def test_what_is_beyond_its_range_is_counted(emulated, drivers) -> None:
     sensor.connect()
     read_some(sensor)
     assert not sensor.faults.get("overload")
-    emulated._truth = lambda _time_ns: (0.0, 0.0, 17.0)
+    emulated.truth = lambda _time_ns: (0.0, 0.0, 17.0)
     read_until_fault(sensor, "overload", 5)
     wide = drivers(emulated)
     sensor.close()
     wide.connect()
     assert read_some(wide)[-1].value[2] == pytest.approx(17.0, abs=0.2)
     assert not wide.faults.get("overload")
-    emulated._truth = lambda _time_ns: (0.0, 0.0, -30.0)  # cut off at 20.05
+    emulated.truth = lambda _time_ns: (0.0, 0.0, -30.0)  # cut off at 20.05
     readings = read_until_fault(wide, "overload", 5)
     assert min(reading.value[2] for reading in readings) == pytest.approx(-20.05, abs=0.01)
 
@@ -247,7 +247,7 @@ def test_a_sensor_that_does_not_feel_gravity_is_told_at_the_start(emulated, sens
     with caplog.at_level(logging.WARNING):
         sensor.calibrate()
         assert not caplog.records
-        emulated._truth = lambda _time_ns: (0.0, 0.0, 7.0)
+        emulated.truth = lambda _time_ns: (0.0, 0.0, 7.0)
         read_some(sensor, 100)
         sensor.calibrate()
     assert "measures 7.0" in caplog.text

@@ -13,7 +13,7 @@ from typing import Any
 
 import psutil
 import pytest
-from emulated_arm import until
+from waiting import children, until
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.drivers import load_device
@@ -44,13 +44,7 @@ def make(service: EmulatedInverse3) -> Iterator[Callable[..., Any]]:
     yield device
     for each in made:
         each.close()
-    assert not conversations()
-
-
-def conversations(parent: int | None = None) -> list[psutil.Process]:
-    """Return the processes that talk with a service for a process, by default this one."""
-    children = psutil.Process(parent).children()
-    return [child for child in children if PROCESS in child.cmdline()]
+    assert not children(PROCESS)
 
 
 def connected(device: Any) -> Any:
@@ -249,7 +243,7 @@ def test_a_short_interruption_is_survived_and_counted(device, service) -> None:
 
 
 def test_a_process_that_dies_is_a_device_that_is_lost_and_comes_back(device, service) -> None:
-    (process,) = conversations()
+    (process,) = children(PROCESS)
     process.kill()
     lost(device, "the process that talks with ws://.* has ended")
     device.connect()
@@ -259,7 +253,7 @@ def test_a_process_that_dies_is_a_device_that_is_lost_and_comes_back(device, ser
 def test_a_process_that_stands_still_holds_up_no_call(make, service) -> None:
     robot = connected(make("robot", timeout_ms=50))
     robot.position = robot.read
-    (process,) = conversations()
+    (process,) = children(PROCESS)
     process.suspend()
     for tick in range(5000):  # more than the pipe holds
         robot.write((0.001 * tick, 0.0, 0.0))
@@ -307,7 +301,7 @@ def test_the_force_fades_while_the_program_stands_still_and_comes_back(holder, s
 @pytest.mark.skipif(sys.platform == "win32", reason="signals are for Linux and macOS")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_however_a_program_ends_no_process_and_no_force_is_left(number, holder, service) -> None:
-    (process,) = conversations(holder.pid)
+    (process,) = children(PROCESS, holder.pid)
     os.kill(holder.pid, number)
     holder.wait(60.0)
     psutil.wait_procs([process], timeout=20.0)

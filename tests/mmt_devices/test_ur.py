@@ -1,24 +1,20 @@
 """Robot and force sensor of Universal Robots, by the real ur_rtde, on an emulated controller."""
 
 import itertools
-import os
 import re
-import signal
 import sys
 from collections.abc import Callable, Iterator
 from importlib.util import find_spec
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from emulated_arm import until
 from running_source import RunningSource
+from waiting import children, until
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.drivers import load_device
 from mmt.devices.protocols import Vector
 from mmt.testing.emulated import drivers as lab_drivers
-from mmt_devices.universal_robots import sharing
 from mmt_devices.universal_robots.emulated.arm import PLAYING, POWER_OFF, STOPPED
 from mmt_devices.universal_robots.emulated.controller import EmulatedUrController
 from mmt_devices.universal_robots.emulated.ports import RtdeConnection
@@ -80,7 +76,7 @@ def lab() -> Iterator[Lab]:
     made.robot.close()
     made.force.close()
     made.controller.stop()
-    assert not sharing._ARMS
+    assert children("universal_robots") == []
 
 
 def test_the_arm_follows_commands_with_its_tool_as_it_was_and_feels_the_surface(lab: Lab) -> None:
@@ -106,7 +102,7 @@ def test_robot_and_force_sensor_share_one_receive_interface_and_must_agree(lab: 
     lab.force.read()
 
     def sessions() -> int:
-        connections = tuple(lab.controller._connections)
+        connections = tuple(lab.controller.connections)
         return sum(isinstance(each, RtdeConnection) for each in connections)
 
     until(lambda: sessions() == 2)  # one that receives, one that controls
@@ -130,7 +126,7 @@ def test_the_bias_is_taken_off_at_rest_alone_and_stays_in_the_next_connection(la
     lab.force.close()
     lab.force.connect()
     until(lambda: lab.force.read() == pytest.approx((0.0, 0.0, 4.0), abs=0.3))
-    lab.arm._noise_n = 5.0
+    lab.arm.noise_n = 5.0
     with pytest.raises(MmtError, match="moves while its bias is taken"):
         lab.force.calibrate()
 
@@ -175,7 +171,7 @@ def test_a_lost_arm_says_why_and_what_to_do_and_comes_back(lab: Lab) -> None:
         with pytest.raises(MmtError, match=refused):
             lab.robot.connect()
         end(lab)
-        until(lambda: not lab.controller._connections)  # the old control is gone
+        until(lambda: not lab.controller.connections)  # the old control is gone
         lab.robot.connect()
         assert lab.robot.read() == pytest.approx((5.0, 0.0, 4.0), abs=0.2)
     lab.go((0.0, 5.0, 6.0))
@@ -194,7 +190,7 @@ def test_an_arm_without_power_and_a_stop_of_its_program_are_told(lab: Lab) -> No
     assert "is not running (the pendant shows POWER_OFF)" in lab.lost(lab.robot)
     lab.arm.restore()
     lab.robot.close()
-    until(lambda: not lab.controller._connections)
+    until(lambda: not lab.controller.connections)
     lab.robot.connect()
     lab.arm.end_program()
     assert "Stop was pressed at the pendant" in lab.lost(lab.robot)
@@ -235,16 +231,10 @@ def test_a_pose_that_stays_where_it_is_is_an_arm_that_does_not_follow(lab: Lab) 
     assert "does not follow: its tip stays" in lab.lost(lab.robot)
 
 
-def process_of(lab: Lab) -> Any:
-    link = sharing._ARMS[lab.controller.host]._link
-    assert link is not None
-    return link._process.child
-
-
 def test_a_process_that_dies_leaves_an_arm_that_its_watchdog_stops(lab: Lab) -> None:
     lab.robot.connect()
     lab.go((5.0, 0.0, 4.0))
-    process_of(lab).kill()
+    children("universal_robots")[0].kill()
     assert "has ended" in lab.lost(lab.robot)
     until(lambda: lab.arm.runtime_state == STOPPED)
     lab.robot.close()
@@ -254,8 +244,8 @@ def test_a_process_that_dies_leaves_an_arm_that_its_watchdog_stops(lab: Lab) -> 
 
 def test_a_process_that_stands_still_holds_up_no_call(lab: Lab) -> None:
     lab.robot.connect()
-    process = process_of(lab)
-    os.kill(process.pid, signal.SIGSTOP)
+    (process,) = children("universal_robots")
+    process.suspend()
     for tick in range(5000):  # more than the pipe holds
         lab.robot.write((0.001 * tick, 0.0, 5.0))
     assert "nothing has come from the UR arm" in lab.lost(lab.robot)
@@ -350,13 +340,14 @@ def test_the_virtual_arm_strokes_the_simulated_surface_of_the_lab() -> None:
     finally:
         for device in devices:
             device.close()
-    assert lab_drivers.LAB._process is None
+    assert lab_drivers.LAB.process is None
 
 
-def test_a_virtual_arm_beside_another_robot_is_refused() -> None:
+def test_a_virtual_arm_beside_another_robot_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     left: list[object] = []
     force = load_device("virtual-ur", role="force_sensor")
-    force._lab = SimpleNamespace(enter=lambda *_: {"robot": {"port": 1}}, leave=left.append)
+    monkeypatch.setattr(lab_drivers.LAB, "enter", lambda *_: {"robot": {"port": 1}})
+    monkeypatch.setattr(lab_drivers.LAB, "leave", left.append)
     with pytest.raises(MmtError, match="has another robot already"):
         force.connect()
     assert left == [force]

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from library_samples import directed, model
+from waiting import until
 
 from mmt.core.errors import InputError, MmtError
 from mmt.rendering import close, open_textures, render, touch
@@ -113,9 +114,7 @@ def test_textures_of_different_rates_are_one_output(tmp_path: Path) -> None:
 def test_estimates_in_a_thread_follow_the_clock() -> None:
     textures = open_textures([model()], threads=True, estimate_hz=200)
     touch(textures, 0, 150.0, force_n=1.5)
-    deadline = time.monotonic() + 10.0
-    while textures.estimator.newest is None and time.monotonic() < deadline:
-        time.sleep(0.005)
+    until(lambda: textures.estimator.newest is not None)
     assert render(textures, 1000).std() > 0.05
     close(textures)
     close(textures)
@@ -143,9 +142,7 @@ def test_a_sink_that_fails_is_told_by_the_next_call() -> None:
         raise RuntimeError("the card is gone")
 
     textures = open_textures([model()], sink=sink)
-    deadline = time.monotonic() + 10.0
-    while textures.running and time.monotonic() < deadline:
-        time.sleep(0.005)
+    until(lambda: not textures.running)
     with pytest.raises(MmtError, match="the card is gone"):
         touch(textures, 0, 1.0)
     close(textures)

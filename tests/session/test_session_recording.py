@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from session_samples import START_NS, made_frames
+from waiting import until
 
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
@@ -148,9 +149,7 @@ def test_a_write_error_is_reported_once_and_stops_nobody(tmp_path, monkeypatch):
     frames = made_frames(100)
     recorder = McapRecorder(tmp_path / "run.mcap", channels=CHANNELS, on_error=reasons.append)
     recorder.record_frames(frames)
-    deadline = time.monotonic() + 20
-    while recorder.error is None and time.monotonic() < deadline:
-        time.sleep(0.01)
+    until(lambda: recorder.error)
     assert recorder.error == "No space left on device"
     recorder.record_frames(frames)
     recorder.record_event({"event": "late"})
@@ -224,9 +223,7 @@ def test_a_pause_of_the_stream_leaves_no_frame_behind(tmp_path):
     path = tmp_path / "run.mcap"
     with McapRecorder(path, channels=CHANNELS) as recorder:
         recorder.record_frames(made_frames(7))
-        deadline = time.monotonic() + 20
-        while recorder.frames < 7 and time.monotonic() < deadline:
-            time.sleep(0.02)
+        until(lambda: recorder.frames >= 7)
         saved = recover(path, tmp_path / "saved.mcap")
     assert saved.frames == 7
     assert read_session(saved.path).frames["time_ns"][0] >= START_NS

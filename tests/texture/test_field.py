@@ -194,7 +194,7 @@ def test_a_row_is_predicted_as_if_it_had_not_been_there(directed):
     scatter, trust = np.linspace(0.1, 0.3, len(level)), np.linspace(0.2, 1.0, len(level))
     setting = covariance.settings(16, directed=directed)[3]
     prior = covariance.prior_covariance(cells.centres, cells.centres, setting)
-    found = observations._left_out(prior[np.newaxis], cell, level, scatter, trust)
+    found = observations.left_out(prior[np.newaxis], cell, level, scatter, trust)
     off, usual = found[1][0], found[2][0]
     own = trust / scatter
     mean = np.bincount(cell, own * level) / np.bincount(cell, own)

@@ -94,13 +94,13 @@ def test_where_the_heading_does_not_count_another_heading_is_another_surface() -
 
 def test_the_newest_blocks_alone_are_kept() -> None:
     detector = after(SMOOTH, 300, 1)
-    assert len(detector._window) < WINDOW + 10
+    assert len(detector.window) < WINDOW + 10
     detector.begin(295 * BLOCK)
-    assert [block.start for block in detector._window] == [n * BLOCK for n in range(295, 300)]
+    assert [block.start for block in detector.window] == [n * BLOCK for n in range(295, 300)]
 
 
 def test_a_lower_rate_of_false_alarms_takes_more_evidence() -> None:
-    often, seldom = (SurfaceDetector(rate)._least_evidence for rate in (10.0, 0.1))
+    often, seldom = (SurfaceDetector(rate).least_evidence for rate in (10.0, 0.1))
     assert TEMPER * seldom == pytest.approx(TEMPER * often + np.log(100.0))
 
 

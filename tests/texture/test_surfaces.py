@@ -109,7 +109,7 @@ def test_the_density_is_that_of_the_conjugate_model() -> None:
     rows, values = arrays(make_blocks(SMOOTH, 6, 1))
     values = 0.1 * values  # within the bounds of single blocks
     surface = SurfaceRegression(directed=False)
-    prior, shape, rate = surface._covariance.copy(), surface._shape, surface._rate.copy()
+    prior, shape, rate = surface.covariance.copy(), surface.shape, surface.rate.copy()
     expected = sum(
         multivariate_t(
             np.zeros(6),
@@ -143,10 +143,10 @@ def test_own_blocks_are_likelier_than_those_of_another_surface() -> None:
 def test_a_surface_is_known_where_it_was_touched_and_less_far_from_there() -> None:
     surface = learned(make_blocks(SMOOTH, 60, 3, low=(0.3, 0.3), high=(0.5, 0.5)))
     near, far = (
-        surface._innovations(*arrays(make_blocks(SMOOTH, 1, 9, low=at, high=at))).deviation[0, 0]
+        surface.innovations(*arrays(make_blocks(SMOOTH, 1, 9, low=at, high=at))).deviation[0, 0]
         for at in ((0.4, 0.4), (1.0, 0.05))
     )
-    unknown = SurfaceRegression(directed=False)._innovations(*arrays(make_blocks(SMOOTH, 1, 9)))
+    unknown = SurfaceRegression(directed=False).innovations(*arrays(make_blocks(SMOOTH, 1, 9)))
     assert near < far < unknown.deviation[0, 0]
 
 
@@ -160,9 +160,9 @@ def test_a_knock_tells_and_teaches_no_more_than_a_bounded_block(size: float) -> 
     surface = learned(blocks)
     plain, knocked = (float(surface.log_densities(*arrays([b])).sum()) for b in (block, knock))
     assert knocked > plain - 0.5 * LARGEST**2 - 1.0
-    before = surface._innovations(*arrays([block]))
+    before = surface.innovations(*arrays([block]))
     surface.learn(*arrays([knock]))
-    after = surface._innovations(*arrays([block]))
+    after = surface.innovations(*arrays([block]))
     assert np.abs(after.innovation - before.innovation).max() < 0.5 * LARGEST
 
 

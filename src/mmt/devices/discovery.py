@@ -123,7 +123,7 @@ def find_serial_ports() -> list[FoundPort]:
             port.device,
             _usb_name(port.vid, port.pid, port.product or port.description or ""),
             port.serial_number or "",
-            _access_problem(port.device),
+            access_problem(port.device),
         )
         for port in sorted(list_ports.comports())
         if port.hwid != "n/a"
@@ -154,7 +154,7 @@ def find_usb_devices() -> list[FoundPort]:
             node = f"/dev/bus/usb/{device.bus:03}/{device.address:03}"
             found.append(
                 FoundPort(
-                    f"{ids[0]:04x}:{ids[1]:04x}", KNOWN_USB[ids], "", _access_problem(node, ids[0])
+                    f"{ids[0]:04x}:{ids[1]:04x}", KNOWN_USB[ids], "", access_problem(node, ids[0])
                 )
             )
     return found
@@ -166,7 +166,7 @@ def _usb_name(vendor: int | None, product: int | None, said: str) -> str:
     return f"{KNOWN_USB.get((vendor, product), said)} ({vendor:04x}:{product:04x})"
 
 
-def _access_problem(path: str, vendor: int | None = None) -> str:
+def access_problem(path: str, vendor: int | None = None) -> str:
     """Return what keeps the person from opening a device file, of a USB device's vendor."""
     if not Path(path).exists() or os.access(path, os.R_OK | os.W_OK):
         return ""

@@ -104,7 +104,8 @@ class RemoteClock:
         if len(self._pending) > _MAX_PENDING:
             self._pending.popitem(last=False)
 
-    def _add(self, time_ns: int, least_ns: int, most_ns: int) -> None:
+    def add(self, time_ns: int, least_ns: int, most_ns: int) -> None:
+        """Use an exchange: when it was complete, and the least and most that the offset is."""
         jump = self._offset.add(time_ns, least_ns, most_ns)
         if not self.same:
             self._reader.use_clock_offset(self.offset_ns)
@@ -145,7 +146,7 @@ class ClockRequester(RemoteClock):
             self._reader.reject("malformed clock")
             return
         self._answered = (number, arrival_ns)
-        self._add(arrival_ns, back_ns - arrival_ns, there_ns - asked_ns)
+        self.add(arrival_ns, back_ns - arrival_ns, there_ns - asked_ns)
 
     def _send_request(self, loop: asyncio.AbstractEventLoop, period_s: float) -> None:
         self._timer = loop.call_later(period_s, self._send_request, loop, period_s)
@@ -179,7 +180,7 @@ class ClockResponder(RemoteClock):
         stamps = self._pending.pop(answered, None)
         if stamps is not None:
             before_ns, there_ns, back_ns = stamps
-            self._add(back_ns, before_ns - there_ns, answer_arrival_ns - back_ns)
+            self.add(back_ns, before_ns - there_ns, answer_arrival_ns - back_ns)
         if number in self._pending:
             return  # repeated
         now_ns = time.monotonic_ns()

@@ -68,7 +68,7 @@ def client_websocket(handlers: Handlers, rate_limit: RateLimit) -> type[ClientWe
 
     class DirectWebSocket(ClientWebSocketResponse):
         async def receive(self, timeout: float | None = None) -> WSMessage:
-            return await _receive_rest(
+            return await receive_rest(
                 partial(super().receive, timeout), self.pong, self.close, rate_limit, handlers
             )
 
@@ -93,7 +93,7 @@ def receive_directly(
         await websocket.close(code=WSCloseCode.UNSUPPORTED_DATA, message=b"msgpack alone")
 
     rest = partial(
-        _receive_rest,
+        receive_rest,
         receive,
         websocket.pong,
         close or websocket.close,
@@ -111,7 +111,7 @@ def receive_directly(
         )
 
 
-async def _receive_rest(
+async def receive_rest(
     receive: Receive,
     pong: Callable[[bytes], Awaitable[None]],
     close: Close,

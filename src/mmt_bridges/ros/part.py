@@ -155,7 +155,7 @@ class RosProcess:
     """
 
     def __init__(self, settings: Mapping[str, Any]) -> None:
-        self._process = subprocess.Popen(  # noqa: S603 - our own module
+        self.process = subprocess.Popen(  # noqa: S603 - our own module
             python_command("-m", "mmt_bridges.ros.process"),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -186,19 +186,19 @@ class RosProcess:
 
     def end(self) -> None:
         """Let it publish what it has, and wait until it has ended."""
-        assert self._process.stdin is not None  # noqa: S101 - it was asked for
+        assert self.process.stdin is not None  # noqa: S101 - it was asked for
         with suppress(OSError):  # it has ended by itself
-            self._process.stdin.close()
-        self._process.wait()
+            self.process.stdin.close()
+        self.process.wait()
 
     def kill(self) -> None:
         """End it at once."""
-        self._process.kill()
-        self._process.wait()
+        self.process.kill()
+        self.process.wait()
 
     def release(self) -> None:
         """Close what led to it; it has ended, and so has the thread that wrote to it."""
-        for pipe in (self._process.stdin, self._process.stdout):
+        for pipe in (self.process.stdin, self.process.stdout):
             assert pipe is not None  # noqa: S101 - it was asked for
             with suppress(OSError):  # what it no longer takes
                 pipe.close()
@@ -210,12 +210,12 @@ class RosProcess:
             raise MmtError(str(self._said()["problem"])) from error
 
     def _send(self, message: object) -> None:
-        assert self._process.stdin is not None  # noqa: S101 - it was asked for
-        self._process.stdin.write(msgpack.packb(message))
-        self._process.stdin.flush()
+        assert self.process.stdin is not None  # noqa: S101 - it was asked for
+        self.process.stdin.write(msgpack.packb(message))
+        self.process.stdin.flush()
 
     def _said(self) -> dict[str, Any]:
         """Return the next line that it says, a problem where it has ended without one."""
-        assert self._process.stdout is not None  # noqa: S101 - it was asked for
-        line = self._process.stdout.readline()
+        assert self.process.stdout is not None  # noqa: S101 - it was asked for
+        line = self.process.stdout.readline()
         return json.loads(line) if line else {"problem": "the process that publishes has ended"}

@@ -66,7 +66,7 @@ class EmulatedBota:
         self.stuck = False
         self.deaf = False
         """Hear no command."""
-        self._truth = truth
+        self.truth = truth
         self._baud = baud
         self._speed = 1.0 + 1e-6 * clock_ppm
         self._start_us = start_us
@@ -191,7 +191,7 @@ class EmulatedBota:
             return self._last
         if not self.stuck:
             x, y, z = (
-                value + self._random.gauss(0.0, self._noise) for value in self._truth(time_ns)
+                value + self._random.gauss(0.0, self._noise) for value in self.truth(time_ns)
             )
             self._values = (x, y, z)
         x, y, z = self._values

@@ -36,7 +36,7 @@ class _ArmDriver(Generic[AnyOptions]):
     def __init__(self, options: AnyOptions) -> None:
         require("franky")
         self._options = options
-        self._arm: FrankaArm | None = None
+        self.arm: FrankaArm | None = None
         self._counts: Counter[str] = Counter()
 
     def connect(self) -> None:
@@ -48,11 +48,11 @@ class _ArmDriver(Generic[AnyOptions]):
             It cannot be used; the message says what to do.
         """
         self.close()
-        self._arm = enter(self._options)
+        self.arm = enter(self._options)
 
     def close(self) -> None:
         """Bring it to rest and disconnect it, where nothing else uses it."""
-        arm, self._arm = self._arm, None
+        arm, self.arm = self.arm, None
         if arm is not None:
             leave(arm)
 
@@ -66,9 +66,9 @@ class _ArmDriver(Generic[AnyOptions]):
         self._connected().await_turn()
 
     def _connected(self) -> FrankaArm:
-        if self._arm is None:
+        if self.arm is None:
             raise DeviceLost(f"the Franka arm {self._options.host} is not connected")
-        return self._arm
+        return self.arm
 
 
 class FrankaRobot(_ArmDriver[FrankaRobotOptions]):
@@ -102,8 +102,8 @@ class FrankaRobot(_ArmDriver[FrankaRobotOptions]):
     def close(self) -> None:
         """Bring it to rest, and disconnect it where it is not read as a force sensor as well."""
         control, self._control = self._control, None
-        if self._arm is not None and control is not None:
-            self._arm.release()
+        if self.arm is not None and control is not None:
+            self.arm.release()
         super().close()
 
     def calibrate(self) -> None:

@@ -162,11 +162,11 @@ class EmulatedFranka:
     _moving: Any = None
     _moved_s: float = 0.0
     _began_s: float = field(default_factory=time.monotonic)
-    _lock: Any = field(default_factory=threading.RLock)
+    lock: Any = field(default_factory=threading.RLock)
 
     def stop(self, text: str, mode: RobotMode = RobotMode.Reflex, error: str = "") -> None:
         """End the motion, as a reflex or the user stop does, with the library's text."""
-        with self._lock:
+        with self.lock:
             self.mode, self.errors = mode, [error] if error else []
             if self._moving is not None:
                 self._moving, self.end = None, text
@@ -175,7 +175,7 @@ class EmulatedFranka:
         """Return a state; where nothing moves the next one is waited for."""
         if not self.moving:
             time.sleep(0.001)
-        with self._lock:
+        with self.lock:
             if not self.powered:
                 raise NetworkException("libfranka: UDP receive: Timeout")
             now_s = time.monotonic()
@@ -203,7 +203,7 @@ class EmulatedFranka:
 
     def begin(self, motion: Any) -> None:
         """Take a motion in the place of the one that runs."""
-        with self._lock:
+        with self.lock:
             self.motions.append(motion)
             self._moving, self.end = motion, ""
             self._rested_s = time.monotonic()

@@ -68,7 +68,7 @@ class EmulatedIio:
         """Change it before `start` to be another sensor."""
         self._buffer = "buffer" if old else "buffer0"
         self._elements = "scan_elements" if old else self._buffer
-        self._truth = truth
+        self.truth = truth
         self._speed = 1.0 + 1e-6 * clock_ppm
         self._delay_ns = delay_ns
         self._noise = noise_m_s2
@@ -240,7 +240,7 @@ class EmulatedIio:
         return with_flipped_bit(scan, self._random)
 
     def _measure(self, time_ns: int) -> tuple[int, ...]:
-        felt = self._truth(time_ns - self._delay_ns)
+        felt = self.truth(time_ns - self._delay_ns)
         return tuple(
             round((value + self._random.gauss(0.0, self._noise)) / self.chip.scale)
             for value in felt

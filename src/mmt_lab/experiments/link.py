@@ -117,24 +117,24 @@ def bench_link(
     turns = [
         Turn(kind, rate_hz, 0, duration_s / rounds, number / rounds)
         for number in range(rounds)
-        for kind in _order(number)
+        for kind in order(number)
     ]
     turns.append(Turn("ours", sustained_hz, 0, sustained_s, 0.5))
     with beside((lead, rate_hz, realtime), (follow, rate_hz, realtime)) as pipes:
         leader, follower = _conduct(pipes, turns)
     *compared, sustained = zip(leader.turns, follower.turns, strict=True)
     ours, bare = ([pair for pair in compared if pair[0].kind == kind] for kind in _KINDS)
-    up, down = (_missing_at_end(*pair) for pair in ((follower, leader), (leader, follower)))
+    up, down = (missing_at_end(*pair) for pair in ((follower, leader), (leader, follower)))
     return LinkBenchResult(
         rounds,
-        _summarise(ours, 0, 0),
-        _summarise(bare, up["bare"], down["bare"]),
-        _summarise([sustained], up["ours"], down["ours"]),
-        _ratios(ours, bare),
+        summarise(ours, 0, 0),
+        summarise(bare, up["bare"], down["bare"]),
+        summarise([sustained], up["ours"], down["ours"]),
+        ratios(ours, bare),
     )
 
 
-def _order(number: int) -> tuple[Kind, ...]:
+def order(number: int) -> tuple[Kind, ...]:
     """Return who goes first in this round, and who next."""
     return _KINDS if number % 2 == 0 else _KINDS[::-1]
 
@@ -155,7 +155,7 @@ def _conduct(pipes: list[Connection], turns: list[Turn]) -> tuple[SideReport, Si
     return received(leader, patience_s), received(follower, patience_s)
 
 
-def _missing_at_end(sender: SideReport, receiver: SideReport) -> dict[Kind, int]:
+def missing_at_end(sender: SideReport, receiver: SideReport) -> dict[Kind, int]:
     """Return how many of the last records never came, by kind."""
     return {kind: sender.sent[kind] - 1 - receiver.newest[kind] for kind in _KINDS}
 
@@ -164,7 +164,8 @@ Pair = tuple[TurnFigures, TurnFigures]
 """The leader's and the follower's notes of one turn."""
 
 
-def _summarise(turns: list[Pair], missing_up: int, missing_down: int) -> KindResult:
+def summarise(turns: list[Pair], missing_up: int, missing_down: int) -> KindResult:
+    """Return what a kind of link did over its turns, a way after the other."""
     leader, follower = ([pair[end] for pair in turns] for end in (0, 1))
     return KindResult(_direction(leader, missing_up), _direction(follower, missing_down))
 
@@ -181,7 +182,7 @@ def _direction(receiver: list[TurnFigures], missing: int) -> DirectionResult:
     )
 
 
-def _ratios(ours: list[Pair], bare: list[Pair]) -> dict[str, float]:
+def ratios(ours: list[Pair], bare: list[Pair]) -> dict[str, float]:
     """Return the medians of the ratios between neighbouring turns."""
     figures: dict[str, Callable[[TurnFigures, TurnFigures], float]] = {
         "up_p50": lambda leader, _: leader.p50_ms,

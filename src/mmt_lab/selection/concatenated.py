@@ -121,7 +121,7 @@ def recording(row: PaperRow, seed: int) -> ConcatenatedTrials:
     while found < row.points:
         trials.append(stroke(row, TRIAL_S, int(generator.integers(2**31))))
         found += len(segments_of(trials[-1], settings))
-    frames = _joined(trials)
+    frames = joined(trials)
     return ConcatenatedTrials(frames, segments_of(frames, settings)[: row.points], len(trials))
 
 
@@ -150,7 +150,7 @@ def data_set(
     return DataSet(pool.data.subset(np.arange(row.points)), knocked, pool)
 
 
-def _joined(trials: list[RecordArray]) -> RecordArray:
+def joined(trials: list[RecordArray]) -> RecordArray:
     """Return the trials as one sequence, the clock running on."""
     frames = np.concatenate(trials)
     step_ns = int(trials[0]["time_ns"][1] - trials[0]["time_ns"][0])

@@ -100,7 +100,7 @@ def select_from(row: PaperRow, seed: int, spectra: Spectra) -> Selected:
     shares = {variation.share for variation in VARIATIONS.values()}
     sets = {share: data_set(row, seed, recorded, ORDER, share) for share in shares}
     results = {
-        name: _vary(variation, sets[variation.share]) for name, variation in VARIATIONS.items()
+        name: vary(variation, sets[variation.share]) for name, variation in VARIATIONS.items()
     }
     found, result = sets[SHARE], results[AS_PUBLISHED][0]
     own = select(fitted(found.data.points, found.data.segments or ()))
@@ -121,7 +121,7 @@ def select_from(row: PaperRow, seed: int, spectra: Spectra) -> Selected:
     )
 
 
-def _vary(variation: Variation, found: DataSet) -> tuple[PublishedSelection, Removed]:
+def vary(variation: Variation, found: DataSet) -> tuple[PublishedSelection, Removed]:
     """Select as published from a data set that is varied."""
     data = found.data
     if variation.order != ORDER:

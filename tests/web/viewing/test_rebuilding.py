@@ -1,12 +1,12 @@
 """The model that a recording's page shows is the one that the leader had."""
 
-import time
 from dataclasses import asdict
 from functools import cache
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from waiting import until
 
 from mmt.core.arrays import RecordArray
 from mmt.scene import Scene
@@ -40,10 +40,7 @@ def rebuilt(
     windows = MemoryWindows(RecordedSession(recorded, events=events or []))
     rebuilding = ModelRebuild(windows, settings, 1.0)
     rebuilding.start()
-    deadline = time.monotonic() + 120
-    while not rebuilding.done and time.monotonic() < deadline:
-        time.sleep(0.01)
-    assert rebuilding.done
+    until(lambda: rebuilding.done)
     assert rebuilding.problem is None
     return rebuilding
 
@@ -144,7 +141,8 @@ def test_each_surface_has_its_own_model_and_criteria() -> None:
     event = {"at_s": 13.3, "time_s": 13.3, "event": "surface 1 again"} | asdict(said)
     session = RecordedSession(frames, events=(event,))
     rebuilding = ModelRebuild(MemoryWindows(session), settings, 1.0)
-    rebuilding._run()
+    rebuilding.start()
+    until(lambda: rebuilding.done)
     states = rebuilding.states
     surfaces = [state.surface for state in states]
     assert [a for a, b in pairwise([*surfaces, None]) if a != b] == [1, 2, 1]

@@ -41,7 +41,7 @@ class HdError(NamedTuple):
 
 _REPORT: Final = "this is a mistake in the driver: please report it with this sentence"
 
-_SENTENCES: Final[dict[int, tuple[str, str, str]]] = {
+SENTENCES: Final[dict[int, tuple[str, str, str]]] = {
     0x0100: ("INVALID_ENUM", "the library does not know what it was asked for",
              "take the driver package that belongs to this device"),
     0x0101: ("INVALID_VALUE", "a value was not accepted", _REPORT),
@@ -79,12 +79,12 @@ _SENTENCES: Final[dict[int, tuple[str, str, str]]] = {
 
 def name_of(code: int) -> str:
     """Return the vendor's name of an error, without its prefix."""
-    return _SENTENCES[code][0] if code in _SENTENCES else f"0x{code:04X}"
+    return SENTENCES[code][0] if code in SENTENCES else f"0x{code:04X}"
 
 
 def explain(device: str, error: HdError) -> str:
     """Return what was seen and what to do, for the device of this name."""
-    name, seen, to_do = _SENTENCES.get(
+    name, seen, to_do = SENTENCES.get(
         error.code, (name_of(error.code), "an error that is not known", "look it up in hdDefines.h")
     )
     return f"{device}: {seen} (HD_{name}, device's own code {error.internal}): {to_do}"

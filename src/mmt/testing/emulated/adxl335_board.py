@@ -68,7 +68,7 @@ class EmulatedAdxl335Board:
         noise_density: float = NOISE_DENSITY,
         seed: int = 0,
     ) -> None:
-        self._truth = truth
+        self.truth = truth
         self._rate_hz = rate_hz
         self._per_frame = per_frame
         self._top = (1 << resolution_bits) - 1
@@ -206,7 +206,7 @@ class EmulatedAdxl335Board:
                 return  # the port is not read: a board drops what its buffer cannot take
 
     def _convert(self, time_ns: int) -> Counts:
-        felt = self._truth(time_ns - self._delay_ns)
+        felt = self.truth(time_ns - self._delay_ns)
         zero, gain = self._calibration.zero_v, self._calibration.gain_v_per_m_s2
         noisy = (each + self._random.gauss(0.0, self._noise) for each in felt)
         most = TYPICAL_RANGE_M_S2

@@ -71,7 +71,7 @@ class EmulatedDigitalFt:
         """Set the error bit of the records that follow."""
         self.deaf = False
         """Answer no request."""
-        self._truth = truth
+        self.truth = truth
         self._baud = baud
         self._noise = noise_counts
         self._random = random.Random(seed)  # noqa: S311 - noise, no secret
@@ -200,9 +200,7 @@ class EmulatedDigitalFt:
         if self._silent or not numbers:
             return
         packet = b"".join(
-            self._record(
-                self._truth(began_ns + round((number + 1) / self._rate) - self._on_line_ns)
-            )
+            self._record(self.truth(began_ns + round((number + 1) / self._rate) - self._on_line_ns))
             for number in numbers
         )
         if self._garbage:

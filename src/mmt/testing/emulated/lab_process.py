@@ -30,13 +30,13 @@ class LabProcess:
         self._module = module
         self._lock = threading.Lock()
         self._users: set[int] = set()
-        self._process: subprocess.Popen[str] | None = None
+        self.process: subprocess.Popen[str] | None = None
         self._addresses: dict[str, dict[str, Any]] = {}
 
     def enter(self, user: object, *arguments: str) -> dict[str, dict[str, Any]]:
         """Start it where it does not run; return the addresses."""
         with self._lock:
-            if self._process is None or self._process.poll() is not None:
+            if self.process is None or self.process.poll() is not None:
                 self._users.clear()
                 if self._process is not None:  # its pipes are still open
                     self._end(self._process)
@@ -48,23 +48,23 @@ class LabProcess:
         """Start it where it does not run, and the device in it; return the device's address."""
         self.enter(user, *arguments)
         with self._lock:
-            if device not in self._addresses and self._process is not None:
-                assert self._process.stdin is not None  # noqa: S101 - a pipe was asked for
-                self._process.stdin.write(device + "\n")
-                self._process.stdin.flush()
-                self._addresses |= self._answer(self._process)
+            if device not in self._addresses and self.process is not None:
+                assert self.process.stdin is not None  # noqa: S101 - a pipe was asked for
+                self.process.stdin.write(device + "\n")
+                self.process.stdin.flush()
+                self._addresses |= self._answer(self.process)
             return self._addresses[device]
 
     def leave(self, user: object) -> None:
         """End it after its last user."""
         with self._lock:
             self._users.discard(id(user))
-            if not self._users and self._process is not None:
-                self._end(self._process)
-                self._process = None
+            if not self._users and self.process is not None:
+                self._end(self.process)
+                self.process = None
 
     def _start(self, arguments: tuple[str, ...]) -> None:
-        self._process = subprocess.Popen(  # noqa: S603 - our own module
+        self.process = subprocess.Popen(  # noqa: S603 - our own module
             python_command("-m", self._module, *arguments),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -72,7 +72,7 @@ class LabProcess:
             text=True,
             process_group=0,  # Ctrl-C is for the service
         )
-        self._addresses = self._answer(self._process)
+        self._addresses = self._answer(self.process)
 
     def _answer(self, process: "subprocess.Popen[str]") -> dict[str, dict[str, Any]]:
         """Return the addresses of the next line that it prints."""
@@ -81,7 +81,7 @@ class LabProcess:
         line = said.readline() if select.select([said], [], [], _START_S)[0] else ""
         if not line:
             reason = self._end(process)
-            self._process = None
+            self.process = None
             raise MmtError(f"the virtual lab does not start: {reason or 'it printed nothing'}")
         addresses: dict[str, dict[str, Any]] = json.loads(line)
         return addresses

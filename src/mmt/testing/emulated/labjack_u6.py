@@ -68,17 +68,17 @@ class EmulatedU6(OneDeviceBackend):
         self._speed = 1.0 + 1e-6 * clock_ppm
         self._lock = threading.Lock()
         self._replies: list[bytes] = []
-        self._table: list[tuple[int, int]] = []
+        self.table: list[tuple[int, int]] = []
         self._per_packet = 1
         self._period_s = 0.001
-        self._streaming = False
+        self.streaming = False
         self._reset_stream()
 
     def unplug(self) -> None:
         """Take it away while it is open; its stream ends."""
         with self._lock:
             super().unplug()
-            self._streaming = False
+            self.streaming = False
             self._replies.clear()
 
     def erase(self) -> None:
@@ -138,9 +138,9 @@ class EmulatedU6(OneDeviceBackend):
         if packet in {START_STREAM, STOP_STREAM}:
             starting = packet == START_STREAM
             error = 0
-            if starting == self._streaming:
+            if starting == self.streaming:
                 error = STREAM_IS_ACTIVE if starting else STREAM_NOT_RUNNING
-            self._streaming = starting
+            self.streaming = starting
             self._reset_stream()
             body = bytes((packet[1] + 1, error, 0))
             return bytes((checksum8(body),)) + body
@@ -161,24 +161,24 @@ class EmulatedU6(OneDeviceBackend):
         table = list(struct.iter_unpack("<BB", payload[8:]))
         if channels != len(table) or not 1 <= per_packet <= 25 or not interval:
             return BAD_STREAM
-        self._table, self._per_packet = table, per_packet
+        self.table, self._per_packet = table, per_packet
         self._period_s = interval / (48e6 if clock & 0x08 else 4e6)
         return 0
 
     def _next(self, endpoint: int) -> bytes:
         if endpoint == ENDPOINTS[1]:
             return self._replies.pop(0) if self._replies else b""
-        while self._streaming and not self._stalled and self._until_due_s() <= 0.0:
-            wire = self._spoil(encode_stream(self._packet(self._per_packet // len(self._table))))
+        while self.streaming and not self._stalled and self._until_due_s() <= 0.0:
+            wire = self._spoil(encode_stream(self._packet(self._per_packet // len(self.table))))
             if wire:
                 return wire
         return b""
 
     def _until_due_s(self) -> float:
         """Return for how long the next packet is not there yet, by its last scan."""
-        if not self._streaming or self._stalled:
+        if not self.streaming or self._stalled:
             return _SLICE_S
-        last = self._scan + self._per_packet // len(self._table) - 1
+        last = self._scan + self._per_packet // len(self.table) - 1
         passed_s = (time.monotonic_ns() - self._begun_ns) * 1e-9
         return last * self._period_s / self._speed - passed_s
 
@@ -188,12 +188,12 @@ class EmulatedU6(OneDeviceBackend):
         error = RECOVERED if missed else 0
         for _ in range(scans):
             if missed and not samples:
-                samples += [DUMMY] * len(self._table)
+                samples += [DUMMY] * len(self.table)
                 self._scan += missed
                 continue
             at_ns = self._begun_ns + round(self._scan * self._period_s / self._speed * 1e9)
             volts = self._volts(at_ns)
-            samples += [self._count(volts, number, options) for number, options in self._table]
+            samples += [self._count(volts, number, options) for number, options in self.table]
             self._scan += 1
         self._counter, counter = (self._counter + 1) & 0xFF, self._counter
         return StreamPacket(counter, error, missed, tuple(samples))

@@ -78,7 +78,7 @@ class EmulatedNetFt:
         self.stuck = False
         self.requests: list[int] = []
         """Commands that came."""
-        self._truth = truth
+        self.truth = truth
         self._address = (host, rdt_port)
         self._http_address = (host, http_port)
         self._noise_n = noise_n
@@ -213,7 +213,7 @@ class EmulatedNetFt:
             per_n, per_n_mm = float(self.pages["cfgcpf"]), float(self.pages["cfgcpt"])
             noise = self._random.gauss
             force = [
-                round(per_n * (value + noise(0.0, self._noise_n))) for value in self._truth(time_ns)
+                round(per_n * (value + noise(0.0, self._noise_n))) for value in self.truth(time_ns)
             ]
             torque = [round(per_n_mm * noise(0.0, self._noise_n)) for _ in range(3)]
             x, y, z = (max(min(value, 2**31 - 1), -(2**31)) for value in force)

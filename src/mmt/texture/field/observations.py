@@ -114,13 +114,13 @@ def observe(cells: FieldCells, every: FloatArray, choice: Choice) -> Observation
     moment = _moment_variance(cell, level, scatter, believed)
     setting = every[_likeliest(choice, cell, level, moment + scatter)]
     prior = prior_covariance(cells.centres, cells.centres, setting[np.newaxis])
-    found = _left_out(prior, cell, level, moment + scatter, believed)
+    found = left_out(prior, cell, level, moment + scatter, believed)
     smoothed, off, usual = (of_one[0] for of_one in found)
     for _ in range(ROUNDS):
         believed = _believed(off, usual)
         moment = _moment_variance(cell, level, scatter, believed)
         trust = np.maximum(believed, (moment + scatter) / STRAY_DEVIATION**2)
-        found = _left_out(prior, cell, level, moment + scatter, trust)
+        found = left_out(prior, cell, level, moment + scatter, trust)
         smoothed, off, usual = (of_one[0] for of_one in found)
     precision, mean = _combined(cell, trust / (moment + scatter), level)
     bias = 0.5 * moment  # and a mean of logarithms, of moments, below that of the mean
@@ -155,7 +155,7 @@ def _moment_variance(
     return min(max(found, MOMENT_VARIANCE), _LARGEST_VARIANCE)
 
 
-def _left_out(
+def left_out(
     priors: FloatArray, cell: IntArray, level: FloatArray, scatter: FloatArray, trust: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the smoothed level (s, c), and how far each row is off what the others predict.
@@ -180,7 +180,7 @@ def _leave_out(
     off: FloatArray,
     usual: FloatArray,
 ) -> bool:
-    """Set the results of `_left_out`; returns whether every prior is positive definite."""
+    """Set the results of `left_out`; returns whether every prior is positive definite."""
     count, own = priors.shape[1], trust / scatter
     precision, mean = np.zeros(count), np.zeros(count)
     for row in range(len(cell)):
@@ -208,7 +208,7 @@ def _likeliest(choice: Choice, cell: IntArray, level: FloatArray, scatter: Float
     rows = np.isin(cell, choice.cells)
     part = np.searchsorted(choice.cells, cell[rows])
     trust = np.ones(len(part))
-    _, off, usual = _left_out(choice.priors, part, level[rows], scatter[rows], trust)
+    _, off, usual = left_out(choice.priors, part, level[rows], scatter[rows], trust)
     return int(_log_density(off, usual).sum(axis=1).argmax())
 
 

@@ -63,26 +63,26 @@ class SurfaceDetector:
 
     def __init__(self, false_alarms_per_hour: float = 1.0, *, by_heading: bool = False) -> None:
         self._directed = by_heading
-        self._least_evidence = math.log(3600.0 / BLOCK_S / false_alarms_per_hour) / TEMPER
+        self.least_evidence = math.log(3600.0 / BLOCK_S / false_alarms_per_hour) / TEMPER
         self._unknown = SurfaceRegression(directed=by_heading)
-        self._window: list[SurfaceBlock] = []
+        self.window: list[SurfaceBlock] = []
         self.begin(0)
 
     def begin(self, from_sample: int) -> None:
         """Take the tool to be on another surface since a sample: forget what was before it."""
-        self._window = [block for block in self._window if block.start >= from_sample]
+        self.window = [block for block in self.window if block.start >= from_sample]
         self._current = SurfaceRegression(directed=self._directed)
 
     def update(self, block: SurfaceBlock) -> Detection | None:
         """Add the next block; return the change that it reveals, if any."""
-        self._window.append(block)
-        if len(self._window) % _TESTED == 0:
+        self.window.append(block)
+        if len(self.window) % _TESTED == 0:
             found = self._test()
             if found is not None:
                 return found
-        if len(self._window) >= WINDOW + _TOGETHER:
-            self._current.learn(*self._arrays(self._window[:_TOGETHER]))
-            del self._window[:_TOGETHER]
+        if len(self.window) >= WINDOW + _TOGETHER:
+            self._current.learn(*self._arrays(self.window[:_TOGETHER]))
+            del self.window[:_TOGETHER]
         return None
 
     def _arrays(self, blocks: list[SurfaceBlock]) -> tuple[FloatArray, FloatArray]:
@@ -92,19 +92,19 @@ class SurfaceDetector:
 
     def _test(self) -> Detection | None:
         """Return the likeliest change in the window, if there is evidence enough for one."""
-        rows, values = self._arrays(self._window)
+        rows, values = self._arrays(self.window)
         stayed = np.cumsum(self._current.log_densities(rows, values)[::-1])
         # By the chain rule backwards, one pass gives the evidence of the last k blocks for all k.
         evidence = np.cumsum(self._unknown.log_densities(rows[::-1], values[::-1])) - stayed
         since = int(np.argmax(evidence))
-        if evidence[since] <= self._least_evidence:
+        if evidence[since] <= self.least_evidence:
             return None
-        first = len(self._window) - 1 - since
-        block, at_sample = self._window[first], self._window[-1].stop
+        first = len(self.window) - 1 - since
+        block, at_sample = self.window[first], self.window[-1].stop
         if block.touchdown or first == 0:
             from_sample = min(block.start, max(block.contact_start, 0))
             self.begin(block.start)
         else:  # the block before may be of both surfaces
-            from_sample = self._window[first - 1].start
+            from_sample = self.window[first - 1].start
             self.begin(block.stop)
         return Detection(from_sample, at_sample, float(evidence[since]))

@@ -78,7 +78,7 @@ def _prior_precision(*, directed: bool) -> FloatArray:
     return np.asarray(_SCATTER[:, None] / np.square(deviations))
 
 
-class _Innovations(NamedTuple):
+class Innovations(NamedTuple):
     """What is new in n blocks, none beyond `LARGEST`.
 
     ``deviation``: standard deviation of each block's prediction, over that of the scatter;
@@ -106,10 +106,10 @@ class SurfaceRegression:
     def __init__(self, *, directed: bool) -> None:
         precision = _prior_precision(directed=directed)
         self._precision = precision[:, :, None] * np.eye(precision.shape[1])
-        self._covariance = np.eye(precision.shape[1]) / precision[:, :, None]
+        self.covariance = np.eye(precision.shape[1]) / precision[:, :, None]
         self._weighted = np.zeros_like(precision)
-        self._shape = 0.5 * _PRIOR_BLOCKS
-        self._rate: FloatArray = np.asarray(self._shape * _SCATTER)
+        self.shape = 0.5 * _PRIOR_BLOCKS
+        self.rate: FloatArray = np.asarray(self.shape * _SCATTER)
 
     def log_densities(self, rows: FloatArray, values: FloatArray) -> FloatArray:
         """Return the log density (n,) of each of n blocks, given what was learned and those before.
@@ -119,7 +119,7 @@ class SurfaceRegression:
         rows, values
             `features` (n, d) and components less `MEANS` (n, `COMPONENTS`) of the blocks.
         """
-        found = self._innovations(rows, values)
+        found = self.innovations(rows, values)
         shape, rate = found.shape, found.rate
         densities = gammaln(shape + 0.5) - gammaln(shape) - 0.5 * np.log(2.0 * np.pi * rate)
         squares = np.square(found.innovation) / rate
@@ -128,21 +128,21 @@ class SurfaceRegression:
 
     def learn(self, rows: FloatArray, values: FloatArray) -> None:
         """Learn n blocks, n > 0, in their order; parameters as of `log_densities`."""
-        found = self._innovations(rows, values)
+        found = self.innovations(rows, values)
         self._precision = self._precision + rows.T @ rows
-        self._covariance = np.asarray(np.linalg.inv(self._precision), dtype=np.float64)
+        self.covariance = np.asarray(np.linalg.inv(self._precision), dtype=np.float64)
         self._weighted = self._weighted + found.values @ rows
-        self._shape += 0.5 * len(rows)
-        self._rate = np.asarray(self._rate + 0.5 * np.square(found.innovation).sum(axis=1))
+        self.shape += 0.5 * len(rows)
+        self.rate = np.asarray(self.rate + 0.5 * np.square(found.innovation).sum(axis=1))
 
-    def _innovations(self, rows: FloatArray, values: FloatArray) -> _Innovations:
+    def innovations(self, rows: FloatArray, values: FloatArray) -> Innovations:
         """Return what is new in each of n blocks, given what was learned and those before it."""
-        mean = np.einsum("cde,ce,nd->cn", self._covariance, self._weighted, rows)
-        factor = np.linalg.cholesky(rows @ self._covariance @ rows.T + np.eye(len(rows)))
+        mean = np.einsum("cde,ce,nd->cn", self.covariance, self._weighted, rows)
+        factor = np.linalg.cholesky(rows @ self.covariance @ rows.T + np.eye(len(rows)))
         deviation = np.diagonal(factor, axis1=1, axis2=2)
-        shape: FloatArray = np.asarray(self._shape + 0.5 * np.arange(len(rows)))
+        shape: FloatArray = np.asarray(self.shape + 0.5 * np.arange(len(rows)))
         innovation, rate = np.zeros_like(mean), np.zeros_like(mean)
-        now = self._rate
+        now = self.rate
         for n, rest in enumerate((values.T - mean).T):  # forward substitution, bounded at each step
             told = (factor[:, n, :n] * innovation[:, :n]).sum(axis=1)
             new = (rest - told) / deviation[:, n]
@@ -151,4 +151,4 @@ class SurfaceRegression:
             rate[:, n] = now
             now = now + 0.5 * np.square(innovation[:, n])
         tamed = mean + np.einsum("cnk,ck->cn", factor, innovation)
-        return _Innovations(deviation, innovation, tamed, shape, rate)
+        return Innovations(deviation, innovation, tamed, shape, rate)

@@ -85,7 +85,7 @@ class EmulatedArm:
         self.commands = 0
         """Poses that were commanded."""
         self.inputs, self.outputs = Values(), Values()
-        self._tip, self._frame, self._noise_n = tip, frame, noise_n
+        self._tip, self._frame, self.noise_n = tip, frame, noise_n
         self._random = random.Random(seed)  # noqa: S311 - noise, no secret
         self._executing = False
         self._target_m: Vector | None = None
@@ -189,7 +189,7 @@ class EmulatedArm:
         noise = self._random.gauss
         return {
             "actual_TCP_pose": (*place, *self.rotation_rad),
-            "actual_TCP_force": (*(each + noise(0.0, self._noise_n) for each in force), 0, 0, 0),
+            "actual_TCP_force": (*(each + noise(0.0, self.noise_n) for each in force), 0, 0, 0),
         }
 
     def fields(self, time_s: float) -> Values:

@@ -93,7 +93,7 @@ class EmulatedUrController:
         self._began_ns = time.monotonic_ns()
         self._selector = selectors.DefaultSelector()
         self._listeners: list[socket.socket] = []
-        self._connections: list[PortConnection] = []
+        self.connections: list[PortConnection] = []
         self._plugged = True
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="UR controller", daemon=True)
@@ -183,8 +183,8 @@ class EmulatedUrController:
 
     def drop(self, connection: PortConnection) -> None:
         """Forget a client."""
-        if connection in self._connections:
-            self._connections.remove(connection)
+        if connection in self.connections:
+            self.connections.remove(connection)
             self._selector.unregister(connection.link)
             connection.link.close()
 
@@ -205,7 +205,7 @@ class EmulatedUrController:
             self.arm.step(self._time_s(now_ns), now_ns, period_ns / 1e9)
             if not self.silent:
                 fields = self.arm.fields(self._time_s(now_ns))
-                for connection in tuple(self._connections):
+                for connection in tuple(self.connections):
                     connection.send_state(fields, tick)
 
     def _serve_until(self, due_ns: int) -> None:
@@ -234,7 +234,7 @@ class EmulatedUrController:
         link.setblocking(False)
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connection = kind(self, link)
-        self._connections.append(connection)
+        self.connections.append(connection)
         self._selector.register(link, selectors.EVENT_READ, partial(self._receive, connection))
         connection.greet()
 
@@ -250,7 +250,7 @@ class EmulatedUrController:
             self.drop(connection)
 
     def _close_all(self) -> None:
-        for connection in tuple(self._connections):
+        for connection in tuple(self.connections):
             self.drop(connection)
         for listener in self._listeners:
             self._selector.unregister(listener)

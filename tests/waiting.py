@@ -1,0 +1,24 @@
+"""Wait for what goes on beside a test: in threads, processes and emulated devices."""
+
+import time
+from collections.abc import Callable
+
+import psutil
+
+PATIENCE_S = 30.0
+
+
+def until(condition: Callable[[], object], act: Callable[[], object] = lambda: None) -> None:
+    """Act every millisecond until the condition holds."""
+    deadline_s = time.monotonic() + PATIENCE_S
+    while not condition():
+        act()
+        assert time.monotonic() < deadline_s, "it has not come to pass"
+        time.sleep(0.001)
+
+
+def children(word: str, parent: int | None = None) -> list[psutil.Process]:
+    """Return the child processes, of this one by default, that have a word in their command."""
+    return [
+        child for child in psutil.Process(parent).children() if word in " ".join(child.cmdline())
+    ]
