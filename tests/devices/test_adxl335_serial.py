@@ -145,25 +145,6 @@ def test_spoilt_frames_are_counted_and_survived(boards, drivers) -> None:
     assert sensor.faults["restarts"] == 1
 
 
-def test_a_board_is_lost_when_unplugged_and_back_when_plugged(boards, drivers) -> None:
-    board = boards()
-    sensor = drivers(board)
-    sensor.connect()
-    board.garble(3)
-    until_counted(sensor, 3, *BROKEN)
-    faults = dict(sensor.faults)
-    board.unplug()
-    assert "plug it in again" in until_lost(sensor)
-    with pytest.raises(MmtError, match="there is none; plug the board in"):
-        sensor.connect()
-    with pytest.raises(DeviceLost, match="not open"):
-        sensor.read()
-    board.plug()
-    sensor.connect()
-    assert readings(sensor, 20)
-    assert all(sensor.faults[kind] >= count for kind, count in faults.items())
-
-
 def test_a_value_that_never_changes_is_none(boards, drivers) -> None:
     board = boards()
     sensor = drivers(board, stuck_s=0.1, start_s=0.2)
@@ -248,26 +229,6 @@ def test_without_calibration_gravity_shows_a_wrong_supply(boards, drivers, caplo
     sensor.connect()
     sensor.calibrate()
     assert "it is not calibrated, and the options for supply" in caplog.text
-
-
-def test_a_port_that_is_not_permitted_is_told(tmp_path, monkeypatch) -> None:
-    import errno
-
-    import serial
-
-    def refuse(*args, **kwargs):
-        raise serial.SerialException(errno.EACCES, "denied")
-
-    monkeypatch.setattr(serial, "Serial", refuse)
-    with pytest.raises(MmtError, match="dialout"):
-        SerialAdxl335(port="/dev/ttyACM0").connect()
-
-
-def test_a_port_in_use_is_told(boards, drivers) -> None:
-    board = boards()
-    drivers(board).connect()
-    with pytest.raises(MmtError, match="another program has it open"):
-        drivers(board).connect()
 
 
 @pytest.mark.parametrize(

@@ -4,8 +4,9 @@ import functools
 import itertools
 import sys
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import pytest
 from nano17_files import write_calibration
@@ -16,6 +17,7 @@ from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, nominal
 from mmt.devices.drivers import load_device
 from mmt.devices.protocols import SampledSensor, Vector
+from mmt.testing.emulated import Truth
 from mmt.testing.emulated.labjack_u6 import EmulatedU6
 from mmt.testing.emulated.net_ft import EmulatedNetFt
 
@@ -40,55 +42,59 @@ class Felt:
         return self.value
 
 
-class Bench(NamedTuple):
-    """An emulated device, its driver, and what it feels."""
+@dataclass
+class Bench:
+    """An emulated device that runs, its driver, and what it feels."""
 
     device: Any
-    sensor: SampledSensor
+    driver: str
+    options: dict[str, Any]
     felt: Felt
-    channel: str
-    at_rest: Vector
-    """What frames have before anything is felt."""
+    channel: str = "force_n"
+
+    def __post_init__(self) -> None:
+        self.sensor = self.load()
+        self.at_rest = (0.0, 0.0, GRAVITY_M_S2 * (self.channel == "acceleration_m_s2"))
+        """What frames have before anything is felt."""
+
+    def load(self) -> SampledSensor:
+        return load_device(self.driver, self.options)
+
+
+def upright(felt: Felt) -> Truth:
+    """What is felt, and gravity."""
+    return lambda t: tuple(a + b for a, b in zip(felt(t), (0, 0, GRAVITY_M_S2), strict=True))
 
 
 def net_ft(felt: Felt) -> Bench:
     box = EmulatedNetFt(felt, noise_n=0.001)
     box.start()
-    return Bench(box, load_device("ati-net-ft", box.options), felt, "force_n", (0.0, 0.0, 0.0))
+    return Bench(box, "ati-net-ft", box.options, felt)
 
 
 def digital_ft(felt: Felt) -> Bench:
     emulated = EmulatedDigitalFt(felt, 115_200)
     emulated.start()
-    sensor = load_device("ati-digital-ft", emulated.options)
-    return Bench(emulated, sensor, felt, "force_n", (0.0, 0.0, 0.0))
+    return Bench(emulated, "ati-digital-ft", emulated.options, felt)
 
 
 def adxl335(felt: Felt) -> Bench:
-    board = EmulatedAdxl335Board(
-        lambda t: tuple(a + b for a, b in zip(felt(t), (0, 0, GRAVITY_M_S2), strict=True)),
-        rate_hz=2000.0,
-    )
+    board = EmulatedAdxl335Board(upright(felt), rate_hz=2000.0)
     board.start()
     options = {"port": board.address, "bandwidth_hz": 500.0}
-    sensor = load_device("adxl335-serial", options)
-    return Bench(board, sensor, felt, "acceleration_m_s2", (0.0, 0.0, GRAVITY_M_S2))
+    return Bench(board, "adxl335-serial", options, felt, "acceleration_m_s2")
 
 
 def bota(felt: Felt) -> Bench:
     emulated = EmulatedBota(felt)
     emulated.start()
-    sensor = load_device("bota-serial", emulated.options)
-    return Bench(emulated, sensor, felt, "force_n", (0.0, 0.0, 0.0))
+    return Bench(emulated, "bota-serial", emulated.options, felt)
 
 
 def iio(felt: Felt) -> Bench:
-    emulated = EmulatedIio(
-        lambda t: tuple(a + b for a, b in zip(felt(t), (0, 0, GRAVITY_M_S2), strict=True))
-    )
+    emulated = EmulatedIio(upright(felt))
     emulated.start()
-    sensor = load_device("iio-accelerometer", emulated.options)
-    return Bench(emulated, sensor, felt, "acceleration_m_s2", (0.0, 0.0, GRAVITY_M_S2))
+    return Bench(emulated, "iio-accelerometer", emulated.options, felt, "acceleration_m_s2")
 
 
 @pytest.fixture(autouse=True)
@@ -135,6 +141,59 @@ def test_what_is_unplugged_is_lost_and_comes_back_with_its_zero(bench, running) 
     assert len(running.run(lambda _: next(turns) > 100)) == 0
     bench.device.plug()
     back_and_right(bench, running)
+
+
+UNPLUGGED = {
+    "ati-net-ft": (r"no record for \d+ ms; check the box's power", "does not answer"),
+    "ati-digital-ft": ("the port is gone", "its serial port: there is none; plug"),
+    "adxl335-serial": ("plug it in again", "there is none; plug the board in"),
+    "bota-serial": ("the port is gone", "its serial port: there is none; plug"),
+    "iio-accelerometer": (
+        r"it captures no longer; /.* is gone; check the wires",
+        "industrial I/O has no accelerometer",
+    ),
+}
+"""What a driver says while it reads, and where it is to connect again."""
+
+
+def test_what_is_unplugged_is_explained_and_goes_on_in_time(bench) -> None:
+    sensor, (gone, absent) = bench.sensor, UNPLUGGED[bench.driver]
+    sensor.connect()
+    before = read_some(sensor)
+    sensor.calibrate()
+    bench.device.unplug()
+    with pytest.raises(DeviceLost, match=gone):
+        read_until(sensor, lambda _: False)
+    with pytest.raises(MmtError, match=absent):
+        sensor.connect()
+    with pytest.raises(DeviceLost, match=r"is closed|not open"):
+        sensor.read()
+    bench.device.plug()
+    sensor.connect()
+    after = read_some(sensor)
+    assert after[0].time_ns > before[-1].time_ns
+    assert after[-1].value == near(bench, (0.0, 0.0, 0.0))
+    sensor.close()
+
+
+@pytest.mark.parametrize("make", [digital_ft, adxl335, bota])
+def test_a_port_that_is_in_use_or_not_permitted_is_explained(make, monkeypatch) -> None:
+    bench = make(Felt())
+    try:
+        bench.sensor.connect()
+        with pytest.raises(MmtError, match="another program has it open"):
+            bench.load().connect()
+        bench.sensor.close()
+
+        def refuse(*_: object) -> None:
+            raise PermissionError(13, "Permission denied")
+
+        monkeypatch.setattr("os.open", refuse)
+        with pytest.raises(MmtError, match=r"no permission\. On Linux add yourself to the group"):
+            bench.sensor.connect()
+    finally:
+        monkeypatch.undo()
+        bench.device.stop()
 
 
 NOTHING_USABLE = (
@@ -188,7 +247,7 @@ def test_a_port_that_is_closed_is_a_lost_box_and_another_at_its_place_is_taken()
     box = EmulatedNetFt(felt)
     box.start()
     options = box.options
-    bench = Bench(box, load_device("ati-net-ft", options), felt, "force_n", (0.0, 0.0, 0.0))
+    bench = Bench(box, "ati-net-ft", options, felt)
     running = RunningSource(bench.sensor, None)
     running.start()
     try:

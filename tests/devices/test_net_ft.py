@@ -3,7 +3,6 @@
 import itertools
 import math
 import re
-from pathlib import Path
 
 import pytest
 from sensor_reading import read_some, read_until, read_until_fault
@@ -11,7 +10,7 @@ from sensor_reading import read_some, read_until, read_until_fault
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices import wrench_sensor as sensor_module
 from mmt.devices.ati import net_ft as net_ft_module
-from mmt.devices.ati.net_ft import NetFt, NetFtOptions, net_ft
+from mmt.devices.ati.net_ft import NetFt, net_ft
 from mmt.devices.ati.net_wire import (
     START,
     STOP,
@@ -262,29 +261,6 @@ def test_a_box_in_error_is_lost_and_connects_again_when_it_is_mended(box, sensor
     assert read_some(sensor)
 
 
-def test_stuck_values_are_seen(box, sensor):
-    box.stuck = True
-    with pytest.raises(DeviceLost, match=r"the very same values for \d+ ms"):
-        read_until(sensor, lambda _: False)
-
-
-def test_a_box_without_power_is_lost_and_comes_back(box, sensor):
-    sensor.calibrate()
-    before = read_some(sensor)
-    box.unplug()
-    with pytest.raises(DeviceLost, match=r"no record for \d+ ms; check the box's power"):
-        read_until(sensor, lambda _: False)
-    with pytest.raises(MmtError, match="does not answer"):
-        sensor.connect()
-    with pytest.raises(DeviceLost, match="is closed"):
-        sensor.read()
-    box.plug()
-    sensor.connect()
-    after = read_some(sensor)
-    assert after[0].time_ns > before[-1].time_ns
-    assert after[-1].value == pytest.approx((0, 0, 0), abs=0.01)
-
-
 def test_a_short_interruption_is_bridged_without_connecting(box):
     sensor = net_ft(**box.options, silence_ms=5000)
     sensor.connect()
@@ -318,9 +294,3 @@ def test_reading_what_is_not_connected_is_explained():
 def test_options_are_validated(wrong):
     with pytest.raises(InputError, match="device 'ati-net-ft'"):
         net_ft(**wrong)
-
-
-def test_every_option_is_documented():
-    page = (Path(__file__).parents[2] / "docs/how-to/nano17.md").read_text(encoding="utf-8")
-    for option in NetFtOptions.model_fields:
-        assert f"`{option}`" in page

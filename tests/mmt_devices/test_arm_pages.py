@@ -1,4 +1,4 @@
-"""The pages of arms and handles against their drivers: options, defaults, and what is said."""
+"""The pages of devices against their drivers: options, defaults, and what is said."""
 
 import ast
 import json
@@ -9,8 +9,13 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
+from mmt.devices.ati.digital_ft import DigitalFtOptions
+from mmt.devices.ati.gauges import GaugesOptions
+from mmt.devices.ati.net_ft import NetFtOptions
 from mmt.devices.openhaptics import options as openhaptics
+from mmt_devices.bota.driver import BotaOptions
 from mmt_devices.franka import options as franka
+from mmt_devices.iio.options import IioOptions
 from mmt_devices.inverse3 import options as haply
 from mmt_devices.universal_robots import options as universal_robots
 
@@ -58,6 +63,21 @@ def test_the_page_has_every_option_with_its_default(page: str, options: type[Bas
         else:
             default = list(field.default) if isinstance(field.default, tuple) else field.default
             assert json.loads(shown[name]) == default, name
+
+
+@pytest.mark.parametrize(
+    ("page", "options"),
+    [
+        ("nano17", NetFtOptions),
+        ("nano17", DigitalFtOptions),
+        ("nano17", GaugesOptions),
+        ("bota", BotaOptions),
+        ("iio", IioOptions),
+    ],
+)
+def test_the_page_names_every_option(page: str, options: type[BaseModel]) -> None:
+    text = (ROOT / "docs" / "how-to" / f"{page}.md").read_text(encoding="utf-8")
+    assert [name for name in options.model_fields if f"`{name}`" not in text] == []
 
 
 @pytest.mark.parametrize("page", ROOMS)
