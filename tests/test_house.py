@@ -61,6 +61,10 @@ def test_private_names_of_the_product_in_tests_are_found(house, project):
     ]
 
 
+def test_tests_use_few_private_names_of_the_product(house):
+    assert len(house["private_uses"](HOUSE.parents[1])) <= 30
+
+
 def test_what_a_run_loads_and_calls_is_known(house):
     found = house["run"](HOUSE.parents[1], house["MODELLING"], "trace")
     assert any("segmentation" in each for each in found["modelling"]["calls"])

@@ -106,7 +106,7 @@ class ListenerClient:
         self._operator = operator
         self._on_model, self._on_state, self._on_event = on_model, on_state, on_event
         self._on_message = on_message
-        self._hubs: list[str] = []
+        self.hubs: list[str] = []
         self._news = asyncio.Event()
         self._asked = False
         self._answers, self._answering = 0, PeriodLimit(ANSWER_PERIOD_S)
@@ -246,7 +246,7 @@ class ListenerClient:
 
     def _take_hubs(self, addresses: object = None, *_: object) -> None:
         given = addresses if isinstance(addresses, list) else []
-        self._hubs = [url for url in given[:MOST_HUBS] if self._may_turn_to(url)]
+        self.hubs = [url for url in given[:MOST_HUBS] if self._may_turn_to(url)]
 
     def _take_refusal(self, data: object) -> None:
         if isinstance(data, Mapping):  # of a hub that has its most
@@ -264,7 +264,7 @@ class ListenerClient:
 
     def _other_hubs(self) -> list[str]:
         """Return where else the model is to be had, in any order, so that not all go to one."""
-        return random.sample(self._hubs, len(self._hubs))
+        return random.sample(self.hubs, len(self.hubs))
 
     def _take_end(self, message: object = None, *_: object) -> None:
         outcome = message.get("outcome") if isinstance(message, Mapping) else None

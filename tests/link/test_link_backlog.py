@@ -45,7 +45,7 @@ async def test_what_a_stalled_network_does_not_take_waits_in_the_outbox(stalled:
                 break
             await asyncio.sleep(0)
         assert outbox.dropped > 100
-        transport = queue._transport_of(websocket)
+        transport = queue._transport_of(websocket)  # what aiohttp hides
         assert transport is not None
         assert transport.get_write_buffer_size() < 10_000
         outbox.close()

@@ -213,7 +213,7 @@ def test_no_question_kills_the_leader(questions: list[object]) -> None:
 def test_no_answer_kills_the_follower(answers: list[object]) -> None:
     reader = BlockReader(COMMAND_DTYPE, "commands")
     clock = ClockRequester(reader, SendQueue(1000), lambda _: None)
-    clock._pending.update(dict.fromkeys(range(4), (0,)))
+    clock._pending.update(dict.fromkeys(range(4), (0,)))  # asked without a loop
     for answer in answers:
         clock.handle_response(answer)
     clock.handle_response()
@@ -235,7 +235,7 @@ def test_too_many_questions_are_rejected() -> None:
     for number in range(2000):
         clock.handle_request(QUESTION.pack(number, 1, 0, 0))
     assert reader.rejected["too many clock"] >= 2000 - 2 * 400 - 1
-    assert len(clock._pending) <= 512
+    assert len(clock._pending) <= 512  # memory
 
 
 async def test_a_malformed_stamp_from_the_other_side_is_counted() -> None:

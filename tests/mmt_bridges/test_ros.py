@@ -119,7 +119,7 @@ class Running:
         self.part = part
         self.session.parts.add(part)
         part.connect()
-        self.process = part._outlet.process
+        self.process = part._outlet.process  # to be killed and stopped
 
     def send(self, frames: Any) -> None:
         self.remote.follower_time_ns = int(frames["time_ns"][-1])

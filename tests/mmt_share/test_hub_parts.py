@@ -193,7 +193,7 @@ async def test_a_listener_keeps_addresses_of_hubs_that_it_may_turn_to(
 ) -> None:
     client = ListenerClient(Listening(url="http://a:1"))
     client._take_hubs(given)
-    assert client._hubs == kept
+    assert client.hubs == kept
 
 
 def test_a_hub_needs_no_compiled_numerics() -> None:

@@ -72,7 +72,7 @@ async def test_a_hub_gives_its_listeners_what_the_leader_shares(alone: RedisServ
                 assert (late.client.wholes, late.client.changes) == (1, 0)
             leader.relay.finish("completed")
             await until(lambda: ENDED in heard.said)
-        assert len(leader.server._connected) == 1
+        assert leader.server.figures()["listeners"] == 1
 
 
 async def test_the_leader_has_one_listener_however_many_hubs_there_are(redis: RedisServer) -> None:
@@ -87,7 +87,7 @@ async def test_the_leader_has_one_listener_however_many_hubs_there_are(redis: Re
         await until(lambda: all(is_model_of(each, 12) for each in heard))
         assert len(leader.said) == 1
         others = [{hub.url for hub in hubs} - {each.url} for each in hubs]
-        await until(lambda: [set(each.client._hubs) for each in heard] == others)
+        await until(lambda: [set(each.client.hubs) for each in heard] == others)
 
 
 async def test_the_others_go_on_where_the_feeder_leaves(redis: RedisServer) -> None:
@@ -99,7 +99,7 @@ async def test_the_others_go_on_where_the_feeder_leaves(redis: RedisServer) -> N
             second = await stack.enter_async_context(serving(leader.url, redis.url))
             of_first = await stack.enter_async_context(listening(first.url))
             of_second = await stack.enter_async_context(listening(second.url))
-            await until(lambda: of_first.client._hubs and is_model_of(of_second, 10))
+            await until(lambda: of_first.client.hubs and is_model_of(of_second, 10))
             assert not second.hub.feeding
         await until(lambda: second.hub.feeding)
         leader.publish(11)
@@ -119,7 +119,7 @@ async def test_a_feeder_that_is_killed_is_replaced_and_its_listeners_find_anothe
         of_first = await stack.enter_async_context(listening(first.url, name="a"))
         of_second = await stack.enter_async_context(listening(second.url, name="b"))
         for url, heard in ((second.url, of_first), (first.url, of_second)):
-            await until(lambda url=url, heard=heard: heard.client._hubs == [url])
+            await until(lambda url=url, heard=heard: heard.client.hubs == [url])
         await until(lambda: is_model_of(of_first, 10) and is_model_of(of_second, 10))
         killed_s = time.monotonic()
         first.child.send(signal.SIGKILL)
@@ -127,7 +127,7 @@ async def test_a_feeder_that_is_killed_is_replaced_and_its_listeners_find_anothe
         assert time.monotonic() - killed_s < 3.5
         leader.publish(12)
         await until(lambda: is_model_of(of_first, 12) and is_model_of(of_second, 12))
-        assert len(leader.server._connected) == 1
+        assert leader.server.figures()["listeners"] == 1
 
 
 async def test_any_socket_io_client_can_listen_at_a_hub(alone: RedisServer) -> None:
@@ -166,7 +166,7 @@ async def test_another_session_of_the_leader_is_followed(redis: RedisServer) -> 
             await until(lambda: all(is_model_of(each, 12) for each in heard))
             leader.relay.finish("completed")
         async with shared(port=port) as again:
-            again.server._welcome["session_id"] = "def"
+            await again.server.welcome(session_id="def")
             for count in (5, 6, 20):  # with the number that the earlier session ended by
                 again.relay.offer_model(
                     *again.publisher.publish(model_of(count), other_about(count))

@@ -67,7 +67,7 @@ def test_the_filter_is_the_window_methods(from_hz: int, to_hz: int) -> None:
     taps = math.ceil(16 * max(1.0, down / up))
     prototype = firwin(up * taps, 1.0 / max(up, down), window=("kaiser", 5.4), scale=False)
     wanted = prototype.reshape(taps, up).T
-    found = RateConverter(from_hz, to_hz)._phases[:, ::-1]
+    found = RateConverter(from_hz, to_hz).phases[:, ::-1]
     np.testing.assert_allclose(found, wanted / wanted.sum(axis=1, keepdims=True), atol=1e-15)
 
 

@@ -45,8 +45,8 @@ class RateConverter:
                 f"from {from_hz:g} to {to_hz:g} Hz: the ratio is no simple fraction; choose "
                 "a multiple of 1 Hz, or better of 100 Hz"
             )
-        self._phases = _polyphase(self._up, self._down)
-        self._reach = self._phases.shape[1]
+        self.phases = _polyphase(self._up, self._down)
+        self._reach = self.phases.shape[1]
         self._delay_s = float((self._up * self._reach - 1) / (2 * self._up * from_hz))
         self._history = np.zeros(self._reach)
         self._taken = self._given = 0
@@ -84,7 +84,7 @@ class RateConverter:
             return np.zeros(0)
         windows = np.lib.stride_tricks.sliding_window_view(line, self._reach)
         oldest = steps // self._up - first - self._reach + 1
-        output: FloatArray = np.einsum("ij,ij->i", windows[oldest], self._phases[steps % self._up])
+        output: FloatArray = np.einsum("ij,ij->i", windows[oldest], self.phases[steps % self._up])
         return output
 
 
