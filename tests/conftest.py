@@ -3,11 +3,13 @@
 import gc
 import os
 import random
+import re
 import signal
 import socket
 import sys
 from collections.abc import Iterator
 from contextlib import suppress
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -17,39 +19,47 @@ import mmt.cli  # noqa: F401 - before NumPy: linear algebra in one thread, as th
 from mmt.core.process import ask_for_short_turns
 from mmt.core.queued_output import finish_output
 
-SLOWEST_FIRST = (
+SLOW = (
     "test_first_start.py",
     "test_service_interruption.py",
     "test_stability_services.py",
     "test_sharing_services.py",
-    "test_service_processes.py",
     "test_hubs.py",
     "test_control_services.py",
     "test_service_soak.py",
     "test_demo_shared.py",
-    "test_monitor_page.py",
     "test_lean_scenes.py",
+    "test_lean_installs.py",
+    "test_monitor_page.py",
     "test_player_page.py",
     "test_site.py",
     "test_report_pages.py",
     "test_backfill.py",
-    "test_surface_detection.py",
-    "test_device_faults.py",
+    "test_stalled_readers.py",
+    "test_interrupted_connecting.py",
     "test_selection_evaluation.py",
-    "test_scenes.py",
     "test_service_namespaces.py",
     "test_surface_evaluation.py",
     "test_device_bench.py",
     "test_compare_generators.py",
     "test_sweep.py",
-    "test_altered_surface.py",
     "test_fuzz_leader.py",
+    "test_fuzz_follower.py",
     "test_full_disk.py",
 )
-"""Files of ten seconds and more: begun last, they would keep one process alone at the end.
+"""Files that only `scripts/test --all` runs: soak, installations, faults, browsers, evaluations.
 
-Those that wait for clocks alternate with those that compute.
+They begin, the slowest first: at the end, they would keep one process alone.
 """
+LIVE = re.compile(
+    r"^(?:from|import) (?:aiohttp|asyncio|(?:link|sharing|hub|player)_samples|multiprocessing"
+    r"|nbclient|playwright|runpy|running_source|sensor_reading|sketches|socket|socketio|stroked_sessions"
+    r"|subprocess|threading|time|waiting|\w+_(?:browser|processes|programs?|runs)"
+    r"|mmt\.(?:evaluation|testing)|mmt_lab)\b|\b(?:make|stroked)_session\b",
+    re.MULTILINE,
+)
+"""What a file of tests uses that needs real time, a child, a socket, a browser, an emulated device
+or a simulated session: `scripts/test --fast` leaves it out."""
 
 # ignored where a shell without job control starts the tests in the background: processes that they
 # start would inherit it, and could not be interrupted
@@ -65,10 +75,26 @@ settings.register_profile("repeatable", settings.get_profile("mmt"), derandomize
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "mmt"))
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--lane", choices=("fast", "usual", "all"), default="all", help="files to run")
+
+
 @pytest.hookimpl(optionalhook=True)
-def pytest_xdist_auto_num_workers() -> int:
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     """Run three processes for two cores: a third of its time, a test waits for a clock."""
-    return min(3 * (os.cpu_count() or 1) // 2, 8)
+    cores = os.cpu_count() or 1
+    return min(cores if config.getoption("lane") == "fast" else 3 * cores // 2, 8)
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave out the files of slower lanes before they are read: that takes a fifth of a minute."""
+    lane = config.getoption("lane")
+    if lane == "all" or not collection_path.name.startswith("test_"):
+        return None
+    slow = collection_path.name in SLOW
+    if lane == "fast" and not slow:
+        slow = LIVE.search(collection_path.read_text("utf-8")) is not None
+    return slow or None
 
 
 @pytest.hookimpl(wrapper=True)
@@ -100,7 +126,7 @@ def _heap_that_is_collected() -> Iterator[None]:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Begin with what takes longest, in every process alike."""
     if hasattr(config, "workerinput"):
-        places = {name: place for place, name in enumerate(SLOWEST_FIRST)}
+        places = {name: place for place, name in enumerate(SLOW)}
         items.sort(key=lambda item: places.get(item.path.name, len(places)))
 
 

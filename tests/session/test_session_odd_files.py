@@ -70,10 +70,10 @@ def test_a_scene_that_is_nested_without_end_is_explained(tmp_path):
         load_scene(path)
 
 
-def test_the_sentence_on_a_table_of_a_million_columns_is_short(tmp_path):
+def test_the_sentence_on_a_table_of_many_columns_is_short(tmp_path):
     path = tmp_path / "wide.csv"
-    path.write_text(",".join(f"c{n}" for n in range(1_000_000)), encoding="utf-8")
-    with pytest.raises(InputError, match="the first of 1000000 columns") as told:
+    path.write_text(",".join(f"c{n}" for n in range(50_000)), encoding="utf-8")
+    with pytest.raises(InputError, match="the first of 50000 columns") as told:
         import_session(path)
     assert len(str(told.value)) < 1000
 

@@ -126,7 +126,7 @@ def text(columns, header, sep, comma, above):
         max_size=12,
     ),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 def test_text_of_any_form_is_read_in_its_units(
     units, order, style, sep, comma, encoding, packed, above
 ):
@@ -294,8 +294,8 @@ def rows_of(path, header, columns):
     return path
 
 
-@given(names=st.lists(st.sampled_from(["F", "F.1", "x", "x", "y"]), min_size=2, max_size=8))
-@settings(max_examples=40, deadline=None)
+@given(names=st.lists(st.sampled_from(["F", "F.1", "x", "x", "y"]), min_size=2, max_size=6))
+@settings(max_examples=12, deadline=None)
 def test_no_column_hides_another_of_its_name(names):
     with TemporaryDirectory() as folder:
         names = [*names, ""]
@@ -363,7 +363,7 @@ def test_cells_without_a_value_are_gaps(holes, word):
     unit=st.sampled_from(["us", "ms"]),
     bits=st.sampled_from([16, 32]),
 )
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_a_counter_that_wraps_goes_on(start, unit, bits):
     per_s = 1_000_000 if unit == "us" else 1000
     counts = (start + np.rint(TIME_S * per_s).astype(np.int64)) % 2**bits

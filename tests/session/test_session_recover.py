@@ -106,7 +106,7 @@ def kept_frames(path, damage):
     ),
     flips=st.booleans(),
 )
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_damage_costs_what_it_touches_and_is_never_called_whole(
     tmp_path_factory, whole, place, damage, flips
 ):
