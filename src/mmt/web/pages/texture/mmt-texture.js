@@ -974,10 +974,11 @@ export class Sound {
   #sent = 0;
   #starting = false;
 
-  /** `onReport(rms)`: what was played (m/s2); `onState(state, sentence)`: waiting, running, or degraded and why. */
-  constructor(onReport, onState) {
+  /** `onReport(rms)`: what was played (m/s2); `onState(state, sentence)`: waiting, running, or degraded and why; `gone`: a signal that ends it. */
+  constructor(onReport, onState, gone) {
     Object.assign(this, { onReport, onState, model: null, hand: { touches: false }, volume: 0.2, delays: [], conversionMs: 0 });
-    document.addEventListener("visibilitychange", () => (document.hidden ? this.context?.suspend() : this.context?.resume()));
+    document.addEventListener("visibilitychange", () => (document.hidden ? this.context?.suspend() : this.context?.resume()), { signal: gone });
+    gone?.addEventListener("abort", () => this.context?.close());
   }
 
   #start() {
@@ -1066,14 +1067,15 @@ export class Hand extends PointerMotion {
   #keys = new Set();
   #stroke = null;
 
-  /** `settings()` gives `mmPerPx`, `force` (N) and the keys' `speed` (mm/s); `onMotion()` is called at each change. */
-  constructor(node, settings, onMotion) {
+  /** `settings()` gives `mmPerPx`, `force` (N) and the keys' `speed` (mm/s); `onMotion()` is called at each change; `gone`: a signal that ends it. */
+  constructor(node, settings, onMotion, gone) {
     super();
     Object.assign(this, { node, settings, onMotion, left: 0, top: 0, presses: false });
     const events = ["pointerdown", "pointermove", "pointerup", "pointercancel", "lostpointercapture", "contextmenu", "keydown"];
-    for (const name of events) node.addEventListener(name, this);
-    for (const name of ["keyup", "blur"]) addEventListener(name, this);
-    document.addEventListener("visibilitychange", this);
+    for (const name of events) node.addEventListener(name, this, { signal: gone });
+    for (const name of ["keyup", "blur"]) addEventListener(name, this, { signal: gone });
+    document.addEventListener("visibilitychange", this, { signal: gone });
+    gone?.addEventListener("abort", () => this.#away());
   }
 
   handleEvent(event) {
@@ -1154,32 +1156,33 @@ function turned(value, low, high, side, axis) {
 
 if (globalThis.customElements !== undefined && customElements.get("mmt-texture") === undefined) {
   customElements.define("mmt-texture", class extends HTMLElement {
-    #motion = new PointerMotion();
+    #gone;
 
     connectedCallback() {
-      if (this.loading !== undefined) return;
+      this.#gone = new AbortController();
       Object.assign(this.style, { display: "grid", placeItems: "center", minHeight: this.style.minHeight || "12rem", touchAction: "none", userSelect: "none" });
       this.tabIndex = 0;
-      this.textContent = "touch to feel";
-      for (const name of ["pointerdown", "pointermove", "pointerup", "pointercancel"]) this.addEventListener(name, this);
-      this.loading = this.#load().catch((error) => { this.textContent = error.message; });
+      for (const [name, value] of [["role", "application"], ["aria-label", "Surface: stroke it with mouse, finger, pen or the arrow keys"]]) {
+        if (!this.hasAttribute(name)) this.setAttribute(name, value);
+      }
+      this.#show(this.#gone.signal).catch((error) => { this.textContent = error.message; });
     }
 
-    async #load() {
+    async #show(gone) {
+      this.textContent = "loading";
       const answer = await fetch(this.getAttribute("src"));
       if (!answer.ok) throw new ModelError(`The model ${this.getAttribute("src")} is not there: ${answer.status}.`);
       const length = Number(answer.headers.get("content-length"));
       refuse(length > MOST_BYTES, `it has ${length} bytes, allowed are ${MOST_BYTES}`);
-      this.model = parseModel(await answer.text());
-    }
-
-    async #start() {
-      await this.loading;
-      if (this.model === undefined) return;
-      const context = new AudioContext({ latencyHint: 0 });
-      this.texture = await new TextureNode(context).ready;
-      this.texture.setModel(this.model);
-      this.texture.connect(new GainNode(context, { gain: this.#number("volume", 0.2, 1) })).connect(context.destination);
+      const model = parseModel(await answer.text());
+      if (gone.aborted) return;
+      this.textContent = "touch to feel";
+      const settings = () => ({ mmPerPx: 25.4 / 96, force: this.#number("force", 1, 100), speed: 100 });
+      const hand = new Hand(this, settings, () => this.sound.move(hand), gone);
+      const onState = (state, sentence) => { if (state !== "waiting") this.textContent = sentence || "touch to feel"; };
+      this.sound = new Sound(() => {}, onState, gone);
+      this.sound.setModel(model);
+      this.sound.setVolume(this.#number("volume", 0.2, 1));
     }
 
     #number(name, otherwise, most) {
@@ -1187,21 +1190,8 @@ if (globalThis.customElements !== undefined && customElements.get("mmt-texture")
       return Math.min(Math.max(Number.isFinite(value) ? value : otherwise, 0), most);
     }
 
-    handleEvent(event) {
-      if (event.type === "pointerdown") {
-        this.setPointerCapture(event.pointerId);
-        this.#motion.lift();
-        this.starting ??= this.#start();
-      }
-      const motion = this.#motion, mm = 25.4 / 96;
-      if (event.type === "pointerup" || event.type === "pointercancel") motion.lift();
-      else if (event.type === "pointerdown" || motion.touches) motion.add(event.timeStamp, event.clientX * mm, -event.clientY * mm, this.#number("force", 1, 100));
-      this.texture?.setMotion(motion.vx, motion.vy, motion.force, motion);
-    }
-
     disconnectedCallback() {
-      this.texture?.context.close();
-      this.texture = this.starting = this.loading = undefined;
+      this.#gone.abort();
     }
   });
 }
