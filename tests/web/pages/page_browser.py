@@ -15,7 +15,7 @@ MARKS = [
     pytest.mark.asyncio(loop_scope="module"),
 ]
 
-DESKTOP, TABLET = (1440, 900), (820, 1180)
+DESKTOP, TABLET = (1280, 800), (820, 1180)
 LONGEST_MS = 60_000
 LEAST_TARGET_PX = 40
 """Of what a finger is to meet."""
@@ -96,8 +96,16 @@ ILLEGIBLE = """() => {
 """Texts whose contrast to what they stand on is too small."""
 
 
+UNNAMED = """() =>
+    [...document.querySelectorAll("button, select, input, a, [tabindex], [role=img]")]
+    .filter((node) => node.checkVisibility() && !node.matches("[aria-labelledby], [aria-label]"))
+    .filter((node) => !(node.textContent || node.title || node.labels?.length))
+    .map((node) => node.outerHTML)"""
+"""What a screen reader has no words for."""
+
+
 async def fits(page: Any, scheme: str) -> None:
-    """See that a page has the scheme's colours, nothing beside its edge, and room for fingers."""
+    """See that a page has the scheme's colours, nothing beside its edge, names, large targets."""
     overflow = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
     assert await page.evaluate(overflow) <= 0
     ground = await page.evaluate("getComputedStyle(document.body).backgroundColor")
@@ -110,3 +118,4 @@ async def fits(page: Any, scheme: str) -> None:
     assert heights
     assert [item for item in heights if item[1] < LEAST_TARGET_PX] == []
     assert await page.evaluate(ILLEGIBLE) == []
+    assert await page.evaluate(UNNAMED) == []

@@ -199,7 +199,6 @@ function draw() {
   drawPlane();
   drawSpectrum();
   drawPlayed();
-  for (const id of ["plane", "spectrum", "played"]) $(id).setAttribute("aria-label", $(`${id}-title`).textContent);
   text("latency", sound.latency());
 }
 
