@@ -967,6 +967,8 @@ export class TextureNode {
 
 const STARTS_WITHIN_MS = 3000;
 const REMEMBERED = 200; // reports of the hand, for the middle of their delays
+// Firefox, asked for `outputLatency` while it plays, can lock up: it waits for PulseAudio, which waits for its graph, which waits for it
+const GECKO = "mozInnerScreenX" in globalThis;
 
 /** A page's sound: begins with a person's first touch, rests while the page is hidden, tells how late it follows the hand. */
 export class Sound {
@@ -983,7 +985,11 @@ export class Sound {
 
   #start() {
     if (document.hidden) return;
-    this.context?.resume(); // a finger is a person's act to the browser when it is lifted
+    if (navigator.userActivation?.hasBeenActive === false) {
+      this.onState("degraded", "No sound yet: the browser starts it when the finger is lifted.");
+      return;
+    }
+    this.context?.resume();
     if (this.#starting) return;
     this.#starting = true;
     this.onState("waiting", "starting the sound");
@@ -1040,10 +1046,10 @@ export class Sound {
     this.onReport(rms);
   }
 
-  /** What passes between the hand and the sound, in ms; null before the sound has begun. */
+  /** What passes between the hand and the sound, in ms; null before the sound has begun. `output`, the device's, is null in Firefox. */
   figures() {
     if (this.node === undefined) return null;
-    const output = 1e3 * ((this.context.baseLatency || 0) + (this.context.outputLatency || 0));
+    const output = GECKO ? null : 1e3 * ((this.context.baseLatency || 0) + (this.context.outputLatency || 0));
     return { delays: [...this.delays], conversion: this.conversionMs, output, by: this.node.by, rate: this.context.sampleRate };
   }
 
@@ -1053,7 +1059,8 @@ export class Sound {
     const { delays, conversion, output, by } = this.figures();
     const page = delays.sort((a, b) => a - b)[delays.length >> 1];
     const script = by === "script" ? " (no worklet here: open by https or from disk)" : "";
-    return `hand to sound ${(page + conversion + output).toFixed(0)} ms: page ${page.toFixed(1)}, conversion ${conversion.toFixed(1)}, device ${output.toFixed(1)}${script}`;
+    const device = output === null ? "unknown" : output.toFixed(1);
+    return `hand to sound ${(page + conversion + output).toFixed(0)} ms: page ${page.toFixed(1)}, conversion ${conversion.toFixed(1)}, device ${device}${script}`;
   }
 }
 

@@ -1,0 +1,74 @@
+"""The pages in Firefox: they open, render, are felt or say why not, and complain of nothing."""
+
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import pytest_asyncio
+from firefox_browser import FIREFOX, FirefoxPage, a_firefox
+from page_browser import fits
+from test_monitor_page import Leading
+from test_texture_page import renders_as_python
+
+from mmt.texture.model.json_form import model_json
+from mmt.texture.model.texture_model import load_model
+from mmt.web.texture_page import texture_page
+
+pytestmark = [
+    pytest.mark.skipif(FIREFOX is None, reason="firefox-esr is not installed"),
+    pytest.mark.asyncio(loop_scope="module"),
+]
+WIDTHS_PX = (390, 1280)
+SAID = "document.querySelector('#state').textContent"
+PROBLEM = "document.querySelector('#problem').textContent"
+
+
+@pytest_asyncio.fixture(scope="module", loop_scope="module")
+async def firefox(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[Any]:
+    async with a_firefox(tmp_path_factory.mktemp("firefox")) as page:
+        yield page
+
+
+@pytest.mark.parametrize(("width", "pointer"), [(390, "touch"), (1280, "mouse")])
+async def test_the_page_of_one_file_renders_and_its_first_touch_sounds_or_says_why_not(
+    firefox: FirefoxPage, tmp_path: Path, width: int, pointer: str
+) -> None:
+    made, path = load_model("oak"), tmp_path / "page.html"
+    path.write_bytes(texture_page([model_json(made, "oak")]))
+    await firefox.goto(path.as_uri(), width)
+    await firefox.until("window.mmtTexture !== undefined")
+    await fits(firefox, "light")
+    await renders_as_python(firefox, made)
+    box = await firefox.evaluate("document.querySelector('#surface').getBoundingClientRect()")
+    at = {"type": "pointerMove", "x": int(box["x"]) + 40, "y": int(box["y"]) + 40}
+    moves = [{**at, "x": at["x"] + 8 * (step % 9), "duration": 20} for step in range(20)]
+    down, up = ({"type": f"pointer{which}", "button": 0} for which in ("Down", "Up"))
+    await firefox.act(pointer, at, down)
+    if pointer == "touch":
+        assert "when the finger is lifted" in await firefox.evaluate(PROBLEM)
+        await firefox.act(pointer, up)
+    await firefox.until(f"['plays here, without a network', 'no sound'].includes({SAID})")
+    if await firefox.evaluate(SAID) == "no sound":  # nor is there a device to play it
+        assert "the browser finds no sound device" in await firefox.evaluate(PROBLEM)
+    else:
+        assert await firefox.evaluate(PROBLEM) == ""
+        await firefox.act(pointer, up, at, down, *moves)
+        await firefox.until("window.mmtTexture.figures().delays.length > 9")
+        assert (await firefox.evaluate("window.mmtTexture.figures()"))["by"] == "worklet"
+    await firefox.act(pointer, up)
+    assert firefox.problems == []
+
+
+@pytest.mark.parametrize("width", WIDTHS_PX)
+async def test_the_monitor_shows_its_verdict(firefox: FirefoxPage, width: int) -> None:
+    async with Leading() as leading:
+        await firefox.goto(leading.url, width)
+        now = "document.querySelector('#now').textContent"
+        await firefox.until(f"{now}.includes('waiting for the follower')")
+        await leading.model(6.0)
+        plane = "document.querySelector('#plane-text').textContent"
+        await firefox.until(f"{plane}.includes('samples, order')")
+        await fits(firefox, "light")
+        await firefox.goto("about:blank", width)  # which looks for no leader
+    assert firefox.problems == []
