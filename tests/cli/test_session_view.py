@@ -10,7 +10,7 @@ from recording_server import serving
 from typer.testing import CliRunner
 
 from mmt.cli.main import app
-from mmt.core.errors import InputError
+from mmt.core.errors import InputError, MmtError
 from mmt.session.data import RecordedSession
 from mmt.session.windows import MemoryWindows
 from mmt.web.viewing.recording import ViewedRecording
@@ -32,7 +32,7 @@ async def test_a_port_that_is_taken() -> None:
         other.bind(("127.0.0.1", 0))
         other.listen()
         port = other.getsockname()[1]
-        with pytest.raises(InputError, match=f"--port {port}: another program uses it"):
+        with pytest.raises(MmtError, match=f"port {port} .*: set --port to"):
             await RecordingServer(recording(), port).run(lambda _: None)
 
 

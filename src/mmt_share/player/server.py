@@ -17,6 +17,7 @@ from aiohttp import WSMsgType, web
 from mmt.core.errors import InputError, MmtError
 from mmt.link.access import TOKEN_VARIABLE, Access, Entrance
 from mmt.link.http import Listener
+from mmt.link.rate_limit import RateLimit
 from mmt.web.binary_messages import pack
 from mmt.web.page_server import add_page, open_socket, page_files
 from mmt_share.player.messages import line, parse, steps_of, whole
@@ -36,8 +37,8 @@ _PLAYERS: Final = Entrance(
 _NEWS_S: Final = 0.1
 _NEWS_A_STATUS: Final = 10
 _MOST_ORDERS: Final = 8
-_MOST_MESSAGES: Final = 200
-"""In a second; a page sends some ten."""
+_MESSAGES_HZ: Final = 2.0
+"""A page may send twenty messages a second, of 40 kB in all; it sends some ten, of 1 kB."""
 _FLOODED: Final = 1008
 _MOST_HELD_MS: Final = 10_000.0
 """Longest stroke that a slow network may hold back and deliver at once."""
@@ -142,8 +143,8 @@ class PageConnection:
         self._order_lock = asyncio.Lock()
         self._shown: dict[str, Any] | None = None
         self._rejected = 0
-        self._received = 0
-        self._since_s = self._then_s = time.monotonic()
+        self._limit = RateLimit(_MESSAGES_HZ, lambda _: None, lambda _: None)
+        self._then_s = time.monotonic()
         self._earned_ms = 1000.0
 
     async def serve(self) -> None:
@@ -152,7 +153,8 @@ class PageConnection:
         reporting = asyncio.create_task(self._send_news())
         try:
             async for message in self.socket:
-                if message.type is not WSMsgType.TEXT or self._is_flooding():
+                text = message.type is WSMsgType.TEXT
+                if not text or not self._limit.passes(len(message.data), time.monotonic_ns()):
                     await self.socket.close(code=_FLOODED, message=b"too many messages")
                     break
                 await self._handle(message.data)
@@ -259,10 +261,3 @@ class PageConnection:
                 status = {**player.status(), "rejected": self._rejected}
                 await self.socket.send_bytes(pack("status", status, {}))
             await asyncio.sleep(_NEWS_S)
-
-    def _is_flooding(self) -> bool:
-        now_s = time.monotonic()
-        if now_s - self._since_s >= 1.0:
-            self._since_s, self._received = now_s, 0
-        self._received += 1
-        return self._received > _MOST_MESSAGES

@@ -118,7 +118,8 @@ class ModelRebuild:
         self._settings = settings
         self._modellers = ModellerFactory(settings, period_s)
         self._frozen = frozen_spans(windows.events, windows.duration_s)
-        self._snapshots = ModelSnapshots()
+        self.snapshots = ModelSnapshots()
+        """The models, by the number in a state."""
         self._leave = threading.Event()
         self._thread = threading.Thread(target=self._run, name="mmt-rebuilding", daemon=True)
         self.states: list[ModelState] = []
@@ -138,7 +139,7 @@ class ModelRebuild:
         self._leave.set()
         if self._thread.ident is not None:
             self._thread.join()
-        self._snapshots.close()
+        self.snapshots.close()
         self._windows.close()
 
     def at(self, time_s: float) -> ModelState | None:
@@ -146,11 +147,6 @@ class ModelRebuild:
         states = self.states
         place = bisect_right(states, time_s, key=lambda state: state.time_s)
         return states[place - 1] if place else None
-
-    @property
-    def snapshots(self) -> ModelSnapshots:
-        """The models, by the number in a state."""
-        return self._snapshots
 
     # --- in the thread
 
@@ -175,7 +171,7 @@ class ModelRebuild:
 
     def _build(self, span: Span) -> None:
         """Build one model, from its first frame until it is complete, reset, or the end."""
-        growing = _Growing(self._snapshots)
+        growing = _Growing(self.snapshots)
         events = [e for e in self._windows.events if span[0] <= e["at_s"] < span[1]]
         modeller = self._modellers.make(said_surfaces(events))
         for time_s, frames in self._blocks(span):

@@ -7,7 +7,6 @@ at any time.
 """
 
 import asyncio
-import errno
 import math
 from collections.abc import Callable
 from typing import Final
@@ -15,19 +14,19 @@ from typing import Final
 from aiohttp import web
 
 from mmt.core.errors import InputError
-from mmt.link.access import Access
-from mmt.link.http import own_pages_only
+from mmt.link.access import Access, Entrance
+from mmt.link.http import Listener
 from mmt.web.page_server import add_page, monitor_files
 from mmt.web.viewing.recording import ViewedRecording
 
 HOST: Final = "127.0.0.1"
 PATH: Final = "/session"
+_VIEWERS: Final = Entrance("the recording's page", "--port", "leave the host as it is")
 
 
 def recording_application(recording: ViewedRecording) -> web.Application:
     """Return the application that shows a recording."""
-    own = own_pages_only(lambda: (HOST, Access()))
-    application, one = web.Application(middlewares=[own]), asyncio.Lock()
+    application, one = web.Application(), asyncio.Lock()
 
     async def answer(make: Callable[[], bytes]) -> web.Response:
         """Make a message in a thread, one at a time."""
@@ -91,8 +90,8 @@ class RecordingServer:
     """
 
     def __init__(self, recording: ViewedRecording, port: int = 0) -> None:
-        self._recording = recording
-        self._port = port
+        self._recording, self._port = recording, port
+        self._listener = Listener(recording_application(recording), _VIEWERS)
         self._ended = asyncio.Event()
 
     def stop(self) -> None:
@@ -104,28 +103,14 @@ class RecordingServer:
 
         Raises
         ------
-        InputError
+        MmtError
             The port is taken, or not allowed.
         """
-        runner = web.AppRunner(
-            recording_application(self._recording), access_log=None, shutdown_timeout=1.0
-        )
-        await runner.setup()
         try:
-            site = web.TCPSite(runner, HOST, self._port)
-            try:
-                await site.start()
-            except OSError as error:
-                raise InputError(_port_problem(self._port, error)) from error
+            await self._listener.start(HOST, self._port, Access(), allowed=False)
             self._recording.start()
-            ready(f"http://{HOST}:{runner.addresses[0][1]}{PATH}/")
+            ready(f"http://{HOST}:{self._listener.port}{PATH}/")
             await self._ended.wait()
         finally:
-            await runner.cleanup()
+            await self._listener.stop()
             await asyncio.to_thread(self._recording.close)
-
-
-def _port_problem(port: int, error: OSError) -> str:
-    if error.errno == errno.EADDRINUSE:
-        return f"--port {port}: another program uses it; name another one, or none for any"
-    return f"--port {port}: {error.strerror or error}"
