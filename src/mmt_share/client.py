@@ -5,11 +5,10 @@ import logging
 import random
 import time
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.link.access import Access
 from mmt.link.connection import LeaderConnection, check_url
@@ -51,13 +50,6 @@ STATES_HZ: Final = 1.0
 """As many states of the hand as are answered, by which the leader knows how far behind this is."""
 
 
-class SharedState(NamedTuple):
-    """A state of a shared model: what is said of it, and the model, None where it is not ready."""
-
-    about: About
-    model: "TextureModel | None"
-
-
 class ListenerClient:
     """Connect to a shared model, and keep a copy of it.
 
@@ -65,16 +57,13 @@ class ListenerClient:
     ----------
     settings
         The scene's ``[listening]``.
-    on_model
-        Called when the copy has changed; `next_state` gives its models.
-    on_state
-        Called with the newest state of the hand that strokes, a record of `STATE_DTYPE`.
     on_event
         Called with a sentence whenever something happens that a person wants to know.
     operator
         Asks for control over the same connection; None for a listener that does not.
     on_message
-        Called with the event and the argument of each message that was taken.
+        Called with the event and the argument of each message that was taken: after `MODEL` or
+        `CHANGE` the copy has changed, `STATE` is a record of `STATE_DTYPE` as bytes.
     states_hz
         How many states of the hand are wanted in a second at most, None for all, which a picture
         needs.
@@ -89,8 +78,6 @@ class ListenerClient:
         self,
         settings: Listening,
         *,
-        on_model: Callable[[], None] = lambda: None,
-        on_state: Callable[[RecordArray], None] = lambda _: None,
         on_event: Callable[[str], None] = lambda _: None,
         operator: "OperatorClient | None" = None,
         on_message: Callable[[str, Any], None] = lambda _, __: None,
@@ -104,8 +91,7 @@ class ListenerClient:
         self.rejected = 0
         self._settings = settings
         self._operator = operator
-        self._on_model, self._on_state, self._on_event = on_model, on_state, on_event
-        self._on_message = on_message
+        self._on_event, self._on_message = on_event, on_message
         self.hubs: list[str] = []
         self._news = asyncio.Event()
         self._asked = False
@@ -154,10 +140,11 @@ class ListenerClient:
         if self._connection.url != self._settings.url:
             self._on_event(f"{self._settings.url} is full: connected to {self._connection.url}")
 
-    async def next_state(self) -> SharedState:
+    async def next_state(self) -> "tuple[About, TextureModel | None]":
         """Wait for a state that is new since the last call; its model is built in a thread.
 
-        Of several the newest is returned. One that cannot be built is told and passed over.
+        Return what is said of it, and the model, None if it is not ready. Of several the newest is
+        returned. One that cannot be built is told and passed over.
         """
         while True:
             await self._news.wait()
@@ -166,9 +153,9 @@ class ListenerClient:
             if about is None:
                 continue
             if not about.ready:
-                return SharedState(about, None)
+                return about, None
             try:
-                return SharedState(about, await asyncio.to_thread(self.replica.build))
+                return about, await asyncio.to_thread(self.replica.build)
             except InputError as error:
                 self._on_event(f"the shared model cannot be rendered: {error}")
 
@@ -232,17 +219,14 @@ class ListenerClient:
         else:
             self._news.set()
             self._on_message(event, message)
-            self._on_model()
 
     def _take_state(self, data: bytes) -> None:
         if len(data) != STATE_DTYPE.itemsize:
             self.rejected += 1
             return
         self.states += 1
-        state = np.frombuffer(data, STATE_DTYPE)[0]
-        self._answer(float(state["time_s"]), time.monotonic_ns())
+        self._answer(float(np.frombuffer(data, STATE_DTYPE)["time_s"][0]), time.monotonic_ns())
         self._on_message(STATE, data)
-        self._on_state(state)
 
     def _take_hubs(self, addresses: object = None, *_: object) -> None:
         given = addresses if isinstance(addresses, list) else []

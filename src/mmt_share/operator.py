@@ -52,7 +52,8 @@ class OperatorClient:
         self._queue = SendQueue(_WAITING)
         self._gathered = np.zeros(_GATHERED, MOTION_DTYPE)
         self._count = 0
-        self._wants = True
+        self.wants = True
+        """Whether it asks for control, or has it."""
 
     @property
     def handlers(self) -> Mapping[str, Callable[..., None]]:
@@ -63,11 +64,6 @@ class OperatorClient:
     def operates(self) -> bool:
         """Whether this hand has control."""
         return self.news is not None and self.news.state == "given"
-
-    @property
-    def wants(self) -> bool:
-        """Whether it asks for control, or has it."""
-        return self._wants
 
     def open(self, send: Send) -> None:
         """Send by this function from now on."""
@@ -80,17 +76,17 @@ class OperatorClient:
 
     def welcome(self, _: object = None) -> None:
         """Ask for control, now that the leader has answered; once on a connection."""
-        if self._wants and self.news is None:
+        if self.wants and self.news is None:
             self.ask()
 
     def ask(self) -> None:
         """Ask for control."""
-        self._wants = True
+        self.wants = True
         self._queue.put(0, encode_event(ASK, None))
 
     def release(self) -> None:
         """Ask no more, or give control back."""
-        self._wants = False
+        self.wants = False
         self.news = self.contact = None
         self._queue.put(0, encode_event(RELEASE, None))
 
@@ -119,12 +115,12 @@ class OperatorClient:
         except InputError:
             self.rejected += 1
             return
-        if news.state == "given" and not self._wants:
+        if news.state == "given" and not self.wants:
             return
         self.news, self._count = news, 0
         if news.state != "given":
             self.contact = None
-            self._wants = news.state == "asked"
+            self.wants = news.state == "asked"
         self._on_event(_SENTENCES[news.state].format(why=f": {news.why}" if news.why else ""))
 
     def _take_contact(self, message: object = None, *_: object) -> None:

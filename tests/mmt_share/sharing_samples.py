@@ -16,7 +16,7 @@ from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.space.inputs import ISOTROPIC
 from mmt.texture.space.samples import TextureSamples
 from mmt_share.client import ListenerClient
-from mmt_share.messages import STATE, STATE_DTYPE, About
+from mmt_share.messages import CHANGE, MODEL, STATE, STATE_DTYPE, About
 from mmt_share.operator import OperatorClient
 from mmt_share.player.following import SharedTexture
 from mmt_share.player.results import ResultsFile
@@ -152,10 +152,16 @@ async def listening(
     models: list[int] = []
     states: list[float] = []
     table = Listening.model_validate({"url": url, "patience_s": 5.0, **settings})
+
+    def take(event: str, message: Any) -> None:
+        if event == STATE:
+            states.append(float(np.frombuffer(message, STATE_DTYPE)["time_s"][0]))
+        elif event in {MODEL, CHANGE}:
+            models.append(client.replica.number)
+
     client = ListenerClient(
         table,
-        on_model=lambda: models.append(client.replica.number),
-        on_state=lambda state: states.append(float(state["time_s"])),
+        on_message=take,
         on_event=said.append,
         operator=operator,
         states_hz=states_hz,

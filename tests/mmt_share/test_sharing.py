@@ -99,7 +99,7 @@ async def test_states_are_waited_for_and_the_newest_is_given(
         for count in (12, 13):
             sharing.publish(count)
             await until(lambda count=count: client.replica.about == about(count))
-        assert (await client.next_state()).about == about(13)
+        assert (await client.next_state())[0] == about(13)
         monkeypatch.setattr(client.replica, "build", no_model)
         sharing.publish(14)
         waiting = asyncio.create_task(client.next_state())

@@ -30,7 +30,7 @@ async def wait_until_ready(url: str) -> float:
     client = ListenerClient(Listening(url=url), on_event=hear)
 
     async def ready() -> None:
-        while (await client.next_state()).model is None:
+        while (await client.next_state())[1] is None:
             pass
 
     waiting = [asyncio.create_task(each) for each in (ready(), over.wait())]

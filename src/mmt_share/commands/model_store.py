@@ -24,9 +24,12 @@ _SHOWN = 12  # digits of a hash: enough to name it
 
 
 def _remote(url: str) -> "RemoteStore":
+    from mmt.link.access import Access
+    from mmt_share.messages import TOKEN_VARIABLE
     from mmt_share.store.client import RemoteStore
+    from mmt_share.tables import Listening
 
-    return RemoteStore.from_environment(url)
+    return RemoteStore(url, Access.of(Listening(), variable=TOKEN_VARIABLE, table="listening"))
 
 
 def list_models(

@@ -4,10 +4,11 @@ import asyncio
 from collections.abc import Callable
 from typing import Any, Final
 
-from mmt.core.arrays import RecordArray
+import numpy as np
+
 from mmt.core.errors import InputError
 from mmt_share.client import ListenerClient
-from mmt_share.messages import WELCOME
+from mmt_share.messages import STATE, STATE_DTYPE, WELCOME
 from mmt_share.player.player import Player
 from mmt_share.player.results import ResultsFile
 from mmt_share.tables import Listening
@@ -35,7 +36,6 @@ class SharedTexture:
         self._client = ListenerClient(
             settings,
             on_event=self._say,
-            on_state=self._take_hand,
             on_message=self._take,
             states_hz=_HAND_HZ,
         )
@@ -81,11 +81,10 @@ class SharedTexture:
             self._player.said = sentence
         self._on_event(sentence)
 
-    def _take(self, event: str, _: Any) -> None:
+    def _take(self, event: str, message: Any) -> None:
         if event == WELCOME:
             self._welcomed.set()
-
-    def _take_hand(self, state: RecordArray) -> None:
-        if self._player is not None:
+        elif event == STATE and self._player is not None:
+            state = np.frombuffer(message, STATE_DTYPE)[0]
             x_mm, y_mm, _ = (float(at) for at in state["position_mm"])
             self._player.hand = (x_mm, y_mm, bool(state["contact"]))

@@ -4,7 +4,7 @@ import hashlib
 import json
 import urllib.parse
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from http import HTTPStatus
 from pathlib import Path
 from typing import Final
@@ -14,9 +14,7 @@ from mmt.core.existing_files import write_error
 from mmt.core.requests import Answer, AnswerError, open_answer
 from mmt.link.access import Access, check_scheme
 from mmt.link.connection import check_url
-from mmt_share.messages import TOKEN_VARIABLE
 from mmt_share.store.store import LARGEST_BYTES, MOST_MODELS, Entry
-from mmt_share.tables import Listening
 
 _LARGEST_ENTRY: Final = 10_000
 """Most bytes of what is listed of a model."""
@@ -45,17 +43,6 @@ class RemoteStore:
         self._token = access.token
         self._tls = access.client_context()
 
-    @classmethod
-    def from_environment(cls, url: str) -> "RemoteStore":
-        """Return the store, with the token that the environment has for shared models.
-
-        Raises
-        ------
-        InputError
-            The URL is not valid, or the token is too short.
-        """
-        return cls(url, Access.of(Listening(), variable=TOKEN_VARIABLE, table="listening"))
-
     def entries(self) -> list[Entry]:
         """Return what is known of all its models, the newest first.
 
@@ -64,10 +51,12 @@ class RemoteStore:
         MmtError
             It does not answer, or has no store.
         """
-        try:
-            return _entries(self._request("/models", MOST_MODELS * _LARGEST_ENTRY))
-        except InputError as error:
-            raise MmtError(f"{self._url} has no store of models that this program reads") from error
+        text = self._request("/models", MOST_MODELS * _LARGEST_ENTRY)
+        with suppress(ValueError, RecursionError, InputError):
+            listed = json.loads(text)
+            if isinstance(listed, list) and len(listed) <= MOST_MODELS:
+                return [Entry.listed(each) for each in listed]
+        raise MmtError(f"{self._url} has no store of models that this program reads")
 
     def find(self, name: str) -> Entry:
         """Return the newest model of a name, or that of a hash or its beginning.
@@ -147,20 +136,3 @@ class RemoteStore:
             headers["Range"] = f"bytes={begun}-"
         with open_answer(self._url, path, data=data, headers=headers, tls=self._tls) as answer:
             yield answer
-
-
-def _entries(text: str | bytes) -> list[Entry]:
-    """Return a store's entries out of its listing.
-
-    Raises
-    ------
-    InputError
-        It is none.
-    """
-    try:
-        listed = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"a list of models is not valid JSON: {error}") from error
-    if not isinstance(listed, list) or len(listed) > MOST_MODELS:
-        raise InputError(f"a list of models is no list of at most {MOST_MODELS}")
-    return [Entry.listed(each) for each in listed]
