@@ -38,8 +38,8 @@ class LabProcess:
         with self._lock:
             if self.process is None or self.process.poll() is not None:
                 self._users.clear()
-                if self._process is not None:  # its pipes are still open
-                    self._end(self._process)
+                if self.process is not None:  # its pipes are still open
+                    self._end(self.process)
                 self._start(arguments)
             self._users.add(id(user))
             return self._addresses
