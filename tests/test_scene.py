@@ -278,7 +278,7 @@ def test_one_key_models_as_published(inputs: Inputs) -> None:
     texture = {"method": "published", "inputs": inputs}
     made = scene_from_tables({**SIMULATED, "texture": texture}, origin="test").texture
     assert made is not None
-    assert made.settings(1000.0) == ModellingSettings(method="published", inputs=inputs)
+    assert made.settings() == ModellingSettings(method="published", inputs=inputs)
     assert made.scale == CriterionScale("distance", "completion sum", *made.distances, rises=False)
     again = scene_from_tables(
         {**SIMULATED, "texture": TEXTURE_TABLE.dump_python(made, mode="json")}, origin="test"

@@ -138,7 +138,7 @@ def test_a_scene_says_how_to_model(session_file: Path, tmp_path: Path) -> None:
     assert run("build", session_file, tmp_path / "m.npz", "--scene", scene).exit_code == 0
     model = TextureModel.load(tmp_path / "m.npz")
     assert (model.order, model.method) == (9, "published")
-    assert Texture().settings(1000.0).filter_order == 16
+    assert Texture().settings().filter_order == 16
 
 
 def test_info_says_what_the_file_holds(session_file: Path, tmp_path: Path) -> None:

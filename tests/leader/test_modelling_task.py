@@ -310,7 +310,7 @@ async def test_the_tasks_make_the_model_of_an_offline_pass_to_the_bit(name: str)
     if name == "surfaces":
         frames = both_surfaces(frames, simulate_session(scene, "felt", 3.0)[0])
     assert scene.texture is not None
-    settings = scene.texture.settings(1000.0)
+    settings = scene.texture.settings()
     factory = ModellerFactory(settings, 0.5)
     offline = factory.make()
     blocks = [

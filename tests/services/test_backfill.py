@@ -71,7 +71,7 @@ def offline(frames: RecordArray, method: Method = "field") -> ModelHistory:
     """The model as `mmt.build_model` gives it."""
     texture = replaying(Path("made.mcap"), method, link={}).texture
     assert texture is not None
-    return build_model(frames, texture.settings(1000.0))
+    return build_model(frames, texture.settings())
 
 
 def models_of(history: ModelHistory, live: Outcome) -> list[tuple[float, bytes]]:

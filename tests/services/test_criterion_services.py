@@ -63,7 +63,7 @@ async def test_a_session_starts_and_stops_by_the_expected_share(tmp_path: Path) 
     found = read_session(recording)
     recorded = scene_from_tables(dict(found.scene or {}), origin="recorded").texture
     assert recorded is not None
-    evaluation = evaluate_session(found, recorded.settings(1000.0))
+    evaluation = evaluate_session(found, recorded.settings())
     assert evaluation.stop_s is not None
     assert evaluation.at_stop is not None
     assert evaluation.at_stop.completion >= 0.9

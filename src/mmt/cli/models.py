@@ -110,8 +110,7 @@ def built(
     from mmt.texture.online.history import build
 
     texture = scene.texture or Texture()
-    samples_per_frame = common_samples_per_frame(recordings)
-    settings = texture.settings(float(scene.session.rate_hz), samples_per_frame)
+    settings = texture.settings(common_samples_per_frame(recordings))
     period_frames = max(1, round(texture.update_period_s * settings.rate_hz))
     history = build(_blocks(recordings, settings, surface, period_frames), settings)
     if not history.updates:

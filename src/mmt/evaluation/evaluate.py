@@ -107,8 +107,9 @@ def evaluate_session(
     [2.5, 5.0]
     """
     started = time.perf_counter()
-    recorded, recorded_period_s = modelling_of(recorded_scene(session))
-    settings = replace(settings or recorded, samples_per_frame=session.samples_per_frame)
+    samples = session.samples_per_frame
+    recorded, recorded_period_s = modelling_of(recorded_scene(session), samples)
+    settings = replace(settings or recorded, samples_per_frame=samples)
     period_s = recorded_period_s if period_s is None else period_s
     for name, value in (("period_s", period_s), ("step_s", step_s)):
         if value is not None and not (np.isfinite(value) and value > 0):
@@ -223,8 +224,7 @@ def evaluate_surfaces(
         As of `evaluate_session`.
     """
     scene = recorded_scene(session) if scene is None else scene
-    settings, period_s = modelling_of(scene)
-    settings = replace(settings, samples_per_frame=session.samples_per_frame)
+    settings, period_s = modelling_of(scene, session.samples_per_frame)
 
     def evaluate(part: Recording) -> Evaluation:
         return evaluate_session(part, settings, period_s=period_s, step_s=step_s, seed=seed)
@@ -262,10 +262,10 @@ def recorded_scene(session: Recording) -> Scene:
     return scene_of_recording(session.scene, f"the scene recorded in {session.path}")
 
 
-def modelling_of(scene: Scene) -> tuple[ModellingSettings, float]:
+def modelling_of(scene: Scene, samples_per_frame: int) -> tuple[ModellingSettings, float]:
     """Return how a scene models, or the defaults, and the time between two updates (s)."""
     texture = scene.texture or Texture()
-    return texture.settings(float(scene.session.rate_hz)), texture.update_period_s
+    return texture.settings(samples_per_frame), texture.update_period_s
 
 
 def _of_other_inputs(

@@ -51,10 +51,10 @@ class Texture(TextureSettings, OptionalTable):
             )
         return table
 
-    def settings(self, rate_hz: float, samples_per_frame: int = 1) -> ModellingSettings:
-        """Return the settings of the numerics for a stream of a sampling rate."""
+    def settings(self, samples_per_frame: int = 1) -> ModellingSettings:
+        """Return the settings of the numerics for a stream."""
         keys = {field.name: getattr(self, field.name) for field in fields(TextureSettings)}
-        return ModellingSettings(**keys, rate_hz=rate_hz, samples_per_frame=samples_per_frame)
+        return ModellingSettings(**keys, samples_per_frame=samples_per_frame)
 
 
 TEXTURE_TABLE: Final = TypeAdapter(Texture)

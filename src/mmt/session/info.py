@@ -123,9 +123,7 @@ def _faults(session: RecordedSession) -> "SignalFaults | None":
     from mmt.texture.signals.filtering import StreamFilter
     from mmt.texture.signals.numbering import StreamNumbering
 
-    settings = (scene.texture or Texture()).settings(
-        float(scene.session.rate_hz), session.samples_per_frame
-    )
+    settings = (scene.texture or Texture()).settings(session.samples_per_frame)
     stream = StreamFilter(settings)
     frames = StreamNumbering().number(session.frames)
     for start in range(0, len(frames), _FILTERED_AT_ONCE):

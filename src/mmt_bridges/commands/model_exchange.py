@@ -229,9 +229,7 @@ def _recorded(path: Path) -> "tuple[FloatArray, FloatArray, float]":
 
     session = read_session(path)
     scene = scene_of(session, None)
-    settings = (scene.texture or Texture()).settings(
-        float(scene.session.rate_hz), session.samples_per_frame
-    )
+    settings = (scene.texture or Texture()).settings(session.samples_per_frame)
     aligned = StreamFilter(settings).process(session.frames)
     if not len(aligned):
         raise InputError(f"session {path}: it holds too few frames to tell a motion")

@@ -78,9 +78,7 @@ def run_recorded(path: Path) -> SurfaceResult:
     """Score a recorded session with a known course."""
     session = read_session(path)
     scene = scene_of(session, None)
-    modelling = (scene.texture or Texture()).settings(
-        float(scene.session.rate_hz), session.samples_per_frame
-    )
+    modelling = (scene.texture or Texture()).settings(session.samples_per_frame)
     try:
         course = course_from_annotations(session.annotations)
         return run_session(path.stem, course, session.frames, modelling)

@@ -27,7 +27,6 @@ TABLE: Final = "texture"
 """The one table of a scene that an evaluation depends on."""
 
 _TIMES: Final = ("processing_s", "times_real_time")
-_RATE_HZ: Final = 1000.0
 
 Value = str | int | float | bool
 """One value of a setting."""
@@ -98,7 +97,7 @@ def evaluate_job(session: RecordedSession, job: Job) -> dict[str, Any]:
     """Evaluate one session; return the evaluation for a program, with the version."""
     evaluation = evaluate_session(
         session,
-        job.texture.settings(_RATE_HZ),
+        job.texture.settings(),
         period_s=job.texture.update_period_s,
         step_s=job.step_s,
         seed=job.seed,

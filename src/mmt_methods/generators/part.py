@@ -126,9 +126,7 @@ class GeneratingPart(Part):
         texture = scene.texture
         setup = {
             "name": self._generator,
-            "settings": texture.settings(session.rate_hz, session.samples_per_frame)
-            if texture
-            else None,
+            "settings": texture.settings(session.samples_per_frame) if texture else None,
             "limit_m_s2": scene.actuator.limit_m_s2 if scene.actuator else 0.0,
             "seed": scene.session.seed,
             "crossfade_samples": self._crossfade_samples,

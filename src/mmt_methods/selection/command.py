@@ -93,8 +93,8 @@ def _pool(sources: list[Path], scene_file: Path | None) -> "Pool":
         return pool_models(models, [str(path) for path in sources])
     sessions = [read_session(path) for path in sources]
     scene = scene_of(sessions[0], scene_file)
-    texture, rate_hz = scene.texture or Texture(), float(scene.session.rate_hz)
-    return pool_sessions(sessions, texture.settings(rate_hz, common_samples_per_frame(sessions)))
+    texture = scene.texture or Texture()
+    return pool_sessions(sessions, texture.settings(common_samples_per_frame(sessions)))
 
 
 def _published(pool: "Pool") -> "Selection":

@@ -94,7 +94,7 @@ class Modelling(Part):
         if scene.texture is None:
             return None
         made = cls(
-            scene.texture.settings(session.rate_hz, session.samples_per_frame),
+            scene.texture.settings(session.samples_per_frame),
             scene.texture.update_period_s,
             on_update,
             keep_frames=scene.keep_frames(),

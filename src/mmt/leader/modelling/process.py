@@ -61,8 +61,8 @@ class ModellingProcess:
         texture = scene.texture
         if texture is None:
             return None
-        rate_hz, samples = float(scene.session.rate_hz), scene.session.samples_per_frame
-        return cls(texture.settings(rate_hz, samples), texture.update_period_s)
+        settings = texture.settings(scene.session.samples_per_frame)
+        return cls(settings, texture.update_period_s)
 
     def launch(self) -> None:
         """Launch the process, unless it is: it imports what it needs, and waits for `start`.

@@ -40,7 +40,7 @@ def hello_header(scene: Scene, session_id: str) -> dict[str, Any]:
         "inputs": (scene.texture or Texture()).inputs,
         "maximum_speed_mm_s": MAXIMUM_SPEED_MM_S,
         "maximum_force_n": MAXIMUM_FORCE_N,
-        "criterion": asdict((scene.texture or Texture()).settings(1000.0).scale),
+        "criterion": asdict((scene.texture or Texture()).settings().scale),
     }
 
 

@@ -40,9 +40,7 @@ class ViewedRecording:
         self._remarks: list[str] = []
         self.scene = self._scene()
         self._texture = self.scene.texture or Texture()
-        self.settings = self._texture.settings(
-            float(self.scene.session.rate_hz), windows.samples_per_frame
-        )
+        self.settings = self._texture.settings(windows.samples_per_frame)
         self._link = LinkRecord(windows.events)
         self._rebuilding = self._rebuild()
 
