@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mmt_methods.generators.vibration import BLOCK_SAMPLES, GeneratedVibration, RenderedBlock
+from mmt_methods.generators.vibration import GeneratedVibration, RenderedBlock
 
 
 class Ours:
@@ -36,7 +36,7 @@ class Echo:
     def send(self, block: tuple[int, bytes]) -> None:
         number, motion = block
         self.sent.append(number)
-        samples = np.frombuffer(motion).reshape(3, BLOCK_SAMPLES)[0].tobytes()
+        samples = np.frombuffer(motion).reshape(3, -1)[0].tobytes()
         self.answers.append(RenderedBlock(number, self.epoch, self.build, 1_000_000, 7, samples))
 
     def poll(self) -> bool:
@@ -49,8 +49,9 @@ class Echo:
         return answer
 
 
-def made(crossfade_samples: int = 0) -> tuple[GeneratedVibration, Echo]:
-    vibration, channel = GeneratedVibration("echo", Ours(), crossfade_samples), Echo()
+def made(crossfade_samples: int = 0, samples_per_frame: int = 1) -> tuple[GeneratedVibration, Echo]:
+    channel = Echo()
+    vibration = GeneratedVibration("echo", Ours(), crossfade_samples, samples_per_frame)
     vibration.channel = channel
     vibration.wanted = True
     return vibration, channel
@@ -64,11 +65,12 @@ def stroke(vibration: GeneratedVibration, x: np.ndarray, block: int = 1) -> np.n
 
 
 @pytest.mark.parametrize("block", [1, 3, 10, 17])
-def test_what_is_played_is_of_the_motion_20_ms_ago(block: int) -> None:
-    vibration, _ = made()
-    x = np.arange(1.0, 401.0)
+@pytest.mark.parametrize("samples", [1, 4, 10])
+def test_what_is_played_is_of_the_motion_20_ms_ago(block: int, samples: int) -> None:
+    vibration, _ = made(samples_per_frame=samples)
+    x = np.arange(1.0, 400.0 * samples + 1.0)
     played = stroke(vibration, x, block)
-    np.testing.assert_array_equal(played[60:], x[40:-20])
+    np.testing.assert_array_equal(played[60 * samples :], x[40 * samples : -20 * samples])
     assert vibration.late == 0
     assert vibration.clipped == 7
     assert vibration.times.quantile_ms(0.5) == pytest.approx(1.0, rel=0.02)

@@ -70,7 +70,7 @@ class GeneratingPart(Part):
         table = session.scene.rendering
         fade_s = table.crossfade_ms / 1000 if table is not None else 0.0
         fade = round(fade_s * session.acceleration_rate_hz)
-        self.vibration = GeneratedVibration(generator, synthesizer, fade)
+        self.vibration = GeneratedVibration(generator, synthesizer, fade, session.samples_per_frame)
         self._crossfade_samples = fade
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         self._ways: dict[str, Connection] = {}

@@ -28,7 +28,7 @@ from mmt.core.process import SWITCH_INTERVAL_S
 from mmt.leader.output.model_crossfade import ModelCrossfade
 from mmt_methods.generators.guarded import GeneratorFault, GuardedGenerator, raised
 from mmt_methods.generators.registry import load
-from mmt_methods.generators.vibration import BLOCK_SAMPLES, RenderedBlock
+from mmt_methods.generators.vibration import RenderedBlock
 
 FIT: Final = "fit"
 RENDER: Final = "render"
@@ -127,7 +127,7 @@ def render(leader: Connection, fitter: Connection) -> None:
             build = 0 if generator is None else build + 1
             fade.cross_to(generator)
         started_ns = perf_counter_ns()
-        output = fade.render(*np.frombuffer(motion).reshape(3, BLOCK_SAMPLES))
+        output = fade.render(*np.frombuffer(motion).reshape(3, -1))
         elapsed_ns = perf_counter_ns() - started_ns
         clipped = sum(each.clipped for each in slots)
         leader.send(RenderedBlock(number, epoch, build, elapsed_ns, clipped, output.tobytes()))

@@ -15,7 +15,8 @@ from mmt.core.arrays import FloatArray
 from mmt.core.ticking import TimeHistogram
 from mmt.leader.output.model_crossfade import Renderer, crossfaded
 
-BLOCK_SAMPLES: Final = 10
+BLOCK_MS: Final = 10
+"""So many frames of the stream."""
 
 _MOST_UNDER_WAY: Final = 3
 """Blocks; a process that renders none gets no more, so that writing to it never waits."""
@@ -23,15 +24,13 @@ _MOST_UNDER_WAY: Final = 3
 _WINDOW: Final = 200
 """Blocks; where half of so many are late, the generator is too slow."""
 
-_FADE_IN: Final = (np.arange(BLOCK_SAMPLES) + 1.0) / BLOCK_SAMPLES
-
 
 class RenderedBlock(NamedTuple):
     """A block from the process that renders.
 
     ``build`` is the number of the fit that it is from, 0 before the first, of the ``epoch``-th
     model since the session's begin; ``clipped`` counts samples so far, and ``samples`` are the
-    bytes of `BLOCK_SAMPLES` float64.
+    bytes of its samples, float64.
     """
 
     number: int
@@ -46,7 +45,7 @@ class ProcessChannel(Protocol):
     """The way to the process; see `multiprocessing.connection.Connection`."""
 
     def send(self, block: tuple[int, bytes], /) -> None:
-        """Send the number of a block, and the bytes of its motion, shape (3, 10)."""
+        """Send the number of a block, and the bytes of its motion, shape (3, n)."""
 
     def poll(self) -> bool:
         """Return whether something has come."""
@@ -66,6 +65,8 @@ class GeneratedVibration:
         Renders from our model.
     crossfade_samples
         Length of the fade between the two; 0 switches at once.
+    samples_per_frame
+        Samples of vibration in a frame, that is in a millisecond.
 
     Attributes
     ----------
@@ -85,12 +86,15 @@ class GeneratedVibration:
 
     directed = True
 
-    def __init__(self, name: str, model: Renderer, crossfade_samples: int) -> None:
+    def __init__(
+        self, name: str, model: Renderer, crossfade_samples: int, samples_per_frame: int
+    ) -> None:
         self._name, self._model = name, model
         self._step = 1.0 / crossfade_samples if crossfade_samples > 0 else 1.0
         self._share = 0.0
-        self._motion = np.zeros((3, BLOCK_SAMPLES))
-        self._playing = np.zeros(BLOCK_SAMPLES)
+        block = BLOCK_MS * samples_per_frame
+        self._fade_in = np.arange(1, block + 1) / block
+        self._motion, self._playing = np.zeros((3, block)), np.zeros(block)
         self._sounds = False  # whether what is played was rendered
         self._at = self._number = self._under_way = self._window = self._late_in_window = 0
         self._newest: tuple[int, int] = (0, 0)  # epoch and fit of the newest block
@@ -141,7 +145,7 @@ class GeneratedVibration:
                 row[self._at] = values[index]
             output[index] = self._playing[self._at]
             self._at += 1
-            if self._at == BLOCK_SAMPLES:
+            if self._at == len(self._playing):
                 self._at = 0
                 self._exchange()
         return output
@@ -195,7 +199,7 @@ class GeneratedVibration:
         if self._late_in_window >= _WINDOW // 2:
             self.fault = (
                 f"generator {self._name}: too slow, {self._late_in_window} of {self._window} "
-                f"blocks of {BLOCK_SAMPLES} ms were late"
+                f"blocks of {BLOCK_MS} ms were late"
             )
         if self._window == _WINDOW:
             self._window = self._late_in_window = 0
@@ -203,9 +207,9 @@ class GeneratedVibration:
     def _play(self, block: FloatArray | None) -> None:
         """Play a block next; where there is none, let the last one fade out backwards."""
         if block is not None:
-            self._playing = block if self._sounds else block * _FADE_IN
+            self._playing = block if self._sounds else block * self._fade_in
         elif self._sounds:
-            self._playing = self._playing[::-1] * _FADE_IN[::-1]
+            self._playing = self._playing[::-1] * self._fade_in[::-1]
         else:
-            self._playing = np.zeros(BLOCK_SAMPLES)
+            self._playing = np.zeros(len(self._playing))
         self._sounds = block is not None
