@@ -9,10 +9,12 @@ from scipy.signal import lfilter
 from selection_samples import ORDER, sampled_texture, true_lsf
 
 from mmt.core.errors import InputError
-from mmt.texture.autoregression.forms import lsf_to_ar
+from mmt.texture.autoregression.burg import burg_batch
+from mmt.texture.autoregression.forms import lsf_to_ar, reflection_to_lsf
 from mmt.texture.autoregression.spectra import lsf_spectrum
 from mmt_methods.selection import ModelPoints, SelectionSettings, select
 from mmt_methods.selection.condensed import condense
+from mmt_methods.selection.outliers import find_outliers
 from mmt_methods.selection.points import amplitude_of, band, log_density_of, spectral_error
 from mmt_methods.selection.published import (
     SMOOTHING,
@@ -23,7 +25,13 @@ from mmt_methods.selection.published import (
     thresholds,
     valid_filter,
 )
-from mmt_methods.selection.transients import MODES, loudest_tone_energy, tone_evidence, whitening
+from mmt_methods.selection.transients import (
+    LEFT_MS,
+    loudest_tone_energy,
+    modes,
+    tone_evidence,
+    whitening,
+)
 
 
 @pytest.fixture(scope="module")
@@ -238,7 +246,7 @@ def test_segments_too_short_to_tell_or_silent_say_nothing():
     lsf = true_lsf(np.full((3, 2), 0.5))
     filters = whitening(lsf_spectrum(lsf, np.ones(3), band(), 1.0), ORDER)
     segments = [np.zeros(0), np.ones(ORDER + 20), np.zeros(300)]
-    found = tone_evidence(segments, filters, np.array([0.1, 1e-9, 1e3]))
+    found = tone_evidence(segments, filters, np.array([0.1, 1e-9, 1e3]), 1000.0)
     np.testing.assert_array_equal(found[:2], 0.0)
     assert found[2] == pytest.approx(-np.log(300 - ORDER))
 
@@ -310,8 +318,8 @@ def test_the_loudest_ring_is_what_least_squares_explains():
     generator = np.random.default_rng(3)
     ar = lsf_to_ar(true_lsf(np.full((1, 2), 0.4)))[0]
     error = generator.normal(size=90)
-    grid = MODES[::6].copy()
-    found = loudest_tone_energy(error, ar, grid)
+    grid = modes(1000.0)[::6].copy()
+    found = loudest_tone_energy(error, ar, grid, LEFT_MS)
     everywhere = [
         explained_by_least_squares(error, ar, mode, start) for mode in grid for start in range(83)
     ]
@@ -327,7 +335,7 @@ def test_a_blow_is_heard_though_it_rings_where_the_texture_does():
     density = 2.0 / np.abs(np.polyval(np.append(1.0, ar)[::-1], np.exp(-2j * np.pi * band()))) ** 2
     filters = whitening(np.tile(density, (2, 1)), 2)
     struck = texture + 9.0 * ring
-    quiet, loud = tone_evidence([texture, struck], filters, np.full(2, 0.1))
+    quiet, loud = tone_evidence([texture, struck], filters, np.full(2, 0.1), 1000.0)
     assert loud > quiet + 15.0
 
 
@@ -339,7 +347,8 @@ def test_tone_evidence_is_the_ratio_of_likelihoods_at_the_likeliest_levels():
     segment = lfilter([1.0], np.append(1.0, lsf_to_ar(lsf)[0]), noise)[100:]
     error = lfilter(np.append(1.0, filters.ar[0]), 1.0, segment)[ORDER:]
     energy = error @ error / filters.variance[0]
-    tone = loudest_tone_energy(error, filters.ar[0]) / filters.variance[0]
+    tone = loudest_tone_energy(error, filters.ar[0], modes(1000.0), LEFT_MS)
+    tone /= filters.variance[0]
     offsets = np.linspace(-3.0, 3.0, 60001)
     for variance in (1e-4, 0.2, 50.0):
         prior = 0.5 * error.size * offsets + 0.5 * offsets**2 / variance
@@ -347,5 +356,39 @@ def test_tone_evidence_is_the_ratio_of_likelihoods_at_the_likeliest_levels():
             (prior + 0.5 * e * np.exp(-offsets)).min() for e in (energy, energy - tone)
         )
         expected = without - with_tone - np.log(error.size)
-        found = tone_evidence([segment], filters, np.array([variance]))[0]
+        found = tone_evidence([segment], filters, np.array([variance]), 1000.0)[0]
         assert found == pytest.approx(expected, abs=1e-5)
+
+
+@given(st.integers(2, 10), st.floats(30.0, 300.0), st.floats(0.0, 6.0))
+def test_a_ring_is_heard_alike_at_every_rate(samples, frequency_hz, phase):
+    def explained(rate_hz):
+        time_s = np.arange(0.2 * rate_hz) / rate_hz
+        ring = np.exp(-time_s / 0.025) * np.cos(2 * np.pi * frequency_hz * time_s + phase)
+        left = round(LEFT_MS * rate_hz / 1000.0)
+        return loudest_tone_energy(ring, np.zeros(1), modes(rate_hz), left) / (ring @ ring)
+
+    assert explained(1000.0 * samples) == pytest.approx(explained(1000.0), abs=0.1)
+
+
+def test_knocks_are_told_at_4_khz_as_well():
+    rate_hz, order, generator = 4000.0, 32, np.random.default_rng(8)
+    points = generator.random((40, 2))
+    time_s = np.arange(1600) / rate_hz
+    ring = np.exp(-time_s / 0.025) * np.sin(2 * np.pi * 60.0 * time_s)
+    pole = 0.995 * np.exp(2j * np.pi * 170.0 / rate_hz)
+    texture = np.poly([pole, pole.conj()])  # a line of 6 Hz, between two frequencies 21 Hz apart
+    segments = []
+    for index in range(len(points)):
+        noise = generator.standard_normal(2000)
+        segment = lfilter([1.0], texture, noise)[400:]
+        if index < 4:
+            segment[400:] += 0.7 * segment.std() * np.sqrt(1200 / (ring @ ring)) * ring[:1200]
+        segments.append(segment)
+    fits = burg_batch(segments, order)
+    data = ModelPoints(
+        points, reflection_to_lsf(fits.reflection), fits.variances[:, -1], segments, rate_hz
+    )
+    assert data.frequencies == 384
+    found = find_outliers(data)
+    np.testing.assert_array_equal(np.flatnonzero(found.outlier), np.arange(4))

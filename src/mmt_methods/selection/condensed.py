@@ -63,7 +63,7 @@ def condense(data: ModelPoints, tau: float = TAU, largest: int | None = None) ->
         return Condensed(minimal, np.ones(n, dtype=np.bool_), np.zeros(n))
     consensus = Consensus(data)
     agreed = np.exp(0.5 * consensus.smoothed(consensus.predict_from(np.ones(n, dtype=np.bool_))))
-    own = amplitude_of(data.lsf, data.variance)
+    own = amplitude_of(data.lsf, data.variance, data.frequencies)
     nearest = cKDTree(data.points)
     near = min(n, _NEAR * (data.points.shape[1] + 1))
     thin = _Thin(data, agreed, minimal.copy())
@@ -114,7 +114,7 @@ class _Thin:
         found = np.isfinite(values[:, 0])
         error = np.full(changed.size, np.inf)  # beyond the hull by a rounding: it has to join
         error[found] = spectral_error(
-            amplitude_of(values[found, :-1], values[found, -1]),
+            amplitude_of(values[found, :-1], values[found, -1], self._agreed.shape[1]),
             self._agreed[places[changed[found]]],
         )
         self.error[places[changed]] = error

@@ -55,7 +55,7 @@ class Consensus:
     """
 
     def __init__(self, data: ModelPoints) -> None:
-        logarithm = log_density_of(data.lsf, data.variance)
+        logarithm = log_density_of(data.lsf, data.variance, data.frequencies)
         self.level = logarithm.mean(axis=1, keepdims=True)
         self.shape = logarithm - self.level
         self._law = coordinates(data.points).law[:, None]

@@ -140,7 +140,7 @@ def _evidence(data: ModelPoints, consensus: Consensus, present: BoolArray) -> Fl
     ]
     if data.segments is not None:
         filters = whitening(np.exp(agreed.logarithm), order)
-        parts.append(2.0 * tone_evidence(data.segments, filters, level.variance))
+        parts.append(2.0 * tone_evidence(data.segments, filters, level.variance, data.rate_hz))
     return np.column_stack(parts)
 
 

@@ -1,7 +1,7 @@
 """Fitted segments as points of the input space, and their spectra."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Self
 
 import numpy as np
@@ -11,10 +11,10 @@ from mmt.core.errors import InputError
 from mmt.texture.autoregression.order_limit import LARGEST_ORDER
 from mmt.texture.autoregression.spectra import lsf_spectrum
 
-USUAL_SAMPLES: Final = 250
-"""Number of samples assumed for a segment that is not available."""
+USUAL_S: Final = 0.25
+"""Length that is assumed for a segment that is not available."""
 
-_GRID: Final = 96
+_GRID: Final = 96  # frequencies at 1 kHz, 5.2 Hz apart, as they are at every rate
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,12 +31,15 @@ class ModelPoints:
         Variance of the excitation, shape (n,), positive.
     segments
         Vibration that each was fitted to, n arrays; None where not available.
+    rate_hz
+        Sampling rate of the filters and the segments.
     """
 
     points: FloatArray
     lsf: FloatArray
     variance: FloatArray
     segments: Sequence[FloatArray] | None = None
+    rate_hz: float = 1000.0
 
     def __post_init__(self) -> None:
         points, lsf, variance = (
@@ -82,17 +85,23 @@ class ModelPoints:
     def subset(self, numbers: IntArray | BoolArray) -> Self:
         """Return a subset of the points, by index or mask."""
         numbers = np.arange(len(self))[numbers]
-        return type(self)(
-            self.points[numbers],
-            self.lsf[numbers],
-            self.variance[numbers],
-            None if self.segments is None else [self.segments[i] for i in numbers],
+        return replace(
+            self,
+            points=self.points[numbers],
+            lsf=self.lsf[numbers],
+            variance=self.variance[numbers],
+            segments=None if self.segments is None else [self.segments[i] for i in numbers],
         )
 
+    @property
+    def frequencies(self) -> int:
+        """At how many frequencies of `band` spectra are compared."""
+        return round(_GRID * self.rate_hz / 1000.0)
+
     def samples(self) -> FloatArray:
-        """Return the number of samples (n,) of each segment, `USUAL_SAMPLES` where not known."""
+        """Return the number of samples (n,) of each segment, those of `USUAL_S` where not known."""
         if self.segments is None:
-            return np.full(len(self), float(USUAL_SAMPLES))
+            return np.full(len(self), USUAL_S * self.rate_hz)
         return np.array([max(1.0, float(len(segment))) for segment in self.segments])
 
 
@@ -101,14 +110,17 @@ def band(count: int = _GRID) -> FloatArray:
     return (np.arange(count, dtype=np.float64) + 0.5) * (0.5 / count)
 
 
-def log_density_of(lsf: FloatArray, variance: FloatArray) -> FloatArray:
+def log_density_of(lsf: FloatArray, variance: FloatArray, count: int = _GRID) -> FloatArray:
     """Return the logarithms of the filters' exact power densities (n, f) at `band`; rate 1."""
-    return np.asarray(np.log(lsf_spectrum(lsf, 1.0, band(), 1.0)) + np.log(variance)[:, None])
+    density = np.empty((len(lsf), count))
+    for row, filter_lsf in enumerate(lsf):  # in one call they would fill the memory
+        density[row] = lsf_spectrum(filter_lsf, 1.0, band(count), 1.0)
+    return np.asarray(np.log(density) + np.log(variance)[:, None])
 
 
-def amplitude_of(lsf: FloatArray, variance: FloatArray) -> FloatArray:
+def amplitude_of(lsf: FloatArray, variance: FloatArray, count: int = _GRID) -> FloatArray:
     """Return the filters' exact amplitude spectra (n, f) at `band`; the rate is 1."""
-    return np.asarray(np.exp(0.5 * log_density_of(lsf, variance)))
+    return np.asarray(np.exp(0.5 * log_density_of(lsf, variance, count)))
 
 
 def spectral_error(estimate: FloatArray, truth: FloatArray) -> FloatArray:

@@ -83,7 +83,9 @@ def pool_sessions(sessions: Sequence[RecordedSession], settings: ModellingSettin
         fits.variances[:, 0],
         space,
     )
-    data = ModelPoints(samples.points, samples.lsf, samples.variance, vibration)
+    data = ModelPoints(
+        samples.points, samples.lsf, samples.variance, vibration, settings.vibration_rate_hz
+    )
     return Pool(samples, data, tuple(origin), settings)
 
 
@@ -118,7 +120,9 @@ def pool_models(models: Sequence[TextureModel], names: Sequence[str]) -> Pool:
     settings = ModellingSettings(
         method=first.method, inputs=first.space.name, rate_hz=first.rate_hz
     )
-    data = ModelPoints(samples.points, samples.lsf, samples.variance)
+    data = ModelPoints(
+        samples.points, samples.lsf, samples.variance, rate_hz=settings.vibration_rate_hz
+    )
     origin = [name for name, part in zip(names, parts, strict=True) for _ in range(len(part))]
     return Pool(samples, data, tuple(origin), settings)
 
@@ -148,9 +152,10 @@ def left_out_errors(
     result: dict[str, dict[str, float] | int] = {"places": len(places)}
     if not len(places):
         return result
-    truth = amplitude_of(data.lsf[places], data.variance[places])
+    count = data.frequencies
+    truth = amplitude_of(data.lsf[places], data.variance[places], count)
     for name, predicted in (("before", before[places]), ("after", after[places])):
-        estimate = amplitude_of(predicted[:, :-1], predicted[:, -1])
+        estimate = amplitude_of(predicted[:, :-1], predicted[:, -1], count)
         power_db = 10.0 * np.log10((estimate**2).mean(axis=1) / (truth**2).mean(axis=1))
         figures = (
             spectral_error(estimate, truth).mean(),

@@ -74,13 +74,13 @@ class PublishedSelection:
     threshold: FloatArray
 
 
-def _amplitude(model: NetworkNeighbours, index: int) -> FloatArray | None:
-    """Return the spectrum (f,) predicted without a point; None if the others are too few."""
+def _amplitude(model: NetworkNeighbours, index: int, count: int) -> FloatArray | None:
+    """Return the spectrum (count,) predicted without a point; None if the others are too few."""
     values = model.predict(index)
     if values is None or not np.isfinite(values).all():
         return None
     lsf, variance = valid_filter(values[:-1], float(values[-1]))
-    return np.asarray(amplitude_of(lsf[None], np.array([variance]))[0])
+    return np.asarray(amplitude_of(lsf[None], np.array([variance]), count)[0])
 
 
 def local_sparsity(points: FloatArray) -> FloatArray:
@@ -137,7 +137,7 @@ def select_published(
     """
     if not (tau_1 > 0 and tau_2 > 0):
         raise InputError(f"tau_1 is {tau_1} and tau_2 {tau_2}: both must be positive")
-    truth = amplitude_of(data.lsf, data.variance)
+    truth = amplitude_of(data.lsf, data.variance, data.frequencies)
     values = np.column_stack([data.lsf, data.variance])
     extent = np.ptp(data.points, axis=0)
     points = (data.points - data.points.min(axis=0)) / np.where(extent > 0.0, extent, 1.0)
@@ -157,7 +157,7 @@ def _edit(model: NetworkNeighbours, truth: FloatArray, limit: FloatArray) -> Flo
     """Return the error (n,) in the first stage, lines 2 to 11, NaN if not tested."""
     error = np.full(len(truth), np.nan)
     for index in np.flatnonzero(np.isfinite(limit)).tolist():
-        predicted = _amplitude(model, index)
+        predicted = _amplitude(model, index, truth.shape[1])
         if predicted is None:
             continue
         error[index] = spectral_error(predicted, truth[index])
@@ -176,7 +176,7 @@ def _condense(
     """Return what the second stage keeps, lines 12 to 20; the model has the minimal set."""
     kept = minimal.copy()
     for index in np.flatnonzero(candidates & ~minimal).tolist():
-        predicted = _amplitude(model, index)
+        predicted = _amplitude(model, index, truth.shape[1])
         if predicted is None or spectral_error(predicted, truth[index]) > tau_2:
             model.add(index)
             kept[index] = True

@@ -24,18 +24,25 @@ from mmt_methods.selection.points import band
 
 ComplexArray = npt.NDArray[np.complex128]
 
-SHORTEST: Final = 64
-"""Least samples of prediction error in which a tone is looked for."""
+SHORTEST_MS: Final = 64
+"""Least length of prediction error in which a tone is looked for."""
 
-MODES: Final = np.exp(-1.0 / 25.0 + 2j * np.pi * np.geomspace(0.025, 0.33, 24))
-"""Grid of modes as factors from one sample to the next; each falls to 1/e in 25 samples. Tones
-twice or half as long are detected nearly as well."""
+LEFT_MS: Final = 8
+"""What a mode must have left in the segment."""
 
-_LEFT: Final = 8  # samples that a mode must have left in the segment
 _LEAST: Final = 1e-9  # of the determinant: cosine and sine that cannot be told apart
 _TINY: Final = float(np.finfo(np.float64).tiny)
 _LARGEST: Final = 1e100  # times the energy that was expected: more makes no difference
 _LARGEST_SHARE: Final = 1.0 - 1e-9  # of the energy, that a tone explains
+
+
+def modes(rate_hz: float) -> ComplexArray:
+    """Return a grid of modes from 25 to 330 Hz, as factors from one sample to the next, (k,).
+
+    Each falls to 1/e in 25 ms. Tones twice or half as long are detected nearly as well.
+    """
+    per_s = -1000.0 / 25.0 + 2j * np.pi * np.geomspace(25.0, 330.0, 24)
+    return np.asarray(np.exp(per_s / rate_hz))
 
 
 class Whitening(NamedTuple):
@@ -60,7 +67,7 @@ def whitening(density: FloatArray, order: int) -> Whitening:
     return Whitening(reflection_to_ar(reflection), 0.5 * error * scale[:, 0])
 
 
-def loudest_tone_energy(error: FloatArray, ar: FloatArray, modes: ComplexArray = MODES) -> float:
+def loudest_tone_energy(error: FloatArray, ar: FloatArray, modes: ComplexArray, left: int) -> float:
     """Return the largest energy of a prediction error (n,) that one damped tone explains.
 
     Parameters
@@ -70,7 +77,9 @@ def loudest_tone_energy(error: FloatArray, ar: FloatArray, modes: ComplexArray =
     ar
         The filter that it comes from, without the leading 1, shape (m,).
     modes
-        See `MODES`, shape (k,).
+        See `modes`, shape (k,).
+    left
+        Samples that a mode must have left.
 
     Notes
     -----
@@ -78,11 +87,12 @@ def loudest_tone_energy(error: FloatArray, ar: FloatArray, modes: ComplexArray =
     so that it is stable.
     """
     whitener = np.append(1.0, ar)
-    return float(_loudest(np.convolve(error[::-1], whitener)[: len(error)], whitener, modes))
+    matched = np.convolve(error[::-1], whitener)[: len(error)]
+    return float(_loudest(matched, whitener, modes, left))
 
 
-@kernel("f8(f8[::1], f8[::1], c16[::1])")
-def _loudest(matched: FloatArray, whitener: FloatArray, modes: ComplexArray) -> float:
+@kernel("f8(f8[::1], f8[::1], c16[::1], i8)")
+def _loudest(matched: FloatArray, whitener: FloatArray, modes: ComplexArray, least: int) -> float:
     """Return the largest energy from the error, filtered once more in reversed time.
 
     ``w`` is the filtered mode's next sample: as the tone begins one sample earlier, one more of
@@ -105,7 +115,7 @@ def _loudest(matched: FloatArray, whitener: FloatArray, modes: ComplexArray) -> 
             cosine, sine = 0.5 * (power + square.real), 0.5 * (power - square.real)
             cross = 0.5 * square.imag
             determinant = cosine * sine - cross * cross
-            if left >= _LEFT - 1 and determinant > _LEAST * cosine * sine:
+            if left >= least - 1 and determinant > _LEAST * cosine * sine:
                 explained = sine * inner.real * inner.real + cosine * inner.imag * inner.imag
                 explained -= 2.0 * cross * inner.real * inner.imag
                 loudest = max(loudest, explained / determinant)
@@ -113,7 +123,7 @@ def _loudest(matched: FloatArray, whitener: FloatArray, modes: ComplexArray) -> 
 
 
 def tone_evidence(
-    segments: Sequence[FloatArray], filters: Whitening, level_variance: FloatArray
+    segments: Sequence[FloatArray], filters: Whitening, level_variance: FloatArray, rate_hz: float
 ) -> FloatArray:
     """Return how much likelier segments are with the likeliest damped tone, in nepers, (n,).
 
@@ -125,26 +135,30 @@ def tone_evidence(
         Predicted ones.
     level_variance
         Variance of the logarithm of the predicted excitation's variance, positive, shape (n,).
+    rate_hz
+        Sampling rate.
 
     Notes
     -----
     The level is unknown within its predicted error, with the tone and without: each likelihood is
     that of the likeliest level. Of more instants the largest is larger, by the logarithm of their
-    number (Gumbel), which is subtracted. Zero if a segment is too short to tell.
+    number (Gumbel), which is subtracted: one for each millisecond, within which a mode changes
+    little. Zero if a segment is too short to tell.
     """
     found = np.zeros((3, len(segments)))
-    order = filters.ar.shape[1]
+    order, per_ms, grid = filters.ar.shape[1], rate_hz / 1000.0, modes(rate_hz)
+    left = round(LEFT_MS * per_ms)
     for index, (segment, ar, variance) in enumerate(zip(segments, *filters, strict=True)):
-        if len(segment) - order < SHORTEST:
+        if len(segment) - order < SHORTEST_MS * per_ms:
             continue
         error = np.convolve(segment, np.append(1.0, ar), "valid")
         energy = max(float(error @ error), _TINY)
-        share = min(loudest_tone_energy(error, ar) / energy, _LARGEST_SHARE)
+        share = min(loudest_tone_energy(error, ar, grid, left) / energy, _LARGEST_SHARE)
         found[:, index] = error.size, min(energy / max(variance, _TINY), _LARGEST), share
     count, energies, shares = found
     rest = (1.0 - shares) * energies
     gain = _surprise(energies, count, level_variance) - _surprise(rest, count, level_variance)
-    return np.where(count > 0.0, gain - np.log(np.maximum(count, 1.0)), 0.0)
+    return np.where(count > 0.0, gain - np.log(np.maximum(count / per_ms, 1.0)), 0.0)
 
 
 def _surprise(energy: FloatArray, count: FloatArray, variance: FloatArray) -> FloatArray:
