@@ -10,14 +10,18 @@ from mmt.evaluation.levels import (
     LEAST_POWER,
     band_edges_hz,
     level_error_db,
-    output_power_at,
     power_above_felt,
 )
 from mmt.evaluation.truth import KnownTexture, TruthAt, known_texture
 from mmt.testing.simulation.modes import Resonance
 from mmt.testing.simulation.surfaces import Surface
 from mmt.testing.simulation.textures import SURFACES, get_surface
-from mmt.texture.autoregression.forms import ar_spectrum, ar_to_reflection, reflection_to_lsf
+from mmt.texture.autoregression.forms import (
+    ar_spectrum,
+    ar_to_reflection,
+    lsf_output_power,
+    reflection_to_lsf,
+)
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.settings import ModellingSettings
 
@@ -137,9 +141,10 @@ def test_true_power_is_that_of_the_surface(name):
     model = model_of(get_surface("plastic"), order=8)
     speed, force, heading = truth.plane.strokes
     low_hz = np.linspace(0.0, 8.0, 401)
+    lsf, variance = model.at(speed, force)
     powers = []
     for known, spectrum in (
-        (output_power_at(model, np.stack([speed, force], axis=-1)), model.spectrum),
+        (lsf_output_power(variance, lsf), model.spectrum),
         (surface.power(speed, force, heading), None),
     ):
         density = (

@@ -12,13 +12,14 @@ from mmt.core.frames import empty_frames
 from mmt.evaluation import tables
 from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.grid_errors import over_plane
-from mmt.evaluation.levels import LEAST_POWER, across, output_power_at
+from mmt.evaluation.levels import LEAST_POWER, across
 from mmt.evaluation.strokes_made import MOST, StrokesMade
 from mmt.evaluation.truth import KnownTexture
 from mmt.scene import Scene
 from mmt.session import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import get_surface
+from mmt.texture.autoregression.forms import lsf_output_power
 from mmt.texture.completion.distance import middles
 from mmt.texture.online.history import build, stream_blocks
 from mmt.texture.segmentation.segments import SampleRange
@@ -123,7 +124,8 @@ def test_without_a_truth_the_other_method_is_scored_at_the_held_out_segments(sim
     spans = [(round(1000 * part.start_s), round(1000 * part.stop_s)) for part in taken]
     model = history.log.without([SampleRange(*span) for span in spans]).model(7)
     inputs = np.array([(part.speed_mm_s, part.force_n) for part in taken])
-    power = output_power_at(model, inputs)
+    lsf, variance = model.at(*inputs.T)
+    power = lsf_output_power(variance, lsf)
     true = np.array([part.power for part in taken])
     error_db = 10.0 * np.log10(np.maximum(power, LEAST_POWER) / np.maximum(true, LEAST_POWER))
     beside = evaluation.at_end.beside

@@ -1,3 +1,5 @@
+from functools import partial
+
 import autoregressive_oracles as oracles
 import mpmath
 import numpy as np
@@ -216,3 +218,20 @@ def test_frequencies_tell_their_own_filter_and_that_before_by_their_least_gap(or
         changed = np.abs(found - reflection) / (1 - np.abs(reflection))
         assert gap < 1e-14 or changed.max() < 4e-15 / gap
         assert (np.abs(found) < 1.0).all()
+
+
+def test_arrays_that_cannot_be_written_are_taken():
+    reflection = np.array([[0.5, -0.3, 0.2], [0.1, 0.2, 0.3]])
+    lsf = reflection_to_lsf(reflection)
+    power = partial(lsf_output_power, np.ones(2))
+    for convert, values in (
+        (reflection_to_lsf, reflection),
+        (reflection_to_ar, reflection),
+        (ar_to_reflection, reflection_to_ar(reflection)),
+        (lsf_to_reflection, lsf),
+        (lsf_to_ar, lsf),
+        (power, lsf),
+    ):
+        expected = convert(values.copy())
+        values.setflags(write=False)
+        np.testing.assert_array_equal(convert(values), expected)

@@ -6,12 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.texture.autoregression.forms import (
-    lsf_output_power,
-    lsf_to_ar,
-    lsf_to_reflection,
-    output_power,
-)
+from mmt.texture.autoregression.forms import lsf_output_power, lsf_to_ar
 from mmt.texture.autoregression.reshaping import relative_density, shares
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.signals.metrics import power_error_db
@@ -63,26 +58,13 @@ _PERIOD: Final = 2048
 """Of the spectra by which the power that is not felt is found: steps of 4.9 Hz at 10 kHz."""
 
 
-def output_power_at(model: TextureModel, inputs: FloatArray) -> FloatArray:
-    """Return the exact power of what a model renders at inputs (k, d), shape (k,), (m/s2)^2."""
-    lsf, variance = model.at(*inputs.T)
-    return exact_power(lsf, variance, model.rate_hz)
-
-
 def level_error_db(model: TextureModel, inputs: FloatArray, power: FloatArray) -> FloatArray:
     """Return the error of a model's power that is felt at inputs (k, d) against `power` (k,)."""
     lsf, variance = model.at(*inputs.T)
-    whole = exact_power(lsf, variance, model.rate_hz)
+    whole = lsf_output_power(variance, lsf)
     return power_level_error_db(
         whole - power_above_felt(lsf_to_ar(lsf), whole, model.rate_hz), power
     )
-
-
-def exact_power(lsf: FloatArray, variance: FloatArray, rate_hz: float) -> FloatArray:
-    """Return the exact power (n,) of what filters (n, m) put out, (m/s2)^2."""
-    if rate_hz > 1000.0:  # of order 64 that is most of an evaluation's time
-        return lsf_output_power(variance, lsf)
-    return output_power(variance, lsf_to_reflection(lsf))
 
 
 def power_above_felt(ar: FloatArray, power: FloatArray, rate_hz: float) -> FloatArray:
@@ -96,11 +78,6 @@ def power_above_felt(ar: FloatArray, power: FloatArray, rate_hz: float) -> Float
     density, weights = relative_density(ar, _PERIOD), shares(_PERIOD)
     above = np.arange(len(weights)) * rate_hz / _PERIOD > FELT_HZ
     return np.asarray(power * (density[:, above] @ weights[above]) / (density @ weights))
-
-
-def trapezoidal(density: FloatArray) -> FloatArray:
-    """Return the trapezoidal sum of densities (k, f), (k,)."""
-    return np.asarray(density.sum(axis=1) - 0.5 * (density[:, 0] + density[:, -1]))
 
 
 def power_level_error_db(power: FloatArray, reference: FloatArray) -> FloatArray:

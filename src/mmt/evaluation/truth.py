@@ -31,15 +31,18 @@ from mmt.evaluation.levels import (
     band_edges_hz,
     band_errors_db,
     bounded_error_db,
-    exact_power,
     power_above_felt,
     power_level_error_db,
-    trapezoidal,
 )
 from mmt.evaluation.results import PowerMap, Worst
 from mmt.evaluation.worst import Error, explain
 from mmt.testing.simulation.known_surfaces import KnownSurface, surface_from_annotations
-from mmt.texture.autoregression.forms import ar_spectra, ar_spectrum, lsf_to_ar
+from mmt.texture.autoregression.forms import (
+    ar_spectra,
+    ar_spectrum,
+    lsf_output_power,
+    lsf_to_ar,
+)
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.amplitude_spectra import expected_amplitude
@@ -55,8 +58,9 @@ def density_hz(rate_hz: float) -> FloatArray:
 
 
 class _Spectra(NamedTuple):
-    """Densities (k, f), amplitudes (k, b) as by Welch, and powers (k,)."""
+    """Densities (k, f), amplitudes (k, b) as by Welch, and powers (k,), up to half the rate."""
 
+    rate_hz: float
     density: FloatArray
     amplitude: FloatArray
     power: FloatArray
@@ -79,22 +83,22 @@ class TruthAt:
         self, strokes: Strokes, spectrum: Callable[[FloatArray], FloatArray], rate_hz: float
     ) -> None:
         self.strokes = strokes
-        frequencies_hz = density_hz(rate_hz)
-        self._highest_hz = frequencies_hz[-1]
+        self._rate_hz, frequencies_hz = rate_hz, density_hz(rate_hz)
         self._felt = spectrum(frequencies_hz[: FELT_HZ + 1])
         self._above = partial(spectrum, frequencies_hz[FELT_HZ + 1 :])
-        self.power = trapezoidal(self._felt) - trapezoidal(self._felt[:, : LOWEST_HZ + 1])
+        self.power = np.asarray(np.trapezoid(self._felt[:, LOWEST_HZ:], axis=1))
         """By the trapezoidal rule over what is felt in steps of 1 Hz, shape (k,)."""
 
     @cached_property
     def spectra(self) -> _Spectra:
         """The truth's spectra."""
-        return _spectra(np.concatenate([self._felt, self._above()], axis=1), self.power)
+        density = np.concatenate([self._felt, self._above()], axis=1)
+        return _spectra(self._rate_hz, density, self.power)
 
     def share_above(self, frequency_hz: float) -> float:
         """Return the share of the power from 10 Hz on that is above a frequency."""
         density = self.spectra.density.sum(axis=0)
-        above = density_hz(2.0 * self._highest_hz)[_COMPARED] > frequency_hz
+        above = density_hz(self._rate_hz)[_COMPARED] > frequency_hz
         return float(density[above].sum() / density.sum())
 
     def level_errors_db(self, model: TextureModel) -> FloatArray:
@@ -102,7 +106,7 @@ class TruthAt:
         lsf, variance = model.at(*self.strokes.inputs(model.space).T)
         ar = lsf_to_ar(lsf)
         low = ar_spectrum(ar, variance, np.arange(LOWEST_HZ + 1.0), model.rate_hz)
-        whole = exact_power(lsf, variance, model.rate_hz)
+        whole = lsf_output_power(variance, lsf)
         own = _level(whole, low, power_above_felt(ar, whole, model.rate_hz))
         return power_level_error_db(own, self.power)
 
@@ -168,7 +172,7 @@ class KnownTexture:
             for values in (truth.density, np.square(truth.amplitude), truth.power)
         )
         density, square, power = means
-        return _errors(_Spectra(density, np.sqrt(square), power), truth)
+        return _errors(_Spectra(truth.rate_hz, density, np.sqrt(square), power), truth)
 
     def power_map(self, errors: GridErrors) -> PowerMap:
         """Lay errors over the grid out as a map of the plane.
@@ -247,26 +251,26 @@ def _spectra_of(model: TextureModel, strokes: Strokes) -> _Spectra:
     # By the coefficients: several times faster than by LSF.
     ar = lsf_to_ar(lsf)
     density = ar_spectra(ar, variance, round(model.rate_hz), model.rate_hz)
-    power = exact_power(lsf, variance, model.rate_hz)
+    power = lsf_output_power(variance, lsf)
     above = power_above_felt(ar, power, model.rate_hz)
-    return _spectra(density, _level(power, density[:, : LOWEST_HZ + 1], above))
+    level = _level(power, density[:, : LOWEST_HZ + 1], above)
+    return _spectra(model.rate_hz, density, level)
 
 
-def _spectra(density: FloatArray, power: FloatArray) -> _Spectra:
-    window = round(WELCH_S * 2.0 * (density.shape[1] - 1))
-    return _Spectra(density[:, _COMPARED], expected_amplitude(density, window)[:, _BINS], power)
+def _spectra(rate_hz: float, density: FloatArray, power: FloatArray) -> _Spectra:
+    amplitude = expected_amplitude(density, round(WELCH_S * rate_hz))[:, _BINS]
+    return _Spectra(rate_hz, density[:, _COMPARED], amplitude, power)
 
 
 def _level(power: FloatArray, low: FloatArray, above: FloatArray) -> FloatArray:
     """Return powers (k,) without what densities up to 8 Hz (k, 9) hold, and without those above."""
-    return np.asarray(power - np.minimum(trapezoidal(low) + above, 0.999 * power))
+    return np.asarray(power - np.minimum(np.trapezoid(low, axis=1) + above, 0.999 * power))
 
 
 def _errors(own: _Spectra, truth: _Spectra) -> GridErrors:
     density, reference = (np.maximum(each.density, LEAST_DENSITY) for each in (own, truth))
     ratio_db = bounded_error_db(density, reference)
-    frequencies_hz = np.arange(10.0, 10.0 + 2.0 * density.shape[1], 2.0)
-    edges_hz = band_edges_hz(2.0 * frequencies_hz[-1])
+    frequencies_hz, edges_hz = density_hz(truth.rate_hz)[_COMPARED], band_edges_hz(truth.rate_hz)
     return GridErrors(
         gfc=gfc_of_rows(own.amplitude, truth.amplitude),
         power_error_db=power_level_error_db(own.power, truth.power),

@@ -44,6 +44,6 @@ def _independent(lsf: FloatArray, period: int) -> FloatArray:
     """Return effective over actual sample size, above 0 and at most 1, shape (n,)."""
     if not len(lsf):
         return np.empty(0)
-    density, weights = relative_density(lsf_to_ar(np.array(lsf)), period), shares(period)
+    density, weights = relative_density(lsf_to_ar(lsf), period), shares(period)
     share = np.square(density @ weights) / (np.square(density) @ weights)
     return np.asarray(np.minimum(share, 1.0))

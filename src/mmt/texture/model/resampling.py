@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.texture.autoregression.forms import lsf_to_reflection, output_power, reflection_to_lsf
+from mmt.texture.autoregression.forms import lsf_output_power, reflection_to_lsf
 from mmt.texture.autoregression.reshaping import period_of, reflection_of
 from mmt.texture.autoregression.spectra import lsf_spectrum
 from mmt.texture.linear_algebra import nearest_rows
@@ -68,5 +68,5 @@ def _spectra(lsf: FloatArray, before_hz: float, rate_hz: float) -> tuple[FloatAr
     density[:, ~known] = floor * density[:, known].mean(axis=1, keepdims=True)
     if rate_hz >= before_hz:
         return density, np.ones(len(lsf))
-    power = output_power(np.ones(len(lsf)), lsf_to_reflection(np.array(lsf)))
+    power = lsf_output_power(np.ones(len(lsf)), lsf)
     return density, np.minimum(np.trapezoid(density, frequencies_hz, axis=1) / power, 1.0)
