@@ -22,7 +22,7 @@ Inputs = Literal["isotropic", "anisotropic"]
 Criterion = Literal["distance", "uncertainty"]
 
 ORDER_AT_1_KHZ: Final = 16
-"""The filters of all rates remember about as long, up to the largest order."""
+"""Filters of rates up to 4 kHz remember as long, 16 ms; from there on 64 samples."""
 
 LONGEST_BRIDGED: Final = 5
 """Missing frames in a row that are filled."""
@@ -145,7 +145,7 @@ class TextureSettings:
     """The surface's normal axis; speed is taken in the plane across it, force along it."""
 
     order: Order | Literal["auto"] = "auto"
-    """Order of all autoregressive filters, 1 to 64, or `ORDER_AT_1_KHZ` times the rate in kHz."""
+    """Order of all autoregressive filters, 1 to 64, or `usual_order` of the rate."""
 
     overlap_samples: Annotated[int, Ge(0), Le(2000)] = 200
     """Newest samples into which a segment must not reach to be final."""
