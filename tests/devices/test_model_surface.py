@@ -14,9 +14,9 @@ from mmt.evaluation.truth import known_texture
 from mmt.testing.simulation.course import course_from_annotations
 from mmt.testing.simulation.known_surfaces import surface_from_annotations
 from mmt.testing.simulation.model_surface import ModelSurface, ModelVibration
+from mmt.testing.simulation.side_by_side import filter_side_by_side
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture import TextureModel
-from mmt.texture.autoregression.side_by_side import filter_side_by_side
 from mmt.texture.space.inputs import InputSpace
 from mmt.texture.space.samples import TextureSamples
 from mmt_bridges.hatt.models import export_hatt

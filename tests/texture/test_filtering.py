@@ -19,6 +19,7 @@ from mmt.texture.signals.frame_gaps import LARGEST_MEASUREMENT
 from mmt.texture.signals.numbering import StreamNumbering
 
 RATE_HZ = 1000.0
+WARM_UP = butterworth_high_pass(10.0, RATE_HZ).settling_samples(0.05)
 GRAVITY_M_S2 = 9.81
 
 
@@ -117,7 +118,7 @@ def test_each_run_of_frames_loses_its_newest_ones_and_its_warm_up() -> None:
     for part in (first, second):
         part["time_ns"] = 5_000 + part["sequence"].astype(np.int64) * 1_000_000
     aligned = stream.process(np.concatenate([first, second]))
-    delay, warm_up = stream.delay_samples, stream.warm_up_samples
+    delay, warm_up = stream.delay_samples, WARM_UP
     expected = np.r_[7 : 307 - delay, 400 : 600 - delay]
     np.testing.assert_array_equal(aligned.index, expected)
     np.testing.assert_array_equal(aligned.time_ns, 5_000 + expected * 1_000_000)
@@ -279,7 +280,7 @@ def test_an_offset_that_a_gap_has_changed_settles_first() -> None:
     stream = StreamFilter()
     aligned = stream.process(np.delete(frames, np.s_[900:1000]))
     behind = aligned[int(np.searchsorted(aligned.index, 1000)) :]
-    assert int(np.argmax(behind.valid)) == stream.warm_up_samples
+    assert int(np.argmax(behind.valid)) == WARM_UP
     assert np.abs(behind.vibration_m_s2[behind.valid]).max() < 6.0
 
 

@@ -12,7 +12,6 @@ from mmt.texture.autoregression.burg import ReflectionFits
 from mmt.texture.autoregression.forms import lsf_to_reflection, reflection_to_ar, reflection_to_lsf
 from mmt.texture.autoregression.reshaping import (
     LARGEST_REFLECTION,
-    PERIOD,
     reflection_of,
     relative_density,
 )
@@ -27,6 +26,7 @@ from mmt.texture.signals.biquad import VIBRATION_CUTOFF_HZ, butterworth_high_pas
 from mmt.texture.signals.high_pass import gain_without_high_pass, without_high_pass
 from mmt.texture.space.samples import TextureSamples
 
+PERIOD = 1024
 FREQUENCIES_HZ = np.arange(PERIOD // 2 + 1) * (1000.0 / PERIOD)
 FLAT = np.array([[0.3, -0.2]])
 SLOW = np.array([[-0.9925, 0.97]])
@@ -42,13 +42,13 @@ def left(frequencies_hz):
 
 @pytest.mark.parametrize("reflection", [FLAT, SLOW])
 def test_a_spectrum_comes_back_from_what_the_filter_leaves_of_it(reflection):
-    before = relative_density(reflection_to_ar(reflection))
+    before = relative_density(reflection_to_ar(reflection), PERIOD)
     behind, power = reflection_of(before * left(FREQUENCIES_HZ), 40)
     fits = ReflectionFits(behind, np.ones((1, 41)))
-    restored, gain = without_high_pass(fits, fits, 2, 1000.0, 1)
+    restored, gain = without_high_pass(fits, None, 2, 1000.0, 1000.0)
     _, whole = reflection_of(before, 2)
     heard = (FREQUENCIES_HZ >= 12.0)[None]
-    ratio_db = 10 * np.log10(relative_density(reflection_to_ar(restored)) / before)
+    ratio_db = 10 * np.log10(relative_density(reflection_to_ar(restored), PERIOD) / before)
     ratio_db -= ratio_db[heard].mean()
     assert np.abs(ratio_db[heard]).max() < 1.0
     assert gain[0] == pytest.approx(whole[0] / power[0], rel=0.08)  # some below 8 Hz stays lost
@@ -73,7 +73,8 @@ def test_whatever_was_fitted_the_filter_is_stable_and_has_no_less_power(
     values, order, rate_hz, per_frame
 ):
     fits = ReflectionFits(np.array([values]), np.ones((1, len(values) + 1)))
-    reflection, gain = without_high_pass(fits, fits, order, rate_hz, per_frame)
+    means = fits if per_frame > 1 else None
+    reflection, gain = without_high_pass(fits, means, order, rate_hz, rate_hz / per_frame)
     assert reflection.shape == (1, order)
     assert np.abs(reflection).max() < 1.0
     assert 1.0 <= gain[0] * (1.0 + 1e-9) < 1.0 + 2.5  # 1 / 0.29 at most

@@ -13,18 +13,18 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 
-PERIOD: Final = 1024
-"""Samples after which autocorrelations repeat, at least: spectra have half as many frequencies, and
-one more."""
-
 LARGEST_REFLECTION: Final = 1.0 - 1e-9
 _TINY: Final = 1e-300
 _RESOLVED_HZ: Final = 1.25
+_LEAST_PERIOD: Final = 1024
 
 
 def period_of(rate_hz: float) -> int:
-    """Return the period at a sampling rate, a power of two that resolves 1.25 Hz."""
-    return max(PERIOD, 1 << math.ceil(math.log2(max(rate_hz / _RESOLVED_HZ, 1.0))))
+    """Return after how many samples autocorrelations repeat at a sampling rate: a power of two.
+
+    Spectra have half as many frequencies and one more, at most 1.25 Hz apart.
+    """
+    return max(_LEAST_PERIOD, 1 << math.ceil(math.log2(max(rate_hz / _RESOLVED_HZ, 1.0))))
 
 
 @cache
@@ -34,7 +34,7 @@ def shares(period: int) -> FloatArray:
     return np.asarray(np.r_[0.5, inside, 0.5] / (period // 2))
 
 
-def relative_density(ar: FloatArray, period: int = PERIOD) -> FloatArray:
+def relative_density(ar: FloatArray, period: int) -> FloatArray:
     """Return the spectra of filters over their maxima, from 0 to half the rate, (k, f).
 
     Parameters
@@ -42,7 +42,7 @@ def relative_density(ar: FloatArray, period: int = PERIOD) -> FloatArray:
     ar
         Filter coefficients without the leading 1, shape (k, order).
     period
-        Twice the number of frequencies less one.
+        See `period_of`.
     """
     response = np.fft.rfft(np.insert(ar, 0, 1.0, axis=1), period, axis=1)
     inverse = np.maximum(np.square(response.real) + np.square(response.imag), _TINY)

@@ -84,11 +84,11 @@ def fit_segments(
     lsf, measured = _lsf_of(fits, order), np.array([segment.measured_gain for segment in usable])
     variance, power = fits.variances[:, order] * measured, fits.power * measured
     if not behind_high_pass:
-        means = fits
+        means = None
         if per_frame > 1:
             frames = [each.reshape(-1, per_frame).mean(axis=1) for each in vibration]
             means = burg_batch(frames, max(order // per_frame, shortest))
-        reflection, gain = without_high_pass(fits, means, order, rate_hz, per_frame)
+        reflection, gain = without_high_pass(fits, means, order, rate_hz, settings.rate_hz)
         lsf, power = reflection_to_lsf(reflection), power * gain
         variance = power * np.prod(1.0 - np.square(reflection), axis=1)
     fitted = [

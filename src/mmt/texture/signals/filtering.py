@@ -98,8 +98,6 @@ class StreamFilter:
         delays at low frequency and a decade above the high-pass's cutoff, less half a frame's
         samples."""
         self._settling = high_pass.settling_samples(SETTLED_SHARE)
-        self.warm_up_samples = -(-self._settling // self._per_frame)
-        """Frames for which a restarted high-pass is not valid."""
         self._motion_settling = low_pass.settling_samples(SETTLED_SHARE)
         self.reset()
 

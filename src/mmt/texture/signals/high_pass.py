@@ -27,7 +27,7 @@ _LOW_HZ: Final = 50.0
 
 
 def without_high_pass(
-    fits: ReflectionFits, means: ReflectionFits, order: int, rate_hz: float, per_frame: int
+    fits: ReflectionFits, means: ReflectionFits | None, order: int, rate_hz: float, frame_hz: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return the filters of vibration before the high-pass, and its power over that behind it.
 
@@ -36,11 +36,12 @@ def without_high_pass(
     fits
         Filters fitted behind the high-pass, k of them.
     means
-        Filters fitted to the means of frames, of an order that is high enough to show it.
+        Filters fitted to the means of frames, of an order that is high enough to show it; None
+        where a frame has one sample.
     order
         Of the filters that are returned.
-    rate_hz, per_frame
-        Sampling rate, and samples in a frame; with one, `means` are not looked at.
+    rate_hz, frame_hz
+        Sampling rates of the vibration, and of frames.
 
     Returns
     -------
@@ -49,8 +50,7 @@ def without_high_pass(
     """
     period = period_of(rate_hz)
     density = relative_density(reflection_to_ar(fits.reflection), period)
-    if per_frame > 1:
-        frame_hz = rate_hz / per_frame
+    if means is not None:
         low_hz = np.arange(0.0, min(_LOW_HZ, 0.5 * frame_hz), rate_hz / period)
         scale = np.maximum(fits.power, _TINY) / (density @ shares(period))
         low = ar_spectrum(reflection_to_ar(means.reflection), means.variance, low_hz, frame_hz)

@@ -138,10 +138,11 @@ def _is_rail(
     return bool(total * evidence > _EVIDENCE)
 
 
-@kernel("b1(f8[::1], f8, f8[:, ::1], f8[:, ::1])")
-def _step(state: FloatArray, value: float, repeats: FloatArray, extremes: FloatArray) -> bool:
+@kernel("b1(f8[::1], f8, i8, f8[:, ::1], f8[:, ::1])")
+def _step(
+    state: FloatArray, value: float, per_frame: int, repeats: FloatArray, extremes: FloatArray
+) -> bool:
     """Take in a value that differs from the one before; return whether it proves a rail."""
-    per_frame = (len(state) - _BEFORE) // _BEFORE_FRAMES
     size = abs(value - state[_LAST])
     for place in range(len(state) - 1, _BEFORE, -1):
         state[place] = state[place - 1]
@@ -180,15 +181,15 @@ def _step(state: FloatArray, value: float, repeats: FloatArray, extremes: FloatA
     return found
 
 
-@kernel("b1(f8[::1])")
-def _is_silence(state: FloatArray) -> bool:
+@kernel("b1(f8[::1], i8)")
+def _is_silence(state: FloatArray, per_frame: int) -> bool:
     """Return whether a value that is repeated is one at which a vibration has ended."""
     away = np.abs(state[_BEFORE:] - state[_LAST]).mean()
     declined = away <= _DECLINED * state[_ACTIVITY] + state[_RESOLUTION]
     if state[_DECIDED] != _AT_REST and not declined:
         return False
     again = np.abs(state[_STOPS:_BEFORE] - state[_LAST]) <= state[_RESOLUTION]
-    frames = state[_CHANGES] / ((len(state) - _BEFORE) // _BEFORE_FRAMES)
+    frames = state[_CHANGES] / per_frame
     near = _NEAR_MEAN * math.sqrt(state[_POWER] / min(frames, _MEAN_FRAMES))
     near += 0.5 * state[_RESOLUTION]
     first = np.isnan(state[_STOPS]) and abs(state[_LAST] - state[_MEAN]) <= near
@@ -242,7 +243,7 @@ def _is_held(
     if not _strokes(motion, restart, at, min(int(state[_REPEATS]), reach), least):
         state[_DECIDED] = _AT_REST
         return False
-    silent = _is_silence(state)
+    silent = _is_silence(state, len(restart) // len(motion))
     state[_DECIDED] = _SILENT if silent else _HOLDING
     return not silent
 
@@ -295,7 +296,8 @@ def judge(
         elif value == state[_LAST]:
             held = _is_held(state, repeats[axis], motion, restart, least, at, reach)
         else:
-            found = _step(state, value, repeats[axis], extremes[axis])
+            per_frame = len(samples) // len(motion)
+            found = _step(state, value, per_frame, repeats[axis], extremes[axis])
         changed |= state[_CHANGES] != 0.0
         row = at
         while held and row >= open_from and (cause[row] == _MISSING or samples[row, axis] == value):
