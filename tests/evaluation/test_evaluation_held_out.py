@@ -11,7 +11,8 @@ from mmt.evaluation.held_out import HELD_OUT, HeldOutRecording, choose_held_out
 from mmt.scene import Scene
 from mmt.session import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
-from mmt.texture.autoregression.forms import burg, reflection_to_lsf
+from mmt.texture.autoregression.burg import burg
+from mmt.texture.autoregression.forms import reflection_to_lsf
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.signals.amplitude_spectra import Spectra

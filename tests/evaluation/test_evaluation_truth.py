@@ -16,12 +16,8 @@ from mmt.evaluation.truth import KnownTexture, TruthAt, known_texture
 from mmt.testing.simulation.modes import Resonance
 from mmt.testing.simulation.surfaces import Surface
 from mmt.testing.simulation.textures import SURFACES, get_surface
-from mmt.texture.autoregression.forms import (
-    ar_spectrum,
-    ar_to_reflection,
-    lsf_output_power,
-    reflection_to_lsf,
-)
+from mmt.texture.autoregression.forms import ar_to_reflection, lsf_output_power, reflection_to_lsf
+from mmt.texture.autoregression.spectra import ar_spectrum
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.settings import ModellingSettings
 

@@ -8,7 +8,8 @@ from scipy.signal import lfilter
 from spectrum import arburg
 
 from mmt.core.errors import InputError
-from mmt.texture.autoregression.forms import burg, burg_batch, output_power, reflection_to_ar
+from mmt.texture.autoregression.burg import burg, burg_batch
+from mmt.texture.autoregression.forms import output_power, reflection_to_ar
 
 
 def noise(samples, seed=0):

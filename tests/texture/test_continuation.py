@@ -7,7 +7,8 @@ from hypothesis.extra import numpy as hnp
 from scipy.signal import lfilter
 
 from mmt.core.errors import InputError
-from mmt.texture.autoregression.forms import burg, reflection_to_ar, reflection_to_lsf
+from mmt.texture.autoregression.burg import burg
+from mmt.texture.autoregression.forms import reflection_to_ar, reflection_to_lsf
 from mmt.texture.signals.amplitude_spectra import amplitude_spectra
 from mmt.texture.signals.metrics import power_error_db
 from mmt.texture.synthesis.concealment import continuation

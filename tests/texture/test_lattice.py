@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy.signal import lfilter
 
+from mmt.texture.autoregression.burg import burg
 from mmt.texture.autoregression.forms import (
-    burg,
     lsf_to_reflection,
     output_power,
     reflection_to_ar,

@@ -37,12 +37,8 @@ from mmt.evaluation.levels import (
 from mmt.evaluation.results import PowerMap, Worst
 from mmt.evaluation.worst import Error, explain
 from mmt.testing.simulation.known_surfaces import KnownSurface, surface_from_annotations
-from mmt.texture.autoregression.forms import (
-    ar_spectra,
-    ar_spectrum,
-    lsf_output_power,
-    lsf_to_ar,
-)
+from mmt.texture.autoregression.forms import lsf_output_power, lsf_to_ar
+from mmt.texture.autoregression.spectra import ar_spectra, ar_spectrum
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.amplitude_spectra import expected_amplitude

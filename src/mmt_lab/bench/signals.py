@@ -8,7 +8,8 @@ import numpy as np
 from scipy.signal import butter, lfilter, sosfilt
 
 from mmt.core.arrays import FloatArray
-from mmt.texture.autoregression.forms import burg, reflection_to_lsf
+from mmt.texture.autoregression.burg import burg
+from mmt.texture.autoregression.forms import reflection_to_lsf
 from mmt_lab.bench import references
 
 RATE_HZ: Final = 1000.0

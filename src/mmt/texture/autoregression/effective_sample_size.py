@@ -36,14 +36,10 @@ def effective_samples(lsf: FloatArray, counts: FloatArray, rate_hz: float) -> Fl
     rate_hz
         Sampling rate.
     """
-    longest = np.asarray(counts, dtype=np.float64)
-    return np.asarray(np.maximum(longest * _independent(lsf, period_of(rate_hz)), LEAST))
-
-
-def _independent(lsf: FloatArray, period: int) -> FloatArray:
-    """Return effective over actual sample size, above 0 and at most 1, shape (n,)."""
     if not len(lsf):
         return np.empty(0)
+    period = period_of(rate_hz)
     density, weights = relative_density(lsf_to_ar(lsf), period), shares(period)
     share = np.square(density @ weights) / (np.square(density) @ weights)
-    return np.asarray(np.minimum(share, 1.0))
+    longest = np.asarray(counts, dtype=np.float64)
+    return np.asarray(np.maximum(longest * np.minimum(share, 1.0), LEAST))

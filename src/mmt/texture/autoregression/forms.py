@@ -30,7 +30,6 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.core.bounds import real_numbers
 from mmt.core.errors import InputError
-from mmt.texture.autoregression.burg import ReflectionFits, burg, burg_batch
 from mmt.texture.autoregression.lsf import (
     ar_to_reflection_each_into,
     lsf_inverse_gain_each_into,
@@ -38,27 +37,10 @@ from mmt.texture.autoregression.lsf import (
     reflection_to_ar_each_into,
 )
 from mmt.texture.autoregression.order_limit import LARGEST_ORDER
-from mmt.texture.autoregression.spectra import ar_spectra, ar_spectrum, lsf_spectrum
 from mmt.texture.autoregression.split import (
     lsf_to_reflection_each_into,
     reflection_to_lsf_each_into,
 )
-
-__all__ = [
-    "ReflectionFits",
-    "ar_spectra",
-    "ar_spectrum",
-    "ar_to_reflection",
-    "burg",
-    "burg_batch",
-    "lsf_output_power",
-    "lsf_spectrum",
-    "lsf_to_ar",
-    "lsf_to_reflection",
-    "output_power",
-    "reflection_to_ar",
-    "reflection_to_lsf",
-]
 
 
 def reflection_to_ar(reflection: FloatArray) -> FloatArray:

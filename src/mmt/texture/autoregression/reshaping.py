@@ -14,7 +14,7 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 
 LARGEST_REFLECTION: Final = 1.0 - 1e-9
-_TINY: Final = 1e-300
+TINY: Final = 1e-300
 _RESOLVED_HZ: Final = 1.25
 _LEAST_PERIOD: Final = 1024
 
@@ -45,7 +45,7 @@ def relative_density(ar: FloatArray, period: int) -> FloatArray:
         See `period_of`.
     """
     response = np.fft.rfft(np.insert(ar, 0, 1.0, axis=1), period, axis=1)
-    inverse = np.maximum(np.square(response.real) + np.square(response.imag), _TINY)
+    inverse = np.maximum(np.square(response.real) + np.square(response.imag), TINY)
     return np.asarray(inverse.min(axis=1, keepdims=True) / inverse)
 
 
@@ -65,7 +65,7 @@ def reflection_of(density: FloatArray, order: int) -> tuple[FloatArray, FloatArr
         Shapes (k, order) and (k,).
     """
     lags = np.fft.irfft(0.5 * density, axis=1)[:, : order + 1]
-    lags[:, 0] = np.maximum(lags[:, 0], _TINY)
+    lags[:, 0] = np.maximum(lags[:, 0], TINY)
     return levinson(lags), lags[:, 0]
 
 

@@ -16,8 +16,16 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.texture.autoregression.forms import ReflectionFits, ar_spectrum, reflection_to_ar
-from mmt.texture.autoregression.reshaping import period_of, reflection_of, relative_density, shares
+from mmt.texture.autoregression.burg import ReflectionFits
+from mmt.texture.autoregression.forms import reflection_to_ar
+from mmt.texture.autoregression.reshaping import (
+    TINY,
+    period_of,
+    reflection_of,
+    relative_density,
+    shares,
+)
+from mmt.texture.autoregression.spectra import ar_spectrum
 from mmt.texture.signals.biquad import VIBRATION_CUTOFF_HZ
 
 LOWEST_HZ: Final = 8.0
@@ -52,7 +60,7 @@ def without_high_pass(
     density = relative_density(reflection_to_ar(fits.reflection), period)
     if means is not None:
         low_hz = np.arange(0.0, min(_LOW_HZ, 0.5 * frame_hz), rate_hz / period)
-        scale = np.maximum(fits.power, _TINY) / (density @ shares(period))
+        scale = np.maximum(fits.power, TINY) / (density @ shares(period))
         low = ar_spectrum(reflection_to_ar(means.reflection), means.variance, low_hz, frame_hz)
         density[:, : len(low_hz)] = 0.5 * rate_hz * low / scale[:, None]
     restored, power = reflection_of(density * _given_back(rate_hz), order)
@@ -72,9 +80,6 @@ def gain_without_high_pass(reflection: FloatArray, rate_hz: float) -> FloatArray
     period = period_of(rate_hz)
     density, weights = relative_density(reflection_to_ar(reflection), period), shares(period)
     return np.asarray((density @ weights) / (density @ (weights / _given_back(rate_hz))))
-
-
-_TINY: Final = 1e-300
 
 
 @cache

@@ -8,12 +8,8 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.texture.autoregression.forms import (
-    burg,
-    lsf_to_reflection,
-    output_power,
-    reflection_to_lsf,
-)
+from mmt.texture.autoregression.burg import burg
+from mmt.texture.autoregression.forms import lsf_to_reflection, output_power, reflection_to_lsf
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt_lab.stability.cases import CaseResult, Extreme, Family
