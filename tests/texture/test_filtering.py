@@ -284,14 +284,6 @@ def test_an_offset_that_a_gap_has_changed_settles_first() -> None:
     assert np.abs(behind.vibration_m_s2[behind.valid]).max() < 6.0
 
 
-def test_reset_forgets_the_session() -> None:
-    frames = random_frames(200)
-    stream = StreamFilter()
-    first = stream.process(frames)
-    stream.reset()
-    assert_identical(stream.process(frames), first)
-
-
 def test_what_a_restart_leaves_is_small_when_samples_become_valid() -> None:
     frames = random_frames(1500)
     frames["position_mm"][:, 0] = 0.1 * np.arange(1500)

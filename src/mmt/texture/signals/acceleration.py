@@ -102,16 +102,15 @@ def _restart(
         state[_COUNT] = 0
 
 
-@kernel("void(f8[::1], f8[::1], f8[:, ::1], f8[::1])")
-def _filter(sample: FloatArray, taps: FloatArray, axes: FloatArray, vibration: FloatArray) -> None:
-    """Filter one sample, all axes."""
-    for axis in range(len(sample)):
-        output = taps[0] * sample[axis] + axes[axis, _FIRST]
-        first = taps[1] * sample[axis] - taps[3] * output + axes[axis, _SECOND]
-        second = taps[2] * sample[axis] - taps[4] * output
-        axes[axis, _FIRST] = 0.0 if abs(first) < SMALLEST else first
-        axes[axis, _SECOND] = 0.0 if abs(second) < SMALLEST else second
-        vibration[axis] = output
+@kernel("f8(f8, f8[::1], f8[::1])")
+def filtered(value: float, taps: FloatArray, state: FloatArray) -> float:
+    """Return a sample filtered by `taps_of`; `state` is first and second, and anything behind."""
+    output = taps[0] * value + state[_FIRST]
+    first = taps[1] * value - taps[3] * output + state[_SECOND]
+    second = taps[2] * value - taps[4] * output
+    state[_FIRST] = 0.0 if abs(first) < SMALLEST else first
+    state[_SECOND] = 0.0 if abs(second) < SMALLEST else second
+    return float(output)
 
 
 @kernel("void(f8[::1], f8[::1], f8[:, ::1], i8[::1], f8)")
@@ -167,7 +166,8 @@ def _process(
             continue
         if state[_LOST]:
             _restart(samples, unknown, restart, row, newest, settling, taps, axes, state)
-        _filter(samples[row], taps, axes, vibration[row])
+        for axis in range(len(axes)):
+            vibration[row, axis] = filtered(samples[row, axis], taps, axes[axis])
         if not unknown[row]:
             _learn(samples[row], vibration[row], axes, state, _OFFSET_FRAMES * per_frame)
         valid[row] = cause[row] != _SATURATED and state[_AGE] >= settling
@@ -182,7 +182,7 @@ def taps_of(section: Biquad) -> FloatArray:
 
 
 class AccelerationFilter:
-    """Judge, bridge and high-pass a stream of acceleration; cost: some 0.2 us a sample and axis.
+    """Judge, bridge and high-pass a stream of acceleration; cost: see `StreamFilter`.
 
     Parameters
     ----------

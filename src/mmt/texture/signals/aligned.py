@@ -55,16 +55,6 @@ class AlignedBlock(Columns):
     @classmethod
     def empty(cls) -> Self:
         """Return a block of no samples."""
-        sample_number = np.zeros(0, np.int64)
-        number = np.zeros(0)
-        return cls(
-            index=sample_number,
-            time_ns=sample_number,
-            position_mm=np.zeros((0, 3)),
-            velocity_mm_s=np.zeros((0, 2)),
-            speed_mm_s=number,
-            normal_force_n=number,
-            vibration_m_s2=np.zeros((0, 1, 1)),
-            valid=np.zeros(0, np.bool_),
-            measured=np.zeros(0, np.bool_),
-        )
+        number, none = np.zeros(0, np.int64), np.zeros(0)
+        rows = (np.zeros((0, 3)), np.zeros((0, 2)), none, none, np.zeros((0, 1, 1)))
+        return cls(number, number, *rows, none > 0.0, none > 0.0)

@@ -8,6 +8,7 @@ _ACCELEROMETER: Final = {
     "saturated_s": "was saturated for",
     "constant_s": "gave one value from the start for",
 }
+_JUDGED: Final = (*_ACCELEROMETER, "not_finite_s")
 _FRAMES: Final = {"missing_s": "missing for", "not_finite_s": "not finite for"}
 
 
@@ -42,8 +43,7 @@ class SignalFaults:
 
     def since(self, before: "SignalFaults") -> "SignalFaults":
         """Return what of the acceleration was no measurement since then, and still is not."""
-        causes = (*_ACCELEROMETER, "not_finite_s")
-        seconds = {name: max(0.0, getattr(self, name) - getattr(before, name)) for name in causes}
+        seconds = {name: max(0.0, getattr(self, name) - getattr(before, name)) for name in _JUDGED}
         return SignalFaults(**seconds, throughout=self.throughout)
 
     def worth_saying(self, said: "SignalFaults") -> bool:
@@ -52,8 +52,7 @@ class SignalFaults:
         Missing frames are no such cause: they are told as lost. Nor is what was said of the whole
         time, as long as it holds.
         """
-        causes = (*_ACCELEROMETER, "not_finite_s")
-        seconds = [(getattr(self, name), getattr(said, name)) for name in causes]
+        seconds = [(getattr(self, name), getattr(said, name)) for name in _JUDGED]
         doubled = any(now > 0.0 and now >= 2.0 * before for now, before in seconds)
         return doubled and not (self.throughout and said.throughout)
 

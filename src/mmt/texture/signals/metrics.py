@@ -59,7 +59,9 @@ def power_error_db(power: float | FloatArray, truth: float | FloatArray) -> Floa
     InputError
         A value is negative or not finite.
     """
-    first, second = _densities(*np.broadcast_arrays(power, truth))
+    first, second = _paired("powers", *np.broadcast_arrays(power, truth))
+    if (first < 0.0).any() or (second < 0.0).any():
+        raise InputError("a power is negative")
     with np.errstate(divide="ignore", invalid="ignore"):
         error = 10.0 * (np.log10(first) - np.log10(second))
     return np.where((first == 0.0) & (second == 0.0), 0.0, error)
@@ -85,11 +87,4 @@ def _paired(name: str, a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatA
         raise InputError(f"{name} of shapes {first.shape} and {second.shape}: one shape is needed")
     if not (np.isfinite(first).all() and np.isfinite(second).all()):
         raise InputError(f"{name} with a value that is not finite")
-    return first, second
-
-
-def _densities(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
-    first, second = _paired("densities or powers", a, b)
-    if (first < 0.0).any() or (second < 0.0).any():
-        raise InputError("a density or a power is negative")
     return first, second

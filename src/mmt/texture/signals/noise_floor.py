@@ -35,7 +35,15 @@ class NoiseFloor:
 
     def update(self, block: AlignedBlock) -> None:
         """Add a block of the stream."""
-        self._powers.extend(_still_powers(block))
+        count = len(block) // WINDOW
+        if not count:
+            return
+        part = block[: count * WINDOW]
+        power = np.square(part.vibration_m_s2).sum(axis=2).reshape(count, -1).mean(axis=1)
+        still = part.normal_force_n.reshape(count, WINDOW).max(axis=1) < _IN_AIR_N
+        still |= part.speed_mm_s.reshape(count, WINDOW).max(axis=1) < _AT_REST_MM_S
+        still &= part.valid.reshape(count, WINDOW).all(axis=1) & np.isfinite(power)
+        self._powers.extend(power[still].tolist())
 
     @property
     def power(self) -> float:
@@ -43,17 +51,3 @@ class NoiseFloor:
         if len(self._powers) < LEAST_WINDOWS:
             return 0.0
         return statistics.quantiles(self._powers, n=4, method="inclusive")[0]
-
-
-def _still_powers(block: AlignedBlock) -> list[float]:
-    """Return the powers of windows of a block in which the tool is in the air or at rest."""
-    count = len(block) // WINDOW
-    if not count:
-        return []
-    part = block[: count * WINDOW]
-    power = np.square(part.vibration_m_s2).sum(axis=2).reshape(count, -1).mean(axis=1)
-    still = part.normal_force_n.reshape(count, WINDOW).max(axis=1) < _IN_AIR_N
-    still |= part.speed_mm_s.reshape(count, WINDOW).max(axis=1) < _AT_REST_MM_S
-    still &= part.valid.reshape(count, WINDOW).all(axis=1) & np.isfinite(power)
-    found: list[float] = power[still].tolist()
-    return found
