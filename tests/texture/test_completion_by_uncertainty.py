@@ -231,8 +231,8 @@ def test_the_next_stroke_is_wanted_where_no_sample_lies_but_the_operator_moves(i
 def test_what_the_operator_does_weighs_more_than_what_it_leaves_out():
     few = model_of(strokes(8, 2, largest=0.3))
     here, away = criterion(), criterion()
-    here.observe(motion(30.0, 60.0, 0.6))
-    away.observe(motion(30.0, 240.0, 2.4))
+    here.density.add(motion(30.0, 60.0, 0.6))
+    away.density.add(motion(30.0, 240.0, 2.4))
     for judge in (here, away):
         judge.update(few, 1.0)
     assert here.progress.value > away.progress.value + 0.05
@@ -241,7 +241,7 @@ def test_what_the_operator_does_weighs_more_than_what_it_leaves_out():
 def test_an_operator_who_keeps_to_one_line_completes_it():
     judge, random, seconds = criterion(), np.random.default_rng(0), 100
     speed, force = 0.4 * np.exp(0.08 * random.standard_normal((2, 2 * seconds)))
-    judge.observe(motion(seconds, 120.0, 1.2))
+    judge.density.add(motion(seconds, 120.0, 1.2))
     model = model_of(np.column_stack([speed, force]))
     judge.update(model, float(seconds))
     assert judge.stopped
@@ -274,14 +274,14 @@ def test_what_samples_of_another_surface_have_met_is_taken_back_with_them():
 
 def test_it_is_evaluated_again_after_two_hundredths_more_of_stroking():
     judge = criterion()
-    judge.observe(motion(100.0, 120.0, 1.2))
+    judge.density.add(motion(100.0, 120.0, 1.2))
     judge.update(None, 100.0)
     assert judge.due
     judge.update(model_of(strokes(8, 2)), 100.0)
     assert not judge.due
-    judge.observe(motion(1.8, 120.0, 1.2))
+    judge.density.add(motion(1.8, 120.0, 1.2))
     assert not judge.due
-    judge.observe(motion(0.4, 120.0, 1.2))
+    judge.density.add(motion(0.4, 120.0, 1.2))
     assert judge.due
 
 

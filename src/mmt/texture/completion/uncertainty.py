@@ -221,10 +221,6 @@ class UncertaintyCriterion(Criterion):
         news = _NEWS_ONCE_STOPPED if self.stopped else _NEWS
         return self.density.total_s > news * self._evaluated_s
 
-    def observe(self, block: AlignedBlock) -> None:
-        """Add the newest block of the stream to the stroking density."""
-        self.density.add(block)
-
     def update(self, model: TextureModel | None, time_s: float) -> None:
         """Evaluate the model at a session time (s); the share is 0 without a model or any power."""
         field = None if model is None else model.level_field

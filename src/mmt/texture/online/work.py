@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from mmt.texture.completion.criterion import Progress
 from mmt.texture.model.texture_model import TextureModel
@@ -12,22 +12,10 @@ from mmt.texture.signals.faults import SignalFaults
 if TYPE_CHECKING:
     from mmt.texture.field.blocks import Blocks
     from mmt.texture.model.fits import Fit
+    from mmt.texture.online.modeller import OnlineModeller
     from mmt.texture.online.surface_changes import SurfaceChange
     from mmt.texture.segmentation.segments import SampleRange, Segment
     from mmt.texture.signals.aligned import AlignedBlock
-
-
-class UpdateSteps(Protocol):
-    """The steps of one update; see `mmt.texture.online.modeller.OnlineModeller`."""
-
-    def fit(self, work: "Work") -> None:
-        """Fit the new segments."""
-
-    def build(self, work: "Work") -> None:
-        """Build the model of the fits."""
-
-    def judge(self, work: "Work") -> None:
-        """Judge the model and set ``work.update``."""
 
 
 ModelSource = Callable[[], TextureModel | None]
@@ -128,7 +116,7 @@ class Work:
         What has come of it, once it is judged.
     """
 
-    modeller: UpdateSteps
+    modeller: "OnlineModeller"
     time_s: float
     observed: "list[AlignedBlock]"
     added: "list[Segment]"
@@ -149,7 +137,7 @@ class Work:
     session_time_s: float | None = None
     update: ModelUpdate | None = None
 
-    def of(self, modeller: UpdateSteps) -> "Work":
+    def of(self, modeller: "OnlineModeller") -> "Work":
         """Return the same new work for another modeller."""
         return replace(self, modeller=modeller, durations_s=self.durations_s.copy())
 
