@@ -35,7 +35,7 @@ def test_most_of_the_scatter_is_taken_out_where_frequencies_drift_slowly(directe
     points = scattered(60, directed)
     weights = np.random.default_rng(1).uniform(120.0, 600.0, 60)
     noise = np.random.default_rng(2).normal(size=(60, 4)) * 0.5 / np.sqrt(weights)[:, None]
-    result = smoothed(points, truth(points) + noise, weights)
+    result = smoothed(points, truth(points) + noise, weights, points[:0])
     before = np.sqrt(np.mean(noise**2))
     after = np.sqrt(np.mean((result - truth(points)) ** 2))
     assert after < 0.6 * before
@@ -44,7 +44,7 @@ def test_most_of_the_scatter_is_taken_out_where_frequencies_drift_slowly(directe
 def test_frequencies_that_follow_the_speed_exactly_are_kept():
     points = scattered(30)
     lsf = np.column_stack([0.2 + 1.2 * points[:, 0], 1.6 + 1.2 * points[:, 0]])
-    result = smoothed(points, lsf, np.full(30, 200.0))
+    result = smoothed(points, lsf, np.full(30, 200.0), points[:0])
     np.testing.assert_allclose(result, lsf, atol=2e-3)
 
 
@@ -57,7 +57,9 @@ def test_around_the_samples_a_line_goes_on_following_the_speed(directed):
     lsf = truth(points) + random.normal(0.0, 0.01, (40, 4))
     around = boundary(points.shape[1]).points
     result = smoothed(points, lsf, np.full(40, 300.0), around)
-    np.testing.assert_array_equal(result[:40], smoothed(points, lsf, np.full(40, 300.0)))
+    np.testing.assert_array_equal(
+        result[:40], smoothed(points, lsf, np.full(40, 300.0), points[:0])
+    )
     nearest = lsf[np.square(around[:, None] - points).sum(axis=2).argmin(axis=1)]
     error = np.abs(result[40:] - truth(around)).mean()
     assert error < 0.4 * np.abs(nearest - truth(around)).mean()
@@ -70,7 +72,7 @@ def test_repeated_visits_come_to_their_weighted_mean():
     random = np.random.default_rng(3)
     lsf = np.tile([0.5, 1.5, 2.5], (34, 1)) + random.normal(0.0, 0.02, (34, 3))
     weights = np.where(np.arange(34) % 2, 400.0, 100.0)
-    result = smoothed(points, lsf, weights)[:30]
+    result = smoothed(points, lsf, weights, points[:0])[:30]
     np.testing.assert_allclose(result, np.tile(result[0], (30, 1)), atol=1e-9)
     mean = np.average(lsf[:30], axis=0, weights=weights[:30])
     np.testing.assert_allclose(result[0], mean, atol=0.006)
@@ -78,14 +80,16 @@ def test_repeated_visits_come_to_their_weighted_mean():
 
 def test_fewer_than_four_samples_are_left_as_they_are():
     points = scattered(3)
-    np.testing.assert_array_equal(smoothed(points, truth(points), np.ones(3)), truth(points))
+    np.testing.assert_array_equal(
+        smoothed(points, truth(points), np.ones(3), points[:0]), truth(points)
+    )
 
 
 def test_more_samples_than_the_largest_number_of_nodes_are_smoothed_too():
     count = 3 * LARGEST
     points = scattered(count)
     noise = np.random.default_rng(2).normal(0.0, 0.03, (count, 4))
-    result = smoothed(points, truth(points) + noise, np.full(count, 200.0))
+    result = smoothed(points, truth(points) + noise, np.full(count, 200.0), points[:0])
     assert np.sqrt(np.mean((result - truth(points)) ** 2)) < 0.01
 
 
@@ -110,7 +114,7 @@ def test_whatever_the_samples_frequencies_ascend_half_as_far_apart_or_more(
     if repeated:
         points[:] = points[0]
     lsf = reflection_to_lsf(random.uniform(-strongest, strongest, (count, order)))
-    result = smoothed(points, lsf, random.uniform(1.0, heaviest, count))
+    result = smoothed(points, lsf, random.uniform(1.0, heaviest, count), points[:0])
     assert np.isfinite(result).all()
 
     def gaps(values):

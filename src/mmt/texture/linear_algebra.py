@@ -88,13 +88,6 @@ def solve_backward(factor: FloatArray, rows: FloatArray) -> FloatArray:
     return solved.reshape(np.shape(rows))
 
 
-def product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the matrix product of (n, k) and (k, m)."""
-    result = np.zeros((len(a), b.shape[1]))
-    _add_product(np.ascontiguousarray(a), np.ascontiguousarray(b), result)
-    return result
-
-
 @kernel("i8[::1](f8[:, :], f8[:, :])")
 def nearest_rows(among: FloatArray, points: FloatArray) -> IntArray:
     """Return which of n points (n, d), at least one, lies nearest to each of k, (k, d); (k,)."""
@@ -201,16 +194,17 @@ def backward(factor: FloatArray, rows: FloatArray) -> None:
             _subtract(rows, each, 0, begin, weights, stop - begin, factor, begin)
 
 
-@kernel("void(f8[:, ::1], f8[:, ::1], f8[:, ::1])")
-def _add_product(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
-    inner = a.shape[1]
-    weights = np.empty(_BLOCK)
-    for begin in range(0, inner, _BLOCK):
-        count = min(_BLOCK, inner - begin)
+@kernel("f8[:, ::1](f8[:, :], f8[:, ::1])")
+def product(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the matrix product of (n, k) and (k, m)."""
+    out, weights = np.zeros((len(a), b.shape[1])), np.empty(_BLOCK)
+    for begin in range(0, len(b), _BLOCK):
+        count = min(_BLOCK, len(b) - begin)
         for i in range(len(a)):
             for row in range(count):
                 weights[row] = -a[i, begin + row]
             _subtract(out, i, 0, out.shape[1], weights, count, b, begin)
+    return out
 
 
 @kernel("b1(f8[:, :, ::1], f8[::1], f8[::1], b1, f8[::1], f8[:, ::1], f8[:, ::1])")

@@ -128,13 +128,10 @@ class FieldCells:
 
     def joined(self, other: "FieldCells") -> "FieldCells":
         """Return the cells of the blocks of both."""
-        one, two = self, other
-        while one.moment_blocks < two.moment_blocks:
-            one = one._coarser()
-        while two.moment_blocks < one.moment_blocks:
-            two = two._coarser()
-        keys, sums = np.vstack([one.keys, two.keys]), np.vstack([one.sums, two.sums])
-        return self._gathered(self.directed, keys, sums, one.moment_blocks)
+        blocks = max(self.moment_blocks, other.moment_blocks)
+        keys = [one.keys // [1, 1, 1, blocks // one.moment_blocks] for one in (self, other)]
+        sums = np.vstack([self.sums, other.sums])
+        return self._gathered(self.directed, np.vstack(keys), sums, blocks)
 
     def scaled(self, gain: FloatArray) -> Self:
         """Return the rows with powers times positive gains, (r,)."""
@@ -143,11 +140,6 @@ class FieldCells:
         squares = second + more * (2.0 * first + more * count)
         sums = np.column_stack([count, power * gain, first + more * count, squares])
         return replace(self, sums=sums)
-
-    def _coarser(self) -> "FieldCells":
-        keys = self.keys.copy()
-        keys[:, 3] >>= 1
-        return self._gathered(self.directed, keys, self.sums, 2 * self.moment_blocks)
 
     @cached_property
     def _strokes(self) -> tuple[IntArray, IntArray]:
@@ -179,22 +171,13 @@ def centres(cells: IntArray, *, directed: bool) -> Coordinates:
 
 def _at_centres(points: FloatArray, power: FloatArray) -> tuple[IntArray, FloatArray]:
     """Return the cells (n, 3) of strokes, and the log powers (n,) at the cells' centres."""
-    directed = points.shape[1] == 3
-    at = coordinates(points)
-    stroke = _cell_of(at, directed=directed)
-    apart = at.law - centres(stroke, directed=directed).law
-    return stroke, np.log(power + FELT_POWER) - apart
-
-
-def _cell_of(at: Coordinates, *, directed: bool) -> IntArray:
-    """Return the cells (k, 3) in which strokes lie."""
-    width = CELL_WIDTHS[directed]
-    cells = np.zeros((len(at.u), 3), np.int64)
-    cells[:, 0] = np.floor((at.u - _FIRST) / width)
-    cells[:, 1] = np.floor((at.v - _FIRST) / width)
+    directed, at = points.shape[1] == 3, coordinates(points)
+    cells = np.zeros((len(points), 3), np.int64)
+    cells[:, :2] = np.floor((np.column_stack([at.u, at.v]) - _FIRST) / CELL_WIDTHS[directed])
     if directed:
         cells[:, 2] = np.rint(at.heading * (_SECTORS / (2.0 * np.pi))) % _SECTORS
-    return cells
+    apart = at.law - centres(cells, directed=directed).law
+    return cells, np.log(power + FELT_POWER) - apart
 
 
 def _unique(keys: IntArray) -> tuple[IntArray, IntArray]:

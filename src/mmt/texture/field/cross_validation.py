@@ -79,9 +79,10 @@ class LeaveOneOut:
         weights = self._weights(groups, effective, known)
         inverses: dict[tuple[int, int], FloatArray] = {}
         for setting, factor in np.argwhere((weights > 0.0).any(axis=0)).tolist():
-            total = self._prior(setting)[np.ix_(known, known)]
-            _add_to_diagonal(total, self._factors[factor] * self._scatter[known])
-            inverses[setting, factor] = _inverse(total)
+            own = np.diag(self._factors[factor] * self._scatter[known])
+            root = cholesky(self._prior(setting)[np.ix_(known, known)] + own)
+            white = solve_forward(root, np.eye(len(root)))
+            inverses[setting, factor] = solve_backward(root, white)
         return [
             self._mixed(values, weight, inverses, present)
             for values, weight in zip(groups, weights, strict=True)
@@ -104,9 +105,7 @@ class LeaveOneOut:
         evidence = np.zeros((len(groups), len(self._settings), len(self._factors)))
         for row, prior in enumerate(prior_covariance(at, at, self._settings)):
             for column, factor in enumerate(self._factors):
-                total = prior.copy()
-                _add_to_diagonal(total, factor * self._scatter[chosen])
-                root = cholesky(total)
+                root = cholesky(prior + np.diag(factor * self._scatter[chosen]))
                 logarithm = np.log(np.diagonal(root)).sum()
                 for group, (rest, count) in enumerate(zip(rests, effective, strict=True)):
                     squares = np.square(solve_forward(root, rest.T)).sum() / rest.shape[1]
@@ -150,13 +149,3 @@ class LeaveOneOut:
         for weight, each in zip(shares, means, strict=True):
             variance += weight * np.square(each - mean).mean(axis=1)
         return LeftOut(mean + middle, variance, scatter)
-
-
-def _add_to_diagonal(matrix: FloatArray, values: FloatArray) -> None:
-    matrix[np.diag_indices_from(matrix)] += values
-
-
-def _inverse(matrix: FloatArray) -> FloatArray:
-    """Return the inverse of a positive definite matrix."""
-    factor = cholesky(matrix)
-    return solve_backward(factor, solve_forward(factor, np.eye(len(factor))))

@@ -148,7 +148,8 @@ class LevelField:
         found, explained = self._predicted(at)
         likeliest = int(found.weights.argmax())
         within = prior_covariance(at, at, self._members[likeliest].setting)
-        return found, within - product(explained[likeliest], explained[likeliest].T)
+        white = explained[likeliest]
+        return found, within - product(white, np.ascontiguousarray(white.T))
 
     def _predicted(self, at: Coordinates) -> tuple[Prediction, list[FloatArray]]:
         """Return the posterior, and what of each setting's prior is explained, whitened."""

@@ -57,7 +57,7 @@ class _Spectrum(NamedTuple):
 
 
 def smoothed(
-    points: FloatArray, lsf: FloatArray, weights: FloatArray, around: FloatArray | None = None
+    points: FloatArray, lsf: FloatArray, weights: FloatArray, around: FloatArray
 ) -> FloatArray:
     """Return the frequencies of samples without most of their scatter, shape (n + b, order).
 
@@ -70,12 +70,10 @@ def smoothed(
     weights
         Precision of each sample, such as its length, positive, shape (n,).
     around
-        Further points to which the process is continued, shape (b, d), none by default.
+        Further points to which the process is continued, shape (b, d).
     """
-    asked, fitted = points, lsf
-    if around is not None:
-        asked = np.vstack([points, around])
-        fitted = np.vstack([lsf, lsf[nearest_rows(points, around)]])
+    asked = np.vstack([points, around])
+    fitted = np.vstack([lsf, lsf[nearest_rows(points, around)]])
     if len(points) < LEAST_SAMPLES:
         return fitted.copy()
     nodes, values, known = _pooled(points, lsf, weights)
@@ -103,44 +101,24 @@ def smoothed_shapes(samples: TextureSamples) -> FloatArray:
     return smoothed(samples.points, samples.lsf, weights, around)
 
 
-class _Between:
-    """What covariances between two sets of points, (k, d) and (l, d), are computed from."""
-
-    def __init__(self, a: FloatArray, b: FloatArray) -> None:
-        self._linear = _FREE * (1.0 + (a - 0.5) @ (b - 0.5).T)
-        self._force: FloatArray = np.abs(np.subtract.outer(a[:, -1], b[:, -1]))
-        self._back: FloatArray | None = None
-        if a.shape[1] == 2:
-            self._away: FloatArray = np.abs(np.subtract.outer(a[:, 0], b[:, 0]))
-            return
-        speeds = np.hypot(a[:, 0], a[:, 1]) - 0.5, np.hypot(b[:, 0], b[:, 1]) - 0.5
-        self._linear += _FREE * np.multiply.outer(*speeds)
-        self._away, self._back = (
-            np.sqrt(
-                np.square(np.subtract.outer(a[:, 0], side * b[:, 0]))
-                + np.square(np.subtract.outer(a[:, 1], side * b[:, 1]))
-            )
-            for side in (1.0, -1.0)
-        )
-
-    def along(self, scale: float) -> FloatArray:
-        """Return the covariance (k, l) of the departure over speed or velocity."""
-        along = _matern(self._away, scale)
-        return along if self._back is None else along + _RETURN * _matern(self._back, scale)
-
-    def force(self, scale: float) -> FloatArray:
-        """Return the covariance (k, l) of the departure over the force."""
-        return _matern(self._force, scale)
-
-    def covariance(self, along: FloatArray, force: FloatArray) -> FloatArray:
-        """Return the prior covariance (k, l), in units of the departure's variance."""
-        return np.asarray(self._linear + along * force)
-
-
 def _covariance(a: FloatArray, b: FloatArray, scales: tuple[float, float]) -> FloatArray:
     """Return the prior covariance (k, l) of points, in units of the departure's variance."""
-    between = _Between(a, b)
-    return between.covariance(between.along(scales[0]), between.force(scales[1]))
+    linear = _FREE * (1.0 + (a - 0.5) @ (b - 0.5).T)
+    force = _matern(np.abs(np.subtract.outer(a[:, -1], b[:, -1])), scales[1])
+    if a.shape[1] == 2:
+        along = _matern(np.abs(np.subtract.outer(a[:, 0], b[:, 0])), scales[0])
+        return np.asarray(linear + along * force)
+    speeds = np.hypot(a[:, 0], a[:, 1]) - 0.5, np.hypot(b[:, 0], b[:, 1]) - 0.5
+    linear += _FREE * np.multiply.outer(*speeds)
+    away, back = (
+        np.sqrt(
+            np.square(np.subtract.outer(a[:, 0], side * b[:, 0]))
+            + np.square(np.subtract.outer(a[:, 1], side * b[:, 1]))
+        )
+        for side in (1.0, -1.0)
+    )
+    along = _matern(away, scales[0]) + _RETURN * _matern(back, scales[0])
+    return np.asarray(linear + along * force)
 
 
 def _decompose(covariance: FloatArray, weights: FloatArray) -> _Spectrum:
@@ -171,13 +149,11 @@ def _costs(spectrum: _Spectrum, rotated: FloatArray) -> FloatArray:
 def _best_scales(
     points: FloatArray, values: FloatArray, weights: FloatArray
 ) -> tuple[float, float]:
-    between = _Between(points, points)
-    alongs, forces = map(between.along, _SCALES[0]), list(map(between.force, _SCALES[1]))
-    costs = []
-    for along, force in product(alongs, forces):
-        spectrum = _decompose(between.covariance(along, force), weights)
+    choices, costs = list(product(*_SCALES)), []
+    for scales in choices:
+        spectrum = _decompose(_covariance(points, points, scales), weights)
         costs.append(float(_costs(spectrum, _rotate(spectrum, values)).min(axis=0).sum()))
-    return list(product(*_SCALES))[int(np.argmin(costs))]
+    return choices[int(np.argmin(costs))]
 
 
 def _pooled(
