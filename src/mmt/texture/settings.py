@@ -27,9 +27,6 @@ ORDER_AT_1_KHZ: Final = 16
 LONGEST_BRIDGED: Final = 5
 """Missing frames in a row that are filled."""
 
-LongestBridged = Annotated[int, Ge(0), Le(10)]
-"""How many may be."""
-
 CHANNELS: Final[dict[Inputs, tuple[str, ...]]] = {
     "isotropic": ("speed_mm_s", "force_n"),
     "anisotropic": ("velocity_x_mm_s", "velocity_y_mm_s", "force_n"),
@@ -162,7 +159,7 @@ class TextureSettings:
     longest_samples: Annotated[int, Ge(100), Le(5000)] = 1000
     """Longest segment; at least twice the shortest."""
 
-    longest_bridged_samples: LongestBridged = LONGEST_BRIDGED
+    longest_bridged_samples: Annotated[int, Ge(0), Le(10)] = LONGEST_BRIDGED
     """Missing frames in a row that are filled and not counted; more end a segment."""
 
     least_speed_mm_s: Annotated[float, Gt(0), Le(300)] = 10.0
@@ -192,17 +189,11 @@ class TextureSettings:
     def __post_init__(self) -> None:
         check_fields(self)
         self._check_method()
-        start, stop = self.distances
-        if stop > start:
+        scale, (start, stop) = self.scale, THRESHOLDS[self.method]
+        if not scale.meets(scale.stop, scale.start):
             raise SettingError(
-                f"stop_distance is {stop:g} and start_distance "
-                f"{start:g}: stop_distance must not exceed start_distance"
-            )
-        start, stop = self.shares
-        if stop < start:
-            raise SettingError(
-                f"stop_share is {stop:g} and start_share {start:g}: "
-                "stop_share must not be below start_share"
+                f"{stop} is {scale.stop:g} and {start} {scale.start:g}: {stop} must not "
+                f"{'be below' if scale.rises else 'exceed'} {start}"
             )
         if self.longest_samples < 2 * self.shortest_samples:
             raise SettingError("longest_samples must be at least twice shortest_samples")
@@ -227,19 +218,13 @@ class TextureSettings:
         )
 
     @property
-    def shares(self) -> StartStop:
-        """The expected shares, `START_SHARE` and `STOP_SHARE` in place of ``"auto"``."""
-        return StartStop(
-            START_SHARE if self.start_share == "auto" else self.start_share,
-            STOP_SHARE if self.stop_share == "auto" else self.stop_share,
-        )
-
-    @property
     def scale(self) -> CriterionScale:
         """What tells how complete a model is, and its thresholds."""
         if self.method == "published":
             return CriterionScale("distance", "completion sum", *self.distances, rises=False)
-        return CriterionScale("uncertainty", "expected share", *self.shares, rises=True)
+        start = START_SHARE if self.start_share == "auto" else self.start_share
+        stop = STOP_SHARE if self.stop_share == "auto" else self.stop_share
+        return CriterionScale("uncertainty", "expected share", start, stop, rises=True)
 
 
 @dataclass(frozen=True)

@@ -72,22 +72,15 @@ def triangulate(points: FloatArray) -> Triangulation:
     delaunay = Delaunay(points)
     corners = delaunay.simplices.astype(np.int64)
     opposite = delaunay.neighbors.astype(np.int64)
-    if points.shape[1] == 3:
-        corners, opposite = _without_flat(points, corners, opposite)
+    if points.shape[1] == 3:  # what a flat one is next to becomes the outside
+        edges = points[corners[:, 1:]] - points[corners[:, :1]]
+        kept = np.abs(np.linalg.det(edges)) > _FLAT
+        number = np.where(kept, np.cumsum(kept) - 1, -1)
+        corners, opposite = corners[kept], np.where(opposite >= 0, number[opposite], -1)[kept]
     return Triangulation(
         points=np.ascontiguousarray(points, dtype=np.float64),
         triangles=np.ascontiguousarray(np.hstack([corners, opposite])),
     )
-
-
-def _without_flat(
-    points: FloatArray, corners: IntArray, opposite: IntArray
-) -> tuple[IntArray, IntArray]:
-    """Return corners and opposites without flat tetrahedra, whose place becomes the outside."""
-    edges = points[corners[:, 1:]] - points[corners[:, :1]]
-    kept = np.abs(np.linalg.det(edges)) > _FLAT
-    number = np.where(kept, np.cumsum(kept) - 1, -1)
-    return corners[kept], np.where(opposite >= 0, number[opposite], -1)[kept]
 
 
 @kernel("b1(f8[:, ::1], i8[:, ::1], i8, f8[::1], f8[::1])")

@@ -133,16 +133,14 @@ class Boundary(NamedTuple):
 
 
 def boundary(dimensions: int) -> Boundary:
-    """Return the boundary of the space of 2 or 3 inputs."""
-    return _square() if dimensions == 2 else _cylinder()
+    """Return the boundary of the space of 2 or 3 inputs.
 
-
-def _square() -> Boundary:
-    """Return 20 points: positions 0, 1/5 ... 1 of each edge, corners shared."""
-    steps = np.arange(6) / 5
-    edges = [(s, e) for s in steps for e in (0.0, 1.0)] + [
-        (e, s) for s in steps[1:-1] for e in (0.0, 1.0)
-    ]
+    In the plane 20 points: positions 0, 1/5 ... 1 of each edge, corners shared.
+    """
+    if dimensions == 3:
+        return _cylinder()
+    steps, ends = np.arange(6) / 5, (0.0, 1.0)
+    edges = [(s, e) for s in steps for e in ends] + [(e, s) for s in steps[1:-1] for e in ends]
     points = np.array(edges)
     return Boundary(points, (points == 0.0).any(axis=1))
 

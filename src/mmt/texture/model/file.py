@@ -45,8 +45,8 @@ def unpack(data: bytes) -> ModelContents:
 
 def arrays_of(contents: ModelContents) -> Arrays:
     """Return a model as the arrays of a file, by name."""
-    samples, space = contents.samples, contents.samples.space
-    return {
+    samples, field, space = contents.samples, contents.field, contents.samples.space
+    arrays = {
         "format_version": np.int64(FORMAT_VERSION),
         "method": np.str_(contents.method),
         "inputs": np.str_(space.name),
@@ -57,8 +57,14 @@ def arrays_of(contents: ModelContents) -> Arrays:
         "maximum_speed_mm_s": np.float64(space.maximum_speed_mm_s),
         "maximum_force_n": np.float64(space.maximum_force_n),
         "rate_hz": np.float64(contents.rate_hz),
-        **{name: array for name, array in _known(contents).items() if array is not None},
+        "effective_samples": samples.effective,
+        "segment_samples": samples.counts,
+        "noise_power": np.array(samples.noise_power) if samples.noise_power > 0.0 else None,
+        "field_cells": None if field is None else field.keys.astype(np.int32),
+        "field_sums": None if field is None else field.sums,
+        "field_moment_blocks": None if field is None else np.int64(field.moment_blocks),
     }
+    return {name: array for name, array in arrays.items() if array is not None}
 
 
 def contents_of(arrays: Arrays) -> ModelContents:
@@ -143,19 +149,6 @@ def _whole(name: str, values: npt.ArrayLike) -> IntArray:
     if not (np.abs(numbers) < _LARGEST_WHOLE).all() or (numbers != np.rint(numbers)).any():
         raise InputError(f"{name} must be whole numbers")
     return numbers.astype(np.int64)
-
-
-def _known(contents: ModelContents) -> Arrays:
-    """Return the arrays that not every model has, None for those that this one has not."""
-    samples, field = contents.samples, contents.field
-    return {
-        "effective_samples": samples.effective,
-        "segment_samples": samples.counts,
-        "noise_power": np.array(samples.noise_power) if samples.noise_power > 0.0 else None,
-        "field_cells": None if field is None else field.keys.astype(np.int32),
-        "field_sums": None if field is None else field.sums,
-        "field_moment_blocks": None if field is None else np.int64(field.moment_blocks),
-    }
 
 
 def _field(content: Arrays, *, directed: bool) -> FieldCells:

@@ -91,18 +91,8 @@ def fit_segments(
         reflection, gain = without_high_pass(fits, means, order, rate_hz, settings.rate_hz)
         lsf, power = reflection_to_lsf(reflection), power * gain
         variance = power * np.prod(1.0 - np.square(reflection), axis=1)
-    fitted = [
-        Fit(
-            segment,
-            lsf[index],
-            float(variance[index]),
-            float(power[index]),
-            float(effective[index]),
-            int(counts[index]),
-            next(numbers),
-        )
-        for index, segment in enumerate(usable)
-    ]
+    columns = (each.tolist() for each in (variance, power, effective, counts))
+    fitted = [Fit(*row) for row in zip(usable, lsf, *columns, numbers, strict=False)]
     return [fit for fit in fitted if _is_filter(fit)]
 
 

@@ -16,7 +16,6 @@ when the next update finds another in its place; if it finds none there, the seg
 is final is never cut again, and no sample is in two segments at a time.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -72,16 +71,16 @@ class OnlineSegmenter:
     def update(self, block: AlignedBlock) -> SegmentChange:
         """Add the next aligned samples, any number of them, and return the changed segments."""
         change = SegmentChange([], [])
-        runs = list(_contiguous_runs(block))
-        for number, run in enumerate(runs):
-            tail = self._tail
+        cuts = np.flatnonzero(np.diff(block.index) != 1) + 1
+        for start, stop in pairwise([0, *cuts.tolist(), len(block)] if len(block) else []):
+            run, tail = block[start:stop], self._tail
             if len(tail) and run.index[0] == tail.index[-1] + 1:
                 self._tail = AlignedBlock.concatenate([tail, run])
             else:
                 self._tail = run
                 self._settled = int(run.index[0])
                 self._provisional = []
-            self._segment(change, goes_on=number == len(runs) - 1)
+            self._segment(change, goes_on=stop == len(block))
         return change
 
     def _segment(self, change: SegmentChange, *, goes_on: bool) -> None:
@@ -137,14 +136,6 @@ def segment(block: AlignedBlock, settings: ModellingSettings | None = None) -> l
     O(n) for n samples in strokes of seconds; see `straight_pieces`.
     """
     return OnlineSegmenter(settings).update(block).added
-
-
-def _contiguous_runs(block: AlignedBlock) -> Iterator[AlignedBlock]:
-    if len(block):
-        cuts = np.flatnonzero(np.diff(block.index) != 1) + 1
-        edges = [0, *cuts.tolist(), len(block)]
-        for start, stop in pairwise(edges):
-            yield block[start:stop]
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,8 +11,7 @@ last second or two, which may already be another surface's, are not learned yet.
 """
 
 import math
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -35,8 +34,7 @@ _TESTED: Final = 2
 """Number of blocks between two tests."""
 
 
-@dataclass(frozen=True)
-class Detection:
+class Detection(NamedTuple):
     """A detected change.
 
     ``from_sample``: the change-point; ``at_sample``: the sample at which it was detected;

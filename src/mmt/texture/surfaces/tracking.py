@@ -81,9 +81,7 @@ class SurfaceTracker:
             self.stroked_s += BLOCK_S
             found = self._detector.update(block)
             if found is not None:
-                number, evidence = self._largest + 1, found.evidence
-                where = found.from_sample, found.at_sample
-                self._found = self._go("new", number, *where, evidence)
+                self._found = self._go("new", self._largest + 1, *found)
                 changes.append(self._found)
         return changes
 
