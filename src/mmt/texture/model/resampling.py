@@ -32,7 +32,7 @@ filter: of 20, 30, 40, 50, 60 and 80 dB the errors of HaTT's models are least at
 def resampled(contents: ModelContents, rate_hz: float) -> ModelContents:
     """Return a model's contents at another sampling rate.
 
-    Powers are those within the new band. Cost: some ms a sample at 10 kHz.
+    Powers are those within the new band. Cost: up to 1 ms a sample from 1 kHz, some ms from 10 kHz.
     """
     samples, ratio = contents.samples, rate_hz / contents.rate_hz
     density, share = _spectra(samples.lsf, contents.rate_hz, rate_hz)

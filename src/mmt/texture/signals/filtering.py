@@ -60,8 +60,8 @@ class StreamFilter:
     times are not looked at otherwise.
 
     Cost: about 0.1 ms a block plus 0.5 us a frame (four channels and one; 0.8 us with three) and
-    0.3 us for each further sample of a frame (0.7 us with three axes); feed it many at a time. The results are the
-    same to the bit for any partition into blocks.
+    0.3 us for each further sample of a frame (0.7 us with three axes); feed it many at a time. The
+    results are the same to the bit for any partition into blocks.
 
     Parameters
     ----------
