@@ -162,7 +162,7 @@ def _convert(
 
 
 def _checked(name: str, values: FloatArray) -> FloatArray:
-    array = np.require(real_numbers(name, values), requirements="CW")  # compiled code's own
+    array = np.require(real_numbers(name, values), requirements=["C", "W"])  # compiled code's own
     if array.ndim not in {1, 2} or not 1 <= array.shape[-1] <= LARGEST_ORDER:
         raise InputError(
             f"{name} has shape {array.shape}: (m,) or (n, m) with m from 1 to {LARGEST_ORDER}"
