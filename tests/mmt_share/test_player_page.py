@@ -11,7 +11,18 @@ from typing import Any
 import numpy as np
 import pytest
 import pytest_asyncio
-from page_browser import DESKTOP, LONGEST_MS, MARKS, TABLET, a_page, api, browser, shows
+from page_browser import (
+    DESKTOP,
+    LONGEST_MS,
+    MARKS,
+    OVERFLOW,
+    TABLET,
+    a_page,
+    api,
+    browser,
+    shows,
+    until,
+)
 from player_samples import NAMES, RMS_M_S2, address, flat_texture, playing, textures
 
 from mmt.session import read_session
@@ -67,23 +78,18 @@ async def silent(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Asyn
 async def painted(page: Any) -> None:
     """Wait until all textures have come."""
     count = "[...document.querySelectorAll('.tile canvas')].filter((node) => node.width > 1).length"
-    async with asyncio.timeout(LONGEST_MS / 1000):
-        while await page.evaluate(count) < 3:
-            await asyncio.sleep(0.05)
+    await until(page, f"{count} === 3")
 
 
 async def fits(page: Any) -> bool:
     """Whether nothing has to be scrolled sideways, and every tile is on the screen."""
-    overflow = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
     bottom = "innerHeight - document.querySelector('#grid').getBoundingClientRect().bottom"
-    return bool(await page.evaluate(overflow) <= 0 <= await page.evaluate(bottom))
+    return bool(await page.evaluate(OVERFLOW) <= 0 <= await page.evaluate(bottom))
 
 
 async def hears(page: Any, least: float, most: float) -> None:
     """Wait until a quarter of a second has a level (m/s2) within these."""
-    async with asyncio.timeout(LONGEST_MS / 1000):
-        while not least <= await page.evaluate(HEARD) <= most:
-            await asyncio.sleep(0.05)
+    await until(page, f"(({HEARD}) - {least}) * (({HEARD}) - {most}) <= 0")
 
 
 async def stroke(page: Any, tile: int) -> None:

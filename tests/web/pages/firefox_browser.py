@@ -48,11 +48,6 @@ class FirefoxPage:
         said = await self.tell("script.evaluate", expression=expression, **where)
         return json.loads(said["result"]["value"])
 
-    async def until(self, condition: str) -> None:
-        async with asyncio.timeout(60.0):
-            while not await self.evaluate(condition):
-                await asyncio.sleep(0.05)
-
     async def act(self, kind: str, *actions: dict[str, Any]) -> None:
         """Move, press and lift a pointer: "mouse", "pen" or "touch"."""
         source = {"type": "pointer", "id": kind, "parameters": {"pointerType": kind}}

@@ -1,5 +1,6 @@
 """A real browser for the pages' tests."""
 
+import asyncio
 import shutil
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -15,10 +16,11 @@ MARKS = [
     pytest.mark.asyncio(loop_scope="module"),
 ]
 
-DESKTOP, TABLET = (1280, 800), (820, 1180)
+DESKTOP, TABLET, PHONE = (1280, 800), (820, 1180), (390, 844)
 LONGEST_MS = 60_000
 LEAST_TARGET_PX = 40
 """Of what a finger is to meet."""
+OVERFLOW = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
 
 api.expect.set_options(timeout=LONGEST_MS)  # of a busy machine
 
@@ -48,6 +50,13 @@ async def a_page(
         yield page, problems
     finally:
         await page.close()
+
+
+async def until(page: Any, condition: str) -> None:
+    """Wait for a condition; a page's own policy may forbid the browser's way to wait."""
+    async with asyncio.timeout(LONGEST_MS / 1000):
+        while not await page.evaluate(condition):
+            await asyncio.sleep(0.05)
 
 
 async def shows(page: Any, selector: str, text: str) -> None:
@@ -106,8 +115,7 @@ UNNAMED = """() =>
 
 async def fits(page: Any, scheme: str) -> None:
     """See that a page has the scheme's colours, nothing beside its edge, names, large targets."""
-    overflow = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
-    assert await page.evaluate(overflow) <= 0
+    assert await page.evaluate(OVERFLOW) <= 0
     ground = await page.evaluate("getComputedStyle(document.body).backgroundColor")
     assert (ground == "rgb(20, 24, 27)") is (scheme == "dark")
     heights = await page.evaluate(

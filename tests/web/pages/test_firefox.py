@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 import pytest_asyncio
 from firefox_browser import FIREFOX, FirefoxPage, a_firefox
-from page_browser import fits
+from page_browser import fits, until
 from test_monitor_page import Leading
 from test_texture_page import renders_as_python
 
@@ -37,7 +37,7 @@ async def test_the_page_of_one_file_renders_and_its_first_touch_sounds_or_says_w
     made, path = load_model("oak"), tmp_path / "page.html"
     path.write_bytes(texture_page([model_json(made, "oak")]))
     await firefox.goto(path.as_uri(), width)
-    await firefox.until("window.mmtTexture !== undefined")
+    await until(firefox, "window.mmtTexture !== undefined")
     await fits(firefox, "light")
     await renders_as_python(firefox, made)
     box = await firefox.evaluate("document.querySelector('#surface').getBoundingClientRect()")
@@ -48,13 +48,13 @@ async def test_the_page_of_one_file_renders_and_its_first_touch_sounds_or_says_w
     if pointer == "touch":
         assert "when the finger is lifted" in await firefox.evaluate(PROBLEM)
         await firefox.act(pointer, up)
-    await firefox.until(f"['plays here, without a network', 'no sound'].includes({SAID})")
+    await until(firefox, f"['plays here, without a network', 'no sound'].includes({SAID})")
     if await firefox.evaluate(SAID) == "no sound":  # nor is there a device to play it
         assert "the browser finds no sound device" in await firefox.evaluate(PROBLEM)
     else:
         assert await firefox.evaluate(PROBLEM) == ""
         await firefox.act(pointer, up, at, down, *moves)
-        await firefox.until("window.mmtTexture.figures().delays.length > 9")
+        await until(firefox, "window.mmtTexture.figures().delays.length > 9")
         assert (await firefox.evaluate("window.mmtTexture.figures()"))["by"] == "worklet"
     await firefox.act(pointer, up)
     assert firefox.problems == []
@@ -65,10 +65,10 @@ async def test_the_monitor_shows_its_verdict(firefox: FirefoxPage, width: int) -
     async with Leading() as leading:
         await firefox.goto(leading.url, width)
         now = "document.querySelector('#now').textContent"
-        await firefox.until(f"{now}.includes('waiting for the follower')")
+        await until(firefox, f"{now}.includes('waiting for the follower')")
         await leading.model(6.0)
         plane = "document.querySelector('#plane-text').textContent"
-        await firefox.until(f"{plane}.includes('samples, order')")
+        await until(firefox, f"{plane}.includes('samples, order')")
         await fits(firefox, "light")
         await firefox.goto("about:blank", width)  # which looks for no leader
     assert firefox.problems == []

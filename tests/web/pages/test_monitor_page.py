@@ -10,6 +10,7 @@ import pytest
 from page_browser import (
     DESKTOP,
     MARKS,
+    PHONE,
     TABLET,
     a_page,
     api,
@@ -407,7 +408,7 @@ OUTSIDE = """() => [...document.querySelectorAll("section")].flatMap((card) => {
 
 
 async def test_legends_stay_in_their_cards_on_a_telephone(browser: Any) -> None:
-    async with Leading() as leading, a_page(browser, (390, 844)) as (page, _):
+    async with Leading() as leading, a_page(browser, PHONE) as (page, _):
         await page.goto(leading.url)
         await shows(page, "#connection", "live")
         lines = await page.evaluate("document.querySelector('#vibration .u-legend').offsetHeight")

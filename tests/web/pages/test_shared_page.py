@@ -3,16 +3,13 @@
 from pathlib import Path
 from typing import Any
 
-from page_browser import MARKS, a_page, api, browser, shows
+from page_browser import MARKS, OVERFLOW, PHONE, a_page, api, browser, shows
 from player_samples import address, flat_texture
 from sharing_samples import about, playing_shared, shared
 from test_player_page import hears, stroke
 
 __all__ = ["browser"]
 pytestmark = MARKS
-
-PHONE = (390, 844)
-OVERFLOW = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
 
 
 async def test_a_visitor_feels_the_model_as_it_becomes_and_after_its_end(

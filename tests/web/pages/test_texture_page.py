@@ -1,6 +1,5 @@
 """The page of one file in a real browser, opened from disk without a network."""
 
-import asyncio
 import base64
 import json
 from collections.abc import AsyncIterator
@@ -13,7 +12,18 @@ import pytest
 from aiohttp import web
 from aiohttp.test_utils import TestServer
 from library_samples import directed, model, stiff
-from page_browser import DESKTOP, LONGEST_MS, MARKS, a_page, api, browser, fits, inked, shows
+from page_browser import (
+    DESKTOP,
+    MARKS,
+    PHONE,
+    a_page,
+    api,
+    browser,
+    fits,
+    inked,
+    shows,
+    until,
+)
 
 from mmt.core.errors import InputError
 from mmt.texture.model.json_form import model_json
@@ -25,7 +35,6 @@ from mmt.web.texture_page import MODULE, MOST_BYTES, texture_page
 __all__ = ["browser"]
 pytestmark = MARKS
 
-PHONE = (390, 844)
 RENDER = "([inputs, excitation]) => [...window.mmtTexture.render(...inputs, excitation)]"
 PLAYED = "document.querySelector('#played-title').textContent"
 LEVEL = f"Number.parseFloat(/level ([\\d.]+)/.exec({PLAYED})?.[1] ?? '0')"
@@ -44,13 +53,6 @@ async def a_file(
         await page.goto(path.as_uri())
         await until(page, "window.mmtTexture !== undefined")
         yield page, problems
-
-
-async def until(page: Any, condition: str) -> None:
-    """Wait for a condition; the page's own policy forbids the browser's way to wait."""
-    async with asyncio.timeout(LONGEST_MS / 1000):
-        while not await page.evaluate(condition):
-            await asyncio.sleep(0.05)
 
 
 async def stroke(page: Any) -> None:
