@@ -124,3 +124,9 @@ def test_each_row_of_the_pipeline_has_an_error_and_what_an_update_costs(results)
     orders = {row["acceleration (kHz)"]: row["order"] for row in rates.rows}
     assert orders == {1: 16, 10: 64}
     assert all(row["a second rendered (ms)"] > 0.0 for row in rates.rows)
+    at_1_khz = [
+        row["a second rendered (ms)"] for row in rates.rows if row["acceleration (kHz)"] == 1
+    ]
+    rendered, longest = results["pipeline"].targets
+    assert (rendered.measured, rendered.bound) == (max(at_1_khz), 20.0)
+    assert longest.measured > 0.0
