@@ -75,7 +75,7 @@ def damaged_streams(draw: st.DrawFn) -> tuple[RecordArray, list[int]]:
 
 
 @given(damaged=damaged_streams(), axis=st.sampled_from(["x", "z", "dft321"]))
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=50, deadline=None)
 def test_partition_into_blocks_does_not_matter(
     damaged: tuple[RecordArray, list[int]], axis: Any
 ) -> None:

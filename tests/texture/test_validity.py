@@ -256,7 +256,7 @@ def spoilt_streams(draw: st.DrawFn) -> tuple[RecordArray, BoolArray, list[int]]:
 
 
 @given(spoilt=spoilt_streams())
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_the_cut_into_blocks_changes_no_judgement(
     spoilt: tuple[RecordArray, BoolArray, list[int]],
 ) -> None:
