@@ -293,6 +293,7 @@ TEXTURES: dict[str, dict[str, Any]] = {
     "fixed order": {"order": 10},
     "published": {"method": "published"},
     "surfaces": {"surfaces": {}},
+    "touch-downs": {},
 }
 
 
@@ -305,12 +306,17 @@ def described(update: ModelUpdate) -> tuple[Any, ...]:
 
 @pytest.mark.parametrize("name", list(TEXTURES))
 async def test_the_tasks_make_the_model_of_an_offline_pass_to_the_bit(name: str) -> None:
-    scene = scene_from_tables({"link": {}, "simulated": {}, "hand": {}, "texture": TEXTURES[name]})
-    frames, _ = simulate_session(scene, "plastic", 3.0 if name == "surfaces" else 5.0)
+    tables = {"link": {}, "simulated": {}, "hand": {}, "texture": TEXTURES[name]}
+    touched = name == "touch-downs"
+    if touched:
+        tables |= {"session": {"acceleration_rate_hz": 5000, "seed": 2}, "hand": {"kind": "taps"}}
+    scene = scene_from_tables(tables)
+    duration_s = 6.0 if touched else 3.0 if name == "surfaces" else 5.0
+    frames, _ = simulate_session(scene, "plastic", duration_s)
     if name == "surfaces":
         frames = both_surfaces(frames, simulate_session(scene, "felt", 3.0)[0])
     assert scene.texture is not None
-    settings = scene.texture.settings()
+    settings = scene.texture.settings(scene.session.samples_per_frame)
     factory = ModellerFactory(settings, 0.5)
     offline = factory.make()
     blocks = [
@@ -333,6 +339,7 @@ async def test_the_tasks_make_the_model_of_an_offline_pass_to_the_bit(name: str)
         await live.finish(60.0)
         figures = {task: figure.as_dict() for task, figure in live.figures.items()}
     assert [described(update) for update in found] == [described(u) for u in expected]
+    assert touched == (expected[-1].model is not None and expected[-1].model.touch_down is not None)
     assert all(figure["drops"] == 0 for figure in figures.values())
     assert all(figure["items"] >= len(expected) for figure in figures.values())
     assert all(0 < figure["median_ms"] <= figure["longest_ms"] for figure in figures.values())

@@ -34,6 +34,7 @@ from mmt.session.stream import Recording, blocks_of, in_memory
 from mmt.texture.online.history import ModelHistory, build, build_together, stream_blocks
 from mmt.texture.settings import Inputs, ModellingSettings
 from mmt.texture.signals.amplitude_spectra import Spectra
+from mmt.texture.touch_down.fitting import held_out_errors
 
 USUAL_STEP_S: Final = 2.5
 MOST_STEPS: Final = 100
@@ -189,6 +190,7 @@ def evaluate_session(
         power_map=errors,
         control=control_periods(session.events, duration_s),
         at_skin=at_skin(session, model, truth, strokes),
+        touch_downs=held_out_errors(leader.log.touch_downs, settings.vibration_rate_hz),
         processing_s=time.perf_counter() - started,
     )
 

@@ -15,6 +15,7 @@ from mmt.texture.online.history import ModelHistory
 from mmt.texture.settings import THRESHOLDS, ModellingSettings
 from mmt.texture.signals.faults import SignalFaults
 from mmt.texture.synthesis.actuator import skin_sentence
+from mmt.texture.touch_down.fitting import HeldOutErrors
 
 Basis = Literal["truth", "held-out"]
 """The reference of the power error and of the share within one JND."""
@@ -189,7 +190,8 @@ class Evaluation(Drawn):
     ``faults`` is what of its signals was no measurement.
     ``control`` says who moved the robot when, in times of the whole session, and is empty where
     control was never handed over. No figure depends on it: all are by what the robot measured.
-    ``at_skin`` is None where the recording does not tell the actuator's response.
+    ``at_skin`` is None where the recording does not tell the actuator's response, ``touch_downs``
+    where too few were found to hold one out.
     """
 
     name: str
@@ -224,6 +226,7 @@ class Evaluation(Drawn):
     power_map: PowerMap | None = field(repr=False)
     control: tuple[ControlPeriod, ...] = ()
     at_skin: AtSkin | None = None
+    touch_downs: HeldOutErrors | None = None
 
     @property
     def times_real_time(self) -> float:
@@ -256,6 +259,8 @@ class Evaluation(Drawn):
                 f"{sentence[0].upper()}{sentence[1:]}; with the model's own error "
                 f"{skin.power_error_db:.1f} dB there."
             )
+        if self.touch_downs is not None:
+            said.append(self.touch_downs.sentence)
         return " ".join(said)
 
     def model_at(self, time_s: float | None) -> TextureModel | None:
@@ -303,6 +308,7 @@ class Evaluation(Drawn):
             "control": [period.as_dict() for period in self.control],
             "coverage": _plain(asdict(self.coverage)),
             "at_skin": _plain(asdict(self.at_skin)) if self.at_skin else None,
+            "touch_downs": _plain(asdict(self.touch_downs)) if self.touch_downs else None,
             "held_out": [_held_out(segment) for segment in self.held_out],
             "period_s": self.period_s,
             "step_s": self.step_s,

@@ -1,5 +1,6 @@
 """The ``.npz`` file of a texture model; the layout is in ``docs/reference/model-file.md``."""
 
+from dataclasses import astuple
 from typing import Final, NamedTuple, cast
 
 import numpy as np
@@ -13,6 +14,7 @@ from mmt.texture.model.file_arrays import Arrays, file_arrays
 from mmt.texture.settings import Method
 from mmt.texture.space.inputs import InputSpace
 from mmt.texture.space.samples import TextureSamples
+from mmt.texture.touch_down.transient import Law, Transient
 
 _LARGEST_WHOLE: Final = 2**31
 
@@ -30,6 +32,7 @@ class ModelContents(NamedTuple):
     method: Method
     rate_hz: float
     field: FieldCells | None = None
+    touch_down: Transient | None = None
 
 
 def unpack(data: bytes) -> ModelContents:
@@ -46,6 +49,7 @@ def unpack(data: bytes) -> ModelContents:
 def arrays_of(contents: ModelContents) -> Arrays:
     """Return a model as the arrays of a file, by name."""
     samples, field, space = contents.samples, contents.field, contents.samples.space
+    touch_down = contents.touch_down
     arrays = {
         "format_version": np.int64(FORMAT_VERSION),
         "method": np.str_(contents.method),
@@ -63,6 +67,9 @@ def arrays_of(contents: ModelContents) -> Arrays:
         "field_cells": None if field is None else field.keys.astype(np.int32),
         "field_sums": None if field is None else field.sums,
         "field_moment_blocks": None if field is None else np.int64(field.moment_blocks),
+        "touch_down_shapes": None if touch_down is None else touch_down.shapes,
+        "touch_down_speed_mm_s": None if touch_down is None else touch_down.speeds_mm_s,
+        "touch_down_law": None if touch_down is None else np.array(astuple(touch_down.law)),
     }
     return {name: array for name, array in arrays.items() if array is not None}
 
@@ -95,7 +102,8 @@ def contents_of(arrays: Arrays) -> ModelContents:
         )
         _check_powers(samples)
         field = _field(content, directed=space.directed) if has_blocks else None
-        return ModelContents(samples, method, _number(content, "rate_hz"), field)
+        rate_hz = _number(content, "rate_hz")
+        return ModelContents(samples, method, rate_hz, field, _touch_down(content))
     except InputError:  # one of a setting is a ValueError too
         raise
     except KeyError as error:
@@ -167,6 +175,18 @@ def _field(content: Arrays, *, directed: bool) -> FieldCells:
     if not (field.sums[:, 1] <= _LARGEST_POWER * np.minimum(field.sums[:, 0], 1e6)).all():
         raise InputError(f"field_sums holds a mean power above {_LARGEST_POWER:g} (m/s2)^2")
     return field
+
+
+def _touch_down(content: Arrays) -> Transient | None:
+    if "touch_down_shapes" not in content:
+        return None
+    shapes, speeds, law = (
+        real_numbers(name, content[name])
+        for name in ("touch_down_shapes", "touch_down_speed_mm_s", "touch_down_law")
+    )
+    if law.shape != (5,):
+        raise InputError(f"touch_down_law has shape {law.shape}: (5,) is needed")
+    return Transient(speeds, shapes, Law(*law.tolist()))
 
 
 def _by_moment(keys: IntArray, sums: FloatArray) -> tuple[IntArray, FloatArray]:

@@ -50,7 +50,10 @@ def resampled(contents: ModelContents, rate_hz: float) -> ModelContents:
         noise_power=samples.noise_power * min(ratio, 1.0),
         counts=None if samples.counts is None else samples.counts * ratio,
     )
-    return contents._replace(samples=resized, rate_hz=rate_hz, field=field)
+    touch_down = contents.touch_down
+    if touch_down is not None:
+        touch_down = touch_down.at_rate(contents.rate_hz, rate_hz)
+    return ModelContents(resized, contents.method, rate_hz, field, touch_down)
 
 
 def _spectra(lsf: FloatArray, before_hz: float, rate_hz: float) -> tuple[FloatArray, FloatArray]:

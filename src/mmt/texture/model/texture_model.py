@@ -44,6 +44,7 @@ from mmt.texture.space.samples import TextureSamples
 if TYPE_CHECKING:
     from mmt.texture.field.cells import FieldCells
     from mmt.texture.field.posterior import LevelField
+    from mmt.texture.touch_down.transient import Transient
 
 __all__ = ["TextureModel", "TextureSamples", "load_model"]
 
@@ -68,6 +69,8 @@ class TextureModel(Drawn):
         Blocks by which the level of ``"field"`` is estimated; None for the samples alone.
     rate_hz
         Sampling rate of the filters, that of the vibration.
+    touch_down
+        Transient of a touch-down, at that rate; None if none was learnt.
     at_once
         Whether all that rendering needs is computed now, and not when it is first asked for.
 
@@ -85,6 +88,7 @@ class TextureModel(Drawn):
         method: Method = "field",
         field: "FieldCells | None" = None,
         rate_hz: float = 1000.0,
+        touch_down: "Transient | None" = None,
         at_once: bool = True,
     ) -> None:
         if method not in RENDERED:
@@ -96,6 +100,10 @@ class TextureModel(Drawn):
         self.rate_hz = float(rate_hz)
         self.field = field if field is None or len(field) else None
         """What the level is estimated from, beside the samples."""
+        self.touch_down = touch_down
+        """What renders the transient of a touch-down; see `mmt.texture.touch_down`."""
+        if touch_down is not None:
+            touch_down.check()
         self.points = self.samples.points
         self.points.setflags(write=False)
         self.dimensions = self.space.dimensions
@@ -286,7 +294,7 @@ class TextureModel(Drawn):
     @property
     def contents(self) -> ModelContents:
         """What its file holds."""
-        return ModelContents(self.samples, self.method, self.rate_hz, self.field)
+        return ModelContents(self.samples, self.method, self.rate_hz, self.field, self.touch_down)
 
     @classmethod
     def load(cls, path: str | Path) -> Self:

@@ -12,6 +12,7 @@ from mmt.texture.online.methods import made
 from mmt.texture.online.work import ModelSource, Work
 from mmt.texture.segmentation.segments import SampleRange
 from mmt.texture.settings import ModellingSettings
+from mmt.texture.touch_down.finding import TouchDown
 
 
 class _Fit(NamedTuple):
@@ -28,6 +29,7 @@ class _Step(NamedTuple):
     left: list[int]
     blocks: Blocks | None
     noise_power: float
+    touch_downs: tuple[TouchDown, ...]
     model: int
     """Number of the newest update that made a model."""
 
@@ -67,7 +69,8 @@ class ModelLog:
         left = list(self._present - present)
         self._present = present
         number = len(self._steps) if work.made_anew or not self._steps else self._steps[-1].model
-        self._steps.append(_Step(came, left, work.blocks, work.noise_power, number))
+        step = _Step(came, left, work.blocks, work.noise_power, work.touch_downs, number)
+        self._steps.append(step)
         return partial(self.model, number)
 
     def without(self, held_out: Sequence[SampleRange]) -> "ModelLog":
@@ -86,6 +89,11 @@ class ModelLog:
             for start, stop in held_out:
                 blocks = blocks[(blocks.start + length <= start) | (blocks.start >= stop)]
         return step._replace(came=came, blocks=blocks)
+
+    @property
+    def touch_downs(self) -> tuple[TouchDown, ...]:
+        """Those of the newest update."""
+        return self._steps[-1].touch_downs if self._steps else ()
 
     def model(self, number: int) -> TextureModel | None:
         """Return the model after an update by its number, None before the first or without fits."""
@@ -120,4 +128,5 @@ class ModelLog:
             return None
         cells = None if self._sums is None else self._sums.cells()
         packed = [fit.packed for fit in self._fits.values()]
-        return made(self._settings, packed, self._steps[number].noise_power, cells)
+        step = self._steps[number]
+        return made(self._settings, packed, step.noise_power, cells, step.touch_downs)

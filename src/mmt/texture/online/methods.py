@@ -18,9 +18,11 @@ from mmt.texture.online.work import DEFERRED, Made, Stopwatch, Work
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.space.inputs import InputSpace
+from mmt.texture.touch_down.fitting import fit_transient
 
 if TYPE_CHECKING:
     from mmt.texture.field.cells import FieldCells
+    from mmt.texture.touch_down.finding import TouchDown
 
 ModelMaker = Callable[[], TextureModel]
 
@@ -69,7 +71,8 @@ class PublishedMethod:
     def _maker(self, work: Work, cells: "Callable[[], FieldCells] | None" = None) -> ModelMaker:
         """Return what makes the model of the fits, at least one, until the next update."""
         packed = [fit.packed for fit in work.fits]
-        return lambda: made(self._settings, packed, work.noise_power, cells and cells())
+        noise_power, touch_downs = work.noise_power, work.touch_downs
+        return lambda: made(self._settings, packed, noise_power, cells and cells(), touch_downs)
 
     def judge(self, work: Work, points: FloatArray, *, anew: bool) -> None:
         """Evaluate the criterion, where ``anew``, after an update.
@@ -125,6 +128,7 @@ def made(
     packed: Sequence[bytes],
     noise_power: float,
     cells: "FieldCells | None",
+    touch_downs: "Sequence[TouchDown]" = (),
 ) -> TextureModel:
     """Return the model of fits, at least one, from what `Fit.packed` is of each, and of cells."""
     return TextureModel(
@@ -132,5 +136,6 @@ def made(
         method=settings.method,
         field=cells,
         rate_hz=settings.vibration_rate_hz,
+        touch_down=fit_transient(touch_downs, settings.vibration_rate_hz),
         at_once=False,
     )

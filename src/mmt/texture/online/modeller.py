@@ -29,10 +29,15 @@ from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.signals.noise_floor import NoiseFloor
 from mmt.texture.space.inputs import InputSpace
+from mmt.texture.touch_down import LEAST_RATE_HZ
+from mmt.texture.touch_down.finding import TouchDown, TouchDownFinder
 
 LARGEST_MODEL: Final = 1000
 """Samples of a model: neither its memory nor the cost of an update grows without end. Of the two
 that lie closest, the older one leaves for the next."""
+
+MOST_TOUCH_DOWNS: Final = 64
+"""Newest touch-downs that a model is made of."""
 
 
 class OnlineModeller:
@@ -58,12 +63,16 @@ class OnlineModeller:
         self._filter = StreamFilter(self.settings)
         self._segmenter = OnlineSegmenter(self.settings)
         self._noise = NoiseFloor()
+        fast = self.settings.vibration_rate_hz >= LEAST_RATE_HZ
+        self._touch_downs = TouchDownFinder(self.settings) if fast else None
         self._method = method_of(self.settings)
         self._numbers = itertools.count()
         self._deferred = deferred
         self._source: ModelSource | None = None
         self.fits: dict[SampleRange, Fit] = {}
         """By the range of their segments, in the order in which they came."""
+        self._touched: tuple[TouchDown, ...] = ()  # by the fitting, and in the model:
+        self._built: tuple[TouchDown, ...] = ()
 
     @property
     def completion(self) -> Criterion:
@@ -103,6 +112,7 @@ class OnlineModeller:
         self._noise.update(aligned)
         clock.lap("filter")
         change = self._segmenter.update(aligned)
+        touched = [] if self._touch_downs is None else self._touch_downs.update(aligned)
         clock.lap("segment")
         yield Work(
             modeller=self,
@@ -112,6 +122,7 @@ class OnlineModeller:
             removed=change.removed,
             noise_power=self._noise.power,
             faults=self._filter.faults,
+            touched=touched,
             durations_s=clock.laps,
         )
 
@@ -143,6 +154,10 @@ class OnlineModeller:
             self.fits[fit.segment.span] = fit
         work.removed_count += self._thin_out()
         work.fits = tuple(self.fits.values())
+        self._touched = (*self._touched, *work.touched)[-MOST_TOUCH_DOWNS:]
+        if work.forget_from is not None:
+            self._touched = tuple(t for t in self._touched if t.frame < work.forget_from)
+        work.touch_downs = self._touched
         clock.lap("fit")
 
     def _thin_out(self) -> int:
@@ -167,7 +182,8 @@ class OnlineModeller:
     def build(self, work: Work) -> None:
         """Build the model of the fits, where it changes, and set it."""
         clock = Stopwatch(work.durations_s)
-        changed = bool(work.added or work.removed_count)
+        changed = bool(work.added or work.removed_count) or work.touch_downs != self._built
+        self._built = work.touch_downs
         changed |= work.forget_from is None and self._source is None and bool(work.fits)
         make = self._method.model(work, changed=changed)
         if make is not None and not work.fits:

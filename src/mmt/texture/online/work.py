@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from mmt.texture.online.surface_changes import SurfaceChange
     from mmt.texture.segmentation.segments import SampleRange, Segment
     from mmt.texture.signals.aligned import AlignedBlock
+    from mmt.texture.touch_down.finding import TouchDown
 
 
 ModelSource = Callable[[], TextureModel | None]
@@ -93,6 +94,8 @@ class Work:
         Filtered frames, for the completion criterion.
     added, removed
         Segments that are new, and the ranges of those that no longer hold.
+    touched
+        Touch-downs that are new.
     noise_power
         Noise power of the sensor, in (m/s2)^2.
     faults
@@ -102,6 +105,8 @@ class Work:
         in a usual update.
     fits
         By the fitting: all fits of the model as they are now.
+    touch_downs
+        By the fitting: all that the model is made of.
     removed_count
         By the fitting: how many fits have left.
     blocks, made_anew, source
@@ -124,8 +129,10 @@ class Work:
     noise_power: float
     faults: SignalFaults = field(default_factory=SignalFaults)
     forget_from: int | None = None
+    touched: "list[TouchDown]" = field(default_factory=list)
     durations_s: dict[str, float] = field(default_factory=dict)
     fits: "tuple[Fit, ...]" = ()
+    touch_downs: "tuple[TouchDown, ...]" = ()
     removed_count: int = 0
     blocks: "Blocks | None" = None
     made_anew: bool = False
@@ -162,6 +169,7 @@ class Work:
         self.removed = earlier.removed + self.removed
         self.removed_count += earlier.removed_count
         self.observed = earlier.observed + self.observed
+        self.touched = earlier.touched + self.touched
 
 
 class NewSamples(NamedTuple):

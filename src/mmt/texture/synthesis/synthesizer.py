@@ -87,6 +87,7 @@ class Synthesizer:
         self._renewal = renewal_samples
         self._generator = Generator(seed=seed, limit_m_s2=limit_m_s2)
         self._scratch = np.zeros(_WORK + 5 * LARGEST_ORDER)
+        self._transient = np.zeros(0)
 
     @property
     def directed(self) -> bool:
@@ -151,10 +152,33 @@ class Synthesizer:
             raise InputError(_unfit(inputs)) from error
         if not is_rendered:
             raise InputError(_unfit(inputs))
+        if len(self._transient):
+            begun = self._transient[:count]
+            output[: len(begun)] += begun
+            self._transient = self._transient[count:]
+            np.clip(output, -generator.limit_m_s2, generator.limit_m_s2, out=output)
         return output
+
+    def touch_down(self, approach_speed_mm_s: float) -> None:
+        """Add the transient of a touch-down to the samples that follow, if the model has one.
+
+        Parameters
+        ----------
+        approach_speed_mm_s
+            Speed into the surface just before the contact; nothing is added unless it is positive.
+        """
+        transient = None if self.model is None else self.model.touch_down
+        if transient is None:
+            return
+        added, left = transient.response(approach_speed_mm_s), self._transient
+        if len(left) > len(added):
+            added, left = left.copy(), added
+        added[: len(left)] += left
+        self._transient = added
 
     def reset(self) -> None:
         """Silence the output at once; the excitation goes on."""
+        self._transient = np.zeros(0)
         self._generator.reset()
 
 
