@@ -1,7 +1,7 @@
 """From one model's vibration to another's, without a step."""
 
 import math
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -41,6 +41,14 @@ class RestartedRenderer(Renderer, Protocol):
 
     def reset(self) -> None:
         """Begin anew."""
+
+
+@runtime_checkable
+class TouchDownRenderer(Protocol):
+    """One that renders the transient of a touch-down too."""
+
+    def touch_down(self, approach_speed_mm_s: float) -> None:
+        """Add it to the samples that follow."""
 
 
 class ModelCrossfade:
@@ -90,6 +98,11 @@ class ModelCrossfade:
         self._current.model = model
         self._current.reset()
         self._left = self._length
+
+    def touch_down(self, approach_speed_mm_s: float) -> None:
+        """Add the transient of a touch-down; see `Synthesizer.touch_down`."""
+        if isinstance(self._current, TouchDownRenderer):
+            self._current.touch_down(approach_speed_mm_s)
 
     def render(self, *inputs: FloatArray) -> FloatArray:
         """Return the next n samples in m/s2; see `Synthesizer.render`."""

@@ -17,6 +17,8 @@ from mmt.devices.protocols import (
 )
 from mmt.leader.motion.hand import loss_metrics
 from mmt.leader.motion.slew import VibrationSlew
+from mmt.leader.output.landing import Landing
+from mmt.leader.output.model_crossfade import TouchDownRenderer
 from mmt.leader.part import Part, Session, Tick
 from mmt.scene import Actuator, Texture
 
@@ -83,6 +85,8 @@ class VibrationSwitch:
         self.synthesized: Final = synthesized
         """What renders, None where nothing does."""
         self._unheard = synthesized if isinstance(synthesized, MotionFollowing) else None
+        renderer: object = synthesized
+        self._touching = renderer if isinstance(renderer, TouchDownRenderer) else None
         self._step = 1.0 / crossfade_samples if crossfade_samples > 0 else 1.0
         self._period_ns = period_ns
         self._samples_per_tick = samples_per_tick
@@ -106,6 +110,11 @@ class VibrationSwitch:
     def use_model(self, wanted: bool) -> None:
         """Fade to the model's vibration, or back to the streamed one."""
         self._target = 1.0 if wanted and self.synthesized is not None else 0.0
+
+    def touch_down(self, approach_speed_mm_s: float) -> None:
+        """Render the transient of a touch-down, while the model is heard."""
+        if self._share > 0.0 and self._touching is not None:
+            self._touching.touch_down(approach_speed_mm_s)
 
     def render(self, now_ns: int, *inputs: FloatArray) -> FloatArray:
         """Return the vibration of the elapsed ticks in m/s2, shape (n,).
@@ -194,6 +203,7 @@ class VibrationPart(Part):
         """Which vibration is played, as of the last tick."""
         normal = (session.scene.texture or Texture()).normal
         self._first, self._second = (k for k, name in enumerate("xyz") if name != normal)
+        self._landing = Landing("xyz".index(normal), session.rate_hz)
         self._motion = motion
         self._inputs_before: tuple[float, ...] = ()
         self._samples = session.samples_per_frame
@@ -268,6 +278,9 @@ class VibrationPart(Part):
             return
         elapsed = tick.elapsed
         inputs = self._inputs(*self._drive(tick))
+        approach_speed_mm_s = self._landing.step(tick.state, tick.elapsed)
+        if approach_speed_mm_s > 0.0:
+            self.switch.touch_down(approach_speed_mm_s)
         vibration = self.switch.render(tick.now_ns, *self._courses(inputs, elapsed))
         self._guard(vibration, silent=tick.hand_lost or tick.given)
         self.actuator.write(vibration)

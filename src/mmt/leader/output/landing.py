@@ -1,0 +1,41 @@
+"""How fast a hand meets the surface."""
+
+from collections import deque
+from typing import Final
+
+from mmt.devices.protocols import InterfaceState
+
+APPROACH_S: Final = 0.02
+"""The speed into the surface is the mean over so long before the contact."""
+
+
+class Landing:
+    """Tell the approach speed where a hand's contact begins.
+
+    Parameters
+    ----------
+    normal
+        Number of the surface's normal axis.
+    rate_hz
+        Rate of the ticks.
+    """
+
+    def __init__(self, normal: int, rate_hz: float) -> None:
+        self._normal = normal
+        self._speeds: deque[float] = deque(maxlen=round(APPROACH_S * rate_hz))
+
+    def step(self, state: InterfaceState | None, elapsed: int) -> float:
+        """Return the approach speed (mm/s) at the first tick of a contact, else 0.
+
+        It is 0 too if the hand was not in the air for `APPROACH_S`. ``elapsed`` is the number of
+        ticks since the last call.
+        """
+        if state is not None and not state.contact:
+            ticks = min(elapsed, self._speeds.maxlen or 1)
+            self._speeds.extend([-state.velocity_mm_s[self._normal]] * ticks)
+            return 0.0
+        speeds = list(self._speeds)
+        self._speeds.clear()
+        if state is None or len(speeds) < (self._speeds.maxlen or 1):
+            return 0.0
+        return max(0.0, sum(speeds) / len(speeds))
