@@ -41,7 +41,7 @@ def closing() -> Iterator[Callable]:
     yield keep
     for device in opened:
         device.close()
-    assert not board_sharing._OPEN  # the last reader has ended the stream
+    assert not board_sharing.OPEN_BOARDS  # the last reader has ended the stream
 
 
 def level(time_ns: int) -> list[float]:

@@ -48,7 +48,7 @@ def own_calibrations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def closing() -> Iterator[Callable]:
-    before = list(board_sharing._OPEN)
+    before = list(board_sharing.OPEN_BOARDS)
     opened: list[Any] = []
 
     def keep(device: Any) -> Any:
@@ -58,7 +58,7 @@ def closing() -> Iterator[Callable]:
     yield keep
     for device in opened:
         device.close()
-    assert before == board_sharing._OPEN  # the last reader has ended the task
+    assert before == board_sharing.OPEN_BOARDS  # the last reader has ended the task
 
 
 def level(times_ns: Sequence[int]) -> np.ndarray:
@@ -257,12 +257,12 @@ def test_the_page_has_every_option_and_its_scene_loads(tmp_path: Path) -> None:
     (block,) = re.findall(r"^```toml\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
     tables = tomllib.loads(block)["devices"]
     tables["force_sensor"]["calibration_file"] = str(write_calibration(tmp_path))
-    made = {}
+    boards = []
     for role, table in tables.items():
-        made[role] = load_device(table.pop("driver"), table, role=role)
-    taken = [number for each in made.values() for number, _, _ in each._board.channels]
-    assert taken == [0, 1, 2, 3, 4, 5, 6, 7, 14]
-    assert all(made["force_sensor"]._board.rate_hz == each._board.rate_hz for each in made.values())
+        load_device(table["driver"], {k: v for k, v in table.items() if k != "driver"}, role=role)
+        boards.append(load_device(table["board"].pop("driver"), table["board"], role="board"))
+    assert [number for board in boards for number, _, _ in board.channels] == [*range(8), 14]
+    assert len({board.rate_hz for board in boards}) == 1
 
 
 # --- the whole follower
@@ -412,8 +412,8 @@ def test_a_lab_that_ends_is_a_lost_board_which_comes_back(closing) -> None:
     board = closing(load_device("virtual-ni-daqmx", {"seed": 3}))
     board.connect()
     assert np.mean([volts for _, volts in read_some(board)]) == pytest.approx(0.2, abs=1e-3)
-    assert LAB._process is not None
-    LAB._process.kill()
+    assert LAB.process is not None
+    LAB.process.kill()
     with pytest.raises(DeviceLost, match="The virtual lab has ended"):
         read_until(board, lambda _: False)
     board.connect()

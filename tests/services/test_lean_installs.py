@@ -195,5 +195,5 @@ def test_a_page_installs_what_its_commands_need(page: str, tmp_path: Path) -> No
                 _, said = started.communicate(timeout=STARTED_S)
             except subprocess.TimeoutExpired:
                 started.terminate()
-                _, said = started.communicate()
+                _, said = started.communicate(timeout=STARTED_S)
         assert "which is not installed" not in said, f"{program} {rest}: {said}"

@@ -85,7 +85,7 @@ def test_prometheus_takes_the_alerts_and_the_dashboards_queries(tmp_path: Path) 
     of_dashboard = tmp_path / "dashboard.json"  # which is YAML too
     of_dashboard.write_text(json.dumps({"groups": [{"name": "dashboard", "rules": rules}]}))
     command = ["promtool", "check", "rules", ALERTS, of_dashboard]
-    done = subprocess.run(command, check=False, capture_output=True, text=True)
+    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60.0)
     assert done.returncode == 0, done.stdout + done.stderr
 
 

@@ -108,8 +108,9 @@ def test_octave_loads_the_whole_file(tmp_path, suffix, belonging):
     program = (
         f"load run{suffix}; {belonging}; disp('sums'), printf('%.9g\\n', sum(force_n(:)), time_s)"
     )
+    command = ["octave-cli", "--eval", program]
     done = subprocess.run(
-        ["octave-cli", "--eval", program], cwd=tmp_path, capture_output=True, text=True, check=False
+        command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=120.0
     )
     assert "sums" in done.stdout, done.stderr
     total, *time_s = map(float, done.stdout.partition("sums")[2].split())

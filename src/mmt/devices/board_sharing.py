@@ -153,11 +153,13 @@ class SharedInputs(ABC, Generic[Channel]):
         with _CONNECTING:
             if self.board is None:
                 self.require_one()
-            shared = next((each for each in _OPEN if each.serves(self)), None) or SharedBoard()
+            shared = (
+                next((each for each in OPEN_BOARDS if each.serves(self)), None) or SharedBoard()
+            )
             shared.admit(self)
             self._shared = shared
-            if shared not in _OPEN:
-                _OPEN.append(shared)
+            if shared not in OPEN_BOARDS:
+                OPEN_BOARDS.append(shared)
 
     def read(self) -> list[VoltageReading]:
         """Return what has come, oldest first, by the board's clock; never blocks.
@@ -180,8 +182,8 @@ class SharedInputs(ABC, Generic[Channel]):
         if shared is not None:
             with _CONNECTING:
                 shared.dismiss(self)
-                if not shared.readers and shared in _OPEN:
-                    _OPEN.remove(shared)
+                if not shared.readers and shared in OPEN_BOARDS:
+                    OPEN_BOARDS.remove(shared)
 
     def give(self, arrived: Arrived, scans: Sequence[VoltageReading]) -> None:
         """Keep its own part of the scans that have arrived until they are read."""
@@ -210,7 +212,7 @@ class SharedInputs(ABC, Generic[Channel]):
 
 _MADE: "Final[weakref.WeakSet[SharedInputs[Any]]]" = weakref.WeakSet()
 """Those of all drivers that were made, also of those that are not connected yet."""
-_OPEN: "Final[list[SharedBoard[Any]]]" = []
+OPEN_BOARDS: "Final[list[SharedBoard[Any]]]" = []
 _CONNECTING: Final = threading.Lock()
 """Held while a board is opened or closed, which takes long; reading does not wait for it."""
 
