@@ -44,7 +44,13 @@ async def test_a_leader_renders_what_it_has_learnt_where_its_hand_meets_the_surf
             begun.append((at, model.touch_down.response(approach_speed_mm_s)))
 
     part.switch.touch_down = touch_down  # type: ignore[method-assign]
-    part._on_output.append(lambda _, __, vibration: played.append(vibration.copy()))
+    write = part.actuator.write
+
+    def noted(vibration: np.ndarray) -> None:
+        played.append(vibration.copy())
+        write(vibration)
+
+    part.actuator.write = noted  # type: ignore[method-assign]
     await together.follow(MadeSource([*quick, *slow]))
     await together.end()
     output = np.concatenate(played)
@@ -55,7 +61,7 @@ async def test_a_leader_renders_what_it_has_learnt_where_its_hand_meets_the_surf
     ]
     assert max(alike) > 0.95  # of a touch that does not slide there is nothing else
     session = mmt.read_session(tmp_path / "session.mcap")
-    settings = scene.texture.settings(1000.0)
+    settings = scene.texture.settings()
     history = mmt.build_model(session.frames, settings, scene.texture.update_period_s)
     time_s, data = session.models[-1]
     model = history.model_at(time_s)
