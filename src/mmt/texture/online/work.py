@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 
 from mmt.texture.completion.criterion import Progress
 from mmt.texture.model.texture_model import TextureModel
@@ -12,11 +12,23 @@ from mmt.texture.signals.faults import SignalFaults
 if TYPE_CHECKING:
     from mmt.texture.field.blocks import Blocks
     from mmt.texture.model.fits import Fit
-    from mmt.texture.online.modeller import OnlineModeller
     from mmt.texture.online.surface_changes import SurfaceChange
     from mmt.texture.segmentation.segments import SampleRange, Segment
     from mmt.texture.signals.aligned import AlignedBlock
     from mmt.texture.touch_down.finding import TouchDown
+
+
+class UpdateSteps(Protocol):
+    """The steps of one update; see `mmt.texture.online.modeller.OnlineModeller`."""
+
+    def fit(self, work: "Work") -> None:
+        """Fit the new segments."""
+
+    def build(self, work: "Work") -> None:
+        """Build the model of the fits."""
+
+    def judge(self, work: "Work") -> None:
+        """Judge the model and set ``work.update``."""
 
 
 ModelSource = Callable[[], TextureModel | None]
@@ -121,7 +133,7 @@ class Work:
         What has come of it, once it is judged.
     """
 
-    modeller: "OnlineModeller"
+    modeller: UpdateSteps
     time_s: float
     observed: "list[AlignedBlock]"
     added: "list[Segment]"
@@ -144,7 +156,7 @@ class Work:
     session_time_s: float | None = None
     update: ModelUpdate | None = None
 
-    def of(self, modeller: "OnlineModeller") -> "Work":
+    def of(self, modeller: UpdateSteps) -> "Work":
         """Return the same new work for another modeller."""
         return replace(self, modeller=modeller, durations_s=self.durations_s.copy())
 
