@@ -286,7 +286,7 @@ class Bench(RunningSource):
         return 2.0 + np.sin(10e-9 * math.pi * times_ns)
 
     def acceleration_m_s2(self, times_ns: np.ndarray) -> np.ndarray:
-        slow, fast = (math.tau * f * times_ns * 1e-9 for f in (50.0, self._fast_hz))
+        slow, fast = (math.tau * f * times_ns * 1e-9 for f in (20.0, self._fast_hz))
         felt = [10.0 * np.sin(slow), 5.0 * np.sin(fast), np.full(len(times_ns), GRAVITY_M_S2)]
         return np.array(felt).T
 
@@ -334,7 +334,7 @@ def test_one_board_carries_gauges_and_accelerometer_into_frames(
     earlier_ns = np.arange(1 - samples, 1) * (1_000_000 / samples)
     expected = bench.acceleration_m_s2((times[:, np.newaxis] + earlier_ns).ravel())
     x, y, z = acceleration_samples(frames).T.astype(float)
-    assert np.median(abs(x - expected[:, 0])) < 1.5  # half a millisecond
+    assert np.median(abs(x - expected[:, 0])) < 1.5  # a millisecond and a half
     assert np.std(y) == pytest.approx(np.std(expected[:, 1]), rel=0.15)
     assert np.median(z) == pytest.approx(GRAVITY_M_S2, abs=0.1)
     assert bench.told == []
