@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from emulated_arm import PATIENCE_S
 from running_source import RunningSource
-from waiting import until
+from waiting import PATIENCE_S, until
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.core.extras import require

@@ -87,7 +87,7 @@ def test_all_holds_every_extra_but_those_for_developers_and_one_without_wheels()
     (everything,) = EXTRAS["all"]
     listed = re.fullmatch(r"mmt-haptics\[(.*)\]", everything)
     assert listed is not None
-    assert set(listed[1].split(",")) == set(EXTRAS) - {"all", "bench", "docs", "test", "ur"}
+    assert set(listed[1].split(",")) == set(EXTRAS) - {"all", "bench", "dev", "docs", "test", "ur"}
 
 
 @pytest.mark.parametrize(

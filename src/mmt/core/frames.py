@@ -116,7 +116,9 @@ def frame_struct(dtype: np.dtype[np.void]) -> struct.Struct:
 
     It is several times as quick as an array of tuples.
     """
-    return struct.Struct(f"<Iq{(dtype.itemsize - struct.calcsize('<Iq')) // 4}f")
+    number = dtype[-1].base
+    count = (dtype.itemsize - struct.calcsize("<Iq")) // number.itemsize
+    return struct.Struct(f"<Iq{count}{number.char}")
 
 
 def samples_per_frame(dtype: np.dtype[np.void]) -> int:
