@@ -138,7 +138,7 @@ CASES = [
     ("mmt model info text.npz", "model text.npz: not a texture model"),
     ("mmt model build whole.mcap x.pdf", "the name of a model file must end in .npz"),
     ("mmt model build cut.mcap x.npz", CUT_OFF),
-    ("mmt bench nothing", "bench nothing: allowed are burg, conceal"),
+    ("mmt bench nothing", "bench nothing: allowed are burg, devices"),
     ("mmt lab nothing", "lab nothing: allowed are "),
     ("mmt burn", "No such command 'burn'"),
     ("mmt", "Usage: mmt"),
@@ -246,7 +246,7 @@ def test_every_command_has_help(
 @pytest.mark.parametrize(
     ("command", "usage", "names"),
     [
-        ("mmt bench", "[OPTIONS] [STAGE...]", "burg, conceal, contact"),
+        ("mmt bench", "[OPTIONS] [STAGE...]", "burg, devices, evaluate"),
         ("mmt stability", "[OPTIONS] [FAMILY...]", "loop, lsf, model"),
         ("mmt lab stability", "[OPTIONS] [FAMILY...]", "loop, lsf, model"),
     ],
