@@ -78,8 +78,7 @@ def test_a_model_shows_its_samples_where_they_are(drawn: dict[str, Any]) -> None
 
 
 def test_a_notebook_shows_the_page_that_plays_a_model(drawn: dict[str, Any]) -> None:
-    formatters = pytest.importorskip("IPython.core.formatters")
-    element = formatters.HTMLFormatter()(drawn["model"])
+    element = drawn["model"]._repr_html_()
     found = re.search(r'src="data:text/html;base64,([^"]+)"', element)
     assert found is not None
     page = base64.b64decode(found[1]).decode()
