@@ -32,6 +32,7 @@ SLOW = (
     "test_lean_installs.py",
     "test_monitor_page.py",
     "test_player_page.py",
+    "test_firefox.py",
     "test_site.py",
     "test_report_pages.py",
     "test_backfill.py",
@@ -52,14 +53,15 @@ SLOW = (
 They begin, the slowest first: at the end, they would keep one process alone.
 """
 LIVE = re.compile(
-    r"^(?:from|import) (?:aiohttp|asyncio|(?:link|sharing|hub|player)_samples|multiprocessing"
-    r"|nbclient|playwright|runpy|running_source|sensor_reading|sketches|socket|socketio|stroked_sessions"
-    r"|subprocess|threading|time|waiting|\w+_(?:browser|processes|programs?|runs)"
-    r"|mmt\.(?:evaluation|testing)|mmt_lab)\b|\b(?:make|stroked)_session\b",
+    r"^(?:from|import) (?:aiohttp|asyncio|h5py|(?:link|sharing|hub|player)_samples|multiprocessing"
+    r"|nbclient|openpyxl|playwright|pyarrow|rosbags|runpy|running_source|sensor_reading|sketches"
+    r"|socket|socketio|stroked_sessions|subprocess|threading|time|waiting"
+    r"|\w+_(?:browser|processes|programs?|runs)|mmt\.(?:evaluation|testing)|mmt_lab)\b"
+    r"|\b(?:make|stroked)_session\b|importorskip",
     re.MULTILINE,
 )
-"""What a file of tests uses that needs real time, a child, a socket, a browser, an emulated device
-or a simulated session: `scripts/test --fast` leaves it out."""
+"""What a file of tests uses that needs real time, a child, a socket, a browser, an emulated device,
+a simulated session or another program's files: `scripts/test --fast` leaves it out."""
 
 # ignored where a shell without job control starts the tests in the background: processes that they
 # start would inherit it, and could not be interrupted

@@ -65,7 +65,7 @@ def spoilt_streams(draw: st.DrawFn) -> tuple[RecordArray, list[int]]:
 
 
 @given(spoilt=spoilt_streams(), axis=st.sampled_from(["z", "dft321"]))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=15, deadline=None)
 def test_the_cut_into_blocks_does_not_matter(spoilt: tuple[RecordArray, list[int]], axis) -> None:
     frames, lengths = spoilt
     kept = several(frames["acceleration_m_s2"].shape[1], axis=axis)
