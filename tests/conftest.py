@@ -52,6 +52,17 @@ SLOW = (
 
 They begin, the slowest first: at the end, they would keep one process alone.
 """
+LONG = (
+    "test_lattice.py",
+    "test_model_difference.py",
+    "test_motion_limit.py",
+    "test_resampled_models.py",
+    "test_selection.py",
+    "test_selection_outliers.py",
+    "test_surface_detection.py",
+    "test_validity.py",
+)
+"""Files that compute for four seconds and more: `scripts/test --fast` leaves them out."""
 LIVE = re.compile(
     r"^(?:from|import) (?:aiohttp|asyncio|h5py|(?:link|sharing|hub|player)_samples|multiprocessing"
     r"|nbclient|openpyxl|playwright|pyarrow|rosbags|runpy|running_source|sensor_reading|sketches"
@@ -93,7 +104,7 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     lane = config.getoption("lane")
     if lane == "all" or not collection_path.name.startswith("test_"):
         return None
-    slow = collection_path.name in SLOW
+    slow = collection_path.name in (SLOW + LONG if lane == "fast" else SLOW)
     if lane == "fast" and not slow:
         slow = LIVE.search(collection_path.read_text("utf-8")) is not None
     return slow or None
