@@ -12,7 +12,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
-from network_namespaces import LEADER_ADDRESS, veth
+from network_namespaces import LEADER_ADDRESS, veth, within_follower
 from service_processes import LONGEST_S, Service
 
 from mmt.core.errors import InputError
@@ -114,7 +114,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Any, 
                     with Service(
                         *("follower", scene, "--json-lines", "--leader", url),
                         cwd=folder,
-                        within=made.within_follower(AHEAD_S),
+                        within=within_follower(made, AHEAD_S),
                     ) as follower:
                         ended = leader.end(), follower.end()
                     assert ended == (0, 0), leader.stderr + follower.stderr

@@ -1,6 +1,5 @@
 """NI-DAQmx as the driver meets it, by NI's package ``nidaqmx``: boards, and errors in words."""
 
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, Final
@@ -43,7 +42,7 @@ def in_words() -> Iterator[None]:
     except DaqNotFoundError as error:
         raise MmtError(
             "boards by NI need NI's driver NI-DAQmx, which is not installed; install it with: "
-            f"{sys.executable} -m nidaqmx installdriver"
+            "python -m nidaqmx installdriver"
         ) from error
     except DaqNotSupportedError as error:
         raise MmtError(
