@@ -5,6 +5,7 @@ Segments become fitted samples (`add`), these a model (`model`), which says the 
 modelling does is the same for both.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -27,13 +28,8 @@ if TYPE_CHECKING:
 ModelMaker = Callable[[], TextureModel]
 
 
-def method_of(settings: ModellingSettings) -> "PublishedMethod":
-    """Return the method that settings name, with nothing of a stream yet."""
-    return (PublishedMethod if settings.method == "published" else FieldMethod)(settings)
-
-
-class PublishedMethod:
-    """The model of papers A and B: what was measured, interpolated, until it is densely sampled.
+class ModellingMethod(ABC):
+    """A way to model a texture, with what it keeps of one model's stream.
 
     The calls belong to different stages of an update, which may run at the same time.
 
@@ -45,17 +41,23 @@ class PublishedMethod:
 
     criterion: Criterion
     """How complete the model is, as of the newest update."""
-    _behind_high_pass = True
+    _behind_high_pass = False
 
     def __init__(self, settings: ModellingSettings) -> None:
         self._settings = settings
-        self.criterion = self._distance = CompletionMonitor(settings)
 
     def add(self, segments: Sequence[Segment], numbers: Iterator[int]) -> list[Fit]:
         """Return segments as fitted samples, each with its own number."""
         behind = self._behind_high_pass
         return fit_segments(segments, numbers, self._settings, behind_high_pass=behind)
 
+    def _maker(self, work: Work, cells: "Callable[[], FieldCells] | None" = None) -> ModelMaker:
+        """Return what makes the model of the fits, at least one, until the next update."""
+        packed = [fit.packed for fit in work.fits]
+        noise_power, touch_downs = work.noise_power, work.touch_downs
+        return lambda: made(self._settings, packed, noise_power, cells and cells(), touch_downs)
+
+    @abstractmethod
     def model(self, work: Work, *, changed: bool) -> ModelMaker | None:
         """Return what makes the model of an update, None where it is the one before.
 
@@ -66,14 +68,8 @@ class PublishedMethod:
         changed
             Whether these are other ones than before.
         """
-        return self._maker(work) if changed else None
 
-    def _maker(self, work: Work, cells: "Callable[[], FieldCells] | None" = None) -> ModelMaker:
-        """Return what makes the model of the fits, at least one, until the next update."""
-        packed = [fit.packed for fit in work.fits]
-        noise_power, touch_downs = work.noise_power, work.touch_downs
-        return lambda: made(self._settings, packed, noise_power, cells and cells(), touch_downs)
-
+    @abstractmethod
     def judge(self, work: Work, points: FloatArray, *, anew: bool) -> None:
         """Evaluate the criterion, where ``anew``, after an update.
 
@@ -86,41 +82,61 @@ class PublishedMethod:
         anew
             False where the update has only taken away what was not there.
         """
+
+
+def method_of(settings: ModellingSettings) -> ModellingMethod:
+    """Return the method that settings name, with nothing of a stream yet."""
+    return (PublishedMethod if settings.method == "published" else FieldMethod)(settings)
+
+
+class PublishedMethod(ModellingMethod):
+    """The model of papers A and B: what was measured, interpolated, until it is densely sampled."""
+
+    _behind_high_pass = True
+
+    def __init__(self, settings: ModellingSettings) -> None:
+        super().__init__(settings)
+        self.criterion: CompletionMonitor = CompletionMonitor(settings)
+
+    def model(self, work: Work, *, changed: bool) -> ModelMaker | None:
+        """See `ModellingMethod`."""
+        return self._maker(work) if changed else None
+
+    def judge(self, work: Work, points: FloatArray, *, anew: bool) -> None:
+        """See `ModellingMethod`; this criterion depends on the samples alone."""
         if anew:
-            self._distance.update(points, work.time_s)
+            self.criterion.update(points, work.time_s)
 
 
-class FieldMethod(PublishedMethod):
+class FieldMethod(ModellingMethod):
     """The model whose level is a field that knows its error, until enough strokes are right."""
-
-    _behind_high_pass = False
 
     def __init__(self, settings: ModellingSettings) -> None:
         from mmt.texture.completion.uncertainty import UncertaintyCriterion
         from mmt.texture.field.blocks import BlockCutter
         from mmt.texture.online.gathering import BlockSums
 
-        self._settings = settings
-        self.criterion = self._uncertainty = UncertaintyCriterion(settings)
+        super().__init__(settings)
+        self.criterion: UncertaintyCriterion = UncertaintyCriterion(settings)
         self._cutter, self._sums = BlockCutter(settings), BlockSums(settings)
 
     def model(self, work: Work, *, changed: bool) -> ModelMaker | None:
-        """See `PublishedMethod`."""
+        """See `ModellingMethod`."""
         work.blocks = self._cutter.cut(work.observed)
         felt = self._sums.add(work.blocks, work.forget_from)
         return self._maker(work, self._sums.cells) if changed or (felt and work.fits) else None
 
     def judge(self, work: Work, points: FloatArray, *, anew: bool) -> None:
-        """See `PublishedMethod`; evaluated as often as the strokes are news."""
+        """See `ModellingMethod`; evaluated as often as the strokes are news."""
         del points
         for block in work.observed:
-            self._uncertainty.density.add(block)
-        if anew and (work.forget_from is not None or self._uncertainty.due):
+            self.criterion.density.add(block)
+        if anew and (work.forget_from is not None or self.criterion.due):
             clock, model = Stopwatch(work.durations_s), work.source()
             if model is not None and not isinstance(work.source, Made):  # that is deferred
                 _ = model.level_field
                 clock.lap(DEFERRED)
-            self._uncertainty.update(model, work.time_s)
+            self.criterion.update(model, work.time_s)
 
 
 def made(
