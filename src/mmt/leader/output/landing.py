@@ -22,7 +22,8 @@ class Landing:
 
     def __init__(self, normal: int, rate_hz: float) -> None:
         self._normal = normal
-        self._speeds: deque[float] = deque(maxlen=round(APPROACH_S * rate_hz))
+        self._count = round(APPROACH_S * rate_hz)
+        self._speeds: deque[float] = deque(maxlen=self._count)
 
     def step(self, state: InterfaceState | None, elapsed: int) -> float:
         """Return the approach speed (mm/s) at the first tick of a contact, else 0.
@@ -31,11 +32,11 @@ class Landing:
         ticks since the last call.
         """
         if state is not None and not state.contact:
-            ticks = min(elapsed, self._speeds.maxlen or 1)
+            ticks = min(elapsed, self._count)
             self._speeds.extend([-state.velocity_mm_s[self._normal]] * ticks)
             return 0.0
-        speeds = list(self._speeds)
-        self._speeds.clear()
-        if state is None or len(speeds) < (self._speeds.maxlen or 1):
+        if not self._speeds:
             return 0.0
-        return max(0.0, sum(speeds) / len(speeds))
+        mean, whole = sum(self._speeds) / len(self._speeds), len(self._speeds) == self._count
+        self._speeds.clear()
+        return max(0.0, mean) if whole and state is not None else 0.0

@@ -183,6 +183,8 @@ class VibrationPart(Part):
         The actuator, where it is a driver's, which may be lost and come back.
     motion
         Drives the model if there is no hand.
+    landing
+        Tells when the hand touches down; None if no touch-down is rendered.
     """
 
     def __init__(
@@ -193,6 +195,7 @@ class VibrationPart(Part):
         slew: VibrationSlew,
         reconnecting: "ReconnectingActuator | None" = None,
         motion: "StreamedMotion | None" = None,
+        landing: Landing | None = None,
     ) -> None:
         self._session = session
         self.actuator = actuator
@@ -201,10 +204,9 @@ class VibrationPart(Part):
         self._slew = slew
         self.mode = switch.mode
         """Which vibration is played, as of the last tick."""
-        normal = (session.scene.texture or Texture()).normal
-        self._first, self._second = (k for k, name in enumerate("xyz") if name != normal)
-        self._landing = Landing("xyz".index(normal), session.rate_hz)
-        self._motion = motion
+        normal = _normal(session)
+        self._first, self._second = (axis for axis in range(3) if axis != normal)
+        self._motion, self._landing = motion, landing
         self._inputs_before: tuple[float, ...] = ()
         self._samples = session.samples_per_frame
         self._back = np.arange(self._samples - 1, 0, -1) / self._samples
@@ -246,7 +248,13 @@ class VibrationPart(Part):
         rate_hz = session.acceleration_rate_hz
         step = math.inf if table.slew_m_s3 == "off" else table.slew_m_s3 / rate_hz
         slew = VibrationSlew(table.limit_m_s2, step, session.samples_per_frame)
-        return cls(session, actuator, switch, slew, reconnecting, motion)
+        landing = None
+        if renderer is not None and generated is None:
+            from mmt.texture.touch_down import LEAST_RATE_HZ
+
+            if rate_hz >= LEAST_RATE_HZ:
+                landing = Landing(_normal(session), session.rate_hz)
+        return cls(session, actuator, switch, slew, reconnecting, motion, landing)
 
     @property
     def name(self) -> str:
@@ -278,9 +286,9 @@ class VibrationPart(Part):
             return
         elapsed = tick.elapsed
         inputs = self._inputs(*self._drive(tick))
-        approach_speed_mm_s = self._landing.step(tick.state, tick.elapsed)
-        if approach_speed_mm_s > 0.0:
-            self.switch.touch_down(approach_speed_mm_s)
+        approach_mm_s = self._landing.step(tick.state, elapsed) if self._landing else 0.0
+        if approach_mm_s > 0.0:
+            self.switch.touch_down(approach_mm_s)
         vibration = self.switch.render(tick.now_ns, *self._courses(inputs, elapsed))
         self._guard(vibration, silent=tick.hand_lost or tick.given)
         self.actuator.write(vibration)
@@ -376,6 +384,11 @@ class VibrationPart(Part):
                 course[: self._samples - 1] += (before - value) * self._back
         self._inputs_before = inputs
         return courses
+
+
+def _normal(session: Session) -> int:
+    """Return the number of the surface's normal axis."""
+    return "xyz".index((session.scene.texture or Texture()).normal)
 
 
 def _actuator(
