@@ -93,6 +93,7 @@ class ListenerClient:
         self._operator = operator
         self._on_event, self._on_message = on_event, on_message
         self.hubs: list[str] = []
+        """Others to turn to if this one is full."""
         self._news = asyncio.Event()
         self._asked = False
         self._answers, self._answering = 0, PeriodLimit(ANSWER_PERIOD_S)

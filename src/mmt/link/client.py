@@ -105,9 +105,11 @@ class FollowerClient:
             network=network,
             extra=extra,
         )
+        """Reader of what comes, and queue of what is sent."""
         self._frames = FrameSender(hello, endpoint)
         self._clock_hz = clock_hz
         self.clock = ClockRequester(endpoint.reader, endpoint.outbox, endpoint.notify_jump)
+        """What is known of the leader's clock."""
         self._round_trip = TimeHistogram()
         self._connection = LeaderConnection(
             url,

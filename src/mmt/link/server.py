@@ -107,6 +107,7 @@ class LeaderServer:
             network=network,
             extra=extra,
         )
+        """Reader of what comes, and queue of what is sent."""
         size = dtype.itemsize
         endpoint.reader.on_rejected = lambda reason, times: endpoint.outbox.put(
             0, encode_rejection(FRAMES, reason, times, size)
