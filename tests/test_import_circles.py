@@ -42,3 +42,26 @@ def test_no_module_needs_what_only_some_systems_have() -> None:
         if name.name in lacking_on_windows
     ]
     assert found == []
+
+
+def test_other_packages_use_public_modules_of_the_core_only() -> None:
+    listed = (SOURCE / "mmt" / "public_modules.txt").read_text(encoding="utf-8").splitlines()
+    public = {line for line in listed if not line.startswith("#")}
+    modules = {module_name(path) for path in SOURCE.rglob("*.py")}
+    used = {
+        (path.relative_to(SOURCE).parts[0], name)
+        for path in SOURCE.glob("mmt_*/**/*.py")
+        for name in imports(path, modules)
+        if name.split(".")[0] == "mmt"
+    }
+    entries = {name: {name, *(f"{part}.*" for part in packages(name))} for _, name in used}
+    assert len(entries) > 100
+    assert [each for each in sorted(used) if not entries[each[1]] & public] == []
+    assert public <= set().union(*entries.values()), "what no other package uses is not listed"
+    assert [n for _, n in used if any(part.startswith("_") for part in n.split("."))] == []
+
+
+def packages(name: str) -> list[str]:
+    """Return a module and the packages that it is in."""
+    parts = name.split(".")
+    return [".".join(parts[:end]) for end in range(1, len(parts) + 1)]
