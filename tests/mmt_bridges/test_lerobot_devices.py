@@ -38,8 +38,11 @@ class Camera:
 
     def __init__(self, config: SimpleNamespace) -> None:
         self.pictures, self.is_connected = 0, False
+        self.there = config.fps > 0
 
     def connect(self) -> None:
+        if not self.there:
+            raise ConnectionError
         self.is_connected = True
 
     def disconnect(self) -> None:
@@ -263,6 +266,18 @@ def test_pictures_of_cameras_are_passed_on(devices: ModuleType, answers: Answers
     robot.connect()
     assert [robot.get_observation()["front"] for _ in range(2)] == [1, 2]
     robot.disconnect()
+    assert not robot.cameras["front"].is_connected
+
+
+def test_a_camera_that_is_not_there_leaves_no_session(
+    devices: ModuleType, answers: Answers
+) -> None:
+    front, side = (SimpleNamespace(height=48, width=64, fps=fps) for fps in (30, 0))
+    robot = robot_of(devices, cameras={"front": front, "side": side})
+    with pytest.raises(ConnectionError):
+        robot.connect()
+    assert not answers.running
+    assert not robot.is_connected
     assert not robot.cameras["front"].is_connected
 
 

@@ -172,8 +172,12 @@ class MmtRobot(_SessionDevice, Robot):
             The session cannot begin; the message says why.
         """
         super().connect(calibrate)
-        for camera in self.cameras.values():
-            camera.connect()
+        try:
+            for camera in self.cameras.values():
+                camera.connect()
+        except BaseException:
+            self.disconnect()
+            raise
 
     def disconnect(self) -> None:
         """End the cameras, and the session, unless the teleoperator still uses it.
