@@ -121,6 +121,9 @@ def test_the_scenes_take_turns() -> None:
     assert [number for _, number, _ in steps] == list(range(15))
     assert {total for *_, total in steps} == {15}
     assert steps[0][0] == "the whole scene"
+    orders = [[name for name, *_ in steps[first + 1 : first + 4]] for first in whole[:-1]]
+    assert len(set(map(tuple, orders))) == 3, "each part comes first once"
+    assert {tuple(sorted(order)) for order in orders} == {tuple(sorted(orders[0]))}
 
 
 @pytest.mark.usefixtures("no_imports")

@@ -3,6 +3,7 @@
 import asyncio
 import hashlib
 import json
+import math
 import socket
 import threading
 from collections.abc import Callable
@@ -11,6 +12,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import aiohttp
 import numpy as np
 import pytest
 from sharing_samples import model_of, shared
@@ -72,11 +74,32 @@ def test_only_hashes_name_files(tmp_path: Path, digest: str) -> None:
     assert ModelStore(tmp_path).path(digest) is None
 
 
-@pytest.mark.parametrize("said", [{}, {"name": " "}, {"name": "x", "error_db": "much"}])
+@pytest.mark.parametrize(
+    "said",
+    [
+        {},
+        {"name": " "},
+        *({"name": "x", "error_db": error} for error in ("much", math.nan, -math.inf, 10**400)),
+    ],
+)
 def test_who_pushes_must_give_a_name(said: dict[str, Any]) -> None:
     with pytest.raises(InputError):
         Entry.said(said)
     assert Entry.said({"name": "\x1b[31m" + 999 * "x"}).name.startswith("\N{REPLACEMENT CHARACTER}")
+
+
+async def test_an_error_is_a_finite_number_and_may_be_nought(tmp_path: Path) -> None:
+    async with shared(store=str(tmp_path / "store"), accept=True) as sharing:
+        remote = RemoteStore(sharing.url, Access())
+        exact, other = (model_of(samples).to_bytes() for samples in (12, 13))
+        pushed = await asyncio.to_thread(remote.push, exact, Entry("exact", error_db=0.0))
+        assert pushed.error_db == 0.0
+        async with aiohttp.ClientSession() as http:
+            for error in ("NaN", "Infinity", "-inf", "1" * 400, "[1]", "true"):
+                address = f"{sharing.url}/models?name=other&error_db={error}"
+                async with http.post(address, data=other) as answer:
+                    assert (answer.status, "finite number" in await answer.text()) == (400, True)
+        assert await asyncio.to_thread(remote.entries) == [pushed]
 
 
 async def test_a_model_goes_there_and_comes_back(tmp_path: Path) -> None:

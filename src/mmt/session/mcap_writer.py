@@ -277,7 +277,7 @@ def write_mcap(path: Path, session: RecordedSession, *, scalars: bool = False) -
 def _write_all(stream: BinaryIO, session: RecordedSession, *, scalars: bool) -> None:
     frames = session.frames
     start_ns = max(0, int(frames["time_ns"][0])) if len(frames) else 0
-    began_utc_ns = session.began_utc_ns or time.time_ns()
+    began_utc_ns = time.time_ns() if session.began_utc_ns is None else session.began_utc_ns
     found = {output.samples_per_frame for output in session.outputs}
     if "acceleration" in session.channels:
         found.add(session.samples_per_frame)

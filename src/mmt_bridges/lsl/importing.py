@@ -44,7 +44,7 @@ def read_xdf(path: Path, wanted: Callable[[str], bool], _options: ImportOptions)
         called, notes = distinct([stream["info"]["name"][0] for stream in found])
         streams = [_Stream(name, stream) for name, stream in zip(called, found, strict=True)]
         sampled = [each for each in streams if each.numeric and len(each.stamps_s)]
-        begin_s = min((each.stamps_s[0] for each in sampled), default=0.0)
+        begin_s = min((each.stamps_s.min() for each in sampled), default=0.0)
         values: dict[str, FloatArray] = {}
         times: dict[str, FloatArray] = {}
         units: dict[str, str] = {}

@@ -45,8 +45,8 @@ class Stamped:
         return np.array(self._received_ns if receipt else self._header_ns, dtype=np.int64)
 
     def first_ns(self, *, receipt: bool) -> int:
-        """Return the first of them."""
-        return (self._received_ns if receipt else self._header_ns)[0]
+        """Return the earliest of them."""
+        return min(self._received_ns if receipt else self._header_ns)
 
     def behind_ns(self) -> IntArray:
         """Return by how much the headers (n,) are behind receipt."""

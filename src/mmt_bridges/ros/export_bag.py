@@ -53,7 +53,7 @@ def write_bag(path: Path, session: RecordedSession) -> None:
 
 def _messages(session: RecordedSession, messages: Messages) -> Iterator[Message]:
     """Yield the session's messages by time."""
-    began_ns = session.began_utc_ns or time.time_ns()
+    began_ns = time.time_ns() if session.began_utc_ns is None else session.began_utc_ns
     if session.scene is not None:
         yield began_ns, SCENE, messages.text(to_json(dict(session.scene)))
     yield from heapq.merge(

@@ -101,4 +101,6 @@ class VirtualNi(NiVoltages):
     def close(self) -> None:
         """Let the board go and leave the lab; calling it twice is harmless."""
         super().close()
+        if self._matrix is not None:
+            _INPUTS.volts_per_n = _VOLTS_PER_N
         LAB.leave(self)

@@ -15,7 +15,7 @@ import aiohttp
 from aiohttp import web
 
 from mmt.core.arrays import RecordArray
-from mmt.core.frames import CHANNELS, COMMAND_DTYPE, frame_dtype
+from mmt.core.frames import CHANNELS, COMMAND_DTYPE
 from mmt.core.process import prefer_even_ticks
 from mmt.core.realtime import be_real_time
 from mmt.link.client import FollowerClient, FollowerEvents
@@ -29,8 +29,6 @@ PATIENCE_S: Final = 60.0
 
 READY: Final = "ready"
 """What a process says when both its links are connected."""
-
-_FRAME: Final = frame_dtype(CHANNELS)
 
 
 @dataclass(frozen=True)
@@ -51,17 +49,17 @@ class SideReport:
     """Last sequence number that came."""
 
 
-def lead(pipe: Connection, rate_hz: int, realtime: bool) -> None:
-    """Be the leader of both links."""
-    asyncio.run(_lead(pipe, rate_hz, realtime))
+def lead(pipe: Connection, rate_hz: int, samples_per_frame: int, realtime: bool) -> None:
+    """Run the leader of both links."""
+    asyncio.run(_lead(pipe, rate_hz, samples_per_frame, realtime))
 
 
-def follow(pipe: Connection, rate_hz: int, realtime: bool) -> None:
-    """Be the follower of both links."""
-    asyncio.run(_follow(pipe, rate_hz, realtime))
+def follow(pipe: Connection, rate_hz: int, samples_per_frame: int, realtime: bool) -> None:
+    """Run the follower of both links."""
+    asyncio.run(_follow(pipe, rate_hz, samples_per_frame, realtime))
 
 
-async def _lead(pipe: Connection, rate_hz: int, realtime: bool) -> None:
+async def _lead(pipe: Connection, rate_hz: int, samples_per_frame: int, realtime: bool) -> None:
     ours, bare = Side(COMMAND_DTYPE, leads=True), Side(COMMAND_DTYPE, leads=True)
     connected, ended = asyncio.Event(), asyncio.Event()
     events = LeaderEvents(
@@ -69,7 +67,9 @@ async def _lead(pipe: Connection, rate_hz: int, realtime: bool) -> None:
         on_follower=lambda _: connected.set(),
         on_end=lambda _: ended.set(),
     )
-    server = LeaderServer(Link(port=0), CHANNELS, events, rate_hz=rate_hz)
+    server = LeaderServer(
+        Link(port=0), CHANNELS, events, rate_hz=rate_hz, samples_per_frame=samples_per_frame
+    )
     await server.start()
     async with _bare_server() as (port, websocket):
         pipe.send(Ports(server.port, port))
@@ -85,12 +85,15 @@ async def _lead(pipe: Connection, rate_hz: int, realtime: bool) -> None:
     await server.stop()
 
 
-async def _follow(pipe: Connection, rate_hz: int, realtime: bool) -> None:
+async def _follow(pipe: Connection, rate_hz: int, samples_per_frame: int, realtime: bool) -> None:
     ports: Ports = await asyncio.to_thread(pipe.recv)
-    ours, bare = Side(_FRAME), Side(_FRAME)
+    hello = FollowerHello(
+        channels=CHANNELS, source="bench", rate_hz=rate_hz, samples_per_frame=samples_per_frame
+    )
+    ours, bare = Side(hello.frame_dtype), Side(hello.frame_dtype)
     client = FollowerClient(
         f"http://127.0.0.1:{ports.ours}",
-        FollowerHello(channels=CHANNELS, source="bench", rate_hz=rate_hz),
+        hello,
         FollowerEvents(on_commands=ours.record_block),
     )
     await client.connect(PATIENCE_S)

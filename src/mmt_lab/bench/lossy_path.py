@@ -10,6 +10,7 @@ import socket
 import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Final
 
@@ -30,15 +31,18 @@ def measure_losses(duration_s: float) -> Findings:
     """Run the services over each path with each loss."""
     left_out: list[SkippedMethod] = []
     records = []
-    try:
-        rows = []
-        for loss in LOSSES:
-            with relay(DELAY_MS, 0.0, loss) as path:
-                within = path.within_leader(), ["ip", "netns", "exec", path.follower]
-                rows.append(_row(loss, _session(duration_s, LEADER_ADDRESS, within)))
+    rows = []
+    for loss in LOSSES:
+        with ExitStack() as stack:
+            try:
+                path = stack.enter_context(relay(DELAY_MS, 0.0, loss))
+            except MmtError as error:
+                left_out.append(SkippedMethod("TCP", str(error), "run it on Linux, as root"))
+                break
+            within = path.within_leader(), ["ip", "netns", "exec", path.follower]
+            rows.append(_row(loss, _session(duration_s, LEADER_ADDRESS, within)))
+    if rows:
         records.append(FindingsTable("tcp", "TCP between network namespaces", tuple(rows)))
-    except MmtError as error:
-        left_out.append(SkippedMethod("TCP", str(error), "run it on Linux, as root"))
     for name, title, retransmit in (
         ("retransmitted", "Emulated, what is lost is sent again", "true"),
         ("datagrams", "Emulated, what is lost stays lost", "false"),

@@ -154,7 +154,7 @@ def by_second(outcomes: Sequence[TrialResult], network: str, method: str) -> Flo
     The median over sessions; NaN where no session has a moment.
     """
     found = _of(outcomes, network, method)
-    last = max(int(one.course.time_s[-1]) for one in found)
+    last = max((int(at_s) for one in found for at_s in one.course.time_s[-1:]), default=-1)
     seconds = [
         [_rms(one.course.level_db, _within(one.course, at, at + 1.0)) for one in found]
         for at in range(last + 1)

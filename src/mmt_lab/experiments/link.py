@@ -21,12 +21,13 @@ from typing import Annotated, Final
 import typer
 
 from mmt.core.errors import InputError
+from mmt.core.frames import check_acceleration_rate
 from mmt.core.realtime import require_real_time
 from mmt_lab.bench.link_sides import PATIENCE_S, SideReport, follow, lead
 from mmt_lab.bench.link_traffic import Kind, Turn, TurnFigures
 from mmt_lab.bench.lossy_path import measure_losses
 from mmt_lab.bench.measuring import Figure, single_figures
-from mmt_lab.harness.experiment import Duration, Experiment, RealTime
+from mmt_lab.harness.experiment import AccelerationRate, Duration, Experiment, RealTime
 from mmt_lab.harness.findings import Findings
 from mmt_lab.harness.processes import beside, received
 
@@ -86,6 +87,7 @@ def bench_link(
     duration_s: float,
     rate_hz: int = 1000,
     *,
+    samples_per_frame: int = 1,
     sustained_hz: int = SUSTAINED_HZ,
     sustained_s: float | None = None,
     realtime: bool = False,
@@ -98,6 +100,8 @@ def bench_link(
         How long each of the two is measured, over all turns.
     rate_hz
         Messages a second each way.
+    samples_per_frame
+        Samples of acceleration in each frame.
     sustained_hz, sustained_s
         Messages a second each way of the last turn, and its length, by default a quarter of
         `duration_s`.
@@ -120,7 +124,8 @@ def bench_link(
         for kind in order(number)
     ]
     turns.append(Turn("ours", sustained_hz, 0, sustained_s, 0.5))
-    with beside((lead, rate_hz, realtime), (follow, rate_hz, realtime)) as pipes:
+    told = rate_hz, samples_per_frame, realtime
+    with beside((lead, *told), (follow, *told)) as pipes:
         leader, follower = _conduct(pipes, turns)
     *compared, sustained = zip(leader.turns, follower.turns, strict=True)
     ours, bare = ([pair for pair in compared if pair[0].kind == kind] for kind in _KINDS)
@@ -203,11 +208,20 @@ def ratios(ours: list[Pair], bare: list[Pair]) -> dict[str, float]:
 Loss = Annotated[bool, typer.Option("--loss", help="Measure over a path that loses packets.")]
 
 
-def run(duration: Duration = 20.0, realtime: RealTime = False, loss: Loss = False) -> Findings:
+def run(
+    duration: Duration = 20.0,
+    realtime: RealTime = False,
+    loss: Loss = False,
+    acceleration_rate: AccelerationRate = 1000,
+) -> Findings:
     """Measure the link beside a bare WebSocket in one run, or over paths that lose packets."""
+    check_acceleration_rate(acceleration_rate)
     if loss:
+        if acceleration_rate != 1000:
+            raise InputError("--acceleration-rate: not with --loss")
         return measure_losses(duration)
-    result = bench_link(duration, realtime=realtime)
+    samples = acceleration_rate // 1000
+    result = bench_link(duration, samples_per_frame=samples, realtime=realtime)
     rows: dict[str, Figure] = {}
     for way, direction in (("up", result.ours.up), ("down", result.ours.down)):
         rows[f"{way}_lost"] = (f"{way}: lost or out of order", direction.wrong, "at most", 0)
@@ -224,7 +238,8 @@ def run(duration: Duration = 20.0, realtime: RealTime = False, loss: Loss = Fals
         rows[f"{key}_lost"] = (f"{at}: lost or out of order", direction.wrong, "at most", 0)
         rows[f"{key}_p99_ms"] = (p99, direction.p99_ms, "at most", SUSTAINED_P99_MS)
     about = (
-        "One frame a message up and one command a message down at 1 kHz, in turns of a second "
+        f"One frame a message up, with acceleration at {samples} kHz, and one command a message "
+        "down at 1 kHz, in turns of a second "
         f"with a bare WebSocket, {duration:g} s each; ratios are medians over neighbouring turns."
         + (" By real-time scheduling." if realtime else "")
     )

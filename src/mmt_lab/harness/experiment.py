@@ -67,7 +67,7 @@ AccelerationRates = Annotated[
 """Rates of the acceleration between commas; see `rates_of`."""
 
 AccelerationRate = Annotated[
-    int, typer.Option(metavar="HZ", help="Services: acceleration_rate_hz of the scene.")
+    int, typer.Option(metavar="HZ", help="Link and services: acceleration_rate_hz.")
 ]
 """Rate of the acceleration of a run of both services."""
 

@@ -117,7 +117,9 @@ class RemoteStore:
         MmtError
             The store does not answer, or does not take it; the message says why.
         """
-        about = {key: value for key, value in said.as_dict().items() if value not in {"", 0, None}}
+        given = said.as_dict()
+        about = {key: given[key] for key in ("name", "who", "licence", "note") if given[key]}
+        about |= {} if said.error_db is None else {"error_db": said.error_db}
         path = f"/models?{urllib.parse.urlencode(about)}"
         answer = self._request(path, _LARGEST_ENTRY, data=data)
         try:

@@ -1,12 +1,12 @@
 """A store of models over HTTP, beside the shared model; ``docs/reference/sharing.md``."""
 
 import asyncio
-import json
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 from aiohttp import web
 
+from mmt.core.bounds import finite_number
 from mmt.core.errors import InputError, MmtError
 from mmt_share.store.store import DIGITS, LARGEST_BYTES, Entry, ModelStore
 
@@ -57,7 +57,9 @@ def _said(query: Mapping[str, str]) -> dict[str, Any]:
     said: dict[str, Any] = dict(query)
     if "error_db" in said:
         try:
-            said["error_db"] = json.loads(said["error_db"])
+            said["error_db"] = finite_number(said["error_db"])
         except ValueError as error:
-            raise InputError(f"error_db is {said['error_db']!r}: it must be a number") from error
+            raise InputError(
+                f"error_db is {said['error_db']!r}: it must be a finite number"
+            ) from error
     return said

@@ -7,6 +7,7 @@ it, when, of what, and under which licence.
 
 import hashlib
 import json
+import sys
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
@@ -80,9 +81,9 @@ class Entry:
             raise InputError(f"what is listed of a model is malformed: {error}") from error
         values = entry.as_dict()
         for name, value in values.items():
-            kind: Any = str if name in _TEXTS else (int, float)
             unknown = name == "error_db" and value is None
-            if not unknown and not isinstance(value, kind):
+            fits = isinstance(value, str) if name in _TEXTS else _is_finite(value)
+            if not unknown and not fits:
                 raise InputError(f"what is listed of a model is malformed: {name}")
         if not _is_hash(entry.hash):
             raise InputError("what is listed of a model is malformed: hash")
@@ -105,8 +106,8 @@ class Entry:
         if not name.strip():
             raise InputError("the model has no name: give it one")
         error = said.get("error_db")
-        if error is not None and not isinstance(error, int | float):
-            raise InputError(f"error_db is {error!r}: it must be a number")
+        if error is not None and not _is_finite(error):
+            raise InputError(f"error_db is {error!r}: it must be a finite number")
         return cls(name, who, licence, note, error_db=None if error is None else float(error))
 
 
@@ -175,6 +176,10 @@ class ModelStore:
         except InputError as error:  # the folder's fault, not that of what is added
             raise MmtError(str(error)) from error
         return entry
+
+
+def _is_finite(value: object) -> bool:
+    return isinstance(value, int | float) and abs(value) <= sys.float_info.max
 
 
 def _is_hash(text: str) -> bool:

@@ -222,6 +222,19 @@ def test_latencies_are_told_on_one_clock() -> None:
     assert table["counts"][table["bounds_ms"].index(5)] == 100  # between 2 and 5 ms
 
 
+def test_a_comparison_of_clocks_counts_on_its_side_of_a_jump_only() -> None:
+    before, after = (
+        {"at_s": at_s, **dict.fromkeys(("clock_time_ns", "clock_drift_ppm"), 0)}
+        | {"clock_offset_ns": offset_ms * 1_000_000, "clock_uncertainty_ns": 1000}
+        for at_s, offset_ms in ((0.0, 0), (10.0, 700))
+    )
+    jump = {"at_s": 2.0, "clock_time_ns": 0, "clock_step_ns": -700_000_000}
+    record = LinkRecord([before, jump, after])
+    none = np.zeros((0, 2), np.int64)
+    offsets = [record.at(at_s, none)["clock"]["offset_ms"] for at_s in (1.9, 2.0, 9.0)]
+    assert offsets == [0.0, 700.0, 700.0]
+
+
 def test_a_recording_without_force_is_shown_without_a_model(tmp_path: Path) -> None:
     frames = made_frames(0, 1000, ("position", "acceleration"))
     export_session(RecordedSession(frames), tmp_path / "no-force.mcap")

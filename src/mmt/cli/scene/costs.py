@@ -264,7 +264,7 @@ def _turns(variants: list[Variant], rounds: int) -> Iterator[Variant | None]:
     """Yield whose turn it is, None for the whole scene; the order moves on between rounds."""
     for number in range(rounds):
         yield None
-        shift = number * (len(variants) // max(1, rounds))
+        shift = number * len(variants) // rounds
         yield from variants[shift:] + variants[:shift]
     if variants:
         yield None

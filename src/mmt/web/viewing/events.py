@@ -1,5 +1,6 @@
 """Events and link figures of a recording, as the page shows them beside the slider."""
 
+from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal
@@ -68,6 +69,7 @@ class LinkRecord:
         self._clocks = [
             event for event in events if all(isinstance(event.get(k), int | float) for k in _CLOCK)
         ]
+        self._steps_s = [event["at_s"] for event in events if "clock_step_ns" in event]
         self._gaps = [event for event in events if event.get("kind") in ("gap", "filled")]
 
     @property
@@ -97,7 +99,14 @@ class LinkRecord:
         }
         if not self._clocks:
             return table
-        clock = min(self._clocks, key=lambda event: abs(float(event["at_s"]) - time_s))
+        steps = bisect_right(self._steps_s, time_s)
+        clock = min(
+            self._clocks,
+            key=lambda event: (
+                bisect_right(self._steps_s, event["at_s"]) != steps,  # the other side of a jump
+                abs(float(event["at_s"]) - time_s),
+            ),
+        )
         latencies_ms = _latencies_ms(clock, arrivals)
         edges = np.array([-np.inf, *LATENCY_MS, np.inf])
         table["clock"] = {
