@@ -1,6 +1,6 @@
 """Build the shipped texture models, measure them against the truth, and write their table.
 
-Usage: build_models.py [NAME...], all of them where none is named. The models go to
+Usage: build_models.py [NAME...]; without a name, all models are built. The models go to
 src/mmt/models, the table to docs/reference/shipped-models.md.
 """
 
@@ -33,7 +33,7 @@ COLUMNS: Final = (
 
 
 def main() -> None:
-    """Build what is named, and replace its rows between the marks."""
+    """Build the named models, and replace their rows between the marks of the page."""
     chosen = sys.argv[1:] or [surface.name for surface in GRAINED]
     rows = {cells[0].strip("`"): tuple(cells) for cells in table_rows(PAGE, "models")}
     for surface in GRAINED:

@@ -35,7 +35,7 @@ HANDS: Final = (
 
 
 class Felt(NamedTuple):
-    """What one hand did and felt, 1 kHz."""
+    """Motion of one hand and vibration that it felt, at 1 kHz."""
 
     name: str
     time_s: FloatArray
@@ -46,18 +46,18 @@ class Felt(NamedTuple):
 
 @dataclass
 class Listeners:
-    """Join as soon as the model is shared, and keep what each gets."""
+    """Listeners that join as soon as the model is shared, and keep the models that they get."""
 
     models: dict[str, list[tuple[float, TextureModel]]] = field(default_factory=dict)
     tasks: list[asyncio.Task[None]] = field(default_factory=list)
 
     def entering(self, sentence: str) -> Coroutine[Any, Any, str] | None:
-        """Return what lets them join when the model is shared; see `mmt.cli.guests.Guest`."""
+        """Return a call of `open` if a sentence gives the URL; see `mmt.cli.guests.Guest`."""
         url = shared_at(sentence)
         return None if url is None else self.open(url)
 
     async def open(self, url: str) -> str:
-        """Join."""
+        """Let all listeners join."""
         self.tasks = [asyncio.create_task(self.listen(url, name)) for name, _, _ in HANDS]
         return "two more hands listen"
 
@@ -86,7 +86,7 @@ def main() -> None:
 
 
 async def run(listeners: Listeners) -> RecordedSession:
-    """Run the demo's services; return what they recorded."""
+    """Run the demo's services; return their recording."""
     scene_file = example_scenes()["demo"]
     with tempfile.TemporaryDirectory() as directory:
         file = Path(directory) / "session.mcap"
@@ -102,7 +102,7 @@ async def run(listeners: Listeners) -> RecordedSession:
 
 
 def of_the_operator(session: RecordedSession) -> Felt:
-    """Return what the leader's recording says of its hand."""
+    """Return motion and vibration of the leader's hand, from its recording."""
     blocks = session.outputs
     vibration = np.concatenate([block.vibration_m_s2 for block in blocks])
     time_s = np.concatenate(
@@ -120,7 +120,7 @@ def of_the_operator(session: RecordedSession) -> Felt:
 def rendered(
     name: str, seed: int, settings: Hand, models: list[tuple[float, TextureModel]]
 ) -> Felt:
-    """Return what a hand of this seed feels of the models that its listener got."""
+    """Render for a hand of this seed the models that its listener got."""
     hand = SimulatedHand(settings, seed)
     states = [hand.read(1) for _ in range(round(1000 * DURATION_S))]
     time_s = np.arange(len(states)) / 1000.0
@@ -138,7 +138,7 @@ def rendered(
 
 
 def three_hands(felt: list[Felt], first_s: float) -> Figure:
-    """Draw each hand's way over the surface, and what it feels, around the first model."""
+    """Draw each hand's path, and the vibration that it feels, around the first model."""
     figure = Figure(figsize=(8.4, 5.0), layout="constrained")
     axes = figure.subplots(len(felt), 2, width_ratios=(1, 3.2), sharex="col", sharey="col")
     shown = (first_s - 0.5, first_s - 0.5 + SHOWN_S)

@@ -1,8 +1,8 @@
 """Take the pictures of the pages: monitor, recording, report, player; see ``scripts/screenshots``.
 
-The monitor is pictured in each of its states, on a desk and on a telephone, light and dark, while
-a leader and a follower run, at moments that the page itself shows. A machine that is slow pictures
-them a second or two later.
+The monitor is pictured in each of its states, for desktop and phone, light and dark, while a leader
+and a follower run. Pictures are taken when the page shows the state; on a slow machine that may be
+a second or two later.
 """
 
 import asyncio
@@ -27,7 +27,7 @@ PLAYER: Final = {"width": 960, "height": 720}
 LONGEST_MS: Final = 60_000
 
 SHEETS: Final = {"monitor-states": (DESKTOP, 0.27, 3), "monitor-states-phone": (PHONE, 0.5, 6)}
-"""Pictures of all states: the screen, by how much it is smaller in them, states in a row."""
+"""Pictures of all states: size of the screen, its scale in the picture, and states in a row."""
 SCHEMES: Final = ("light", "dark")
 
 REACHED: Final = "parseFloat(document.querySelector('#time').textContent) >= {}"
@@ -38,7 +38,7 @@ SHOWS: Final = "document.querySelector('header').textContent.includes('{}')"
 
 
 async def main() -> None:
-    """Look at the monitor in all its states, at a report and a recording; then at the player."""
+    """Take pictures of the monitor in all its states, a report, a recording and the player."""
     async with async_playwright() as playwright:
         browser = await playwright.chromium.launch(
             executable_path=shutil.which("chromium"), args=["--no-sandbox", "--disable-gpu"]
@@ -134,7 +134,7 @@ async def following(url: str) -> AsyncIterator[asyncio.subprocess.Process]:
 
 @asynccontextmanager
 async def serving(*command: str) -> AsyncIterator[tuple[asyncio.subprocess.Process, str]]:
-    """Run a command that serves a page; give its process and the page's address."""
+    """Run a command that serves a page; yield its process and the page's address."""
     process = await asyncio.create_subprocess_exec(
         *(sys.executable, "-u", "-m", "mmt.cli.entry", *command),
         stdout=asyncio.subprocess.PIPE,
@@ -158,12 +158,12 @@ async def serving(*command: str) -> AsyncIterator[tuple[asyncio.subprocess.Proce
 
 
 async def picture_report(browser: Any, report: Path) -> None:
-    """Take what a report begins with."""
+    """Take the top of a report."""
     await take("report", await a_page(browser, report.as_uri(), DESKTOP, "light"))
 
 
 async def picture_recording(browser: Any, url: str) -> None:
-    """Take a recording at the switch, where it opens."""
+    """Take a recording at the switch, at which the page opens."""
     page = await a_page(browser, url, DESKTOP, "light")
     await page.wait_for_function(MET)
     await page.wait_for_timeout(1000)  # for plots that are drawn in turns
@@ -186,7 +186,7 @@ async def picture_player(browser: Any, url: str) -> None:
 
 
 async def take(name: str, page: Any) -> None:
-    """Write what is on the screen."""
+    """Write a screenshot of a page."""
     write_screen(name, await page.screenshot())
 
 

@@ -48,7 +48,7 @@ def main() -> None:
 
 
 def run(scene: str) -> RecordedSession:
-    """Run an example scene; return what it recorded."""
+    """Run an example scene; return its recording."""
     with tempfile.TemporaryDirectory() as directory:
         command = [sys.executable, "-m", "mmt.cli.main", "demo", scene, "--output", directory]
         subprocess.run(command, check=True)  # noqa: S603 - our own interpreter and module
@@ -63,7 +63,7 @@ def from_five_samples_on(evaluation: Evaluation) -> Evaluation:
 
 
 def vibration_at_the_switch(session: RecordedSession) -> Figure:
-    """Draw what the actuator played around the switch from streamed to synthesized."""
+    """Draw the vibration played around the switch from streamed to synthesized."""
     blocks = session.outputs
     switch_s = next(block.time_s for block in blocks if block.mode == "fading")
     figure = Figure(figsize=(8.4, 2.9), layout="constrained")

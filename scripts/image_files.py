@@ -21,7 +21,7 @@ def write(name: str, figure: Figure) -> None:
 def write_screen(name: str, png: bytes) -> None:
     """Write a picture of a screen in 256 colours.
 
-    By an octree: the median cut gives up colours that few pixels have, such as those of curves.
+    An octree chooses them: the median cut drops colours that few pixels have, such as of curves.
     """
     screen = Image.open(io.BytesIO(png)).convert("RGB")
     few = io.BytesIO()

@@ -1,4 +1,4 @@
-"""What viewers of the monitor cost the leader's tick: runs with and without, in turns.
+"""Measure what viewers of the monitor cost the leader's tick: runs with and without, in turns.
 
 Usage, after ./scripts/demo has set up .venv:
 .venv/bin/python scripts/monitor_cost.py [ROUNDS [SECONDS [VIEWERS]]]
@@ -34,7 +34,7 @@ def free_port() -> int:
 
 
 async def look_on(http: aiohttp.ClientSession, port: int) -> int:
-    """Take messages until the session ends; return how many came."""
+    """Receive messages until the session ends; return their number."""
     count = 0
     async with http.ws_connect(f"http://127.0.0.1:{port}/monitor/socket") as viewer:
         await viewer.send_str('{"token": null}')

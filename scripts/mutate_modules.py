@@ -33,7 +33,7 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
         "texture/test_segmentation_online.py",
     ),
 }
-"""Modules of ``mmt`` and the tests that are theirs, in ``tests``."""
+"""Modules of ``mmt``, each with its tests in ``tests``."""
 
 _READ_BY_TESTS: Final = ("configs", "docs")
 
@@ -65,7 +65,7 @@ def mutmut(directory: Path, *arguments: str) -> str:
 
 
 def mutate(module: str, directory: Path) -> tuple[int, int, list[str]]:
-    """Return how many changes of a module there were, how many were noticed, and the others."""
+    """Return the number of changes of a module, that of noticed ones, and the unnoticed changes."""
     for folder in ("src", "tests", *_READ_BY_TESTS):
         ignored = shutil.ignore_patterns("__pycache__")
         shutil.copytree(ROOT / folder, directory / folder, ignore=ignored)
@@ -83,7 +83,7 @@ def mutate(module: str, directory: Path) -> tuple[int, int, list[str]]:
 
 
 def main(wanted: list[str]) -> None:
-    """Mutate the wanted modules, all where none is named; exit with 1 where one is below 90 %."""
+    """Mutate the named modules, or all if none is named; exit with 1 if one is below 90 %."""
     unknown = sorted(set(wanted) - set(MODULES))
     if unknown:
         sys.exit(f"scripts/mutate {unknown[0]}: allowed are {', '.join(MODULES)}")

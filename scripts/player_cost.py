@@ -1,13 +1,13 @@
-"""What the texture page costs in headless Chromium: processor, underruns, and delay of the hand.
+"""Measure the texture page in headless Chromium: processor time, underruns, delay of the hand.
 
 Usage, after ./scripts/test has set up .venv:
 .venv/bin/python scripts/player_cost.py [MINUTES [TEXTURES]]
 
 The page plays oak at 48 kHz while a pointer strokes it 60 times a second; further textures are
 nodes in the same audio graph that follow the same pointer. A line of JSON goes to stdout. Without a
-sound device Chromium plays into one of its own making, by the clock. Underruns are those of
-`AudioContext.playbackStats`. A delay is from a pointer event to the page's news of its first
-sample, which is later than the sample.
+sound device Chromium plays into a simulated one, by the clock. Underruns are those of
+`AudioContext.playbackStats`. A delay lasts from a pointer event until the page reports the first
+sample for it, which is later than the sample itself.
 """
 
 import asyncio
@@ -56,7 +56,7 @@ LOOK_S = 2.5
 
 
 def used_s() -> dict[str, float]:
-    """Return processor seconds of this process's children, by what they are."""
+    """Return processor seconds of this process's children, by their kind."""
     found: dict[str, float] = {}
     for process in psutil.Process().children(recursive=True):
         options = [a.rpartition("=")[2] for a in process.cmdline() if a.startswith("--type")]
@@ -73,7 +73,7 @@ def used_s() -> dict[str, float]:
 
 
 async def main(minutes: float = 1.0, textures: int = 1) -> None:
-    """Stroke for these minutes, then print what was found."""
+    """Stroke for these minutes, then print the figures."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "page.html"
         path.write_bytes(texture_page([model_json(load_model("oak"), "oak")]))

@@ -1,7 +1,7 @@
 """Write measured figures into the documentation; see ``scripts/measure``.
 
-Usage: write_measured.py DEMO.json SCENES, the figures of ``mmt demo --json`` and a folder with
-those of ``mmt scene explain --json``, a file for each example scene.
+Usage: write_measured.py DEMO.json SCENES. DEMO.json has the figures of ``mmt demo --json``; the
+folder SCENES has those of ``mmt scene explain --json``, in a file for each example scene.
 """
 
 import json
@@ -29,7 +29,7 @@ WRITTEN_COLUMNS: Final = 3
 
 
 def main() -> None:
-    """Replace what stands between the marks."""
+    """Replace the tables between the marks of the pages."""
     write_scenes(Path(sys.argv[2]))
     figures = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
     model, services = model_rows(figures["evaluation"]), service_rows(figures)
@@ -37,7 +37,7 @@ def main() -> None:
 
 
 def write_scenes(folder: Path) -> None:
-    """Put the figures of every example scene behind what people wrote of it.
+    """Put the figures of every example scene behind the columns that people write.
 
     A scene that could not be measured keeps the figures that it has.
     """
@@ -53,7 +53,7 @@ def write_scenes(folder: Path) -> None:
 
 
 def scene_figures(measured: dict[str, Any]) -> Row:
-    """Say what both services cost, and what goes over the wire."""
+    """Return the cost of both services, and the traffic over the wire."""
     services, wire = measured["services"], measured["bytes_per_s"]
     sides = (_side(services.get(name)) for name in ("leader", "follower"))
     sent = [f"{wire[way] / 1e3:.0f}" if way in wire else "0" for way in ("up", "down")]
@@ -69,7 +69,7 @@ def _side(service: dict[str, Any] | None) -> str:
 
 
 def model_rows(evaluation: dict[str, Any]) -> list[Row]:
-    """Say how good the model was."""
+    """Return rows on the errors of the model."""
     found = {name: evaluation[f"at_{name}"] for name in ("start", "stop", "end")}
     scores = {name: score for name, score in found.items() if score is not None}
     names, last = ", ".join(scores), next(name for name in scores if name != "start")
@@ -107,7 +107,7 @@ def _met(score: dict[str, Any] | None) -> str:
 
 
 def service_rows(figures: dict[str, Any]) -> list[Row]:
-    """Say what the run cost, and what it lost."""
+    """Return rows on the cost and the losses of the run."""
     leader, follower = figures["leader"], figures["follower"]
     link, ticks, texture = leader["link"], leader["ticks"], leader["texture"]
     played = leader["vibration"]["actuator"]["samples"]
@@ -150,7 +150,7 @@ def _cost(leader: dict[str, Any], follower: dict[str, Any]) -> str:
 
 
 def between(page: Path, mark: str) -> re.Match[str]:
-    """Find what stands between the marks of a page."""
+    """Find the text between the marks of a page."""
     text = page.read_text(encoding="utf-8")
     pattern = rf"(<!-- {mark}: begin -->\n)(.*?)(\n<!-- {mark}: end -->)"
     found = list(re.finditer(pattern, text, flags=re.DOTALL))

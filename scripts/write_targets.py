@@ -11,7 +11,7 @@ BENCH: Final = ROOT / "docs" / "reference" / "bench.md"
 
 
 def main() -> None:
-    """Replace what stands between the marks."""
+    """Replace the table between the marks of the page."""
     stages: dict[str, Any] = {}
     for file in sys.argv[1:]:
         stages |= json.loads(Path(file).read_text(encoding="utf-8"))

@@ -1,8 +1,8 @@
 """Model-mediated teleoperation of haptic texture.
 
-The names below are the library: sessions, texture models, rendering, evaluation, simulation,
-and the two services. Each is imported when it is first used, so that ``import mmt`` is quick and
-a program loads only what it needs. Everything else is reachable by its module, and may move.
+The names below are the public API: sessions, texture models, rendering, evaluation, simulation
+and the two services. Each is imported on first use, so that ``import mmt`` is quick and a program
+loads only what it needs. Other modules can be imported too, but their names may change.
 
 Examples
 --------
@@ -96,10 +96,10 @@ _HOMES = {
     "simulate_session": "mmt.testing.simulation.offline",
     "write_session": "mmt.session.files",
 }
-"""The module of each name."""
+"""Module that defines each name."""
 
 
-if not TYPE_CHECKING:  # to checkers it would make every name one of the library's
+if not TYPE_CHECKING:  # type checkers would take any name for an attribute of the module
 
     def __getattr__(name: str) -> Any:
         if name not in _HOMES:
@@ -107,7 +107,7 @@ if not TYPE_CHECKING:  # to checkers it would make every name one of the library
             raise AttributeError(message)
         with requiring():
             value = getattr(importlib.import_module(_HOMES[name]), name)
-        globals()[name] = value  # the next use finds it without this function
+        globals()[name] = value  # the next access does not call this function
         return value
 
 

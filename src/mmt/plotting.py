@@ -1,10 +1,10 @@
-"""Plots of what the library returns, each on the axes that are given or on new ones.
+"""Plots of models, histories, evaluations and sessions, on given axes or on new ones.
 
 =================== ==========================================================================
-`TextureModel`      level over speed and force (velocity x with `y` nought), and its samples
-`ModelHistory`      how complete the model was after each update, and when its criteria were met
+`TextureModel`      level over speed (or velocity x, with y = 0) and force, and its samples
+`ModelHistory`      completeness of the model after each update, and times of start and stop
 `Evaluation`        power error at each step, beside the just noticeable difference
-`RecordedSession`   vibration: the acceleration without its mean, along the axis with most of it
+`RecordedSession`   acceleration without its mean, along the axis with most of its power
 =================== ==========================================================================
 """
 
@@ -29,7 +29,7 @@ _COLUMNS: Final = 1000
 
 
 def plot(what: Any, ax: Axes | None) -> Axes:
-    """Plot it on the axes, None for new ones, and return them."""
+    """Plot an object on the axes, or on new ones if None, and return the axes."""
     axes = plt.subplots(layout="constrained")[1] if ax is None else ax
     _draw(what, axes)
     return axes

@@ -1,1 +1,1 @@
-"""To and from other programs: LeRobot, ROS 2, Lab Streaming Layer, HaTT, haptic files."""
+"""Bridges to other programs: LeRobot, ROS 2, Lab Streaming Layer, HaTT, haptic files."""

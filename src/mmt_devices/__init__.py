@@ -1,1 +1,1 @@
-"""Hardware beyond that of the papers: drivers, each with its emulator beside it."""
+"""Drivers for hardware that the papers do not use, each with an emulator."""

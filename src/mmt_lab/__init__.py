@@ -1,1 +1,1 @@
-"""The laboratory: experiments that tell whether the product is any good."""
+"""The laboratory: experiments that measure how good the product is."""

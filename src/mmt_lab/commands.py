@@ -1,7 +1,7 @@
 """The commands that the laboratory adds to ``mmt``: lab, bench, stability.
 
-``mmt`` finds them by the entry points ``mmt.commands``. This module is imported for its help:
-the experiments are imported when they run.
+``mmt`` finds them by the entry points ``mmt.commands``. Help imports this module, but no
+experiment: an experiment is imported when it runs.
 """
 
 from typing import Annotated
@@ -64,7 +64,7 @@ def _bench(
     ] = False,
     acceleration_rate: AccelerationRate = 1000,
 ) -> None:
-    """Measure error against run time on this machine, beside every peer that is installed."""
+    """Measure error against run time on this machine, for mmt and every peer installed."""
     from mmt_lab.bench.command import run_benches
 
     options = {"duration": duration, "realtime": realtime, "strangers": strangers, "loss": loss}
@@ -82,7 +82,7 @@ def _stability(
     json_file: JsonFile = None,
     report: ReportFolder = None,
 ) -> None:
-    """Run the stiff and extreme cases, a row each, and say whether it held."""
+    """Run the stiff and extreme cases, a row each, and say whether each held."""
     found = run("stability", load("stability"), families=families)
     if not conclude(found, json_file, report):
         raise typer.Exit(1)

@@ -1,4 +1,4 @@
-"""A matching test by spectra: samples stroked anew, and what models render under the stroke."""
+"""A matching test by spectra: samples are stroked anew, and models render the same strokes."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,10 +22,10 @@ from mmt_methods.selection.points import spectral_error
 from mmt_methods.selection.pooling import pool_sessions
 
 RECORDED_S: Final = 30.0
-"""Of each texture for its model; a hand that takes all headings needs as much."""
+"""Length of the recording for a texture's model; a hand needs it to take all headings."""
 
 STROKED_S: Final = 10.0
-"""Of each sample in the matching test."""
+"""Length of the stroke on each sample in the matching test."""
 
 RENEWAL_SAMPLES: Final = 10
 """Samples between two estimates of the filter: 100 Hz, as in section 3.1 of paper B."""
@@ -36,7 +36,7 @@ _HEADINGS: Final = Scene(hand=Hand(headings="all"))
 
 @dataclass(frozen=True)
 class Virtual:
-    """A texture as a model, with that of its speed alone, and the size of the recording."""
+    """A texture as a model, its model without heading, and the size of the recording."""
 
     name: str
     model: TextureModel
@@ -118,14 +118,14 @@ def real_sample(texture: str, seed: int) -> StrokedSample:
 def compare_pair(
     sample: StrokedSample, model: TextureModel, seed: int, spectra: Spectra
 ) -> MatchedPair:
-    """Compare what a model renders under the stroke with what was recorded."""
+    """Compare a model's rendering of the stroke with the recording."""
     return _compared(sample.rendered(model, seed), sample.vibration_m_s2, sample, spectra)
 
 
 def two_renderings(
     sample: StrokedSample, model: TextureModel, seed: int, spectra: Spectra
 ) -> MatchedPair:
-    """Compare two renderings of one model: what is left where the model is the texture."""
+    """Compare two renderings of one model, which gives the error of a perfect model."""
     first, other = (sample.rendered(model, seed + number) for number in (0, 1))
     return _compared(first, other, sample, spectra)
 

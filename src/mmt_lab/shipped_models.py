@@ -37,7 +37,7 @@ ORDERS: Final = {
 def trials_of(surface: Surface) -> list[RecordArray]:
     """Simulate the trials from which the model of a surface is built.
 
-    A hand that covers all headings, the default robot and its noisy sensors.
+    The hand covers all headings; the robot and its noisy sensors are the default ones.
     """
     scene = Scene(hand=Hand(headings="all"))
     return [
@@ -47,7 +47,7 @@ def trials_of(surface: Surface) -> list[RecordArray]:
 
 
 def settings_of(surface: Surface) -> ModellingSettings:
-    """Return what a surface is modelled with: its heading counts where it has one."""
+    """Return the settings by which a surface is modelled; heading counts if not isotropic."""
     inputs: Inputs = "isotropic" if surface.isotropic else "anisotropic"
     return ModellingSettings(inputs=inputs, order=ORDERS[surface.name])
 
@@ -55,8 +55,8 @@ def settings_of(surface: Surface) -> ModellingSettings:
 def build(sessions: Sequence[RecordArray], settings: ModellingSettings) -> TextureModel:
     """Build the model of a surface from trials on it, as it is shipped.
 
-    The level is that of the samples: of so many the blocks would tell little more, and take as many
-    bytes again.
+    The level is that of the samples: with so many samples, the blocks would add little information
+    but double the size of the file.
     """
     modeller = OnlineModeller(settings, deferred=True)
     for block in trials(sessions):
@@ -68,5 +68,5 @@ def build(sessions: Sequence[RecordArray], settings: ModellingSettings) -> Textu
 
 
 def measure(name: str, model: TextureModel) -> SectorErrors:
-    """Return a model's errors against its texture, over all that it is compared at."""
+    """Return a model's errors against its texture, over all strokes of the plane."""
     return overall(KnownTexture(get_surface(name)).plane.errors(model))

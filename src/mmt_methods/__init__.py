@@ -1,1 +1,1 @@
-"""Methods beside the product's own: selection of samples, generators of vibration."""
+"""Additional methods: selection of samples, and other generators of vibration."""

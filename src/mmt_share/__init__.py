@@ -1,1 +1,1 @@
-"""A model shared with listeners: what goes over the wire, who serves it, and who takes it."""
+"""A model shared with listeners: messages, server, clients, hubs, control and the player."""

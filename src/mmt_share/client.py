@@ -1,4 +1,4 @@
-"""A listener's side: connected to whoever shares a model, with a copy that is kept up to date."""
+"""Client of a shared model: keeps the connection, and an up-to-date copy of the model."""
 
 import asyncio
 import logging
@@ -44,10 +44,10 @@ if TYPE_CHECKING:
 LOG: Final = logging.getLogger("mmt_share")
 
 _MESSAGES_HZ: Final = 50.0
-"""500 messages a second may come, and 1 MB: more than any leader sends."""
+"""Rate limit of 500 messages and 1 MB a second: more than any leader sends."""
 ANSWER_PERIOD_S: Final = 1.0
 STATES_HZ: Final = 1.0
-"""As many states of the hand as are answered, by which the leader knows how far behind this is."""
+"""Rate of the states that are answered, from which the leader knows the lag."""
 
 
 class ListenerClient:
@@ -60,13 +60,12 @@ class ListenerClient:
     on_event
         Called with a sentence whenever something happens that a person wants to know.
     operator
-        Asks for control over the same connection; None for a listener that does not.
+        Asks for control over the same connection; None if the listener does not.
     on_message
-        Called with the event and the argument of each message that was taken: after `MODEL` or
-        `CHANGE` the copy has changed, `STATE` is a record of `STATE_DTYPE` as bytes.
+        Called with the event and the argument of each accepted message: for `MODEL` and `CHANGE`
+        when the copy is updated; for `STATE` with a record of `STATE_DTYPE` as bytes.
     states_hz
-        How many states of the hand are wanted in a second at most, None for all, which a picture
-        needs.
+        Most states of the hand that are wanted in a second, or None for all.
 
     Raises
     ------
@@ -85,15 +84,15 @@ class ListenerClient:
     ) -> None:
         self.replica = ModelReplica()
         self.session: dict[str, Any] = {}
-        """What the leader said of its session."""
+        """Identifier and name of the leader's session; empty before its welcome."""
         self.wholes = self.changes = self.states = 0
-        """Messages taken."""
+        """Number of messages received, by kind."""
         self.rejected = 0
         self._settings = settings
         self._operator = operator
         self._on_event, self._on_message = on_event, on_message
         self.hubs: list[str] = []
-        """Others to turn to if this one is full."""
+        """Addresses of other hubs, to connect to if this one is full or lost."""
         self._news = asyncio.Event()
         self._asked = False
         self._answers, self._answering = 0, PeriodLimit(ANSWER_PERIOD_S)
@@ -117,7 +116,7 @@ class ListenerClient:
 
     @property
     def connected(self) -> bool:
-        """Whether the leader is there."""
+        """Whether the leader is connected."""
         return self._connection.connected
 
     async def connect(self) -> None:
@@ -142,10 +141,10 @@ class ListenerClient:
             self._on_event(f"{self._settings.url} is full: connected to {self._connection.url}")
 
     async def next_state(self) -> "tuple[About, TextureModel | None]":
-        """Wait for a state that is new since the last call; its model is built in a thread.
+        """Wait for a state of the model that is new since the last call, and build it in a thread.
 
-        Return what is said of it, and the model, None if it is not ready. Of several the newest is
-        returned. One that cannot be built is told and passed over.
+        Return the newest state's description and its model, or None for the model if it is not
+        ready. A state that cannot be built is reported and skipped.
         """
         while True:
             await self._news.wait()
@@ -161,20 +160,20 @@ class ListenerClient:
                 self._on_event(f"the shared model cannot be rendered: {error}")
 
     async def close(self) -> None:
-        """Leave."""
+        """Close the connection."""
         await self._connection.close()
         if self._operator is not None:
             self._operator.close()
 
     def ask(self) -> None:
-        """Ask for the whole model, once until it comes."""
+        """Request the whole model, unless it is requested already."""
         if self._connection.line is not None and not self._asked:
             self._asked = True
             asking = self._emit(AGAIN, None)
             if asking is not None and self._operator is not None:
                 asking.add_done_callback(self._operator.welcome)
 
-    # --- what comes
+    # --- received messages
 
     def _on_open(self, send: Send) -> None:
         self._asked = False
@@ -206,7 +205,7 @@ class ListenerClient:
         self._take(self.replica.take_whole, MODEL, message)
 
     def _take_change(self, message: object = None, *_: object) -> None:
-        if not self._asked:  # else it follows a state that is not here
+        if not self._asked:  # else it changes a state that was missed
             self.changes += 1
             self._take(self.replica.take_change, CHANGE, message)
 
@@ -234,11 +233,11 @@ class ListenerClient:
         self.hubs = [url for url in given[:MOST_HUBS] if self._may_turn_to(url)]
 
     def _take_refusal(self, data: object) -> None:
-        if isinstance(data, Mapping):  # of a hub that has its most
+        if isinstance(data, Mapping):  # a full hub names others
             self._take_hubs(data.get(HUBS))
 
     def _may_turn_to(self, url: object) -> bool:
-        """Whether this is the address of a hub, as safe as that which was given."""
+        """Whether this is a valid address with the same scheme as the configured one."""
         if not isinstance(url, str) or len(url) > LONGEST_ADDRESS:
             return False
         try:
@@ -248,7 +247,7 @@ class ListenerClient:
         return url.partition(":")[0] == self._settings.url.partition(":")[0]
 
     def _other_hubs(self) -> list[str]:
-        """Return where else the model is to be had, in any order, so that not all go to one."""
+        """Return the other hubs in random order, so that listeners do not all go to the same."""
         return random.sample(self.hubs, len(self.hubs))
 
     def _take_end(self, message: object = None, *_: object) -> None:
@@ -258,7 +257,7 @@ class ListenerClient:
         self._on_event(f"{ended}: the last state stays")
 
     def _answer(self, time_s: float, now_ns: int) -> None:
-        """Say what is here, at a low rate."""
+        """Answer a state with `HAVE`: the first eight, then one a second."""
         if self._answers >= FIRST_ANSWERS and not self._answering.passes(1e-9 * now_ns):
             return
         self._answers += 1

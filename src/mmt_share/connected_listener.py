@@ -1,4 +1,4 @@
-"""A listener as the server of a shared model knows it."""
+"""Record of a connected listener, for the server of a shared model."""
 
 import asyncio
 import time
@@ -11,7 +11,7 @@ from mmt_share.relay import ListenerFeed
 
 @dataclass
 class ConnectedListener:
-    """A listener that is connected; it is served from its first `AGAIN` on."""
+    """A connected listener; it is served from its first `AGAIN` on."""
 
     number: int
     name: str
@@ -21,15 +21,15 @@ class ConnectedListener:
     serving: asyncio.Task[None] | None = None
     rejected: int = 0
     why: str = ""
-    """Why it is to be let go."""
+    """Why the server disconnects the listener; empty if it does not."""
 
     @property
     def text(self) -> str:
-        """What a person calls it."""
+        """Name of the listener in messages to people."""
         return f"listener {self.name}" if self.name else "a listener"
 
     def figures(self) -> dict[str, Any]:
-        """Return what is known of it, for a table."""
+        """Return the figures of the listener for a table."""
         return {
             "id": self.number,
             "name": self.name,
@@ -39,10 +39,10 @@ class ConnectedListener:
         }
 
     def reject(self, _: str) -> None:
-        """Count a message of it that could not be used."""
+        """Count a message that could not be used."""
         self.rejected += 1
 
     def lag_order(self) -> tuple[bool, float]:
-        """Return what grows with how far it is behind, for sorting."""
+        """Return a sort key that grows with the lag; an unknown lag is the lowest."""
         lag_ms = self.feed.lag.last_ms
         return lag_ms is not None, lag_ms or 0.0

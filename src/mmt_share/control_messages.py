@@ -1,6 +1,6 @@
-"""Messages by which control of a robot is asked for, given, used; ``docs/reference/sharing.md``.
+"""Messages to ask for, give and use control of a robot; ``docs/reference/sharing.md``.
 
-They go between a leader with ``[control]`` and listeners that have shown its token for control.
+A leader with ``[control]`` exchanges them with operators: listeners that have its control token.
 """
 
 from collections.abc import Mapping
@@ -21,22 +21,22 @@ from mmt.scene.secured_table import SecuredTable
 from mmt_share.tables import CONTROL_VARIABLE
 
 ASK: Final = "ask"
-"""From an operator: may this hand have control? No argument."""
+"""From an operator: request for control. No argument."""
 RELEASE: Final = "release"
-"""From an operator: it asks no more, or gives control back. No argument."""
+"""From an operator: withdraws its request, or gives control back. No argument."""
 MOTION: Final = "motion"
 """From an operator that has control: number of its grant (u4), then records of `MOTION_DTYPE`."""
 CONTROL: Final = "control"
-"""To an operator: what has become of its control, `ControlNews`."""
+"""To an operator: state of its control, `ControlNews`."""
 CONTACT: Final = "contact"
 """To the operator that has control, 20 times a second: `SharedContact`."""
 
 MOST_RECORDS: Final = 100
-"""Records of one message of an operator's motion, at most."""
+"""Most records in one message of motion."""
 MOTION_HZ: Final = 30.0
-"""An operator may send 300 messages a second, of 600 kB in all."""
+"""Rate limit of an operator, beside that of a listener: 300 messages and 600 kB a second."""
 FARTHEST_MM: Final = 10_000.0
-"""No hand is farther from its origin."""
+"""Largest coordinate that a hand's position may have."""
 _LARGEST: Final = {"position_mm": FARTHEST_MM, "velocity_mm_s": 100_000.0, "force_n": 1000.0}
 _LONGEST_SENTENCE: Final = 200
 _GRANT: Final = np.dtype("<u4")
@@ -50,12 +50,12 @@ MOTION_DTYPE: Final = np.dtype(
         ("contact", "u1"),
     ]
 )
-"""A hand at one moment of its own monotonic clock, 37 bytes: where it asks the robot to be, its
-velocity, its normal force, whether it presses."""
+"""State of a hand at a time of its own monotonic clock, 37 bytes: wanted position of the robot,
+velocity and normal force of the hand, and whether it presses."""
 
 
 def control_access(token_file: Path | None) -> Access:
-    """Return the access that the token for control gives, from its file or `CONTROL_VARIABLE`.
+    """Return the access with the control token, from `CONTROL_VARIABLE` or from its file.
 
     Raises
     ------
@@ -77,20 +77,20 @@ STATES: Final = ("asked", "refused", "given", "ended")
 
 @dataclass(frozen=True)
 class ControlNews:
-    """What has become of an operator's control.
+    """State of an operator's control.
 
     Attributes
     ----------
     state
-        One of `STATES`: it was heard, refused, given, or is over.
+        One of `STATES`: the request was received or refused, or control was given or has ended.
     grant
-        Number of the grant, 0 before there is one; every grant of a session has another one.
+        Number of the grant, 0 before the first; each grant of a session has its own number.
     hold_mm
         Where the robot holds; the operator's first position must be there.
     recovery_mm_s
         Speed at which the difference between robot and hand may shrink.
     why
-        A sentence, may be empty.
+        Reason as a sentence, may be empty.
     """
 
     state: str
@@ -105,7 +105,7 @@ class ControlNews:
 
     @classmethod
     def from_message(cls, message: object) -> Self:
-        """Return what a message says, which is not trusted.
+        """Parse a message, which is not trusted.
 
         Raises
         ------
@@ -127,12 +127,12 @@ class ControlNews:
 
 @dataclass(frozen=True)
 class SharedContact:
-    """The contact as the operator's own force is to be rendered from.
+    """The contact from which an operator's force is rendered.
 
     Attributes
     ----------
     model
-        In the robot's coordinates, along the normal; None where it is not known.
+        Model along the normal, in the robot's coordinates, or None if it is not known.
     normal
         Index of the normal axis.
     limit_n
@@ -153,7 +153,7 @@ class SharedContact:
 
     @classmethod
     def from_message(cls, message: object) -> Self:
-        """Return what a message says, which is not trusted.
+        """Parse a message, which is not trusted.
 
         Raises
         ------
@@ -177,7 +177,7 @@ _MODEL: Final[Mapping[str, tuple[float, float]]] = {
     "damping_n_s_m": (0.0, 1e4),
     "dissipation_s_m": (0.0, 100.0),
 }
-"""Parameters of a contact's model, and between which values they may be."""
+"""Parameters of a contact's model, with the range that is accepted."""
 
 
 def _contact_model(given: object) -> ContactModel | None:
@@ -206,12 +206,12 @@ def encode_motion(grant: int, records: RecordArray) -> bytes:
 
 
 def decode_motion(data: bytes) -> tuple[int, RecordArray]:
-    """Return the number of the grant and the records (n,), n >= 1, of what is not trusted.
+    """Parse untrusted motion; return the number of the grant and the records (n,), n >= 1.
 
     Raises
     ------
     InputError
-        Their number, their times or a value is not possible.
+        The number of records, their times or a value is not possible.
     """
     count, rest = divmod(len(data) - _GRANT.itemsize, MOTION_DTYPE.itemsize)
     if rest or not 1 <= count <= MOST_RECORDS:
@@ -222,7 +222,7 @@ def decode_motion(data: bytes) -> tuple[int, RecordArray]:
     if times[0] < 0 or any(b <= a for a, b in pairwise(times)):
         raise InputError("the times of an operator's motion grow")
     within = all(
-        bool((np.abs(records[name]) <= most).all())  # not a number is not within
+        bool((np.abs(records[name]) <= most).all())  # False for NaN
         for name, most in _LARGEST.items()
     )
     if not within:

@@ -1,13 +1,13 @@
-"""What has changed from one state of a model to the next, as few bytes as it takes.
+"""Difference between two states of a model, in few bytes.
 
-A model is the arrays of its file (`mmt.texture.model.file_arrays`). Most of them have a row for
-each sample, or for each cell of the field. While a model grows a few rows come, and a few go or
-change; so a difference names the rows that stay and holds the others. All other arrays are short,
-and are held where they are new.
+Here a model is the arrays of its file (`mmt.texture.model.file_arrays`). Most arrays have a row for
+each sample, or for each cell of the field. While a model grows, few rows are added, removed or
+changed. So a difference names the rows that stay and contains the new ones. All other arrays are
+short; the difference contains those that have changed.
 
-A difference is plain numbers, strings, bytes, lists and maps, as msgpack takes them. Applied to
-what it was made from, it gives the arrays of the new state to the bit; a digest tells whether it
-was. Cost: O(bytes of the model), some 0.2 ms for 200 samples.
+A difference consists of numbers, strings, bytes, lists and maps, which msgpack can pack. Applied to
+the earlier state, it gives the arrays of the later one to the bit; a digest verifies that. Cost:
+O(bytes of the model), some 0.2 ms for 200 samples.
 """
 
 from collections.abc import Mapping
@@ -25,13 +25,13 @@ Arrays = Mapping[str, Any]
 
 _GROUPS: Final = (MODEL_ROWS, FIELD_ROWS)
 _NEW: Final = -1
-"""In a plan, in place of a first row: rows that the difference holds."""
+"""Marks an entry of a plan as new rows, in place of the first earlier row."""
 _LARGEST_BYTES: Final = 16 << 20
 _KINDS: Final = "fiuU"
 
 
 def digest(arrays: Arrays) -> bytes:
-    """Return 8 bytes that arrays of other names, kinds, shapes or values hardly share."""
+    """Return an 8-byte hash of the arrays' names, dtypes, shapes and values."""
     found = blake2b(digest_size=8)
     for name in sorted(arrays):
         array = np.asarray(arrays[name])
@@ -41,16 +41,15 @@ def digest(arrays: Arrays) -> bytes:
 
 
 def difference(before: Arrays, after: Arrays) -> dict[str, Any]:
-    """Return what leads from the arrays of one state of a model to those of another.
+    """Return the difference from one state of a model's arrays to another.
 
     Returns
     -------
     dict
-        ``arrays``: those that are new or have changed, by name: dtype (NumPy's name), shape and
-        bytes. ``rows``: for each kind of rows the ``plan``, a list of ``[first, stop]`` of the
-        earlier rows, or ``[-1, n]`` for the next n of the new rows, which ``arrays`` holds; and
-        the ``names`` of the arrays that it is for. ``gone``: names that are no more. ``digest``:
-        of the result.
+        ``arrays``: new and changed arrays by name, each as dtype (NumPy's name), shape and bytes.
+        ``rows``: for each group of arrays with common rows their ``names`` and a ``plan``, a list
+        of ``[first, stop]`` for earlier rows, or ``[-1, n]`` for the next n new rows, which
+        ``arrays`` contains. ``gone``: names of removed arrays. ``digest``: hash of the result.
     """
     held: dict[str, Any] = {}
     rows: list[dict[str, Any]] = []
@@ -77,12 +76,12 @@ def apply(before: Arrays, change: object) -> dict[str, Any]:
     before
         Arrays of the earlier state.
     change
-        What `difference` returned, which is not trusted.
+        Result of `difference`, which is not trusted.
 
     Raises
     ------
     InputError
-        It is malformed, or does not belong to this earlier state.
+        The change is malformed, or does not belong to this earlier state.
     """
     try:
         arrays = _applied(before, change)
@@ -138,7 +137,7 @@ def _plan(before: Arrays, after: Arrays, names: list[str]) -> tuple[list[list[in
 
 
 def _rows(arrays: Arrays, names: list[str]) -> list[bytes]:
-    """Return all that arrays (n, ...) say of each row, as bytes."""
+    """Return each row of the arrays (n, ...), joined, as bytes."""
     columns = [np.ascontiguousarray(arrays[name]) for name in names]
     parts = [column.reshape(len(column), -1).view(np.uint8) for column in columns]
     return [row.tobytes() for row in np.hstack(parts)]

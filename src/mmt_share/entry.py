@@ -1,4 +1,4 @@
-"""Start ``mmt-listen``; as light as `mmt.cli.entry`, and for the same reason."""
+"""Start ``mmt-listen``; imports as little as `mmt.cli.entry`, for the same reason."""
 
 from mmt.cli.entry import start
 

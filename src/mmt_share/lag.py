@@ -1,4 +1,4 @@
-"""How far a listener is behind, by what it answers to states of the hand."""
+"""Lag of a listener, measured by its answers to states of the hand."""
 
 import struct
 from typing import Any, Final, NamedTuple
@@ -8,7 +8,7 @@ from mmt.core.ticking import TimeHistogram
 from mmt.link.clock_offset import ClockOffset
 
 FIRST_ANSWERS: Final = 8
-"""As many as are needed to tell the clocks apart."""
+"""Answers that are needed to know the offset of the clocks."""
 
 _HAVE: Final = struct.Struct("<Iqd")
 _LATEST_NS: Final = 2**61
@@ -22,7 +22,7 @@ class Have(NamedTuple):
     number
         Number of its model, 0 before the first.
     arrived_ns
-        When the state came, by its monotonic clock.
+        When the state arrived, by the listener's monotonic clock.
     time_s
         Session time of that state.
     """
@@ -32,12 +32,12 @@ class Have(NamedTuple):
     time_s: float
 
     def pack(self) -> bytes:
-        """Return it for the wire."""
+        """Return the bytes for the wire."""
         return _HAVE.pack(*self)
 
     @classmethod
     def unpack(cls, data: object) -> "Have":
-        """Return what came, which is not trusted.
+        """Parse an answer, which is not trusted.
 
         Raises
         ------
@@ -53,16 +53,15 @@ class Have(NamedTuple):
 
 
 class Lag:
-    """From the making of a state at the leader until a listener has it.
+    """Time from the making of a state at the leader to its arrival at a listener.
 
-    The listener's clock is another one: each answer bounds its offset from both sides, and the lag
-    is right to half of the quickest way there and back (`mmt.link.clock_offset`). It is known from
-    the eighth answer on.
+    Each answer bounds the offset of the listener's clock from both sides. So the lag is right to
+    half of the shortest round-trip time (`mmt.link.clock_offset`), from the eighth answer on.
     """
 
     def __init__(self) -> None:
         self.number: int | None = None
-        """Number of the newest model that it has, None before its first answer."""
+        """Number of the listener's newest model, or None before its first answer."""
         self.answered_ns: int | None = None
         self.last_ms: float | None = None
         self._offset = ClockOffset()
@@ -76,9 +75,9 @@ class Lag:
         have
             What the listener has.
         made_ns
-            When the state was made, by the clock of this machine; None where that is not known.
+            When the state was made, by the clock of this machine; None if that is not known.
         now_ns
-            When the answer came, by the same.
+            When the answer came, by the same clock.
         """
         self.number, self.answered_ns = have.number, now_ns
         if made_ns is None:
@@ -94,7 +93,7 @@ class Lag:
         self.last_ms = lag_ns / 1e6
 
     def figures(self, now_ns: int) -> dict[str, Any]:
-        """Return the lag for a table, None where it is not known; times in ms and s."""
+        """Return the lag for a table, times in ms and s; a figure is None if it is not known."""
         lags, answered_ns = self._lags, self.answered_ns
         return {
             "number": self.number,

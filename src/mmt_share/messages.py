@@ -1,8 +1,8 @@
-"""Messages from whoever shares a model to its listeners; ``docs/reference/sharing.md``.
+"""Messages between the server of a shared model and its listeners; ``docs/reference/sharing.md``.
 
-All are Socket.IO events of the link's namespace and serializer. A model has a number, which grows
-by one with each of its changes. A listener gets the whole of it first, and then what has changed
-since the number that it has; where it lacks one in between it gets the whole again.
+All are Socket.IO events with the namespace and serializer of the link. Each state of the model has
+a number, one higher than the state before. A listener first receives the whole model, then the
+change from each number to the next. If it has missed a change, it requests the whole model again.
 """
 
 from dataclasses import dataclass
@@ -19,21 +19,21 @@ SHARING_VERSION: Final = 1
 TOKEN_VARIABLE: Final = "MMT_SHARING_TOKEN"  # noqa: S105 - the variable's name
 
 WELCOME: Final = "welcome"
-"""To a listener, as each session begins: ``{"sharing": int, "session_id": str, "name": str,
+"""To a listener, at the start of each session: ``{"sharing": int, "session_id": str, "name": str,
 "rate_hz": int}``."""
 MODEL: Final = "model"
-"""To a listener: the model as it is, a map of ``number``, `About`, and ``file``, a model file."""
+"""To a listener: the whole model, a map with a model ``file``; see `model_message`."""
 CHANGE: Final = "change"
-"""To a listener: a map of ``number``, ``since``, `About`, and `mmt_share.difference`."""
+"""To a listener: a change, a map with the keys of `mmt_share.difference`; see `encode_change`."""
 STATE: Final = "state"
-"""To a listener, 20 times a second or as often as it wants: where the tool is, `STATE_DTYPE`."""
+"""To a listener, 20 times a second or at the lower rate that it asked for: `STATE_DTYPE`."""
 END: Final = "end"
 """To a listener: ``{"outcome": str}``; the session is over."""
 AGAIN: Final = "again"
-"""From a listener, after `WELCOME` and wherever it lacks a change: send the whole model."""
+"""From a listener, after `WELCOME` and after each missed change: request for the whole model."""
 
 HAVE: Final = "have"
-"""From a listener, to the first eight states and then to one a second: `mmt_share.lag.Have`."""
+"""From a listener, in answer to the first eight states and then one a second: `lag.Have`."""
 HUBS: Final = "hubs"
 """From a hub to a listener: a list of the other hubs' addresses, whenever it has changed. The same
 list is in `WELCOME`, as ``hubs``."""
@@ -47,8 +47,8 @@ LONGEST_MESSAGE: Final = 4 << 20
 """Most bytes of a message to a listener; a model of a thousand samples has some 200,000."""
 
 PING_S: Final = 5, 5
-"""Seconds between two pings of a listener, and how long it may take to answer. Each takes the
-library as long as ten states take; a connection that is closed is known at once."""
+"""Seconds between two pings of a listener, and time-out of its answer. A ping costs as much time as
+ten states. Only silent connections need pings: a closed one is noticed at once."""
 
 STATE_DTYPE: Final = np.dtype(
     [
@@ -59,21 +59,21 @@ STATE_DTYPE: Final = np.dtype(
         ("contact", "u1"),
     ]
 )
-"""The hand that strokes, 37 bytes: session time, position, velocity, normal force, contact."""
+"""State of the hand that moves the robot, 37 bytes; `force_n` is its normal force."""
 
 
 @dataclass(frozen=True)
 class Hello:
-    """What a listener says of itself as it connects.
+    """Name, role and state rate that a listener sends when it connects.
 
     Attributes
     ----------
     name
-        What a person calls it, at most 64 characters; may be empty.
+        Name for people, at most 64 characters; may be empty.
     operates
-        Whether it may ask for control, and so has shown the token for that.
+        Whether it connects as an operator, which may ask for control and needs a token for that.
     states_hz
-        How many states of the hand it wants in a second at most, None for all.
+        Most states of the hand that it wants in a second, or None for all.
     """
 
     name: str = ""
@@ -81,7 +81,7 @@ class Hello:
     states_hz: float | None = None
 
     def as_auth(self) -> dict[str, Any]:
-        """Return the ``auth`` of its connection, without a token."""
+        """Return the ``auth`` of the connection, without tokens."""
         role = "operator" if self.operates else "listener"
         return {
             "sharing": SHARING_VERSION,
@@ -92,12 +92,12 @@ class Hello:
 
     @classmethod
     def from_auth(cls, auth: object) -> Self:
-        """Return what a connecting listener says, which is not trusted.
+        """Parse the ``auth`` of a connecting listener, which is not trusted.
 
         Raises
         ------
         InputError
-            It is none of this version; the message is for its user.
+            It is malformed or of another version; the message is for the listener's user.
         """
         role = auth.get("role") if isinstance(auth, dict) else None
         if not isinstance(auth, dict) or role not in ("listener", "operator"):
@@ -121,24 +121,24 @@ class Hello:
 
 @dataclass(frozen=True)
 class About:
-    """What is said of a model beside its arrays.
+    """Description of a state of the model, sent with its arrays.
 
     Attributes
     ----------
     session_id
-        Of the session that it is of.
+        The leader's session.
     time_s
         Session time of its newest frame.
     ready
-        Whether it is good enough to render from.
+        Whether the model is good enough to render from.
     surface
-        Number of the surface that it is of, None where surfaces are not told apart.
+        Number of the surface, or None if surfaces are not told apart.
     samples
         Number of its samples.
     completion
-        What the criterion says of it, in words.
+        Progress of the model by the criterion in use, in words.
     complete
-        Whether it will grow no more.
+        Whether the model is final.
     """
 
     session_id: str
@@ -150,12 +150,12 @@ class About:
     complete: bool
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as a map for the wire."""
+        """Return the description as a map for the wire."""
         return dict(vars(self))
 
     @classmethod
     def from_message(cls, message: Any) -> Self:
-        """Return what a message says, which is not trusted.
+        """Parse a message, which is not trusted.
 
         Raises
         ------
@@ -178,17 +178,17 @@ class About:
 
 
 def model_message(number: int, made_ns: int, about: About, file: bytes) -> dict[str, Any]:
-    """Return the argument of `MODEL`, for a model made at this time of the leader's clock."""
+    """Return the argument of `MODEL`; `made_ns` is a time of the leader's monotonic clock."""
     return {"number": number, "made_ns": made_ns, **about.as_dict(), "file": file}
 
 
 def encode_change(number: int, made_ns: int, about: About, change: dict[str, Any]) -> bytes:
-    """Return the message that leads from a model's last number to this one."""
+    """Encode the `CHANGE` from the state before this number to this one."""
     head = {"number": number, "since": number - 1, "made_ns": made_ns}
     return encode_event(CHANGE, {**head, **about.as_dict(), **change})
 
 
 def shared_at(sentence: str) -> str | None:
-    """Return where a leader's event says that its model is shared, None for any other event."""
+    """Return the URL in a leader's event ``shared at URL``, or None for any other event."""
     before, _, url = sentence.partition("shared at ")
     return url if url and not before else None

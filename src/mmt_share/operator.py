@@ -1,4 +1,4 @@
-"""A listener that asks for control of the leader's robot, and what becomes of it."""
+"""Client of an operator: a listener that asks for control of the leader's robot."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, Final
@@ -23,41 +23,41 @@ from mmt_share.control_messages import (
 )
 
 _GATHERED: Final = 10
-"""Records in a message: at a kilohertz a hundred messages a second, each 10 ms long."""
+"""Records in a message: at 1 kHz this gives a hundred messages a second, of 10 ms each."""
 _WAITING: Final = 5
-"""Messages that may wait for a network that stalls; older motion is of no use."""
+"""Most messages that are queued while the network stalls; older motion is of no use."""
 
 
 class OperatorClient:
-    """Ask for control over a listener's connection, and send the hand's motion while it lasts.
+    """Ask for control over a listener's connection, and send the hand's motion while it has it.
 
     Parameters
     ----------
     access
-        Has the token for control.
+        Holds the token for control.
     on_event
         Called with a sentence whenever something happens that a person wants to know.
     """
 
     def __init__(self, access: Access, on_event: Callable[[str], None]) -> None:
         self.auth: dict[str, Any] = {"control_token": access.token}
-        """What the connection's ``auth`` has more than that of a listener."""
+        """Entries of the connection's ``auth`` that other listeners do not send."""
         self.news: ControlNews | None = None
-        """What was heard of control the last time, None before that and without a connection."""
+        """Newest message about control; None before the first and without a connection."""
         self.contact: SharedContact | None = None
-        """What this hand's force is rendered from, None where it is not known."""
+        """Contact from which this hand's force is rendered, or None if it is not known."""
         self.contacts = self.records = self.rejected = 0
-        """Messages of the contact that came, records that were sent, messages not understood."""
+        """Contact messages received, motion records sent, malformed messages received."""
         self._on_event = on_event
         self._queue = SendQueue(_WAITING)
         self._gathered = np.zeros(_GATHERED, MOTION_DTYPE)
         self._count = 0
         self.wants = True
-        """Whether it asks for control, or has it."""
+        """Whether this hand asks for control or has it; False after a refusal or the end."""
 
     @property
     def handlers(self) -> Mapping[str, Callable[..., None]]:
-        """Handlers of what the leader sends an operator."""
+        """Handlers of the leader's messages to an operator, by event."""
         return {CONTROL: self._take_news, CONTACT: self._take_contact}
 
     @property
@@ -66,16 +66,16 @@ class OperatorClient:
         return self.news is not None and self.news.state == "given"
 
     def open(self, send: Send) -> None:
-        """Send by this function from now on."""
+        """Use this function to send from now on."""
         self._queue.open(send)
 
     def close(self) -> None:
-        """Take note that there is no connection: control is lost with it."""
+        """Note that the connection is lost, and control with it."""
         self.news = self.contact = None
         self._queue.close()
 
     def welcome(self, _: object = None) -> None:
-        """Ask for control, now that the leader has answered; once on a connection."""
+        """Ask for control if wanted and not asked yet on this connection."""
         if self.wants and self.news is None:
             self.ask()
 
@@ -85,7 +85,7 @@ class OperatorClient:
         self._queue.put(0, encode_event(ASK, None))
 
     def release(self) -> None:
-        """Ask no more, or give control back."""
+        """Withdraw the request, or give control back."""
         self.wants = False
         self.news = self.contact = None
         self._queue.put(0, encode_event(RELEASE, None))
@@ -99,7 +99,7 @@ class OperatorClient:
         *,
         contact: bool,
     ) -> None:
-        """Send where the robot is to be at a time of this clock; records go in tens."""
+        """Send the robot's wanted position for a time of this clock, in messages of ten records."""
         if self.news is None or not self.operates:
             return
         self._gathered[self._count] = (time_ns, position_mm, velocity_mm_s, force_n, contact)

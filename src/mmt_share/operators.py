@@ -1,4 +1,4 @@
-"""Listeners with the right to ask for control, as the process that serves them knows them."""
+"""The operators at the server of a shared model: listeners that may ask for control."""
 
 import asyncio
 from collections.abc import Callable
@@ -13,20 +13,20 @@ from mmt_share.control_messages import ASK, MOTION, MOTION_HZ, RELEASE
 from mmt_share.relay import ListenerFeed
 
 _LONGEST_BYTES: Final = 4096
-"""Of a message of motion; one of a hundred records has 3704."""
+"""Longest message of motion that is accepted; one of a hundred records has 3704."""
 
 
 class Operators:
-    """Hand on what operators send, and stop the motion of all but one.
+    """Pass on the messages of operators, but the motion of at most one of them.
 
     Parameters
     ----------
     server
         The Socket.IO server.
     access
-        Has the token for control.
+        Holds the token for control.
     tell
-        Called with what an operator has sent, by keywords: ``control`` ("ask", "release",
+        Called with each message of an operator, as keywords: ``control`` ("ask", "release",
         "motion" or "gone"), ``who``, and ``name`` or ``data``.
     """
 
@@ -44,15 +44,15 @@ class Operators:
         self._used: set[str] = set()
         self._listeners: dict[int, ListenerFeed] = {}
         self._asks = RepeatLimit()
-        self._waiting: dict[str, asyncio.TimerHandle] = {}  # who has asked again within a second
+        self._waiting: dict[str, asyncio.TimerHandle] = {}  # asked again within a second
         self._admitted: int | None = None
         self.refused = 0
-        """Messages of motion that were not handed on."""
+        """Messages of motion that were not passed on."""
         server.on(ASK, self._on_ask)
         server.on(RELEASE, self._on_release)
 
     def distinct(self, name: str, number: int) -> str:
-        """Return the name by which everybody knows an operator: no other has had it."""
+        """Return a name for an operator that no other operator has had."""
         while not name or name in self._used:
             name = f"{name or 'operator'} {number}"
         self._used.add(name)
@@ -61,13 +61,13 @@ class Operators:
     def join(
         self, sid: str, number: int, name: str, listener: ListenerFeed
     ) -> dict[str, Callable[[bytes], None]]:
-        """Take in a listener that may operate; return the handlers of its frequent events."""
+        """Add an operator; return the handlers of its frequent events."""
         self._numbers[sid], self._names[sid] = number, name
         self._listeners[number] = listener
         return {MOTION: partial(self._on_motion, number)}
 
     def leave(self, sid: str) -> None:
-        """Forget a connection, which may be that of an operator."""
+        """Forget a closed connection; if it was an operator's, report that it is gone."""
         number = self._numbers.pop(sid, None)
         self._names.pop(sid, None)
         self._forget_ask(sid)
@@ -76,11 +76,11 @@ class Operators:
             self._tell(control="gone", who=number)
 
     def admit_motion(self, number: int | None) -> None:
-        """Hand on the motion of this operator alone."""
+        """Pass on only the motion of this operator; None passes on none."""
         self._admitted = number
 
     def send(self, number: int, message: bytes) -> None:
-        """Send an operator a message, if it is still there and listens."""
+        """Send an operator a message, if it is still connected."""
         listener = self._listeners.get(number)
         if listener is not None:
             listener.tell(message)

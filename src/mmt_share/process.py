@@ -1,14 +1,14 @@
-"""The process that serves listeners, so that none of them costs the leader's ticks anything.
+"""The process that serves listeners, so that they do not delay the leader's ticks.
 
-It is a child of the leader, which writes msgpack maps to its standard input: ``{"model": [number,
-whole, change]}``, ``{"state": [message, session time, ns of its making]}`` and ``{"end":
-outcome}``; models and states are messages ready to be sent. It ends with that input, so that no
-leader leaves one behind. To standard output it writes JSON lines: its port, an event whenever a
-listener has come or gone, and once a second the figures of those who listen.
+The leader starts it and writes msgpack maps to its standard input: ``{"model": [number, whole,
+change]}``, ``{"state": [message, session time, ns of its making]}`` and ``{"end": outcome}``.
+Models and states are encoded messages, ready to be sent. The process ends when its input is closed,
+so that it does not outlive the leader. To standard output it writes JSON lines: its port, an event
+when a listener joins or leaves, and once a second the figures of the listeners.
 
-Where control may be handed over, what operators send goes to standard output too, a line with
-``control`` and ``who``, and from standard input come ``{"to": [operator, message]}`` and
-``{"admit": operator}``, whose motion alone is handed on.
+If the scene has ``[control]``, the operators' messages also go to standard output, as lines with
+``control`` and ``who``. Standard input then also takes ``{"to": [operator, message]}`` and
+``{"admit": operator}``: only the motion of this operator is passed on.
 """
 
 import asyncio
@@ -34,7 +34,7 @@ _FIGURES_PERIOD_S: Final = 1.0
 
 
 async def _input() -> AsyncIterator[dict[str, Any]]:
-    """Yield what comes on standard input, until it is closed."""
+    """Yield the messages on standard input until it is closed."""
     loop = asyncio.get_running_loop()
     reader = asyncio.StreamReader(limit=LONGEST_MESSAGE)
     await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
@@ -87,7 +87,7 @@ async def serve(settings: Sharing, welcome: dict[str, Any], control: Control | N
 
 
 async def _tell(server: SharingServer) -> None:
-    """Tell the figures once a second, as long as they change."""
+    """Write the figures once a second if they have changed."""
     told: dict[str, Any] = {}
     while True:
         await asyncio.sleep(_FIGURES_PERIOD_S)
@@ -98,10 +98,10 @@ async def _tell(server: SharingServer) -> None:
 
 
 def main() -> None:
-    """Run the process; the first argument is the scene's table and the welcome as JSON."""
+    """Run the process; its first argument is JSON with the scene's tables and the welcome."""
     given = json.loads(sys.argv[1])
     handle_end_signals(signal.SIG_IGN)  # the leader says when it ends
-    step_back()  # the leader's ticks do not wait for what listeners take
+    step_back()  # so that listeners do not delay the leader's ticks
     control = None if given["control"] is None else Control.model_validate(given["control"])
     queue_output()
     try:

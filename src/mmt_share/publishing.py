@@ -1,4 +1,4 @@
-"""A model as its leader publishes it: numbered, whole and as what has changed."""
+"""Messages for each new state of a model: the whole model, and the change."""
 
 import time
 from typing import Any, NamedTuple
@@ -12,19 +12,19 @@ from mmt_share.messages import MODEL, About, encode_change, model_message
 
 
 class PublishedModel(NamedTuple):
-    """One state of a model for the wire: its number, and either way to bring it over."""
+    """One state of a model for the wire: its number and its two messages."""
 
     number: int
     whole: bytes
     change: bytes | None
-    """From the number before; None for the first one."""
+    """Change from the state before, or None for the first state."""
 
 
 class ModelPublisher:
     """Make the messages of each new state of a model.
 
-    Cost: some 5 ms for 200 samples, most of it for the compression of the whole; to be called in
-    a worker thread.
+    Call it in a worker thread: it takes some 5 ms for 200 samples, most of it to compress the
+    whole model.
     """
 
     def __init__(self) -> None:

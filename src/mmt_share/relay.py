@@ -1,9 +1,9 @@
-"""What listeners are to have, and who of them has what.
+"""The newest messages for listeners, and which of them each listener has.
 
-Every message is made once, and one task gives it to all who can take it, since waking a task for
-each costs several times the sending. A listener has room for no queue: when it can take the next
-message, it gets what is newest by then. So a slow one skips states, the memory does not grow, and
-nobody waits for anybody.
+Each message is encoded once, and one task sends it to all listeners that are ready: to wake a task
+for each listener costs several times as much as to send. Listeners have no queues: a listener that
+is ready for the next message gets the newest one. So a slow listener skips states, memory does not
+grow, and no listener waits for another.
 """
 
 import asyncio
@@ -21,13 +21,13 @@ from mmt_share.messages import END
 _KINDS: Final = ("wholes", "changes", "states")
 _BYTES_OF: Final = {kind: f"{kind}_bytes" for kind in _KINDS}
 _REMEMBERED: Final = 600
-"""States whose time of making is known: half a minute of them."""
+"""States whose time of making is kept: half a minute of them."""
 
 _OWN_MESSAGES: Final = 20
 _TURN: Final = 64
-"""Listeners that are given something before the event loop runs its other tasks; some 1 ms."""
+"""Listeners that are served before the event loop runs its other tasks; takes some 1 ms."""
 STALLED_S: Final = 10.0
-"""A listener that takes no message for this long is let go."""
+"""A listener that takes no message for this long is disconnected."""
 
 
 class Relay:
@@ -35,7 +35,7 @@ class Relay:
 
     def __init__(self) -> None:
         self.number = 0
-        """Number of the model."""
+        """Number of the newest state of the model."""
         self._whole: bytes | Callable[[], bytes] | None = None
         self.change: bytes | None = None
         self.states = 0
@@ -44,15 +44,14 @@ class Relay:
         self.end: bytes | None = None
         self.listeners: dict[str, ListenerFeed] = {}
         self.sent = dict.fromkeys((*_KINDS, *_BYTES_OF.values(), "skipped"), 0)
-        """Messages that all listeners have been given, together, and their bytes, by kind; and how
-        many they skipped."""
+        """Totals of all listeners: messages sent and their bytes, by kind, and messages skipped."""
         self._made_ns: OrderedDict[float, int | None] = OrderedDict()
         self._news = False
         self._giving: asyncio.Task[None] | None = None
 
     @property
     def whole(self) -> bytes | None:
-        """The message of the whole model, None before there is one."""
+        """The message of the whole model, or None before the first."""
         if callable(self._whole):
             self._whole = self._whole()
         return self._whole
@@ -60,50 +59,50 @@ class Relay:
     def offer_model(
         self, number: int, whole: bytes | Callable[[], bytes], change: bytes | None
     ) -> None:
-        """Let every listener have a new state of the model.
+        """Offer a new state of the model to every listener.
 
         Parameters
         ----------
         number
-            Of this state.
+            Number of this state.
         whole
-            Its message, or what makes it, which is called once somebody needs it.
+            Message of the whole model, or a function that makes it when a listener needs it.
         change
-            The message that leads here from the number before, None where there is none.
+            Message of the change from the state before, or None if there is none.
         """
         self.number, self._whole, self.change = number, whole, change
         self._tell()
 
     def begin(self) -> None:
-        """Forget the model and its end: another session begins, whose model has its own numbers."""
+        """Begin another session: forget the model and the end, since numbers begin anew."""
         self.number, self._whole, self.change = 0, None, None
         self.end = None
         for listener in self.listeners.values():
             listener.again()
 
     def offer_state(self, message: bytes, time_s: float, made_ns: int) -> None:
-        """Let every listener have a new state of the hand.
+        """Offer a new state of the hand to every listener.
 
         Parameters
         ----------
         message
-            Ready to be sent.
+            Encoded message.
         time_s, made_ns
-            Its session time, and when it was made by this machine's monotonic clock.
+            Session time of the state, and when it was made by this machine's monotonic clock.
         """
         self.states, self.state = self.states + 1, message
-        # before the first frame the session's time stands still: such states are not told apart
+        # before the first frame the session time stands still: states of one time are ambiguous
         self._made_ns[time_s] = None if time_s in self._made_ns else made_ns
         if len(self._made_ns) > _REMEMBERED:
             self._made_ns.popitem(last=False)
         self._tell()
 
     def made_ns(self, time_s: float) -> int | None:
-        """Return when the state of a session time was made, None where that is not known."""
+        """Return when the state of this session time was made, or None if that is not known."""
         return self._made_ns.get(time_s)
 
     def finish(self, outcome: str) -> None:
-        """Let every listener know that the session is over."""
+        """Tell every listener that the session is over."""
         self.end = encode_event(END, {"outcome": outcome})
         self._tell()
 
@@ -113,7 +112,7 @@ class Relay:
             self._giving = asyncio.get_running_loop().create_task(self._give())
 
     async def _give(self) -> None:
-        """Give all listeners what is newest, as often as there has been something new meanwhile."""
+        """Send the newest messages to all listeners, again while new ones have come meanwhile."""
         try:
             while self._news:
                 self._news = False
@@ -126,15 +125,15 @@ class Relay:
 
 
 class ListenerFeed:
-    """What one listener is given: which messages it has, and which is next.
+    """Choose and send the messages for one listener.
 
     Parameters
     ----------
     relay
-        Has the messages.
+        Holds the messages.
     states_hz
-        How many states of the hand it wants in a second at most, None for all. The first come
-        as they are made, so that its lag is soon known.
+        Most states of the hand that the listener wants in a second, or None for all. The first
+        eight come at the full rate, so that its lag is soon known.
     """
 
     def __init__(self, relay: Relay, states_hz: float | None = None) -> None:
@@ -143,7 +142,7 @@ class ListenerFeed:
         self._number = self._states = 0
         self._ended = False
         self.sent = dict.fromkeys(relay.sent, 0)
-        """What it has been given, as in `Relay.sent`."""
+        """Totals of this listener, as in `Relay.sent`."""
         self.lag = Lag()
         self._own: deque[bytes] = deque(maxlen=_OWN_MESSAGES)
         self._send: Callable[[bytes], Sending] | None = None
@@ -151,26 +150,26 @@ class ListenerFeed:
         self._wanted = asyncio.Event()
 
     def again(self) -> None:
-        """Let it have the whole model next, and the end of the session where it is over."""
+        """Send the whole model next, and then the end of the session if it is over."""
         self._number = 0
         self._ended = False
         self.give()
 
     def has(self, have: Have, now_ns: int) -> None:
-        """Take its answer of what it has, which came at this time of the monotonic clock."""
+        """Take the listener's answer, which came at this time of the monotonic clock."""
         self.lag.take(have, self._relay.made_ns(have.time_s), now_ns)
 
     def figures(self, now_ns: int) -> dict[str, Any]:
-        """Return what it was given and how far it is behind, for a table."""
+        """Return the totals and the lag of the listener for a table."""
         return {**self.lag.figures(now_ns), **self.sent}
 
     def tell(self, message: bytes) -> None:
-        """Let it have a message that is for it alone; of too many the oldest are left out."""
+        """Queue a message for this listener alone; if the queue is full, the oldest is dropped."""
         self._own.append(message)
         self.give()
 
     def next(self) -> bytes | None:
-        """Return the next message, None where it has all."""
+        """Return the next message, or None if the listener has all."""
         relay = self._relay
         if self._own:
             return self._own.popleft()
@@ -193,13 +192,13 @@ class ListenerFeed:
         return None
 
     def _wants_state(self) -> bool:
-        """Whether a state is due, at the rate that it wants."""
+        """Whether a state is due at the listener's rate."""
         if self._thinning is None or self.sent["states"] < FIRST_ANSWERS:
             return True
         return self._thinning.passes(time.monotonic())
 
     def _given(self, kind: str, message: bytes | None) -> bytes | None:
-        """Count a message that is given to it."""
+        """Count one message given to the listener, and return it."""
         self._count(kind, 1)
         self._count(_BYTES_OF[kind], len(message or b""))
         return message
@@ -210,7 +209,7 @@ class ListenerFeed:
             self._relay.sent[kind] += more
 
     def give(self) -> None:
-        """Send what is newest, while it is served; what has to wait is left to `serve`."""
+        """While `serve` runs, send the newest messages until a send has to wait."""
         while self._send is not None and self._rest is None:
             message = self.next()
             if message is None:
@@ -220,16 +219,16 @@ class ListenerFeed:
                 self._wanted.set()
 
     async def serve(self, send: Callable[[bytes], Sending]) -> None:
-        """Send what is newest, until the session is over.
+        """Send the newest messages until the session is over.
 
         Raises
         ------
         ConnectionError
-            It has gone.
+            The listener has disconnected.
         TimeoutError
-            It has taken no message for `STALLED_S`.
+            The listener has taken no message for `STALLED_S`.
         """
-        self._states = max(0, self._relay.states - 1)  # the newest is the first that it gets
+        self._states = max(0, self._relay.states - 1)  # it begins with the newest
         self._send = send
         try:
             self.give()

@@ -18,11 +18,11 @@ class ModelReplica:
     Attributes
     ----------
     number
-        Its number, 0 before the first.
+        Number of this state, 0 before the first.
     made_ns
-        When it was made, by the leader's monotonic clock.
+        When this state was made, by the leader's monotonic clock.
     about
-        What was said of it, None before the first.
+        Description of this state, or None before the first.
     """
 
     def __init__(self) -> None:
@@ -36,7 +36,7 @@ class ModelReplica:
         Raises
         ------
         InputError
-            The message is malformed; the replica stays what it was.
+            The message is malformed; the replica stays as it was.
         """
         stamp, about = _stamp(message), About.from_message(message)
         file = message.get("file") if isinstance(message, Mapping) else None
@@ -46,13 +46,13 @@ class ModelReplica:
         (self.number, self.made_ns), self.about = stamp, about
 
     def take_change(self, message: object) -> None:
-        """Take what has changed since the state that is here.
+        """Apply a change to the state that is here.
 
         Raises
         ------
         InputError
-            It is malformed, or begins at another state; the replica stays what it was, and the
-            whole model must be asked for.
+            The change is malformed, or from another state. The replica stays as it was, and the
+            whole model must be requested.
         """
         stamp, about = _stamp(message), About.from_message(message)
         since = message.get("since") if isinstance(message, Mapping) else None
@@ -62,26 +62,26 @@ class ModelReplica:
         (self.number, self.made_ns), self.about = stamp, about
 
     def message(self) -> dict[str, Any]:
-        """Return the message of the whole model as it is here; some 5 ms, for its compression.
+        """Return the message of the whole model; the compression takes some 5 ms.
 
         Raises
         ------
         InputError
-            There is none yet.
+            No model has come yet.
         """
         if self.about is None:
             raise InputError("no model has come yet")
         return model_message(self.number, self.made_ns, self.about, pack_arrays(self._arrays))
 
     def build(self) -> "TextureModel":
-        """Return the model; some 30 ms, from any thread.
+        """Build the model, from any thread; this takes some 30 ms.
 
         Raises
         ------
         InputError
-            The arrays are no model.
+            The arrays do not form a model.
         """
-        # a hub hands models on and renders none
+        # imported here: a hub passes models on and builds none
         from mmt.texture.model.file import contents_of
         from mmt.texture.model.texture_model import TextureModel
 
@@ -89,7 +89,7 @@ class ModelReplica:
 
 
 def _stamp(message: object) -> tuple[int, int]:
-    """Return the number of a message's model, and when it was made."""
+    """Return the number of the model in a message, and when it was made."""
     match message:
         case {"number": int(number), "made_ns": int(made_ns)} if number >= 1:
             return number, made_ns

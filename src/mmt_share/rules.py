@@ -1,4 +1,4 @@
-"""What a scene with a table of sharing or control may not be."""
+"""Rules for scenes with tables of sharing or control."""
 
 from mmt.scene.scene import Rules, SceneTables
 from mmt_share.tables import Listening, Sharing

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 
 class FullError(InputError):
-    """As many listen as may."""
+    """The server has as many listeners as it may have."""
 
 
 LOG: Final = logging.getLogger("mmt_share")
@@ -53,11 +53,11 @@ _NO_CONTROL: Final = (
     "the leader's token for it, in MMT_CONTROL_TOKEN or token_file of [operating]"
 )
 _MESSAGES_HZ: Final = 1.0
-"""A listener may send ten messages a second, of 20 kB in all: it has little to say."""
+"""Rate limit of a listener: ten messages and 20 kB a second."""
 
 _RELEASE_PERIOD_S: Final = 60.0
 _MOST_SHOWN: Final = 30
-"""Listeners of which the figures are told every second: those that are furthest behind."""
+"""Listeners whose figures are reported every second: those with the largest lag."""
 
 
 class SharingServer:
@@ -68,14 +68,14 @@ class SharingServer:
     settings
         The scene's ``[sharing]``; port 0 takes any free one.
     relay
-        Has the messages.
+        Holds the messages.
     welcome
-        What a listener is told first: ``session_id``, ``name`` and ``rate_hz`` of the session.
+        First message to a listener: ``session_id``, ``name`` and ``rate_hz`` of the session.
     on_change
-        Called when a listener has come or gone, with a sentence and details: ``kind``, "listener
-        joined" or "listener left"; how many there are, ``listeners``; and the ``listener``.
+        Called when a listener joins or leaves, with a sentence and details: ``kind``, "listener
+        joined" or "listener left"; the number of ``listeners``; and the ``listener``.
     manager
-        The client manager, None for that of one process.
+        Client manager, or None for python-socketio's default, which serves one process.
 
     Raises
     ------
@@ -99,7 +99,7 @@ class SharingServer:
         self._connected: dict[str, ConnectedListener] = {}
         self._joined = 0
         self.listened_s = 0.0
-        """Seconds that all listeners have listened, together, but for those who still do."""
+        """Total time (s) that past listeners were connected."""
         self._tasks: set[asyncio.Task[None]] = set()
         self._releasing: asyncio.Task[None] | None = None
         self._refusals = RepeatLimit()
@@ -117,17 +117,17 @@ class SharingServer:
         self._host.server.on(AGAIN, self._on_again)
         self._host.server.on(HAVE, self._on_have)
         self.operators: Operators | None = None
-        """Those who may ask for control, None where nobody may."""
+        """Listeners that may ask for control, or None if none may."""
 
     def admit_operators(self, token: Access, tell: Callable[..., None]) -> None:
-        """Let who shows this token ask for control; see `Operators`."""
+        """Let listeners with this token ask for control; see `Operators`."""
         from mmt_share.operators import Operators
 
         self.operators = Operators(self._host.server, token, tell)
 
     @property
     def port(self) -> int:
-        """The port that is listened on, 0 before `start`."""
+        """Port of the server, 0 before `start`."""
         return self._host.port
 
     async def start(self) -> None:
@@ -136,7 +136,7 @@ class SharingServer:
         self._releasing = self._start(_release())
 
     async def stop(self) -> None:
-        """Let every listener have its last messages, within a second, and close."""
+        """Send every listener its last messages, for at most a second, and close."""
         serving = [each.serving for each in self._connected.values() if each.serving is not None]
         if serving:
             _, late = await asyncio.wait(serving, timeout=CLOSE_TIMEOUT_S)
@@ -149,17 +149,17 @@ class SharingServer:
         await self._host.stop()
 
     async def welcome(self, **changed: object) -> None:
-        """Welcome everyone anew, with what has changed."""
+        """Send every listener the welcome again, with these entries changed."""
         self._welcome.update(changed)
         await self._host.server.emit(WELCOME, self._welcome, ignore_queue=True)
 
     async def tell_hubs(self, addresses: list[str]) -> None:
-        """Tell everyone where else the same model is to be had."""
+        """Send every listener the addresses of the other hubs."""
         self._welcome[HUBS] = addresses
         await self._host.server.emit(HUBS, addresses, ignore_queue=True)
 
     def figures(self) -> dict[str, Any]:
-        """Return the figures of all listeners together, and ``rows`` of 30 that are behind most."""
+        """Return the totals of all listeners, and ``rows`` for the 30 with the largest lag."""
         everyone = self._connected.values()
         behind = sorted(everyone, key=ConnectedListener.lag_order, reverse=True)
         lags = sorted(lag for each in everyone if (lag := each.feed.lag.last_ms) is not None)
@@ -173,12 +173,12 @@ class SharingServer:
         }
 
     def _admit(self, auth: object) -> Hello:
-        """Return the hello of a listener that may connect.
+        """Check the ``auth`` of a listener, and return its hello.
 
         Raises
         ------
         MmtError
-            It may not; the message is for its user.
+            The listener may not connect; the message is for its user.
         """
         if not self._access.admits(auth.get("token") if isinstance(auth, dict) else None):
             raise MmtError(_REFUSED)
@@ -269,7 +269,7 @@ class SharingServer:
                 listener.why = f"it took nothing for {STALLED_S:g} s"
                 await self._host.server.disconnect(sid)
                 return
-        listener.serving = None  # it has the end, and may ask again
+        listener.serving = None  # the end was sent; the listener may ask again
         self._relay.listeners.pop(sid, None)
 
     def _start(self, coroutine: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
@@ -285,7 +285,7 @@ class SharingServer:
 
 
 async def _release() -> None:
-    """Give back what those who have left took; it would add up over hours."""
+    """Free the memory of past listeners once a minute; it would add up over hours."""
     await asyncio.sleep(_RELEASE_PERIOD_S)
     while release_freed_memory():
         await asyncio.sleep(_RELEASE_PERIOD_S)
@@ -293,7 +293,7 @@ async def _release() -> None:
 
 def _pages(settings: Sharing) -> list[Page]:
     pages: list[Page] = [_front_page]
-    if settings.store is not None:  # which needs the compiled numerics
+    if settings.store is not None:  # needs the compiled numerics
         from mmt_share.store.pages import store_pages
         from mmt_share.store.store import ModelStore
 

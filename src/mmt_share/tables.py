@@ -1,4 +1,4 @@
-"""The tables and the parts of a model that is shared, of its leader and of its listeners."""
+"""Tables and parts of sharing and of control, for the leader and for listeners."""
 
 from pathlib import Path
 from typing import ClassVar, Final, Literal

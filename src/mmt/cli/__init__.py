@@ -1,7 +1,7 @@
 """The command lines: mmt, mmt-leader, mmt-follower.
 
-The matrices here are small: threads of the linear algebra library would cost more than they
-gain, and take a core from the other service. The setting counts only before NumPy is loaded.
+Matrices are small, so threads of the linear algebra library would cost more time than they save
+and take a core from the other service. The setting has effect only before NumPy is imported.
 """
 
 import os

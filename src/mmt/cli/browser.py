@@ -1,4 +1,4 @@
-"""The browser of whoever sits at this machine, if there is one."""
+"""Open a page in the user's browser."""
 
 import os
 import sys
@@ -7,9 +7,9 @@ import webbrowser
 
 
 def open_page(url: str) -> bool:
-    """Open a page in a browser, without waiting; return whether there is one to open it.
+    """Open a page in a browser without waiting; return whether there is a browser.
 
-    There is none where the terminal is all there is.
+    Without a graphical desktop there is none.
     """
     has_screen = sys.platform in ("darwin", "win32") or bool(
         os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or os.environ.get("BROWSER")

@@ -1,7 +1,7 @@
-"""A service as a child process that reports in JSON lines.
+"""Run a service as a child process that reports in JSON lines.
 
-``python -m mmt.cli.child leader`` is ``mmt-leader`` that ends in order when its standard input
-does, which the system closes however its starter ends.
+``python -m mmt.cli.child leader`` runs ``mmt-leader``, and ends it in order when standard input is
+closed, which the system does however the parent ends.
 """
 
 import asyncio
@@ -20,17 +20,17 @@ from mmt.core.children import python_command
 
 _LONGEST_LINE: Final = 2**20
 _KEPT_MESSAGES: Final = 2**16
-"""Bytes of what a child writes to standard error that are kept, the newest."""
+"""Number of newest bytes of a child's standard error that are kept."""
 KILL: Final = signal.SIGKILL if sys.platform != "win32" else signal.SIGTERM
-"""Ends a process at once, on every system."""
+"""Signal that ends a process at once, on every system."""
 _WARNING: Final = b"warning: "
-"""How the line of one begins; see `mmt.core.logs`."""
+"""Prefix of a line with a warning; see `mmt.core.logs`."""
 
 
 class Child:
-    """One service as a process group of its own, so that Ctrl-C reaches the parent alone.
+    """A service in its own process group, so that Ctrl-C reaches only the parent.
 
-    What it writes to standard error is read all the while: it never waits for a reader.
+    Its standard error is read continuously, so that writing there never blocks the service.
     """
 
     def __init__(
@@ -62,13 +62,13 @@ class Child:
         Parameters
         ----------
         name
-            What a person calls it.
+            Name for messages.
         module, arguments
-            What is run.
+            The module to run, and its arguments.
         environment
-            None for this process's own.
+            Environment of the child; None for this process's environment.
         on_warning
-            Called with each warning that it logs, when it does.
+            Called with each warning as soon as the child logs it.
         """
         started_s = time.perf_counter()
         process = await asyncio.create_subprocess_exec(
@@ -77,59 +77,59 @@ class Child:
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.PIPE,
             limit=_LONGEST_LINE,
-            # not a session of its own: Linux divides the processor among sessions first, and a
-            # small one beside others waits for long
+            # not its own session: Linux divides processor time among sessions first, and a small
+            # session beside large ones may wait long
             process_group=0 if os.name == "posix" else None,
             env=environment,
         )
         return cls(name, process, started_s, on_warning)
 
     async def lines(self) -> AsyncIterator[dict[str, Any]]:
-        """Yield its JSON lines until it closes its standard output.
+        """Yield the child's JSON lines until it closes its standard output.
 
-        A line that is none, as a device's driver may print, is yielded as an event.
+        Other lines, which a device's driver may print, are yielded as events.
         """
-        assert self._process.stdout is not None  # noqa: S101 - it was asked for
+        assert self._process.stdout is not None  # noqa: S101 - it was opened as a pipe
         async for raw in self._process.stdout:
             yield _parsed(raw)
 
     async def wait(self) -> int:
-        """Wait for its end and return the exit code."""
+        """Wait for the child's end and return the exit code."""
         await asyncio.wait([self._reading])
         return await self._process.wait()
 
     @property
     def age_s(self) -> float:
-        """Seconds since it was started."""
+        """Seconds since the start of the child."""
         return time.perf_counter() - self._started_s
 
     @property
     def messages(self) -> str:
-        """What it wrote to standard error, the newest part of much."""
+        """The newest part of the child's standard error."""
         return self._kept.decode(errors="replace").strip()
 
     @property
     def pid(self) -> int:
-        """The number of its process."""
+        """Process id of the child."""
         return self._process.pid
 
     def interrupt(self) -> None:
-        """Ask it to end in order, once: a second signal would end it at once."""
+        """Ask the child to end in order, only once: a second signal would end it at once."""
         if not self._interrupted:
             self._interrupted = True
-            self.send(signal.SIGTERM)  # SIGINT may be ignored, and is inherited so
+            self.send(signal.SIGTERM)  # a child may have inherited that SIGINT is ignored
 
     def send(self, number: signal.Signals) -> None:
-        """Send it a signal; nothing happens to one that has ended."""
+        """Send the child a signal, if it has not ended."""
         send(self._process, number)
 
     async def kill(self) -> None:
-        """End it at once; nothing happens to one that has ended."""
+        """End the child at once, if it has not ended."""
         self.send(KILL)
         await self.wait()
 
     async def _read_messages(self) -> None:
-        assert self._process.stderr is not None  # noqa: S101 - it was asked for
+        assert self._process.stderr is not None  # noqa: S101 - it was opened as a pipe
         rest = b""
         while part := await self._process.stderr.read(_KEPT_MESSAGES):
             self._kept = (self._kept + part)[-_KEPT_MESSAGES:]
@@ -141,10 +141,10 @@ class Child:
 
 
 def send(process: asyncio.subprocess.Process, number: signal.Signals) -> None:
-    """Send a process a signal; nothing happens to one that has ended.
+    """Send a process a signal, if it has not ended.
 
-    Not by `subprocess`, which looks first whether it has ended: then asyncio, which waits for
-    that too, misses its exit code, and says so on standard error.
+    `subprocess` would poll the process first; asyncio, which waits for the process too, would
+    then miss the exit code and print a warning.
     """
     if process.returncode is None:
         with suppress(ProcessLookupError):

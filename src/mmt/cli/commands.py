@@ -1,4 +1,4 @@
-"""Groups of commands to which installed packages add theirs, imported when they are used."""
+"""Groups of commands to which installed packages add commands, imported on use."""
 
 from importlib.metadata import EntryPoint
 from typing import Any, Final
@@ -11,15 +11,15 @@ from mmt.core.errors import InputError
 from mmt.core.plugins import load, offered
 
 GROUP: Final = "mmt.commands"
-"""The entry points of commands, each a function or a `typer.Typer`: named as the command, one of a
-group with that group's name, as ``model.list``."""
+"""Group of entry points for commands, each a function or a `typer.Typer`. The entry point is named
+as the command, with the group's name before it if the command is in a group: ``model.list``."""
 
 
 class Commands(TyperGroup):
-    """A group of commands: those that it has, and those that packages offer."""
+    """A group of commands: its own, and those that packages offer."""
 
     prefix = ""
-    """What the names of this group's entry points begin with."""
+    """Prefix of the names of this group's entry points."""
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Return the names of all commands."""
@@ -27,7 +27,7 @@ class Commands(TyperGroup):
         return [*own, *(name for name in sorted(self._added()) if name not in own)]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """Return a command by its name, None where there is none."""
+        """Return a command by its name, or None if there is none."""
         added = self._added()
         if cmd_name not in added:
             own = super().get_command(ctx, cmd_name)
@@ -53,7 +53,7 @@ class Commands(TyperGroup):
 
 
 def _load(entry: EntryPoint) -> Any:
-    """Return what an entry point names; one that cannot be imported says so when it is called."""
+    """Import an entry point; if that fails, return a command that raises the error when called."""
     try:
         return load(entry, f"command {entry.name.replace('.', ' ')}")
     except InputError as error:
@@ -67,5 +67,5 @@ def _load(entry: EntryPoint) -> Any:
 
 
 def command_group(title: str) -> typer.Typer:
-    """Return a group of commands, to which others may be added by entry points."""
+    """Return a group of commands, to which entry points may add further commands."""
     return typer.Typer(cls=Commands, no_args_is_help=True, add_completion=False, help=title)

@@ -1,4 +1,4 @@
-"""What the command lines share: errors, JSON, progress as lines, interruption."""
+"""Shared by the command lines: errors, JSON, progress as lines, interruption."""
 
 import asyncio
 import errno
@@ -31,13 +31,13 @@ from mmt.scene import Scene, Service
 Result = TypeVar("Result")
 
 STANDARD_OUTPUT: Final = Path("-")
-"""What a person gives for a file to have the result on standard output."""
+"""Value of a file option that stands for standard output."""
 
 MODEL_NAME: Final = "model.npz"
-"""The newest model of a run, beside its report."""
+"""File name of a run's newest model, beside its report."""
 
 Force: TypeAlias = Annotated[bool, typer.Option("--force", help="Replace files that exist.")]
-"""Without it no command replaces a file, see `mmt.core.existing_files`."""
+"""Without this option no command replaces a file; see `mmt.core.existing_files`."""
 
 OPTIONS: Final = {
     "session.duration_s": "--duration",
@@ -45,36 +45,36 @@ OPTIONS: Final = {
     "rendering.model": "--model",
     "replay.speed": "--speed",
 }
-"""The option, or argument, by which a command takes a key of a scene: what messages call it."""
+"""Names of the options that set keys of a scene, for error messages."""
 
 _KEPT: Final = "\n\t"
 
 
 class Terminal(Console):
-    """A console that prints no control character that a peer, a device or a file has sent."""
+    """A console that masks control characters, which a peer, a device or a file may send."""
 
     def render_str(self, text: str, **options: Any) -> Text:
-        """Return a text as it is printed."""
+        """Return a text with control characters masked."""
         return super().render_str(printable(text, keep=_KEPT), **options)
 
 
 output = Terminal(markup=False, emoji=False)
-"""For results; brackets in a text, such as a table's name, are no markup."""
+"""Standard output, for results; brackets in a text, such as a table's name, are not markup."""
 
 messages = Terminal(stderr=True, markup=False, emoji=False)
-"""For progress, notes and errors."""
-messages.soft_wrap = not messages.is_terminal  # a program reads whole lines
+"""Standard error, for progress, notes and errors."""
+messages.soft_wrap = not messages.is_terminal  # programs read unwrapped lines
 
 
 def run_app(app: typer.Typer, program: str) -> None:
-    """Run a command line; an error for a person is printed without a traceback.
+    """Run a command line; an `MmtError` is printed without a traceback.
 
     Parameters
     ----------
     app
         The commands.
     program
-        Their name in the help, however Python was started.
+        Name of the program in the help.
     """
     try:
         with requiring():
@@ -95,7 +95,7 @@ def run_app(app: typer.Typer, program: str) -> None:
 
 
 def print_error(sentence: str) -> None:
-    """Print an error, where standard error takes it."""
+    """Print an error to standard error, if that is writable."""
     with suppress(OSError):
         error = Text.assemble(("error:", "red"), f" {printable(sentence, keep=_KEPT)}")
         messages.print(error, soft_wrap=True)
@@ -103,18 +103,18 @@ def print_error(sentence: str) -> None:
 
 @contextmanager
 def noting(problems: list[Exception], what: str = "") -> Iterator[None]:
-    """Note an error and go on behind the block; `raise_problems` tells it in the end.
+    """Collect an error of the block and continue after the block; see `raise_problems`.
 
     Parameters
     ----------
     problems
-        The error is added to them. Of equal ones, such as those of a full disk, there is one.
+        List to which the error is appended; `OSError` with equal messages only once.
     what
-        What an `OSError` is about, for its sentence.
+        Subject of an `OSError`, for the message.
     """
     try:
         yield
-    except BrokenPipeError:  # nobody reads on
+    except BrokenPipeError:  # the reader has closed the pipe
         raise
     except OSError as error:
         sentence = f"{what}: {error.strerror or error}"
@@ -125,7 +125,7 @@ def noting(problems: list[Exception], what: str = "") -> Iterator[None]:
 
 
 def raise_problems(problems: list[Exception]) -> None:
-    """Print problems but the last, and raise that; an error in the program is raised as such."""
+    """Print all problems but one, and raise that one: an unexpected exception if there is any."""
     ordered = sorted(problems, key=lambda problem: not isinstance(problem, MmtError))
     for problem in ordered[:-1]:
         print_error(str(problem))
@@ -134,17 +134,17 @@ def raise_problems(problems: list[Exception]) -> None:
 
 
 def version(wanted: bool) -> None:
-    """Print the version and leave, as an eager option does."""
+    """Print the version and exit, if the eager option ``--version`` is given."""
     if wanted:
         output.print(f"mmt-haptics {__version__}", highlight=False)
         raise typer.Exit
 
 
 def json_option(help_text: str) -> Any:
-    """Return the option ``--json``, which every command that has figures takes in the same way."""
+    """Return the option ``--json`` of a command with results."""
 
     def taken(path: Path | None) -> Path | None:
-        output.stderr = path == STANDARD_OUTPUT  # the tables make room for the JSON
+        output.stderr = path == STANDARD_OUTPUT  # then tables go to standard error
         return path
 
     return typer.Option(
@@ -153,7 +153,7 @@ def json_option(help_text: str) -> Any:
 
 
 def report_option(help_text: str = "Write a report there.") -> Any:
-    """Return the option ``--report``: a folder, numbered if it holds a report already."""
+    """Return the option ``--report``: a folder, with a number if it already holds a report."""
 
     def taken(folder: Path | None) -> Path | None:
         return None if folder is None else free_folder(folder)
@@ -162,12 +162,12 @@ def report_option(help_text: str = "Write a report there.") -> Any:
 
 
 def write_json(path: Path | None, content: object) -> None:
-    """Write a result for programs into a file, or to standard output for ``-``; not for None.
+    """Write a result as JSON to a file, to standard output for ``-``, or nowhere for None.
 
     Raises
     ------
     InputError, MmtError
-        It cannot be written.
+        The result cannot be written.
     """
     if path is None:
         return
@@ -178,26 +178,26 @@ def write_json(path: Path | None, content: object) -> None:
     try:
         sys.stdout.write(text)
         sys.stdout.flush()
-    except BrokenPipeError:  # nobody reads on
+    except BrokenPipeError:  # the reader has closed the pipe
         raise
     except OSError as error:
         raise MmtError(f"--json {path}: {error.strerror or error}") from error
 
 
 def require_one_output(json_file: Path | None, *, json_lines: bool) -> None:
-    """Raise `InputError` where two options take standard output."""
+    """Raise `InputError` if two options write to standard output."""
     if json_lines and json_file == STANDARD_OUTPUT:
         raise InputError("--json - and --json-lines both take standard output: give one")
 
 
 def write_line(kind: str, **content: Any) -> None:
-    """Write one JSON line to standard output, for the program that reads it."""
+    """Write one JSON line to standard output."""
     sys.stdout.write(json.dumps({"kind": kind, **content}) + "\n")
     sys.stdout.flush()
 
 
 async def with_inventory(running: Coroutine[Any, Any, Result]) -> Result:
-    """Run a service, and write at its end which tasks, threads and modules it had."""
+    """Run a service, then write a JSON line with its tasks, threads and modules."""
     inventory = Inventory()
     try:
         return await inventory.watch(running)
@@ -206,7 +206,7 @@ async def with_inventory(running: Coroutine[Any, Any, Result]) -> Result:
 
 
 def print_parts(scene: Scene, service: Service) -> None:
-    """Print which parts of a service run, and which are left out."""
+    """Print the parts of a service that run, and those that are left out."""
     parts = scene.parts(service)
     running = [name for name, runs in parts.items() if runs]
     left_out = [name for name, runs in parts.items() if not runs]
@@ -218,10 +218,10 @@ def print_parts(scene: Scene, service: Service) -> None:
 
 
 def stop_on_signals(stop: Callable[[], None]) -> None:
-    """End the running service when it is asked to, with its summary; at once if asked again.
+    """Call `stop` on the first end signal; a second signal ends the process at once.
 
-    It is asked by Ctrl-C, by termination or by a terminal that is closed. Whoever reads what it
-    prints does not hold it up.
+    End signals are Ctrl-C, termination and a closed terminal. Output is queued, so that a slow
+    reader does not delay the end.
     """
     queue_output()
     loop = asyncio.get_running_loop()
@@ -233,14 +233,14 @@ def stop_on_signals(stop: Callable[[], None]) -> None:
         loop.call_soon_threadsafe(stop)
 
     on_end_signal(asked)
-    # Has every signal wake the loop: one that comes just before it waits would go unnoticed until
-    # something else does. This signal does nothing. Windows' loop is woken by all, and has none.
+    # With a handler in the loop every signal wakes it; else a signal just before the loop waits
+    # would go unnoticed until the next event. SIGURG does nothing. Windows needs no handler.
     with suppress(NotImplementedError, AttributeError):
         loop.add_signal_handler(signal.SIGURG, lambda: None)
 
 
 def summary_table(title: str, summary: Mapping[str, Any]) -> Table:
-    """Return a summary's nested tables as rows of part, figure, value."""
+    """Return a summary's nested mappings as a table with rows of part, figure and value."""
     table = plain_table(title, header=False)
     table.add_column("part", style="bold")
     table.add_column("figure")
@@ -254,7 +254,7 @@ def summary_table(title: str, summary: Mapping[str, Any]) -> Table:
 
 
 def flatten(content: object, prefix: str = "") -> list[tuple[str, str]]:
-    """Return nested mappings as (dotted name, text) pairs; empty values are left out."""
+    """Return nested mappings as (name, text) pairs; empty values are left out."""
     if not isinstance(content, Mapping):
         return [] if content in (None, "", [], {}) else [(prefix, as_text(content))]
     rows: list[tuple[str, str]] = []

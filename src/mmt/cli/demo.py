@@ -66,11 +66,11 @@ def demo(
 ) -> None:
     """Run leader and follower on loopback, then report what was modelled.
 
-    NAME-leader.toml and NAME-follower.toml, named NAME, run with every device emulated.
+    With SCENE = NAME, NAME-leader.toml and NAME-follower.toml run with every device emulated.
     """
     if realtime:
         require_real_time()
-    if not force:  # what is there already stays
+    if not force:  # do not replace existing files
         output_directory = free_folder(output_directory, MODEL_NAME)
     pair = pair_named(scene_file)
     if pair is not None:
@@ -132,12 +132,12 @@ def _report(
     verbose: bool,
     play: bool,
 ) -> None:
-    """Print the summaries, and report the recording; offer to play its model if that is wanted.
+    """Print the summaries and report the recording; with `play`, print how to play its model.
 
     Raises
     ------
     MmtError
-        A service failed, or something could not be written; the rest is there nevertheless.
+        A service failed, or something could not be written; everything else is written.
     """
     content: dict[str, Any] = run.tables()
     problems: list[Exception] = []
@@ -167,7 +167,7 @@ def _report(
 
 
 def _coil(run: DemoRun, pair: SceneFiles) -> dict[str, Any]:
-    """Return, and print, what an emulated coil did; empty where there was none."""
+    """Return, and print, figures of an emulated actuator's coil; {} if there is none."""
     hand, coil = hand_log(pair.leader.parent), coil_log(pair.leader.parent)
     vibration = run.leader.get("vibration", {})
     switches = [each for each in vibration.get("switches", ()) if each["mode"] == "synthesized"]
@@ -192,9 +192,9 @@ def _coil(run: DemoRun, pair: SceneFiles) -> dict[str, Any]:
 
 
 def _check(scene: Scene, directory: Path) -> None:
-    """Find out beforehand what the services cannot use, and where nothing can be written.
+    """Check that devices, source and output folder can be used, before the services start.
 
-    What an earlier run's emulated devices have left there is removed.
+    Logs of an earlier run's emulated devices are removed.
     """
     if scene.source is not None:
         build_source(scene).close()

@@ -13,7 +13,7 @@ from mmt.devices.drivers import ROLE_NAMES
 
 
 def list_all(json_file: Path | None) -> None:
-    """Show what there is and what is wrong with it."""
+    """Show drivers, ports and cards, and their problems."""
     drivers = discovery.find_drivers()
     wanting: dict[str, list[str]] = {}
     for driver in drivers:

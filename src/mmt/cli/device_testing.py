@@ -1,4 +1,4 @@
-"""``mmt device test``: what the devices of a scene, or one driver, give."""
+"""``mmt device test``: observe the devices of a scene, or one driver's device."""
 
 import tomllib
 from collections.abc import Iterator
@@ -15,24 +15,24 @@ from mmt.scene.files import example_scenes, load_scene
 
 
 class NamedDevice(NamedTuple):
-    """A device that a scene or a person names."""
+    """A device named by a scene or by the user."""
 
     role: Role | None
     driver: str
     options: dict[str, Any]
     samples_hz: int = 1000
-    """Samples a second that the scene takes of it."""
+    """Rate at which the scene uses the device's samples."""
 
     @property
     def title(self) -> str:
-        """As a person calls it."""
+        """Role and driver, for messages."""
         return f"{ROLE_NAMES[self.role] if self.role else 'device'} ({self.driver})"
 
 
 def try_all(
     devices: list[NamedDevice], duration_s: float, *, calibrate: bool, json_file: Path | None
 ) -> bool:
-    """Observe the devices one after the other, show it, and return whether all is well."""
+    """Observe devices one after the other, show the results, return whether all are good."""
     seen = []
     for named in devices:
         device = load_device(named.driver, named.options, role=named.role)
@@ -57,7 +57,7 @@ def try_all(
 
 
 def devices_named(what: str, role: str | None, settings: list[str]) -> list[NamedDevice]:
-    """Return what a scene's name, its file, or a driver's name stands for.
+    """Return the devices of a scene, given its name or file, or the device of a driver.
 
     Raises
     ------
@@ -82,12 +82,12 @@ def devices_named(what: str, role: str | None, settings: list[str]) -> list[Name
 
 
 def accelerometer_named(what: str, settings: list[str]) -> NamedDevice:
-    """Return the accelerometer of a scene, or the driver of that name.
+    """Return the accelerometer of a scene, or the device of a driver.
 
     Raises
     ------
     InputError
-        The scene has none, or there is no such driver.
+        The scene has no accelerometer, or there is no such driver.
     """
     role = "accelerometer" if _is_scene(what) else None
     return devices_named(what, role, settings)[0]
@@ -98,7 +98,7 @@ def _is_scene(what: str) -> bool:
 
 
 def of_scene(scene: Scene) -> Iterator[NamedDevice]:
-    """Yield the devices of a scene that are made by drivers."""
+    """Yield the devices of a scene that have drivers."""
     roles: tuple[Role, ...] = ("robot", "force_sensor", "accelerometer")
     session = scene.session
     for role in roles if scene.devices is not None else ():
@@ -113,7 +113,7 @@ def of_scene(scene: Scene) -> Iterator[NamedDevice]:
 
 
 def options_from(settings: list[str]) -> dict[str, Any]:
-    """Return KEY=VALUE as TOML has them; what is no TOML value is a text."""
+    """Parse settings KEY=VALUE, with values as in TOML; other values are taken as text."""
     options: dict[str, Any] = {}
     for setting in settings:
         key, equals, text = setting.partition("=")
@@ -142,7 +142,7 @@ def _show(seen: DeviceCheck) -> None:
 
 
 def _figures(seen: DeviceCheck) -> Iterator[tuple[str, str]]:
-    """Yield name and text of each figure that is known."""
+    """Yield name and text of each known figure."""
     if seen.mean is not None:
         yield "mean", _numbers(seen.mean, seen.unit)
         yield "deviation", _numbers(seen.deviation or (), seen.unit)
@@ -162,7 +162,7 @@ def _figures(seen: DeviceCheck) -> Iterator[tuple[str, str]]:
 
 
 def _counted(name: str, value: float) -> str:
-    """Return a figure whose name ends in its unit, as a person writes it."""
+    """Return a figure as text, with the unit from the end of its name."""
     for ending, unit in (("_m_s2", "m/s2"), ("_ppm", "ppm"), ("_ms", "ms")):
         if name.endswith(ending):
             return f"{name.removesuffix(ending).replace('_', ' ')} {value:.4g} {unit}"

@@ -1,4 +1,4 @@
-"""``mmt device``: what hardware there is, and whether it does what it should."""
+"""``mmt device``: list, test and calibrate devices."""
 
 from pathlib import Path
 from typing import Annotated
@@ -14,7 +14,7 @@ app = command_group("List, test and calibrate devices.")
 
 @app.callback()
 def main() -> None:
-    """Take a command."""
+    """Define the group of commands."""
 
 
 Settings = Annotated[

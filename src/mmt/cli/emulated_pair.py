@@ -1,4 +1,4 @@
-"""A leader's and a follower's scene with every device emulated at its wire, for the demo."""
+"""Scenes of a leader and a follower, with every device emulated at its wire, for the demo."""
 
 from contextlib import suppress
 from pathlib import Path
@@ -17,19 +17,19 @@ _EMULATED: Final = {
     "adxl335-serial": ("virtual-adxl335", {"port", "baud_rate", "serial"}),
     "haptuator-sound": ("virtual-haptuator-sound", {"device"}),
 }
-"""By driver: the emulated one, and options that say where the device is; that one is elsewhere."""
+"""By driver: the emulated driver, and options with the device's address, to be removed."""
 _NETWORK: Final = {"profile": "wan"}
 
 
 class SceneFiles(NamedTuple):
-    """The files of both sides."""
+    """The scene files of leader and follower."""
 
     leader: Path
     follower: Path
 
 
 def pair_named(name: Path) -> SceneFiles | None:
-    """Return ``NAME-leader`` and ``NAME-follower``, None where there are none of these names."""
+    """Return the scenes ``NAME-leader`` and ``NAME-follower``, or None if they do not exist."""
     for suffix in ("", ".toml"):
         with suppress(InputError):
             return SceneFiles(
@@ -39,24 +39,24 @@ def pair_named(name: Path) -> SceneFiles | None:
 
 
 def hand_log(directory: Path) -> Path:
-    """Return the file that gets the emulated hand's way."""
+    """Return the file for the emulated hand's motion."""
     return directory / "hand.npz"
 
 
 def coil_log(directory: Path) -> Path:
-    """Return the file that gets what the emulated coil was driven with."""
+    """Return the file for the emulated coil's input."""
     return directory / "coil.npz"
 
 
 def write_emulated(pair: SceneFiles, directory: Path) -> SceneFiles:
     """Write both scenes with emulated devices and network; return the files.
 
-    Without ``[network]`` it is that of the profile ``wan``; ``MMT_NETWORK__PROFILE`` names another.
+    A scene without ``[network]`` gets the profile ``wan``; ``MMT_NETWORK__PROFILE`` overrides it.
 
     Raises
     ------
     InputError
-        A scene cannot be used, names a driver that has no emulated device, or cannot be written.
+        A scene is not valid, has a driver without an emulated device, or cannot be written.
     """
     written = []
     for file in pair:

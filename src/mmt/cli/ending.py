@@ -1,4 +1,4 @@
-"""What a person reads at the end of a run: the verdict, and what to open next."""
+"""Print the verdict on a run at its end, and what to open next."""
 
 import shlex
 import shutil
@@ -18,7 +18,7 @@ STYLES: Final[dict[State, str]] = {
     "degraded": "yellow",
     "failed": "red",
 }
-"""A terminal's colours; rich leaves them out where standard output is none, and by NO_COLOR."""
+"""Colours by state; rich omits them if standard output is no terminal or NO_COLOR is set."""
 
 _OPENERS: Final = {"darwin": "open", "win32": "start"}
 _GAP: Final = "   "
@@ -30,11 +30,11 @@ def print_ending(
     evaluation: Mapping[str, Any] | None,
     report: Path | None,
 ) -> None:
-    """Print the verdict on a run of a program that has ended, and what to open next.
+    """Print the verdict on a run that has ended, and what to open next.
 
     See `mmt.evaluation.run_verdict.run_verdict` for the summaries and the evaluation.
     """
-    from mmt.evaluation.run_verdict import run_verdict  # late: a service that runs needs none
+    from mmt.evaluation.run_verdict import run_verdict  # not needed while a service runs
 
     found, leader = run_verdict(summaries, evaluation), summaries.get("leader", {})
     for line in ending_lines(program, found, leader, report, output.width):
@@ -53,13 +53,13 @@ def ending_lines(
     Parameters
     ----------
     program
-        What was run, as it was typed.
+        The program that was run, as typed.
     found
         The verdict.
     leader
-        The leader's summary, as ``--json`` has it; empty if there is none.
+        The leader's summary, as written by ``--json``; empty if there is none.
     report
-        The page that was written of the run.
+        The report's page, or None.
     width
         Columns of the terminal.
     """
@@ -73,9 +73,9 @@ def ending_lines(
 
 
 def verdict_lines(title: str, found: Verdict, width: int) -> list[Text]:
-    """Return a title with what is known beside it, a further line for each fault.
+    """Return lines with a title and the verdict's parts, and a line for each other fault.
 
-    A line ends before a part that would not fit.
+    Lines are broken between parts.
     """
     indent = " " * (len(title) + 2)
     rows = list(_rows(found.parts, width - len(indent)))
@@ -98,10 +98,10 @@ def _rows(parts: tuple[str, ...], width: int) -> Iterator[str]:
 
 
 def typed(program: str, *arguments: object) -> str:
-    """Return a command as a person can type it here.
+    """Return a command for the user to type.
 
-    The program is named by its path if the shell would find none, or another one than that of
-    this installation, as after ``./scripts/demo``.
+    The program is named by its path if the shell would not find this installation's program, as
+    after ``./scripts/demo``.
     """
     beside, found = Path(sys.executable).parent / program, shutil.which(program)
     if beside.exists() and (found is None or not beside.samefile(found)):
@@ -111,7 +111,7 @@ def typed(program: str, *arguments: object) -> str:
 
 
 def _to_open(page: Path) -> str:
-    """Return a command that opens a page, or its path where this machine has none."""
+    """Return a command that opens a page, or the page's path if there is no such command."""
     opener = _OPENERS.get(sys.platform, "xdg-open")
     has_one = opener == "start" or shutil.which(opener) is not None
     return shlex.join([opener, str(page)]) if has_one else str(page)

@@ -1,7 +1,7 @@
-"""Start a command line; Ctrl-C ends it without a traceback, also while it is still being loaded.
+"""Start a command line; Ctrl-C ends it without a traceback, even while it is still loading.
 
-``python -m mmt.cli.entry leader`` is ``mmt-leader``. Nothing but the standard library is
-imported for that, so that Ctrl-C is handled almost from the start.
+``python -m mmt.cli.entry leader`` runs ``mmt-leader``. This module imports little, so that Ctrl-C
+is handled almost from the start.
 """
 
 import importlib
@@ -19,40 +19,40 @@ INTERRUPTED: Final = 130
 
 
 def _leave(_number: int, _frame: FrameType | None) -> None:
-    """End at once: nothing runs yet that would have to be ended in order."""
+    """End the process at once, since nothing runs yet that needs an orderly end."""
     _say_stopped()
     os._exit(INTERRUPTED)
 
 
 def _say_stopped() -> None:
-    """Write it where standard error takes it without waiting."""
+    """Write "stopped" to standard error, if that does not block."""
     with suppress(OSError):
         if sys.platform == "win32" or select.select([], [2], [], 0.0)[1]:
             os.write(2, b"stopped\n")
 
 
 def _interrupted(error: BaseException | None) -> bool:
-    """Return whether Ctrl-C led to an error, however a library has translated it since."""
+    """Return whether Ctrl-C caused an error, also if a library replaced the exception."""
     while error is not None and not isinstance(error, KeyboardInterrupt):
         error = error.__context__
     return error is not None
 
 
 def start(name: str) -> None:
-    """Load the command line ``mmt.cli.<name>``, or a module by its dotted name, and run it."""
+    """Import ``mmt.cli.<name>``, or a module by its dotted name, and call its `run`."""
     usual = signal.getsignal(signal.SIGINT)
     handle_end_signals(_leave)
     module = importlib.import_module(name if "." in name else f"mmt.cli.{name}")
     handle_end_signals(signal.default_int_handler)
-    signal.signal(signal.SIGINT, usual)  # ignored in the background of a shell without job control
+    signal.signal(signal.SIGINT, usual)  # a shell without job control ignores it in the background
     try:
         module.run()
-    except (KeyboardInterrupt, SystemExit) as error:  # typer's own code depends on its version
+    except (KeyboardInterrupt, SystemExit) as error:  # typer's exit code depends on its version
         if not _interrupted(error):
             raise
         _say_stopped()
         sys.exit(INTERRUPTED)
-    finally:  # a late Ctrl-C would kill the interpreter as it closes, and with it the exit code
+    finally:  # a late Ctrl-C would kill the interpreter at exit and change the exit code
         signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 

@@ -1,4 +1,4 @@
-"""`mmt device equalise`: from a sweep, recorded or played now, to a stored level and equaliser."""
+"""``mmt device equalise``: fit and store level and equaliser, from a sweep recorded or played."""
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -19,15 +19,15 @@ from mmt.devices.haptuator.sweep import SweepRecording, SweepSettings, record_sw
 
 _NAMES = ("drive_v", "acceleration_m_s2")
 _BUFFER_MS = 60.0
-"""Default latency of the actuator while it is swept: no one waits for it, and gaps do harm."""
+"""Default latency of the actuator during the sweep, long to avoid gaps."""
 _MARGIN_HZ = (30.0, 40.0)
-"""By which the sweep goes beyond the band that is evened out, below and above."""
+"""Margins of the sweep below and above the band that is equalised."""
 _EDGES_HZ = (20.0, 495.0)
 
 
 @dataclass(frozen=True)
 class EqualiserFit:
-    """What is fitted, and where it goes."""
+    """Settings of the fit, and where to store its result."""
 
     serial: str | None
     low_hz: float | None
@@ -38,17 +38,17 @@ class EqualiserFit:
 
 @dataclass(frozen=True)
 class Live:
-    """The actuator that plays and the accelerometer that records."""
+    """Actuator, accelerometer and settings of a sweep that is played now."""
 
     actuator: str | None
-    """Its driver; None takes the scene's."""
+    """Driver of the actuator; None takes the scene's."""
     accelerometer: str | None
     settings: list[str]
     duration_s: float
     level_v: float | None
     largest_m_s2: float
     keep: Path | None
-    """Where the recording is kept."""
+    """File for the recorded sweep, or None."""
 
 
 def equalise(what: str | None, fit: EqualiserFit, live: Live) -> None:
@@ -57,8 +57,8 @@ def equalise(what: str | None, fit: EqualiserFit, live: Live) -> None:
     Raises
     ------
     InputError
-        The recording, the scene or a driver cannot be used, or the recording cannot be kept; then
-        the level and the equaliser are stored nevertheless.
+        The recording, the scene or a driver cannot be used, or the recording cannot be kept. In
+        the last case, level and equaliser have been stored.
     MmtError
         A device fails, or the calibration cannot be written.
     """
@@ -118,7 +118,7 @@ def _record(scene: str | None, fit: EqualiserFit, live: Live) -> tuple[str, Swee
     serial = fit.serial or stored_as
     if serial is None:
         raise InputError("--serial is missing: under which name is it to be stored?")
-    level = {"volts_per_m_s2": 1.0}  # not used: voltages are played
+    level = {"volts_per_m_s2": 1.0}  # not used: the sweep is in volts
     played = {"buffer_ms": _BUFFER_MS, **actuator_options, **level}
     below, above = _MARGIN_HZ
     recording = record_sweep(
@@ -152,7 +152,7 @@ def _options_of(settings: list[str]) -> dict[str, dict[str, Any]]:
 def _chosen(
     role: str, scene: str | None, driver: str | None, options: dict[str, dict[str, Any]]
 ) -> tuple[str, dict[str, Any]]:
-    """Return driver and options of one of the two devices."""
+    """Return driver and options of the actuator or the accelerometer."""
     if driver is not None:
         return driver, options[role]
     if scene is None:

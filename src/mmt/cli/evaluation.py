@@ -1,4 +1,4 @@
-"""``mmt evaluate`` and ``mmt report``: recorded sessions, and two reports side by side."""
+"""``mmt evaluate`` and ``mmt report``: evaluate recorded sessions, and compare two reports."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -85,7 +85,7 @@ def _show(evaluations: "list[Evaluation]") -> None:
 
 @reports.callback()
 def _reports() -> None:
-    """Keep `compare` a command of its own."""
+    """Make `compare` a subcommand although it is the only command."""
 
 
 @reports.command()

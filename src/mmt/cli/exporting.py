@@ -1,4 +1,4 @@
-"""``mmt session export``: sessions in the formats of other tools."""
+"""``mmt session export``: write sessions in formats of other tools."""
 
 from pathlib import Path
 from typing import Annotated, Any

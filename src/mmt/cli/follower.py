@@ -65,11 +65,11 @@ class FollowerRun(ServiceRun[Follower]):
     Parameters
     ----------
     scene
-        What to run.
+        The scene to run.
     options
-        As given on the command line.
+        Options of the command line.
     url
-        Address of the leader; None takes the scene's.
+        URL of the leader; None takes the scene's.
     """
 
     def __init__(self, scene: Scene, options: ServiceOptions, url: str | None) -> None:
@@ -77,7 +77,7 @@ class FollowerRun(ServiceRun[Follower]):
         self._url = url
 
     def build(self, logs: Logs) -> Follower:
-        """Return the follower; its log carries the session's id once it is known."""
+        """Return the follower; log lines have the session's id once it is known."""
 
         def on_session(session_id: str) -> None:
             logs.session_id = session_id
@@ -85,7 +85,7 @@ class FollowerRun(ServiceRun[Follower]):
         return Follower(self.scene, self._url, on_event=self.on_event, on_session=on_session)
 
     def on_start(self, service: Follower) -> None:
-        """Say what is streamed, and what bounds the robot."""
+        """Report the source that is streamed, and the robot's limits."""
         self.on_event(service.source.describe())
         limits = self.scene.describe_motion_limits()
         if limits is not None:

@@ -1,4 +1,4 @@
-"""``mmt device calibrate``: an accelerometer by gravity, asked for or from recorded rests."""
+"""``mmt device calibrate``: calibrate an accelerometer by gravity, measured or recorded at rest."""
 
 import json
 from dataclasses import dataclass
@@ -29,22 +29,22 @@ _SKIP: Final = "s"
 
 @dataclass(frozen=True, slots=True)
 class Files:
-    """What is read and written beside the calibration itself."""
+    """Files that are read and written beside the calibration."""
 
     rests: Path | None
-    """Recorded rests, instead of measuring."""
+    """Recorded rests to use instead of measuring, or None."""
     keep: Path | None
-    """Where the rests are kept that were measured."""
+    """File for the measured rests, or None."""
     json: Path | None
 
 
 def calibrate_by_gravity(device: Any, driver: str, duration_s: float, files: Files) -> None:
-    """Measure or read rests, fit, compare with what was stored, store.
+    """Measure or read rests, fit, compare with the stored calibration, and store.
 
     Parameters
     ----------
     device, driver
-        An ADXL335, and its driver's name.
+        An ADXL335, and the name of its driver.
     duration_s
         Duration of each rest.
     files
@@ -53,8 +53,8 @@ def calibrate_by_gravity(device: Any, driver: str, duration_s: float, files: Fil
     Raises
     ------
     InputError
-        It is no accelerometer of that kind, has no serial number, the rests do not determine
-        its calibration, or they cannot be kept; then it is calibrated nevertheless.
+        The device is not an ADXL335 or has no serial number, the rests do not determine the
+        calibration, or they cannot be kept. In the last case the calibration has been stored.
     """
     if not isinstance(device, Adxl335):
         raise InputError(
@@ -66,7 +66,7 @@ def calibrate_by_gravity(device: Any, driver: str, duration_s: float, files: Fil
         serial, rests = _read(files.rests, device.named)
     else:
         serial, rests = _measure(device, duration_s)
-        with noting(problems):  # nobody turns the sensor six times again for a file
+        with noting(problems):  # a file that cannot be written must not cost the measurement
             _keep(files.keep, serial, rests)
     made = calibrate(rests, device.supply_v)
     moved = _changes(serial, made)
@@ -81,10 +81,10 @@ def calibrate_by_gravity(device: Any, driver: str, duration_s: float, files: Fil
 
 
 def _measure(sensor: Adxl335, duration_s: float) -> tuple[str, list[Rest]]:
-    """Ask for each orientation and measure it."""
+    """Prompt for each orientation and measure it."""
     sensor.connect()
     try:
-        calibration_file(CALIBRATED_AS, sensor.serial_number)  # raises before anybody turned it
+        calibration_file(CALIBRATED_AS, sensor.serial_number)  # raises if there is no serial number
         messages.print(
             "Put the sensor against something upright in six ways. Enter measures, s skips; "
             "each axis is needed once, all six are best.",
@@ -97,7 +97,7 @@ def _measure(sensor: Adxl335, duration_s: float) -> tuple[str, list[Rest]]:
 
 
 def _rest(sensor: Adxl335, up: Up, duration_s: float) -> Rest | None:
-    """Measure one orientation, again until the sensor was still."""
+    """Measure one orientation, repeated until the sensor was still; None if skipped."""
     where = "up" if up[0] == "+" else "down"
     while True:
         answer = typer.prompt(f"{up[1]} points {where}", default="", show_default=False, err=True)
@@ -134,7 +134,7 @@ def _keep(path: Path | None, serial: str, rests: list[Rest]) -> None:
 
 
 def _changes(serial: str, made: GravityCalibration) -> list[str]:
-    """Return what differs from the stored calibration; one that cannot be read is replaced."""
+    """Describe the changes from the stored calibration, or why that cannot be compared."""
     try:
         stored = load_calibration(CALIBRATED_AS, serial)
         return [] if stored is None else changes(made, from_dict(stored))

@@ -1,4 +1,4 @@
-"""Options that added parts give a command, and whom they let in beside the leader."""
+"""Flags that added parts give a command, and the guests that run beside the leader."""
 
 import inspect
 from collections.abc import Callable, Coroutine, Iterable
@@ -12,46 +12,46 @@ from mmt.scene.added import Flag, added_flags, imported
 
 
 class Guest(Protocol):
-    """What a command runs beside the leader for others."""
+    """A service for other people that a command runs beside the leader, such as a page."""
 
     def entering(self, sentence: str) -> Coroutine[Any, Any, str] | None:
-        """Return what lets them in after this event of the leader, None if it is another.
+        """Return a coroutine that starts the guest on this event of the leader, or None.
 
-        Awaited, it gives a text for the terminal.
+        The coroutine returns a text for the terminal.
         """
 
 
 class StayingGuest(Guest, Protocol):
-    """One that may outlive the session."""
+    """A guest that may run longer than the session."""
 
     @property
     def lasting(self) -> str | None:
-        """What it offers after the session, as words behind "until Ctrl-C"; None for nothing."""
+        """Words after "until Ctrl-C" on what the guest offers after the session, or None."""
 
     def wait(self) -> None:
-        """Wait until it has ended by itself."""
+        """Wait until the guest has ended by itself."""
 
     def close(self) -> None:
-        """End it."""
+        """End the guest."""
 
 
 def invite(flags: Iterable[Flag], scene: Scene, *, terminal: bool = True) -> list[StayingGuest]:
-    """Return the guests of these options; nothing is started.
+    """Return the guests of these flags, not started.
 
     Parameters
     ----------
     flags
-        The options.
+        The flags; some have no guest.
     scene
-        Has their tables.
+        A scene with the flags' tables.
     terminal
-        Whether a person reads what they say, not a program.
+        Whether the guests' texts are shown to a person rather than read by a program.
     """
     return [imported(flag.guest)(scene, terminal=terminal) for flag in flags if flag.guest]
 
 
 def with_flags(command: Literal["leader", "demo"]) -> Callable[[Callable[..., None]], Any]:
-    """Decorate a command, so that it takes the options of added parts; it gets them as `flags`."""
+    """Decorate a command to accept the flags of added parts, passed as the argument `flags`."""
 
     def decorate(function: Callable[..., None]) -> Callable[..., None]:
         own = inspect.signature(function, eval_str=True).parameters

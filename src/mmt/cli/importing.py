@@ -1,4 +1,4 @@
-"""``mmt session inspect`` and ``mmt session import``: recordings of other programs."""
+"""``mmt session inspect`` and ``mmt session import``: import recordings of other programs."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -180,7 +180,7 @@ def import_file(
 
 
 def _options(given: dict[str, Any]) -> "ImportOptions":
-    """Return the options of a command by its arguments."""
+    """Return the import options from a command's arguments."""
     from mmt.session.importing.options import ImportOptions, assignments
 
     same = ("blanks_as_gaps", "episode", "header", "sheet", "separator", "decimal", "stamps")
@@ -197,7 +197,7 @@ def _options(given: dict[str, Any]) -> "ImportOptions":
 
 
 def print_report(title: str, report: "ImportReport") -> None:
-    """Print what was found in a recording, and what looks wrong."""
+    """Print a table of a recording's columns, and warnings."""
     table = plain_table(title, padding=0)
     table.add_column("column", no_wrap=True)
     for name in ("rows", "Hz", "jitter ms", "missing", "mean", "lowest", "highest"):

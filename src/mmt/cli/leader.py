@@ -106,13 +106,13 @@ class LeaderRun(ServiceRun["Leader"]):
     Parameters
     ----------
     scene
-        What to run.
+        The scene to run.
     options
-        As given on the command line.
+        Options of the command line.
     report
-        Directory for a report of the recording, None writes none.
+        Directory for a report of the recording, or None.
     guests
-        Are let in at the leader's events.
+        Guests, which start at events of the leader.
     """
 
     def __init__(
@@ -129,12 +129,12 @@ class LeaderRun(ServiceRun["Leader"]):
         self._modelling = ModellingProcess.of(scene)
 
     def run(self) -> None:
-        """Compile the numerics at the first start, and run the leader; see `ServiceRun.run`."""
+        """Compile the numerics if needed, and run the leader; see `ServiceRun.run`."""
         queue_output()
         try:
             others: list[str] = []
             if self._modelling is not None:
-                self._modelling.launch()  # it imports while this process does
+                self._modelling.launch()  # early, so that both processes import at the same time
                 others = self._modelling.numerics
             if numerics := numerics_of(self.scene):
                 compile_kernels(numerics, super().on_event, others)
@@ -159,7 +159,7 @@ class LeaderRun(ServiceRun["Leader"]):
         return service
 
     def on_start(self, service: "Leader") -> None:
-        """Begin a new model on SIGUSR1, and do what parts do at other signals."""
+        """Set signal handlers: SIGUSR1 resets the model, and parts may handle other signals."""
         loop, acts = asyncio.get_running_loop(), {"SIGUSR1": service.reset_model}
         for signals in service.parts.verbs("signals"):
             acts |= signals()
@@ -180,14 +180,14 @@ class LeaderRun(ServiceRun["Leader"]):
             self.line.say(f"monitor:  {link.url(service.port)}/monitor/")
 
     def on_status(self, status: LeaderStatus) -> None:
-        """Report progress: a JSON line, or a line of the terminal that is written over."""
+        """Report progress: a JSON line, or the status line of the terminal."""
         if not self.options.json_lines:
             self.line.show(status.verdict)
         elif not is_behind(sys.stdout):
             write_line("status", **status.as_dict())
 
     def on_event(self, sentence: str) -> None:
-        """Report an event."""
+        """Report an event, and start guests that wait for it."""
         super().on_event(sentence)
         for guest in self._guests:
             entering = guest.entering(sentence)
@@ -200,11 +200,11 @@ class LeaderRun(ServiceRun["Leader"]):
 
     @property
     def report(self) -> Path | None:
-        """The page of the report, None where none is wanted."""
+        """The report's page, or None without a report."""
         return None if self._report is None else self._report / "report.html"
 
     def evaluate(self, summary: dict[str, Any]) -> dict[str, Any]:
-        """Write the report of the recording where it is wanted; return its figures."""
+        """Write the report of the recording, if requested, and return its figures, else {}."""
         if self._report is None or self.scene.recording is None:
             return {}
         from mmt.cli.reporting import report_recording

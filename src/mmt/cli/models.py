@@ -1,4 +1,4 @@
-"""``mmt model``: texture models as files."""
+"""``mmt model``: build and show files of texture models."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
@@ -49,7 +49,7 @@ def build_model(
     json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
     force: Force = False,
 ) -> None:
-    """Build a session's model as the live leader does, or one of several, and save it."""
+    """Build a model of one or several sessions, as the live leader does, and save it."""
     if target.suffix.lower() != SUFFIX:
         raise InputError(f"model {target}: the name of a model file must end in {SUFFIX}")
     require_absent(target, force=force)
@@ -73,7 +73,7 @@ def build_model(
 
 
 class Built(NamedTuple):
-    """A model that was built of recordings, the update that it is of, and all updates."""
+    """A model built from recordings, the update that it belongs to, and all updates."""
 
     model: "TextureModel"
     update: "ModelUpdate"
@@ -87,23 +87,23 @@ def built(
     *,
     whole: bool = False,
 ) -> Built:
-    """Build the model of recordings as the live leader does, to the stop criterion.
+    """Build the model of recordings as the live leader does, up to the stop criterion.
 
     Parameters
     ----------
     recordings
-        At least one.
+        At least one recording.
     scene
-        How to model.
+        Scene with the settings of the modelling.
     surface
-        The number of the surface, if there are several.
+        Number of the surface, if there are several.
     whole
-        Whether to continue past the criterion, as is done with several recordings.
+        Whether to continue past the stop criterion, as always with several recordings.
 
     Raises
     ------
     InputError
-        A recording holds no frames, or goes over several surfaces, or they are at several rates.
+        A recording has no frames or covers several surfaces, or the recordings' rates differ.
     MmtError
         There are too few steady strokes.
     """
@@ -143,7 +143,7 @@ def info(
 
 
 def describe(model: "TextureModel") -> dict[str, Any]:
-    """Return the properties of a model as plain values."""
+    """Return the properties of a model as JSON values."""
     from mmt.texture.completion.distance import distance_sum
 
     samples = model.samples
@@ -176,7 +176,7 @@ def _blocks(
     surface: int | None,
     period_frames: int,
 ) -> "Iterable[RecordArray]":
-    """Return the frames of one recording by updates, or each of several as one update."""
+    """Return the frames for each update: a period of one recording, or a whole one of several."""
     from mmt.session.stream import blocks_of, in_memory
     from mmt.texture.online.history import stream_blocks, trials
 
@@ -199,7 +199,7 @@ def _no_frames(path: Path) -> InputError:
 def _on_surface(
     session: RecordedSession, settings: "ModellingSettings", surface: int | None
 ) -> RecordedSession:
-    """Return what a session holds of one surface; all of it where the scene tells none apart."""
+    """Return the part of a session on one surface; all of it without ``[texture.surfaces]``."""
     if settings.surfaces is None:
         if surface is not None:
             raise InputError("--surface: the scene has no [texture.surfaces], all is one surface")
@@ -230,7 +230,7 @@ def _remark(recording: "Recording", settings: "ModellingSettings") -> str:
 
 
 def save(model: "TextureModel", path: Path) -> None:
-    """Write a model file, and its folder; raises `MmtError` if that is not possible."""
+    """Write a model file and create its folder; raise `MmtError` if that is not possible."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -1,4 +1,4 @@
-"""Help in a person's words: a switch is a switch, an argument is called by its name."""
+"""Simplify typer's help: switches without a type, arguments by name, types in plain words."""
 
 from itertools import pairwise
 from typing import Any, Final
@@ -14,15 +14,15 @@ _WORDS: Final = {
     "str": "TEXT",
     "path": "PATH",
 }
-"""What an option takes, by the type that typer would name."""
+"""Words for an option's value, by the name of typer's type."""
 
 _VALUES: Final = {"true", "false", "yes", "no", "on", "off"}
 
 
 def made_plain(command: Any) -> Any:
-    """Return a command of typer whose help, and whose answer to ``--switch true``, are plain."""
+    """Simplify the help of a typer command and its error for ``--switch true``; return it."""
     if "get_params" in vars(command):
-        return command  # it is already
+        return command  # already done
     params, parse = command.get_params, command.parse_args
 
     def plain_params(context: Any) -> list[Any]:

@@ -1,4 +1,4 @@
-"""Evaluate what a run has recorded, and report it."""
+"""Evaluate and report the recording of a run."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -25,9 +25,9 @@ def report_recording(
 ) -> dict[str, Any]:
     """Write the report of a run into a directory, and its last model; return the figures.
 
-    Where the scene had no model, or nothing was recorded, the report is of the run alone. A
-    recording that was cut off is read as far as it goes. With `tables` the figures are printed as
-    well.
+    If the scene had no ``[texture]``, or nothing was recorded, the report has only the run's
+    summaries. A cut-off recording is read as far as possible. With `tables` the figures are
+    printed as well.
     """
     session = scanned_session(scan_mcap(recording))
     scene = scene_of(session)
@@ -51,7 +51,7 @@ def report_recording(
         more=more,
     )
     model = directory / MODEL_NAME
-    model.unlink(missing_ok=True)  # an earlier run's
+    model.unlink(missing_ok=True)  # remove the model of an earlier run
     if session.models:
         write_file(model, session.models[-1][1])
     if len(evaluations) > 1:
@@ -60,12 +60,12 @@ def report_recording(
 
 
 def remark(evaluation: Evaluation, beside: Sequence[Evaluation]) -> str:
-    """Return the remark on an evaluation, with its name where there are several."""
+    """Return the remark on an evaluation, with its name if there are several."""
     return f"{evaluation.name}: " * (len(beside) > 1) + evaluation.remark
 
 
 def surface_section(parts: SurfaceParts | None) -> list[Block]:
-    """Return a report's section on the surfaces, empty if surfaces are not told apart."""
+    """Return a report's section on the surfaces, or [] if surfaces are not distinguished."""
     if parts is None:
         return []
     from mmt.evaluation.surface_report import surface_blocks
@@ -74,8 +74,8 @@ def surface_section(parts: SurfaceParts | None) -> list[Block]:
 
 
 def scene_of(session: Recording, scene_file: Path | None = None) -> Scene:
-    """Return the scene with the settings to model a session: a file's, else the recorded one's.
+    """Return the scene for modelling a session: that of a file, else the recorded one.
 
-    A session without a scene, such as an imported one, is modelled with the defaults.
+    A session without a scene, such as an imported one, gets the defaults.
     """
     return recorded_scene(session) if scene_file is None else load_scene(scene_file)

@@ -1,4 +1,4 @@
-"""A scene's services as two processes on loopback, until both have ended."""
+"""Run a scene's services as two processes on loopback."""
 
 import asyncio
 from collections.abc import Callable, Coroutine, Mapping, Sequence
@@ -18,12 +18,12 @@ from mmt.scene.added import added_flags
 
 _LAST_SECONDS: Final = 5.0
 _LONGEST_OPENING_S: Final = 10.0
-"""Time that a browser is given to open the monitor before the session begins without it."""
+"""Longest wait for a browser to open the monitor before the session begins."""
 
 
 @dataclass
 class DemoRun:
-    """What the two services said of themselves."""
+    """Summaries and errors of the two services."""
 
     leader: dict[str, Any] = field(default_factory=dict)
     follower: dict[str, Any] = field(default_factory=dict)
@@ -31,12 +31,12 @@ class DemoRun:
     failed: bool = False
     interrupted: bool = False
     start_s: dict[str, float] = field(default_factory=dict)
-    """By service: from the start of its process until it was ready."""
+    """By service: time from the start of its process until it was ready."""
     inventories: dict[str, dict[str, Any]] = field(default_factory=dict)
     """By service: its tasks, threads and modules."""
 
     def tables(self) -> dict[str, Any]:
-        """Return the summaries that arrived."""
+        """Return the received summaries by service."""
         return {
             name: table
             for name, table in (("leader", self.leader), ("follower", self.follower))
@@ -64,25 +64,25 @@ async def run_services(
     Parameters
     ----------
     scene_file, duration_s, replay
-        What the services are given.
+        Arguments for the services.
     scene
-        What they make of it.
+        The scene that results from these arguments.
     console
-        Shows the live progress.
+        Console for the live progress.
     environment
-        Environment of the processes; None for this process's own.
+        Environment of the processes; None for this process's environment.
     realtime
-        Whether they tick by real-time scheduling.
+        Whether the services tick by real-time scheduling.
     guests
-        Are let in at the leader's events.
+        Guests, which start at events of the leader.
     on_link
-        Called with the URL of the leader's link when it listens.
+        Called with the URL of the leader's link when the leader listens.
     follower_file
-        The follower's own scene, if it is not the leader's.
+        The follower's scene, if it differs from the leader's.
     verbose
         Whether to print every event of both services.
     shows_monitor
-        Whether to open the scene's monitor in a browser, which is to see the beginning.
+        Whether to open the scene's monitor in a browser, and wait for it before the session begins.
     """
     shared = ["--json-lines", *["--realtime"] * realtime]
     if replay is not None:
@@ -140,7 +140,7 @@ class _Services:
             leader = await self._start("leader", self.leader_arguments)
             await self._watch_leader(leader)
             if self.entering and not self.found.interrupted:
-                # on a busy machine they may be ready after a short session
+                # on a busy machine, guests may be ready only after a short session
                 await asyncio.wait(self.entering, timeout=_LAST_SECONDS)
         finally:
             self.line.clear()
@@ -188,13 +188,13 @@ class _Services:
         failed = await self._note_end(leader) != 0
         if follower is not None:
             await asyncio.wait([following], timeout=0.0 if failed else _LAST_SECONDS)
-            follower.interrupt()  # else it would wait for a leader that has ended
+            follower.interrupt()  # else the follower would wait for the ended leader
             await asyncio.wait([following], timeout=_LAST_SECONDS)
             await follower.kill()
             await following
 
     def _awaits_page(self, leader: Child, line: Mapping[str, Any]) -> bool:
-        """Return whether the browser is still opening the page, which is to see the beginning."""
+        """Return whether to wait for the browser, so that the page shows the beginning."""
         return leader.age_s < self.page_until_s and not line.get("viewers")
 
     async def _watch_follower(self, follower: Child, leader: Child) -> None:
@@ -205,7 +205,7 @@ class _Services:
             elif line["kind"] == "summary":
                 self.found.follower = {key: v for key, v in line.items() if key != "kind"}
         if await self._note_end(follower) != 0:
-            leader.interrupt()  # else it would wait for a follower that has ended
+            leader.interrupt()  # else the leader would wait for the ended follower
 
     async def _note_end(self, child: Child) -> int:
         code = await child.wait()
@@ -228,7 +228,7 @@ class _Services:
         if kind == "status":
             self.line.show(line["verdict"])
         elif kind == "event":
-            if self.verbose or not self.begun:  # such as that something is compiled
+            if self.verbose or not self.begun:  # early events, such as of compiling
                 self.line.say(f"leader: {line['event']}")
             for guest in self.guests:
                 entering = guest.entering(line["event"])

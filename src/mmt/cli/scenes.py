@@ -1,4 +1,4 @@
-"""``mmt scene``: what a scene runs, sends, imports and costs."""
+"""``mmt scene``: show what a scene runs, sends, imports and costs."""
 
 import tempfile
 from pathlib import Path
@@ -26,7 +26,7 @@ _KEY = (
 
 @app.callback()
 def main() -> None:
-    """Take a command, also while there is only one."""
+    """Make `explain` a subcommand although it is the only command."""
 
 
 @app.command()
@@ -81,7 +81,7 @@ def explain(
 def _measure(
     scene: Scene, duration_s: float, rounds: int, parts: bool
 ) -> "tuple[SceneCosts, Scene]":
-    """Return the costs, and the scene as it was run."""
+    """Measure the costs; return them, and the scene as it was run."""
     require("scipy")
     from mmt.cli.scene.costs import measure_scene
     from mmt.cli.scene.runs import SceneRunner

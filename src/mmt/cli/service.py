@@ -62,14 +62,14 @@ Version: TypeAlias = Annotated[
 
 
 class Summary(Protocol):
-    """What a service returns at its end."""
+    """A service's result."""
 
     @property
     def problem(self) -> str | None:
-        """Why the run failed, None where it ended as it should."""
+        """Why the run failed, or None."""
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the summary for a program."""
+        """Return the summary as JSON values."""
 
 
 class RunnableService(Protocol):
@@ -79,7 +79,7 @@ class RunnableService(Protocol):
         """Run until the session ends."""
 
     def stop(self) -> None:
-        """End the session; `run` returns with the summary."""
+        """End the session; `run` then returns the summary."""
 
 
 AnyService = TypeVar("AnyService", bound=RunnableService)
@@ -87,7 +87,7 @@ AnyService = TypeVar("AnyService", bound=RunnableService)
 
 @dataclass(frozen=True)
 class ServiceOptions:
-    """The options that all services have."""
+    """Options of all services."""
 
     json_file: Path | None
     json_lines: bool
@@ -105,9 +105,9 @@ class ServiceRun(ABC, Generic[AnyService]):
     name
         "leader" or "follower".
     scene
-        What to run.
+        The scene to run.
     options
-        As given on the command line.
+        Options of the command line.
     """
 
     def __init__(self, name: Service, scene: Scene, options: ServiceOptions) -> None:
@@ -116,14 +116,14 @@ class ServiceRun(ABC, Generic[AnyService]):
         self.options = options
         self.line = StatusLine(messages)
         self.problems: list[Exception] = []
-        """What went wrong beside the service itself; told when the rest is done."""
+        """Errors outside the service, such as of writing; reported at the end."""
 
     @abstractmethod
     def build(self, logs: Logs) -> AnyService:
-        """Return the service; called on the event loop."""
+        """Return the service; called in the event loop."""
 
     def on_start(self, service: AnyService) -> None:
-        """Handle the start; signals already end the service."""
+        """Handle the start; end signals are already handled."""
 
     @abstractmethod
     def on_ready(self, service: AnyService) -> None:
@@ -138,11 +138,11 @@ class ServiceRun(ABC, Generic[AnyService]):
 
     @property
     def report(self) -> Path | None:
-        """The page that `evaluate` writes, None where none is wanted."""
+        """The report's page that `evaluate` writes, or None."""
         return None
 
     def evaluate(self, summary: dict[str, Any]) -> dict[str, Any]:
-        """Evaluate the recording where that is wanted; return the figures, empty otherwise."""
+        """Evaluate the recording if requested; return the figures, else {}."""
         _ = summary
         return {}
 
@@ -152,9 +152,9 @@ class ServiceRun(ABC, Generic[AnyService]):
         Raises
         ------
         InputError
-            Two options take standard output.
+            Two options write to standard output.
         MmtError
-            Real-time scheduling is wanted but not permitted, or the run failed.
+            Real-time scheduling is requested but not permitted, or the run failed.
         """
         options, logger = self.options, logging.getLogger(f"mmt.{self.name}")
         require_one_output(options.json_file, json_lines=options.json_lines)
@@ -175,7 +175,7 @@ class ServiceRun(ABC, Generic[AnyService]):
         raise_problems(self.problems)
 
     def _end(self, content: dict[str, Any]) -> None:
-        """Report a summary in every way that is wanted; what fails does not hold up the rest."""
+        """Report a summary in every requested way; an error in one does not prevent the others."""
         self.line.clear()
         options, evaluation, report = self.options, dict[str, Any](), None
         if options.json_lines:

@@ -1,4 +1,4 @@
-"""``mmt session``: make, convert, view and recover sessions."""
+"""``mmt session``: simulate, convert, view and recover sessions."""
 
 import asyncio
 from collections.abc import Mapping, Sequence
@@ -73,7 +73,7 @@ def simulate(
     ] = None,
     force: Force = False,
 ) -> None:
-    """Simulate a session on a known texture; its truth travels with the file."""
+    """Simulate a session on a known texture, and store that texture (the truth) in the file."""
     from mmt.testing.simulation.offline import simulate_session
 
     scene = load_scene(scene_file) if scene_file is not None else Scene()
@@ -97,7 +97,7 @@ def simulate(
 
 
 def _trial_files(target: Path, trials: int) -> list[Path]:
-    """Return the file of each trial, numbered with as many digits as the last one has."""
+    """Return the file of each trial, with numbers of equal width."""
     if trials == 1:
         return [target]
     digits = len(str(trials))
@@ -114,7 +114,7 @@ def info(
     from mmt.session.info import info as session_info
     from mmt.session.operators import control_sentence
 
-    with suppress(InputError):  # without the numerics, faults of the signals are not looked for
+    with suppress(InputError):  # without the numerics, the signals' faults are left out
         compile_kernels(["mmt.texture.signals.filtering"], messages.print)
     found = session_info(source)
     content: dict[str, Any] = {
@@ -149,7 +149,7 @@ _LISTENER_COLUMNS: Final = {
 
 
 def _listener_table(listeners: Sequence[Mapping[str, Any]]) -> Table:
-    """Return who listened, for how long, how far behind, and what they were sent."""
+    """Return a table of listeners: name, time, lag, and messages sent to them."""
     table = plain_table("listeners")
     for name, title in _LISTENER_COLUMNS.items():
         is_text = name in {"name", "why"}
@@ -190,13 +190,13 @@ def recover(
     ] = None,
     force: Force = False,
 ) -> None:
-    """Save what is readable of a session file that was cut off; FILE itself is kept."""
+    """Save the readable part of a session file that was cut off; FILE is not changed."""
     from mmt.session.recover import recover as recover_session
 
     if target is None:
         beside = source.parent / f"{source.stem}.recovered{source.suffix}"
         target = beside if force else free_path(beside)
-    elif not _same_file(source, target):  # which is refused with or without --force
+    elif not _same_file(source, target):  # `recover` refuses the same file, even with --force
         require_absent(target, force=force)
     saved = recover_session(source, target)
     messages.print(

@@ -1,4 +1,4 @@
-"""One line of a terminal that is written over while a run goes on."""
+"""A status line of a terminal, which is overwritten during a run."""
 
 import sys
 from collections.abc import Mapping
@@ -16,12 +16,12 @@ _ERASE = Control(ControlType.CARRIAGE_RETURN, (ControlType.ERASE_IN_LINE, 2))
 
 
 class StatusLine:
-    """Shows how a run stands in the last line of a terminal; elsewhere it shows nothing.
+    """Shows the state of a run in the last line of a terminal, or nothing without a terminal.
 
     Parameters
     ----------
     console
-        The terminal, of standard error.
+        Console of standard error.
     """
 
     def __init__(self, console: Console) -> None:
@@ -29,7 +29,7 @@ class StatusLine:
         self._shown = False
 
     def show(self, verdict: Mapping[str, Any], text: str = "") -> None:
-        """Show a verdict, as a page gets it, or a text before there is one; in one line."""
+        """Show a verdict, as sent to pages, in one line, or `text` if the verdict is empty."""
         console = self._console
         if not console.is_terminal or console.is_dumb_terminal or is_behind(sys.stderr):
             return
@@ -44,12 +44,12 @@ class StatusLine:
         self._shown = True
 
     def clear(self) -> None:
-        """Leave the line empty, for others to print there."""
+        """Erase the line, so that other text can be printed there."""
         if self._shown:
             self._console.control(_ERASE)
             self._shown = False
 
     def say(self, sentence: str) -> None:
-        """Print a line that stays."""
+        """Print a permanent line."""
         self.clear()
         self._console.print(sentence, highlight=False, soft_wrap=True)

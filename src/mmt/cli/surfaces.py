@@ -1,4 +1,4 @@
-"""``mmt surface``: a person's word about the surface under the tool."""
+"""``mmt surface``: tell a leader which surface is under the tool."""
 
 import asyncio
 from typing import Annotated
@@ -20,7 +20,7 @@ def say_surface(
         str, typer.Option(metavar="URL", help="Where the leader listens.")
     ] = "http://127.0.0.1:8765",
 ) -> None:
-    """Say on which surface the tool of a running leader is, as its monitor's page does."""
+    """Tell a running leader which surface is under the tool, as its monitor's page can."""
     from mmt.link.access import Access
     from mmt.scene import Link
     from mmt.web.monitor.ordering import give_order

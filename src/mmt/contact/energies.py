@@ -14,7 +14,7 @@ _REPEAT_TICKS: Final = 100
 
 
 class EnergyCounts:
-    """Energies that the other side reports of its port, an axis each; they never decrease.
+    """Energies that the other side reports for each axis of its port; they never decrease.
 
     A late report is smaller than the newest and is ignored. After `restart` a smaller one means
     that the other side started counting from zero; it is added to the earlier total.
@@ -61,7 +61,7 @@ class EnergyReport:
         self._sequence = 0
 
     def make(self, energy_j: Energies, elapsed: int, time_ns: int = 0) -> RecordArray | None:
-        """Return the record (1,) to send now, None for none."""
+        """Return the record (1,) to send now, or None."""
         self._quiet_ticks += elapsed
         if energy_j == self._said and (self._quiet_ticks < _REPEAT_TICKS or not any(energy_j)):
             return None

@@ -11,9 +11,9 @@ Two models side by side, each linear in three parameters that recursive least sq
   environments", IEEE Trans. Robot. 28 (2012)). The place of touch is the last one without a
   force; as it is seen late, deep samples count more.
 
-Force and depth pass the same first-order filter, whose own state gives the derivative: what
-is linear before it is linear after it, with the same parameters (a state variable filter).
-Samples are used in contact, and where a model expects a force and there is none; both only while
+Force and depth pass the same first-order filter, whose own state gives the derivative: a linear
+relation before the filter holds after it with the same parameters (a state variable filter).
+Samples are used in contact, and when a model expects a force but there is none; both only while
 the tool moves or the model is wrong. At all other times nothing is updated or forgotten. The model
 in use is the one that has predicted the force better.
 
@@ -63,7 +63,7 @@ class ContactModel:
     Parameters
     ----------
     surface_m
-        Where it begins; depth is counted from there.
+        Position of the surface, from which depth is counted.
     stiffness_n_m
         K, in N/m^n; with ``exponent`` 1 the stiffness of a spring.
     exponent
@@ -96,7 +96,7 @@ class ContactModel:
         return max(0.0, spring + min(damping, largest_damping_n_s_m) * speed_m_s)
 
     def stiffness_at(self, force_n: float) -> float:
-        """Return the slope of the elastic force (N/m) where it is `force_n`."""
+        """Return the slope of the elastic force (N/m) at the depth of a force `force_n`."""
         if self.exponent == 1.0 or force_n <= 0.0:
             return self.stiffness_n_m
         depth = float((force_n / self.stiffness_n_m) ** (1.0 / self.exponent))
@@ -266,7 +266,7 @@ class ContactEstimator:
         self.contact = True
 
     def _learn(self, speed: float) -> None:
-        """Update with a sample of force, or of its absence where a force was expected."""
+        """Update with a sample of force, or of no force when a force was expected."""
         assert self._depth_m is not None  # noqa: S101 - the caller has set it
         force_n = self._force_n if self.contact else 0.0
         linear = (_MM * (self._depth_m - self._origin_m), speed, 1.0)

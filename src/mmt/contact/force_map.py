@@ -34,15 +34,15 @@ Cell = tuple[int, int]
 
 
 class SmoothSpeed:
-    """The speed of a place, behind a first-order filter of 10 ms."""
+    """Speed of a position, behind a first-order filter of 10 ms."""
 
     def __init__(self) -> None:
         self._smooth_m: float | None = None
 
     def step(self, place_m: float, period_s: float) -> float:
-        """Return the speed (m/s) at a place (m), `period_s` after the last one.
+        """Return the speed (m/s) at a position (m), `period_s` after the last one.
 
-        It is 0 at the first, and at one that is not finite, which is left out.
+        It is 0 for the first position, and for one that is not finite, which is ignored.
         """
         if not math.isfinite(place_m):
             return 0.0

@@ -1,13 +1,13 @@
-"""Where and how hard a hand presses on a remote surface, by its own motion alone.
+"""Contact force at the hand, from the hand's motion and a contact learned at the follower.
 
-The follower's samples tell two things. Its tool's place and the force on it tell where the surface
-is (`mmt.contact.estimation`): there the hand is in contact at once, over whatever network. How far
-the command had to go below the surface for the force tells the stiffness of robot and surface
-together. The robot follows its command late; to the first order in its lag T the force is
+Two things are learned from the follower's samples. Position of the tool and force on it give the
+place of the surface (`mmt.contact.estimation`): there the hand is in contact at once, whatever the
+network. The depth of the command below the surface and the force give the stiffness of robot and
+surface together. The robot follows its command with a lag T; to first order in T the force is
 
     F = k (x - T x') = k x + b x'
 
-at a depth x of the command below the surface, with b = -k T. Both are fitted by least squares in
+at a depth x of the command below the surface, with b = -k T. k and b are fitted by least squares in
 moving contact; the hand is given k x, the force that its motion would have without the lag.
 
 Cost: about 12 us a sample, and under 1 us a tick, in plain Python.
@@ -20,27 +20,27 @@ from mmt.contact.estimation import ContactEstimator, EstimationSettings
 from mmt.contact.force_map import SmoothSpeed
 
 _RENEWAL: Final = 10
-"""Samples after which the surface is asked for anew: it costs more than they do."""
+"""Number of samples between two queries of the estimate, which cost more than a sample."""
 _LEAST_M2: Final = 1e-8
-"""The stiffness is known once squared depths of moving contact add up to this: 0.1 mm for one."""
+"""Least sum of squared depths in moving contact for a known stiffness: one depth of 0.1 mm."""
 _REGULARISER: Final = 1e-12
 
 
 class HandContact:
-    """Learn the contact from the follower's samples; tell it for the hand's place.
+    """Learn the contact from the follower's samples; return the force at the hand's position.
 
     Parameters
     ----------
     settings
-        Of the estimate of the surface; its forgetting holds for the stiffness too.
+        Settings of the surface's estimate; the forgetting time holds for the stiffness too.
     """
 
     def __init__(self, settings: EstimationSettings | None = None) -> None:
         settings = settings or EstimationSettings()
         self.surface: Final = ContactEstimator(settings)
-        """The surface itself, of the tool's place and force."""
+        """Estimator of the surface from position of the tool and force on it."""
         self.surface_m: float | None = None
-        """Where it is along the axis into it, None before it was touched."""
+        """Position of the surface along the axis into it, or None before it was touched."""
         self._tick_s = settings.tick_s
         self._keep = math.exp(-settings.tick_s / settings.forgetting_s)
         self._speed = SmoothSpeed()
@@ -53,9 +53,9 @@ class HandContact:
         Parameters
         ----------
         command_m, place_m
-            Where the tool was sent and where it was, along the axis into the surface.
+            Commanded and measured position of the tool along the axis into the surface.
         force_n
-            Force of the surface on it.
+            Force of the surface on the tool.
         """
         if not math.isfinite(command_m + place_m + force_n):
             return
@@ -82,7 +82,7 @@ class HandContact:
 
     @property
     def stiffness_n_m(self) -> float | None:
-        """Of robot and surface together, None while it is not known."""
+        """Stiffness of robot and surface together, or None while it is not known."""
         xx, xv, vv, xf, vf = self._sums
         if xx < _LEAST_M2:
             return None
@@ -93,7 +93,7 @@ class HandContact:
         return stiffness if stiffness > 0.0 else None
 
     def force_n(self, depth_m: float) -> float | None:
-        """Return the force (N) at a place of the hand; 0 off the surface, None if not known."""
+        """Return the force (N) at a position of the hand; 0 off the surface, None if not known."""
         surface_m, stiffness_n_m = self.surface_m, self.stiffness_n_m
         if surface_m is None or stiffness_n_m is None or not math.isfinite(depth_m):
             return None

@@ -2,14 +2,14 @@
 
 The covariance is kept as ``U D U'`` with U unit upper triangular and D diagonal, updated by
 Bierman's method (*Factorization Methods for Discrete Sequential Estimation*, Academic Press,
-1977, chapter V): it stays positive for every sequence of data, where the plain form loses
-that to rounding. Exponential forgetting divides D by the forgetting factor at each sample.
+1977, chapter V): it stays positive for every sequence of data, while rounding may make the plain
+form indefinite. Exponential forgetting divides D by the forgetting factor at each sample.
 Without excitation that would let D grow without bound ("wind-up"). Here no element of D may
-exceed its initial value, and where correlations still carry a parameter's variance beyond
-`LARGEST_RISE` times its initial one, the covariance starts anew, the parameters kept. What
-was not excited is thus at worst about as unknown as at the start (bounded covariance and
-covariance resetting: Goodwin and Sin, *Adaptive Filtering, Prediction and Control*, 1984,
-section 3.3).
+exceed its initial value. If correlations still raise a parameter's variance beyond
+`LARGEST_RISE` times its initial one, the covariance is reset and the parameters are kept. So
+parameters that are not excited are at worst about as uncertain as at the start (bounded
+covariance and covariance resetting: Goodwin and Sin, *Adaptive Filtering, Prediction and
+Control*, 1984, section 3.3).
 """
 
 import math
@@ -55,12 +55,12 @@ class RecursiveLeastSquares:
         """The estimate."""
 
     def predict(self, phi: Triple) -> float:
-        """Return what y is expected to be."""
+        """Return the predicted y."""
         a, b, c = self.parameters
         return a * phi[0] + b * phi[1] + c * phi[2]
 
     def update(self, phi: Triple, value: float) -> float:
-        """Take a sample and return its error before; one that is not finite changes nothing."""
+        """Update with a sample, return its error before; one that is not finite is ignored."""
         error = value - self.predict(phi)
         u01, u02, u12 = self._u
         d0, d1, d2 = self._d

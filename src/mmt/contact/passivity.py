@@ -4,17 +4,16 @@ The passivity observer and controller of Hannaford and Ryu ("Time-domain passivi
 haptic interfaces", IEEE Trans. Robot. Autom. 18 (2002)), at each end of a delayed two-port
 (Ryu, Artigas and Preusche, "A passive bilateral control scheme for a teleoperator with
 time-varying communication delay", Mechatronics 20 (2010)). Energy that flows in and energy
-that flows out are counted apart. Both only grow, so that a count that comes late, or not at
-all, can but make the other side more careful.
+that flows out are counted separately. Both counts only grow, so that a count that comes late,
+or not at all, can only make the other side more careful.
 
 Discrete time: the force is held for a tick and the position is measured at its ends, so that
-force times travel is the exact work, not an approximation of it. What is not known when a
-force is chosen is the travel that follows. The force is therefore bounded by the energy that
-is left over the farthest travel that the next tick can bring (twice the last one, and what an
-acceleration of `REACH_M_S2` adds). The port's net energy then never falls below minus the
-reserve; only a tick whose travel goes beyond that reach can overdraw it, by the work of that
-one tick. Where the force is about to give energy out, half of the reserve is left untouched,
-for a hand that turns round.
+force times travel is the exact work, not an approximation of it. The travel that follows is not
+known when a force is chosen. The force is therefore bounded by the remaining energy divided by
+the farthest travel of the next tick (twice the last travel, plus what an acceleration of
+`REACH_M_S2` adds). The port's net energy then never falls below minus the reserve; only a tick
+whose travel goes beyond that reach can overdraw it, by the work of that one tick. If the force is
+about to give energy out, half of the reserve is left, for a hand that turns round.
 
 Each class is one axis of one port. Cost: 2 to 4 us a step in plain Python.
 """
@@ -88,12 +87,12 @@ class PassivityObserver:
 class ForcePort:
     """The leader's port: a force is displayed on a handle that moves as the hand wants.
 
-    The energy reference is the smaller of what the hand put in and what the other side says
-    it gave back. With the first alone the port is passive whatever the other side does; the
-    second keeps it from returning what a soft surface has dissipated.
+    The energy reference is the smaller of two counts: what the hand put in, and what the other
+    side reports to have given back. The first alone makes the port passive whatever the other
+    side does; the second keeps it from returning energy that a soft surface has dissipated.
 
-    The controller is a damper on the handle, of at most the settings' damping, that makes up
-    for the energy about to be missing; then the bound of the module's head.
+    The controller is a damper on the handle, of at most the settings' damping, that dissipates
+    the energy about to be missing. Then the force is bounded as described for the module.
 
     Parameters
     ----------
@@ -193,18 +192,18 @@ class ForcePort:
 class MotionPort:
     """The follower's port: a command moves a robot that meets a force.
 
-    Its controller holds the command back where it would give the surface more energy than
-    the leader has sent, and lets it catch up as soon as that costs nothing or is paid. It
-    makes first contact gentle. It can hold back no farther than the settings' drift, so that
-    stability never rests on it, but on the leader's port.
+    Its controller holds the command back if the command would give the surface more energy than
+    the leader has sent, and lets it catch up once that costs no energy or the energy has come.
+    This makes first contact gentle. The command is held back no farther than the settings' drift,
+    so that stability depends on the leader's port alone.
     """
 
     _QUIET_N: Final = 0.05
     """Forces below this are treated as sensor noise."""
     _CATCH_UP: Final = 0.02
-    """Share of the drift that is made up for in a tick, where the energy is there."""
+    """Share of the drift that is caught up in a tick, if there is the energy for it."""
     _CATCH_UP_M_S: Final = 0.05
-    """Fastest that it is made up for."""
+    """Largest speed of catching up."""
 
     def __init__(self, settings: PassivitySettings) -> None:
         self._settings = settings
@@ -218,7 +217,7 @@ class MotionPort:
 
     @property
     def in_j(self) -> float:
-        """Energy (J) that came back, no more than went out: what the leader may give on.
+        """Energy (J) that came back, at most what went out; the leader may pass it to the hand.
 
         A robot that follows with a lag can seem to return more than it got, from its motors.
         """

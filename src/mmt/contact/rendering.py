@@ -1,16 +1,16 @@
 """Local rendering of a contact model whose parameters change smoothly.
 
-The parameters approach the newest estimate exponentially. A stiffer spring, or a surface that moves
-towards the hand, stores energy at the same depth that the hand has not put in. The port that
-displays the force keeps this energy from the hand by an exact account of force and travel
-(`mmt.contact.passivity.ForcePort`): the hand never receives more than it gave plus a small reserve,
-however the parameters change. This restricts updates less than holding the stored energy constant
-(Xu, Cizmeci, Schuwerk and Steinbach, "Model-mediated teleoperation: toward stable and transparent
-teleoperation systems", IEEE Access 4 (2016), section V): there a hand that rests in contact would
-feel nothing of a model that comes late.
+The parameters approach the newest estimate exponentially. If the spring becomes stiffer, or the
+surface moves towards the hand, the same depth stores more energy, which the hand has not put in.
+The port that displays the force keeps this energy from the hand by an exact account of force and
+travel (`mmt.contact.passivity.ForcePort`): the hand never receives more than it gave plus a small
+reserve, however the parameters change. This restricts updates less than holding the stored energy
+constant (Xu, Cizmeci, Schuwerk and Steinbach, "Model-mediated teleoperation: toward stable and
+transparent teleoperation systems", IEEE Access 4 (2016), section V): then a hand at rest in contact
+would not feel a model that comes late.
 
-The force is held for a tick, and so computed for the tick's middle: a spring that is evaluated
-at its beginning gives back half a tick's travel more than it took, at each stroke.
+The force is held for a tick and therefore computed for the tick's middle. A spring evaluated at its
+beginning would give back more than it took at each stroke, by half a tick's travel.
 
 Cost: about 2 us a step in plain Python.
 """
@@ -126,7 +126,7 @@ class LocalContact:
             self.rendered = _between(now, target, -math.expm1(-period_s / smoothing_s))
 
     def _no_stiffer(self, model: ContactModel) -> ContactModel:
-        """Return the model, a stiff one as a spring of the largest stiffness."""
+        """Return the model, or a spring of the largest stiffness if the model is too stiff."""
         most = self._settings.stiffness_n_m
         if model.stiffness_at(_REFERENCE_N) <= most:
             return model
@@ -134,7 +134,7 @@ class LocalContact:
 
 
 def _between(now: ContactModel, target: ContactModel, share: float) -> ContactModel:
-    """Return the model a share of the way."""
+    """Return the model at a share of the way from one to the other."""
     exponent = now.exponent + share * (target.exponent - now.exponent)
     logarithm = (1.0 - share) * _logarithm(now) + share * _logarithm(target)
     return ContactModel(

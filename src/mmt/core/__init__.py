@@ -1,1 +1,1 @@
-"""What every layer uses: arrays, errors, frames, ticks, clocks, logs, compiled kernels."""
+"""Tools of every layer: arrays, errors, frames, ticks, clocks, logs, compiled kernels."""

@@ -1,4 +1,4 @@
-"""NumPy archives from anywhere: what is damaged, odd or a bomb is explained."""
+"""Read NumPy archives from untrusted sources; damaged files and zip bombs are refused."""
 
 import io
 import zipfile
@@ -19,11 +19,11 @@ _DAMAGE: Final = (
     NotImplementedError,  # a compression that Python does not know
     RuntimeError,  # an encrypted member
 )
-"""What reading an archive raises where it is damaged, or not made by NumPy."""
+"""Errors from reading an archive that is damaged or was not made by NumPy."""
 
 _LARGEST_BYTES = 512 << 20
 _LARGEST_RATIO = 100
-"""An archive may grow to so many times its size where that is more than `_LARGEST_BYTES`."""
+"""An archive may unpack to this many times its size, or to `_LARGEST_BYTES` if that is more."""
 
 Arrays = dict[str, np.ndarray[Any, np.dtype[Any]]]
 
@@ -31,13 +31,13 @@ Arrays = dict[str, np.ndarray[Any, np.dtype[Any]]]
 def load_arrays(
     source: Path | bytes, wanted: Callable[[str], bool] | None = None
 ) -> tuple[Arrays, list[str]]:
-    """Return the wanted arrays of a ``.npz`` by name, and the names of all.
+    """Return the wanted arrays of a ``.npz`` archive by name, and the names of all its arrays.
 
     Raises
     ------
     InputError
-        It is not an archive of plain arrays, or much larger than its file; the message does
-        not name the file.
+        The source is not an archive of plain arrays, or unpacks to far more than its size. The
+        message does not name the file.
     OSError
         The file cannot be read.
     """
@@ -56,7 +56,7 @@ def load_arrays(
 
 
 def _check_size(stream: Any) -> None:
-    """Refuse what unpacks to far more than its file."""
+    """Refuse an archive that unpacks to far more than its size."""
     if not zipfile.is_zipfile(stream):
         stream.seek(0)
         return
@@ -68,12 +68,12 @@ def _check_size(stream: Any) -> None:
 
 
 def check_growth(unpacked: int, size: int) -> None:
-    """Refuse what unpacks to far more bytes than its file has.
+    """Refuse content that unpacks to far more bytes than its file has.
 
     Raises
     ------
     InputError
-        It does; the message does not name the file.
+        The content does; the message does not name the file.
     """
     if unpacked > max(_LARGEST_BYTES, _LARGEST_RATIO * size):
         raise InputError(

@@ -13,7 +13,7 @@ FloatArray = npt.NDArray[np.float64]
 """Real-valued samples; the shape is given where it is used."""
 
 SingleArray = npt.NDArray[np.float32]
-"""Samples as they stand in frames; the shape is given where it is used."""
+"""Single-precision samples, as in frames; the shape is given where it is used."""
 
 IntArray = npt.NDArray[np.int64]
 """Indices and sequence numbers."""
@@ -34,16 +34,16 @@ def difference(first: Vector, second: Vector) -> Vector:
 
 
 def clipped(position: Vector, low: Vector, high: Vector) -> Vector:
-    """Return `position` or, where it is outside the box of two corners, the nearest point in it."""
+    """Return `position`, or the nearest point of the box from `low` to `high` if outside."""
     x, y, z = (max(a, min(p, b)) for p, a, b in zip(position, low, high, strict=True))
     return (x, y, z)
 
 
 def towards(start: Vector, goal: Vector, most: float) -> Vector:
-    """Return `goal`, or the point at distance `most` towards it where it is farther away.
+    """Return `goal`, or the point at distance `most` towards it if `goal` is farther away.
 
-    To a goal that is not finite there is no way: it is `start`. From a start that is not finite
-    it is `goal` at once. However large both are, nothing overflows.
+    Return `goal` if `start` is not finite; else `start` if `goal` is not finite. Large values
+    do not overflow.
     """
     x, y, z = (0.25 * b - 0.25 * a for a, b in zip(start, goal, strict=True))
     quarter = math.hypot(x, y, z)
@@ -56,7 +56,7 @@ def towards(start: Vector, goal: Vector, most: float) -> Vector:
 
 
 def bounded(vector: Vector, most: float) -> Vector:
-    """Return a vector no longer than `most`, its direction kept; nought if it is not finite."""
+    """Return a vector shortened to at most `most`, its direction kept; zero if not finite."""
     length = math.hypot(*vector)
     if length <= most:
         return vector

@@ -1,8 +1,8 @@
-"""Values checked by what they are annotated with.
+"""Check values against their annotations.
 
-A field of a settings class says once what is allowed, as a type with bounds of `annotated_types`:
-where a scene is read, pydantic reads the annotation, and `check_fields` does wherever else a
-program makes the settings.
+A field of a settings class states the allowed values once, as a type with bounds of
+`annotated_types`. When a scene is read, pydantic checks these annotations; if a program makes
+the settings itself, `check_fields` does.
 """
 
 import math
@@ -54,7 +54,7 @@ def check(name: str, value: object, allowed: Any) -> None:
     Raises
     ------
     SettingError
-        It is not allowed. A number that is not finite never is, nor 2.5 as a whole number.
+        The value is not allowed, for instance NaN as a number or 2.5 as a whole number.
     """
     if not _fits(value, allowed):
         raise SettingError(f"{name} is {value!r}, allowed is {_described(allowed)}")
@@ -66,7 +66,7 @@ def real_numbers(name: str, values: npt.ArrayLike) -> FloatArray:
     Raises
     ------
     InputError
-        They are of another kind, such as text or complex numbers, or rows of unequal length.
+        The values are text, complex or of another kind, or are rows of unequal length.
     """
     try:
         array = np.asarray(values)
@@ -78,12 +78,12 @@ def real_numbers(name: str, values: npt.ArrayLike) -> FloatArray:
 
 
 def finite_number(text: str) -> float:
-    """Return the number that a text is.
+    """Return the finite number in a text.
 
     Raises
     ------
     ValueError
-        It is none, or not finite.
+        The text is no number, or the number is not finite.
     """
     if not math.isfinite(number := float(text)):
         raise ValueError(f"{number} is not finite")

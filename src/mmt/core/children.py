@@ -1,7 +1,7 @@
-"""How Python processes are started: nothing that lies in the current folder is imported.
+"""Commands of Python processes that import nothing from the current folder.
 
-A file there that is named like a standard module, such as ``random.py``, would be imported in its
-place. A folder that `PYTHONPATH` names is searched all the same.
+A file there with the name of a standard module, such as ``random.py``, would be imported in its
+place. Folders in `PYTHONPATH` are still searched.
 """
 
 import os
@@ -15,7 +15,7 @@ def python_command(*arguments: str) -> list[str]:
 
 
 def import_path() -> str:
-    """Return a `PYTHONPATH` by which a process imports what this one can."""
+    """Return a `PYTHONPATH` with which a child can import the modules that this process can."""
     named = filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))
     here = {Path.cwd()} - {Path(each).resolve() for each in named}
     return os.pathsep.join(each for each in sys.path if each and Path(each).resolve() not in here)

@@ -22,18 +22,18 @@ _OPTIONS: Final[dict[str, Any]] = {
     "cache": True,
     "nogil": True,
     "error_model": "numpy",
-    "no_cfunc_wrapper": True,  # none is called from C
+    "no_cfunc_wrapper": True,  # no kernel is called from C
 }
 
 _collected: Kernels | None = None
-"""Where `collect_kernels` collects what it imports; None everywhere else."""
+"""Kernels that `collect_kernels` has collected so far; None while it does not run."""
 
 
 def drop_stale_kernels(sources: str | Path = KERNELS) -> bool:
     """Delete the compiled kernels of a folder if any of its sources has changed since.
 
-    numba renews a cached kernel when its own file changes, not when a kernel that it has
-    inlined from another file does. Returns whether anything was stale.
+    numba recompiles a cached kernel if its own file changes, but not if a kernel that it
+    inlines from another file changes. Returns whether anything was stale.
     """
     sources = Path(sources)
     cache = sources / "__pycache__"
@@ -82,9 +82,9 @@ def kernel(*signatures: str) -> Callable[[Function], Function]:
 
 
 def collect_kernels(modules: Sequence[str]) -> Kernels:
-    """Import modules, and return their kernels; these are not compiled yet.
+    """Import modules and return their kernels, which are not compiled yet.
 
-    Kernels of modules that had been imported before are compiled, and not among them.
+    Kernels of modules imported earlier are compiled already and are left out.
     """
     global _collected  # noqa: PLW0603 - read by the decorator in each module that is imported
     _collected = found = Kernels()
@@ -109,7 +109,7 @@ def _is_cached(each: Any) -> bool:
 
 
 def compile_collected(kernels: Kernels) -> None:
-    """Compile kernels, or load them from the cache; those that are compiled are left out."""
+    """Compile kernels, or load them from the cache; skip those compiled already."""
     for each in kernels:
         _compile_with_callees(each, kernels)
 

@@ -1,4 +1,4 @@
-"""What draws itself in a script or a notebook, by modules that stand above all else."""
+"""Base class of objects that a script or notebook can plot; plotting is in a higher layer."""
 
 import importlib
 from typing import TYPE_CHECKING
@@ -10,10 +10,10 @@ if TYPE_CHECKING:
 
 
 class Drawn:
-    """Base of what can be plotted."""
+    """Base of objects that `mmt.plotting` can plot."""
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Plot it with matplotlib; what is plotted is in `mmt.plotting`.
+        """Plot this object with matplotlib; `mmt.plotting` lists what each class shows.
 
         Parameters
         ----------

@@ -9,16 +9,16 @@ _NAMES: Final = ("SIGINT", "SIGTERM", "SIGHUP")
 
 
 def handle_end_signals(handler: Callable[[int, FrameType | None], Any] | signal.Handlers) -> None:
-    """Set the handler of all of them; a hangup that is ignored, as under ``nohup``, stays so."""
+    """Set the handler of the end signals; SIGTERM and SIGHUP stay ignored if they are (nohup)."""
     for number in (getattr(signal, name) for name in _NAMES if hasattr(signal, name)):
         if number == signal.SIGINT or signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, handler)
 
 
 def on_end_signal(act: Callable[[], None]) -> None:
-    """Call a function at the first of them; the next one but a hangup ends the process at once.
+    """Call a function at the first end signal; the next one ends the process at once.
 
-    The shell and the system both tell of a terminal that is closed.
+    SIGHUP is ignored after the first one: for a closed terminal, shell and system both send it.
     """
 
     def first(_number: int, _frame: FrameType | None) -> None:

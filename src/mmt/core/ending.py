@@ -1,4 +1,4 @@
-"""The end of a session: it comes once, with one outcome."""
+"""The end of a session, which comes once and has one outcome."""
 
 import asyncio
 import threading
@@ -13,10 +13,10 @@ _ASK_AGAIN_S: Final = 1.0
 
 
 async def cancel_until_ended(tasks: Iterable[asyncio.Future[Any]]) -> None:
-    """Cancel tasks and wait for their end, whatever it is.
+    """Cancel tasks and wait until all have ended, whatever their results.
 
-    A task is asked again once a second: a library that turns the cancellation of one step into a
-    timeout of its own would otherwise go on for good.
+    A running task is cancelled again once a second, because a library may turn a cancellation
+    into a timeout of its own and go on.
     """
     every = set(tasks)
     pending = every
@@ -38,9 +38,9 @@ class Ending:
 
     def __init__(self, outcome: str) -> None:
         self.outcome = outcome
-        """Why it ended, or the outcome it has unless another one is set."""
+        """Why the session ended; until then, the default outcome."""
         self.fault: Exception | None = None
-        """The exception that ended it, None where it did not fail."""
+        """The exception that ended the session, or None if it did not fail."""
         self._reached = asyncio.Event()
         self._deadline: asyncio.TimerHandle | None = None
 
@@ -51,7 +51,7 @@ class Ending:
 
     @property
     def awaits_peer(self) -> bool:
-        """Whether the peer is gone and the session waits, or has waited, for its return."""
+        """Whether the peer is gone, and the timeout for its return is running or has expired."""
         return self._deadline is not None
 
     async def wait(self) -> None:
@@ -59,12 +59,12 @@ class Ending:
         await self._reached.wait()
 
     async def wait_or_cancel(self, task: asyncio.Future[Any]) -> bool:
-        """Wait for a task, which the end cancels; return whether it was done before.
+        """Wait for a task, or cancel it at the end; return whether the task finished first.
 
         Raises
         ------
         Exception
-            What the task raises.
+            The task's exception.
         """
         ended = asyncio.create_task(self.wait())
         try:
@@ -78,27 +78,27 @@ class Ending:
             await asyncio.gather(task, ended, return_exceptions=True)
 
     async def call_in_thread(self, work: Callable[[], None], undo: Callable[[], object]) -> None:
-        """Call what may take long, such as connecting a device, in a thread; or wait for the end.
+        """Run a slow call, such as connecting a device, in a thread; return early at the end.
 
         Parameters
         ----------
         work
-            What is done; at the end it is left to itself.
+            The slow call. If the session ends first, the thread goes on without being awaited.
         undo
-            Called in the thread if the end came before `work` returned.
+            Called in the thread if the session ended before `work` returned.
 
         Raises
         ------
         Exception
-            What `work` raises before the end.
+            The exception of `work`, if raised before the end.
         """
         outcome: Future[None] = Future()
-        outcome.set_running_or_notify_cancel()  # the end cancels those who wait, not this
+        outcome.set_running_or_notify_cancel()  # so that the end cancels the waiter, not this
 
         def run() -> None:
             try:
                 work()
-            except BaseException as error:  # noqa: BLE001 - raised for who waits
+            except BaseException as error:  # noqa: BLE001 - raised in the waiting task
                 outcome.set_exception(error)
             else:
                 outcome.set_result(None)
@@ -121,7 +121,7 @@ class Ending:
         self.stop(f"{FAILED}{fault}")
 
     def raise_unexpected(self) -> None:
-        """Raise the fault unless it is an `MmtError`: then it is an error in the program."""
+        """Raise the fault if it is no `MmtError` and therefore an error in the program."""
         if self.fault is not None and not isinstance(self.fault, MmtError):
             raise self.fault
 
@@ -131,7 +131,7 @@ class Ending:
         self._deadline = asyncio.get_running_loop().call_later(timeout_s, on_timeout)
 
     def cancel_timeout(self) -> None:
-        """Cancel the timeout; nothing happens where none runs."""
+        """Cancel the timeout, if one runs."""
         if self._deadline is not None:
             self._deadline.cancel()
             self._deadline = None

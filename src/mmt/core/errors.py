@@ -3,8 +3,8 @@
 from typing import Final
 
 FAILED: Final = "failed: "
-"""Begins the outcome of a service that a fault has ended, and the reason that it gives its
-peer, which then ends as failed as well."""
+"""Prefix of the outcome of a service that a fault has ended, and of the reason sent to its peer,
+which then ends as failed too."""
 
 
 _LONGEST_TEXT = 200
@@ -29,7 +29,7 @@ class InputError(MmtError):
 class SettingError(InputError, ValueError):
     """A setting that is not allowed.
 
-    A `ValueError` too, which pydantic puts into the sentence of its own that names the table.
+    Also a `ValueError`, so that pydantic includes the message in its own, which names the table.
     """
 
 
@@ -38,9 +38,9 @@ class DeviceLost(MmtError):  # noqa: N818 - it is what has happened to the devic
 
 
 def brief(error: object) -> str:
-    """Return what another library says, in one line that stays short, for a sentence of ours.
+    """Return another library's error as one short, printable line, to quote in a message.
 
-    Such a text may quote the file that it complains of, whatever its bytes are.
+    The library may quote any bytes of a damaged file.
     """
     line = " ".join(str(error).split())
     plain = "".join(sign if sign.isprintable() else "?" for sign in line)

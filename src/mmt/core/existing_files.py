@@ -1,4 +1,4 @@
-"""Files that exist already: none is replaced unless a person asks for it, and by a whole one."""
+"""Write files: an existing one is replaced only on request, and only by a complete one."""
 
 import errno
 import os
@@ -21,7 +21,7 @@ def require_absent(path: Path, *, force: bool) -> None:
     Raises
     ------
     InputError
-        It exists. Devices such as ``/dev/null`` may be written to.
+        The file exists. Devices such as ``/dev/null`` may be written to.
     """
     if not force and (path.is_file() or (path / "metadata.yaml").is_file()):
         raise exists_error(path)
@@ -33,14 +33,14 @@ def exists_error(path: Path) -> InputError:
 
 
 def free_path(path: Path) -> Path:
-    """Return `path`, or where it exists the first of ``NAME-2``, ``NAME-3``, ... that does not."""
+    """Return the first of `path`, ``NAME-2``, ``NAME-3``, ... that does not exist."""
     return next(each for each in numbered(path) if not each.exists())
 
 
 def free_folder(folder: Path, *also: str) -> Path:
-    """Return a folder, or the first of ``NAME-2``, ``NAME-3``, ... without recording or report.
+    """Return the first of `folder`, ``NAME-2``, ``NAME-3``, ... without recording or report.
 
-    `also` names further files that it may not have.
+    `also` names further files that the folder must not contain.
     """
     names = ("session.mcap", "report.html", *also)
     return next(
@@ -49,19 +49,19 @@ def free_folder(folder: Path, *also: str) -> Path:
 
 
 def numbered(path: Path) -> Iterator[Path]:
-    """Give `path`, then the same with a number from 2 behind its stem, without end."""
+    """Yield `path`, then without end the path with 2, 3, ... after its stem."""
     yield path
     for number in count(2):
         yield with_number(path, str(number))
 
 
 def with_number(path: Path, number: str) -> Path:
-    """Return a path with a number behind its stem.
+    """Return a path with a number after its stem.
 
     Raises
     ------
     InputError
-        It ends in no name, such as ``.``.
+        The path has no name, as ``.``.
     """
     if path.name in {"", ".."}:
         raise InputError(
@@ -72,9 +72,9 @@ def with_number(path: Path, number: str) -> Path:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Give a file next to `path` to write to; it replaces `path` when the block succeeds.
+    """Yield a file next to `path` to write to; it replaces `path` if the block succeeds.
 
-    A link stays, and what it points to is replaced. A device or a pipe is written to itself.
+    A link stays and its target is replaced. A device or a pipe is written to directly.
 
     Raises
     ------
@@ -107,10 +107,10 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def write_file(path: Path, content: str | bytes) -> None:
-    """Write a whole file, with the folders above it; a text as UTF-8.
+    """Write a whole file, a text as UTF-8; make the folders above it.
 
-    Every file of the product that is made at once goes through here or through `replacing`, so
-    that what is at `path` is always a whole one, the former or the new.
+    Every file that the product writes at once goes through this function or `replacing`, so
+    that `path` always holds a complete file, the old or the new one.
 
     Raises
     ------
@@ -135,7 +135,7 @@ def append_lines(path: Path, text: str, *, header: str = "") -> None:
     text
         Ends with a line break.
     header
-        Comes first in a file that is empty.
+        Written first if the file is empty.
 
     Raises
     ------
@@ -159,6 +159,6 @@ def append_lines(path: Path, text: str, *, header: str = "") -> None:
 
 
 def write_error(path: Path, error: OSError) -> MmtError:
-    """Return the error that says why a file cannot be written: input, unless the disk is full."""
+    """Return the error of a failed write: `MmtError` if the disk is full, else `InputError`."""
     kind = MmtError if error.errno in _FULL else InputError
     return kind(f"cannot write {path}: {error.strerror or error}")

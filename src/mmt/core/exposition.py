@@ -1,7 +1,7 @@
 """A service's counts as Prometheus metrics, computed only when they are scraped.
 
-A run whose scene lacks ``[metrics]`` imports nothing of this, and nothing is counted for it: the
-figures are those that the services keep for their summaries.
+A run whose scene lacks ``[metrics]`` does not import this module. The metrics need no counting of
+their own: the services keep these figures for their summaries.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -23,7 +23,7 @@ BOUNDS_S: Final = (
     *(1e-4, 2e-4, 5e-4, 8e-4, *_AROUND_A_TICK_S, 2e-3, 3e-3, 5e-3),
     *(0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0),
 )
-"""Upper ends of a histogram's bins, 0.1 ms to 1 s, close to each other where ticks are."""
+"""Upper bounds of a histogram's bins, 0.1 ms to 1 s; dense around the tick's period of 1 ms."""
 
 
 class _Collector:
@@ -55,7 +55,7 @@ def gauge(name: str, text: str, value: float) -> Metric:
 def labelled(
     name: str, text: str, label: str, values: Mapping[str, float], *, grows: bool = True
 ) -> Metric:
-    """Return a counter for each value of a label, or a gauge where it does not only grow."""
+    """Return a counter for each value of a label, or a gauge unless `grows`."""
     family: Any = (CounterMetricFamily if grows else GaugeMetricFamily)(
         f"mmt_{name}", text, labels=[label]
     )
@@ -66,7 +66,7 @@ def labelled(
 
 
 def state(name: str, text: str, label: str, now: str, all_of: Iterable[str]) -> Metric:
-    """Return a gauge for each state, 1 for the present one."""
+    """Return a gauge for each state: 1 for the current one, 0 for the others."""
     family = GaugeMetricFamily(f"mmt_{name}", text, labels=[label])
     for key in all_of:
         family.add_metric([key], float(key == now))
@@ -102,7 +102,7 @@ def link_metrics(link: Any, latency: TimeHistogram) -> Iterator[Metric]:
     link
         `mmt.link.protocol.LinkStatistics`.
     latency
-        One-way latencies of what arrives, where the clocks are known.
+        One-way latencies of received frames or commands, counted while the clock offset is known.
     """
     for name, text in (
         ("frames", "Frames sent (follower) or accepted (leader)."),

@@ -1,4 +1,4 @@
-"""Optional packages: the extra of the distribution that brings each, and how to install it."""
+"""Optional packages: which extra of the distribution has each one, and how to install it."""
 
 import json
 import shlex
@@ -41,7 +41,7 @@ PACKAGES: Final[dict[str, tuple[str, str]]] = {
     "distributed": ("dask", "--dask needs distributed"),
     "mpmath": ("bench", "the reference of the bench needs mpmath"),
 }
-"""By the name under which it is imported: the extra that has it, and what needs it."""
+"""By import name: the extra that has the package, and a phrase saying what needs it."""
 
 
 def require(package: str) -> None:
@@ -55,7 +55,7 @@ def require(package: str) -> None:
     Raises
     ------
     InputError
-        It is not installed; the message has the command that installs it.
+        The package is not installed; the message has the command that installs it.
     """
     if find_spec(package) is None:
         raise _lacking(package)
@@ -63,7 +63,7 @@ def require(package: str) -> None:
 
 @contextmanager
 def requiring() -> Iterator[None]:
-    """Raise what `require` raises where the block cannot import an optional package."""
+    """Raise the error of `require` if the block cannot import an optional package."""
     try:
         yield
     except ImportError as error:
@@ -81,7 +81,7 @@ def _lacking(package: str) -> InputError:
 
 
 def install_command(extra: str) -> str:
-    """Return the command that adds an extra to this installation, from where it came from."""
+    """Return the command that installs an extra, from the source of this installation."""
     return shlex.join([sys.executable, "-m", "pip", "install", *_target(extra)])
 
 

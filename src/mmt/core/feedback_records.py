@@ -1,6 +1,6 @@
 """Records that the two sides of force feedback exchange beside frames and commands.
 
-Only the methods that need them put them on the wire; the layout is in
+They are sent only with the methods that need them; the layout is in
 ``docs/reference/wire.md``.
 """
 
@@ -30,4 +30,4 @@ CONTACT_DTYPE: Final = np.dtype(
 the surface on it."""
 
 CONTACT_GATHERED: Final = 5
-"""Samples of a contact in one message."""
+"""Contact samples in one message."""

@@ -18,13 +18,13 @@ from mmt.core.arrays import IntArray, RecordArray, SingleArray
 from mmt.core.errors import InputError
 
 _RATE_TOLERANCE: Final = 0.1
-"""Jitter of stamps and a drifting clock are far less, another rate is more."""
+"""Relative tolerance of a frame rate: more than jitter and drift, less than another rate."""
 
 SEQUENCES: Final = 2**32
-"""Sequence numbers are 32 bits: behind the last one comes 0 again, after 49 days at 1 kHz."""
+"""Sequence numbers have 32 bits: they start again at 0 after 49 days at 1 kHz."""
 
 _LESS: Final = 0.95
-"""A rate below this share of another is less; crystals and ceramic resonators are off by less."""
+"""Share of a rate below which another one is lower; crystals and resonators deviate by less."""
 
 FRAMES_HZ: Final = 1000
 """Frames a second."""
@@ -35,14 +35,14 @@ MOST_SAMPLES: Final = 10
 AccelerationRateHz = Annotated[
     int, Ge(FRAMES_HZ), Le(FRAMES_HZ * MOST_SAMPLES), MultipleOf(FRAMES_HZ)
 ]
-"""Samples of acceleration a second, as of a whole number a frame."""
+"""Samples of acceleration a second; a whole number in each frame."""
 
 Number = TypeVar("Number", int, IntArray)
 
 Channel = Literal["position", "force", "acceleration"]
 
 CHANNELS: Final[tuple[Channel, ...]] = ("position", "force", "acceleration")
-"""Every channel in the order in which it stands in a frame."""
+"""All channels, in the order of a frame's fields."""
 
 FIELD_OF_CHANNEL: Final[dict[Channel, str]] = {
     "position": "position_mm",
@@ -68,7 +68,7 @@ position that the follower is to take."""
 def steps_ahead(number: Number, newest: int) -> Number:
     """Return how far numbers are ahead of the newest one, negative if they are behind.
 
-    They are taken modulo `SEQUENCES`, and the shorter way counts (RFC 1982).
+    The numbers wrap at `SEQUENCES`, and the shorter way round counts (RFC 1982).
     """
     return (number - newest + SEQUENCES // 2) % SEQUENCES - SEQUENCES // 2
 
@@ -79,7 +79,7 @@ def ordered_channels(channels: Iterable[str]) -> tuple[Channel, ...]:
     Raises
     ------
     InputError
-        A name is no channel, or there is none at all.
+        A name is no channel, or no name is given.
     """
     wanted = set(channels)
     unknown = wanted - set(CHANNELS)
@@ -112,9 +112,9 @@ def frame_dtype(
 
 
 def frame_struct(dtype: np.dtype[np.void]) -> struct.Struct:
-    """Return what packs a frame of this dtype: sequence, time and its values one by one.
+    """Return the struct that packs a frame of this dtype: sequence, time, then each value.
 
-    It is several times as quick as an array of tuples.
+    Packing is several times as fast as making an array from tuples.
     """
     number = dtype[-1].base
     count = (dtype.itemsize - struct.calcsize("<Iq")) // number.itemsize
@@ -130,9 +130,9 @@ def samples_per_frame(dtype: np.dtype[np.void]) -> int:
 
 
 def acceleration_samples(frames: RecordArray) -> SingleArray:
-    """Return the acceleration of frames (n,) sample by sample, (n k, 3) in m/s2, to be read only.
+    """Return the acceleration of frames (n,) sample by sample, (n k, 3) in m/s2.
 
-    It may be a view of the frames or a copy.
+    The result may be a view of the frames or a copy; do not write to it.
     """
     field: SingleArray = frames[FIELD_OF_CHANNEL["acceleration"]]
     return field.reshape(-1, 3)
@@ -145,12 +145,12 @@ def channels_of(dtype: np.dtype[np.void]) -> tuple[Channel, ...]:
 
 
 def check_frames(frames: object, channels: Iterable[Channel] = CHANNELS) -> None:
-    """Check that these are frames (n,) with at least some channels.
+    """Check that a value is an array of frames (n,) with at least these channels.
 
     Raises
     ------
     InputError
-        They are no such array, or lack a channel.
+        The value is no such array, or lacks a channel.
     """
     names = (frames.dtype.names or ()) if isinstance(frames, np.ndarray) else ()
     shape = getattr(frames, "shape", ())
@@ -168,12 +168,12 @@ def check_frames(frames: object, channels: Iterable[Channel] = CHANNELS) -> None
 
 
 def check_frame_rate(frames: RecordArray, rate_hz: float) -> None:
-    """Check that frames (n,) which follow each other are a period apart by their time stamps.
+    """Check by the time stamps of frames (n,) that consecutive ones are a period apart.
 
     Raises
     ------
     InputError
-        By half of them the rate is another one, by more than a tenth.
+        The median distance differs from the period by more than a tenth.
     """
     following = np.diff(frames["sequence"].astype(np.int64)) == 1
     steps_ns = np.diff(frames["time_ns"].astype(np.int64))[following]
@@ -187,7 +187,7 @@ def check_frame_rate(frames: RecordArray, rate_hz: float) -> None:
 
 
 def missing_band(rate_hz: float, samples_hz: float) -> str:
-    """Return what a sensor of this rate lacks for samples of that one, empty where nothing."""
+    """Return a warning if a sensor's rate is too low for the rate of the samples, else ""."""
     if rate_hz >= _LESS * samples_hz:
         return ""
     return (
@@ -202,7 +202,7 @@ def check_acceleration_rate(rate_hz: int) -> None:
     Raises
     ------
     InputError
-        It does not, or too many.
+        The rate is not a multiple of the frame rate, or is out of range.
     """
     if rate_hz not in range(FRAMES_HZ, FRAMES_HZ * MOST_SAMPLES + 1, FRAMES_HZ):
         raise InputError(

@@ -1,7 +1,7 @@
-"""The last step before a device, after all arithmetic: what it gets is finite and bounded.
+"""Guards right before a device, after all arithmetic: its input is finite and bounded.
 
-A value that is no finite number is not used. What was played or displayed last then fades to
-nought, and the next finite values fade in, so that neither jumps; nothing of it is kept.
+A value that is not finite is neither used nor kept. Instead, the last finite value fades to
+zero, and the next finite values fade in, so that the output has no steps.
 """
 
 import math
@@ -12,17 +12,17 @@ import numpy as np
 from mmt.core.arrays import FloatArray, Vector, bounded, clipped
 
 _FADE: Final = 10
-"""Values over which what is not finite fades out, and the next ones in again."""
+"""Values over which the output fades out while values are not finite, and in again after."""
 _NOUGHT: Final[Vector] = (0.0, 0.0, 0.0)
 
 
 class _Share:
-    """How much of the newest finite value is let through.
+    """Gain of the newest finite value.
 
     Parameters
     ----------
     fade
-        Values over which it goes from all to nothing, and back.
+        Values over which the gain goes from 1 to 0, and back.
     """
 
     def __init__(self, fade: int) -> None:
@@ -41,14 +41,14 @@ class _Share:
 
 
 class SampleGuard(_Share):
-    """The last step before what plays samples.
+    """Guard right before a device that plays samples.
 
     Parameters
     ----------
     limit
         Largest magnitude of a sample.
     fade
-        Samples over which the signal fades out where it is not finite, and in again.
+        Samples over which the signal fades out if it is not finite, and in again.
     """
 
     def __init__(self, limit: float, fade: int = _FADE) -> None:
@@ -62,13 +62,13 @@ class SampleGuard(_Share):
         """Bound the next samples (n,), in place."""
         if not len(samples):
             return
-        if self._share == 1.0 and np.abs(samples).max() <= self._limit:  # not where one is NaN
+        if self._share == 1.0 and np.abs(samples).max() <= self._limit:  # false for NaN
             self._last = float(samples[-1])
             return
         samples[:] = [self.step(wanted) for wanted in samples.tolist()]
 
     def step(self, wanted: float) -> float:
-        """Return what is played for the next sample."""
+        """Return the value to play for the next sample."""
         if -self._limit <= wanted <= self._limit:
             self._last = wanted
         elif math.isfinite(wanted):
@@ -80,7 +80,7 @@ class SampleGuard(_Share):
 
 
 class ForceGuard(_Share):
-    """The last step before what displays a force.
+    """Guard right before a device that displays a force.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ class ForceGuard(_Share):
         self._last = _NOUGHT
 
     def step(self, force_n: Vector, faded: float = 1.0) -> Vector:
-        """Return what is displayed (N): the bounded force, times what a fade lets through."""
+        """Return the force to display (N): bounded, times the gain `faded` and the guard's."""
         x, y, z = force_n
         finite = math.isfinite(x) and math.isfinite(y) and math.isfinite(z)
         if finite:

@@ -49,9 +49,9 @@ class Inventory:
         self._most_threads = max(self._most_threads, psutil.Process().num_threads())
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the names seen with their counts, the number of samples, and what is imported.
+        """Return the names seen with their counts, the number of samples, and imported modules.
 
-        ``system_threads`` counts those of compiled libraries too, which have no name.
+        ``system_threads`` includes threads of compiled libraries, which have no name.
         """
         return {
             "looks": self._looks,
@@ -68,12 +68,12 @@ class Inventory:
 
 
 def _imported(module: object) -> bool:
-    """Whether a module was found by an import; compiled packages create a few otherwise."""
+    """Return whether a module was imported; compiled packages create some in other ways."""
     return getattr(module, "__spec__", None) is not None
 
 
 def name_of(task: "asyncio.Task[Any]") -> str:
-    """Return a task's name, or its coroutine's and package's where the task has no own name."""
+    """Return a task's name, or that of its package and coroutine if the task has none."""
     if not _UNNAMED.fullmatch(task.get_name()):
         return task.get_name()
     coroutine = task.get_coro()

@@ -1,4 +1,4 @@
-"""The kernels of a program, compiled in processes beside it where the cache lacks them."""
+"""Compile the kernels of a program in parallel processes, if the cache lacks them."""
 
 import gc
 import json
@@ -11,7 +11,7 @@ from mmt.core.children import python_command
 from mmt.core.extras import requiring
 
 _MOST_PROCESSES: Final = 4
-"""Each begins with imports and the compiler's own: more of them are hardly quicker."""
+"""Each process first imports the modules and the compiler: more are hardly faster."""
 
 _PROGRAM: Final = """
 import json, sys
@@ -23,19 +23,19 @@ compile_share(*json.loads(sys.argv[1]))
 def compile_kernels(
     modules: Sequence[str], on_start: Callable[[str], None], others: Sequence[str] = ()
 ) -> None:
-    """Import modules and compile their kernels, in a process for each processor.
+    """Import modules and compile their kernels, in up to four parallel processes.
 
-    What is in the cache is loaded. Kernels of modules that are imported later are compiled when
-    they are.
+    Kernels in the cache are loaded. Kernels of modules imported later are compiled at their
+    import.
 
     Parameters
     ----------
     modules
         Names of modules.
     on_start
-        Called with a sentence for a person if there is anything to compile.
+        Called with a sentence for the user if there is anything to compile.
     others
-        Names of modules that another process imports; their kernels are compiled along.
+        Names of modules that another process imports; their kernels are compiled too.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def compile_kernels(
             "compiling the numerics, at the first start only (5 to 15 s, on a busy machine longer)"
         )
         _compile_beside([*modules, *others])
-    compile_collected(kernels)  # after a process that failed it compiles them
+    compile_collected(kernels)  # loads them; compiles any that a failed process left
 
 
 def _compile_beside(modules: Sequence[str]) -> None:
@@ -61,7 +61,7 @@ def _compile_beside(modules: Sequence[str]) -> None:
             python_command("-c", _PROGRAM, json.dumps([modules, share, shares])),
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
-            start_new_session=True,  # Ctrl-C is for the program, which stops them
+            start_new_session=True,  # Ctrl-C reaches this program alone, which stops them
         )
         for share in range(shares)
     ]
@@ -75,10 +75,10 @@ def _compile_beside(modules: Sequence[str]) -> None:
 
 
 def compile_share(modules: Sequence[str], share: int, shares: int) -> None:
-    """Compile kernels into the cache, in a process of its own beside others.
+    """Compile kernels into the cache, as one of several parallel processes.
 
-    Every process compiles all that it does not find in the cache, each beginning elsewhere, so
-    that none waits for another.
+    Every process compiles all kernels that the cache lacks. Each begins at another kernel, so
+    that none waits for another process.
 
     Parameters
     ----------
@@ -89,10 +89,10 @@ def compile_share(modules: Sequence[str], share: int, shares: int) -> None:
     """
     from mmt.core.compiled import collect_kernels, compile_collected
 
-    gc.disable()  # compiling makes much that lives on; the process is short
+    gc.disable()  # the compiler's objects live on, and the process is short
     kernels = collect_kernels(modules)
     order = list(kernels)
     if share % 2:
-        order.reverse()  # two meet in the middle
+        order.reverse()  # pairs of processes work from both ends
     start = share // 2 * 2 * len(order) // shares
     compile_collected({each: kernels[each] for each in [*order[start:], *order[:start]]})

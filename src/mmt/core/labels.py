@@ -1,4 +1,4 @@
-"""Names of figures as words, with the unit that ends them as it is written."""
+"""Turn the keys of figures into words, with the unit at their end in its usual spelling."""
 
 from typing import Final
 
@@ -19,11 +19,11 @@ _UNITS: Final = {
     "j": "J",
     "v": "V",
 }
-"""By how a name ends; the longer ending comes first. Others are written as they are: s, ms, mm."""
+"""Units by the ending of a key, longer endings first. Other units, such as mm, stay as they are."""
 
 
 def label(name: object) -> str:
-    """Return a key such as ``rms_m_s2``, or its words, with the unit as written: "rms m/s²"."""
+    """Return a key such as ``rms_m_s2``, or its words, as a label such as "rms m/s²"."""
     words = str(name).replace("_", " ")
     for ending, unit in _UNITS.items():
         if words.endswith(f" {ending}"):

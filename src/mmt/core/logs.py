@@ -1,7 +1,7 @@
 """Structured logs: one JSON object a line, written by a thread of its own.
 
-A disk that stalls holds up nothing; lines that it does not take are dropped and counted, the
-oldest first.
+A disk that stalls does not block the service: if the queue is full, the oldest lines are dropped
+and counted.
 """
 
 import json
@@ -35,12 +35,12 @@ def details(**values: object) -> dict[str, Any]:
 
 
 def told(**values: object) -> dict[str, Any]:
-    """Return `details` for a sentence that a person is told already: a terminal shows it once."""
+    """Return `details` for an event that the user sees anyway, so that the terminal omits it."""
     return {**details(**values), "told": True}
 
 
 class Logs:
-    """The log handlers of one service; leaving the context writes everything that is queued.
+    """The log handlers of one service; leaving the context writes all queued lines.
 
     Parameters
     ----------
@@ -49,8 +49,8 @@ class Logs:
     file
         JSON lines are appended to it; None writes none.
     level
-        Lowest level of the file, by default "info"; without a file that of the lines on
-        standard error, by default "warning".
+        Lowest level in the file, by default "info"; without a file, lowest level on standard
+        error, by default "warning".
 
     Raises
     ------
@@ -81,7 +81,7 @@ class Logs:
 
     @property
     def session_id(self) -> str | None:
-        """Names the session in the lines of both services, None before it is known."""
+        """Identifier of the session in the lines of both services; None before it is known."""
         return self._lines.session_id
 
     @session_id.setter
@@ -97,14 +97,14 @@ class Logs:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._root.removeHandler(self._terminal)  # where the command line says it itself
+        self._root.removeHandler(self._terminal)  # the command line itself shows errors there
         if isinstance(error, Exception) and self._file is not None:
             trace_of = None if isinstance(error, MmtError) else error
             self._own.error("the service failed: %s", error, exc_info=trace_of)
         self.close()
 
     def close(self) -> None:
-        """Write what is queued and close the file."""
+        """Write all queued lines and close the file."""
         for handler in self._handlers:
             self._root.removeHandler(handler)
         self._own.setLevel(self._levels)
@@ -121,7 +121,7 @@ class Logs:
             raise InputError(f"--log {file}: {error.strerror or error}") from error
 
         def warn(problem: OSError) -> None:
-            with suppress(OSError):  # it may go to the same full disk
+            with suppress(OSError):  # standard error may be on the same full disk
                 sys.stderr.write(f"warning: log {file}: {problem}\n")
 
         self._file = QueuedStream(descriptor, told_of_loss=_lost_lines, on_problem=warn)
@@ -132,7 +132,7 @@ class Logs:
 
 
 class RepeatLimit:
-    """Allow one log line of each kind a second, and count those suppressed in between."""
+    """Allow one log line of each kind a second; count the suppressed ones."""
 
     def __init__(self) -> None:
         self._next_s: dict[Hashable, float] = {}
@@ -141,7 +141,7 @@ class RepeatLimit:
     def allow(self, kind: Hashable) -> int:
         """Return 0 to suppress a line, else 1 plus the number suppressed since the last one."""
         now_s = time.monotonic()
-        if 0.0 < self._next_s.get(kind, 0.0) - now_s <= REPEAT_PERIOD_S:  # or it has jumped back
+        if 0.0 < self._next_s.get(kind, 0.0) - now_s <= REPEAT_PERIOD_S:  # more: it jumped back
             self._suppressed[kind] = self._suppressed.get(kind, 0) + 1
             return 0
         if len(self._next_s) >= _MAX_KINDS:

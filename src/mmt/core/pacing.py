@@ -3,7 +3,7 @@
 from typing import Final
 
 MARGIN_NS: Final = 2_000_000_000
-"""Time that a sender may be ahead of the clock: a network that stalled delivers a burst."""
+"""Time by which a sender may be ahead of the clock, as in a burst after a network stall."""
 
 _CATCH_UP_FACTOR: Final = 2
 """How many times faster than its rate a sender may be while it catches up."""
@@ -28,13 +28,13 @@ def most_ahead(silence_ns: int, shortest_ns: int) -> int:
 
 
 class JumpBound:
-    """Bound the growth of sequence numbers by the time that passes here.
+    """Bound the growth of sequence numbers by the time that passes at the receiver.
 
     A token bucket in units of time, filled by the clock. Each number costs the shortest period,
     so that in the long run a sender is at most that fast, and at most two seconds ahead once.
     A silence fills the bucket further; the surplus drains while records arrive, so that a burst
-    after a network stall still passes. A clock that jumps back takes the bucket along. Some
-    integer operations a record, no division.
+    after a network stall still passes. If the clock jumps back, the bucket moves with it. Takes
+    a few integer operations for each record, no division.
 
     Parameters
     ----------
@@ -49,17 +49,17 @@ class JumpBound:
         self._arrival_ns = 0
 
     def restart(self, arrival_ns: int) -> None:
-        """Start again from the number that arrives now."""
+        """Start again from the record that arrives now."""
         self._due_ns = arrival_ns - MARGIN_NS
         self._arrival_ns = arrival_ns
 
     def permits(self, ahead: int, arrival_ns: int) -> bool:
-        """Whether a number so far ahead of the newest is plausible; changes nothing."""
+        """Return whether a number this far ahead of the newest is plausible; charge nothing."""
         jumped_ns = max(0, self._arrival_ns - arrival_ns)
         return self._due_ns - jumped_ns + ahead * self._shortest_ns <= arrival_ns
 
     def allows(self, ahead: int, arrival_ns: int) -> bool:
-        """Whether a number so far ahead of the newest is plausible; if so, it is charged."""
+        """Return whether a number this far ahead of the newest is plausible; if so, charge it."""
         if arrival_ns < self._arrival_ns:
             self._due_ns -= self._arrival_ns - arrival_ns
         self._arrival_ns = arrival_ns

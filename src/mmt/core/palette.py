@@ -1,9 +1,9 @@
 """The colours of pages and plots: one meaning each, light and dark.
 
-Text in `TEXT` reaches a contrast of 4.5 on what it stands on, and the colours of each picture in
-`MEETING` are at least 20 apart in CIEDE2000, as people see them with and without protanopia and
-deuteranopia. Both are tested. Faults are the one thing that is red; they are filled, with text on
-them, since no red is bright enough as text on dark ground and still unlike vermilion.
+Text in `TEXT` reaches a contrast of 4.5 on its backgrounds, and the colours of each picture in
+`MEETING` are at least 20 apart in CIEDE2000, with and without protanopia and deuteranopia. Tests
+check both. Only faults are red. They are filled areas with text on them, because no red is both
+bright enough as text on a dark background and distinct from vermilion.
 """
 
 from collections.abc import Mapping
@@ -31,7 +31,7 @@ LIGHT: Final[Mapping[str, str]] = {
     "fault": "#800c1c",
     "on-fault": "#ffffff",
 }
-"""Colours on white, of pages and of every plot."""
+"""Colours on white, for pages and all plots."""
 
 DARK: Final[Mapping[str, str]] = {
     "ground": "#14181b",
@@ -55,7 +55,7 @@ DARK: Final[Mapping[str, str]] = {
     "fault": "#cb2f40",
     "on-fault": "#ffffff",
 }
-"""Colours of pages where the browser asks for a dark scheme."""
+"""Colours of pages if the browser asks for a dark scheme."""
 
 MEETING: Final[Mapping[str, tuple[str, ...]]] = {
     "vibration and spectra": ("measured", "streamed", "synthesized", "panel"),
@@ -66,7 +66,7 @@ MEETING: Final[Mapping[str, tuple[str, ...]]] = {
     "states": ("waiting", "running", "degraded", "fault"),
     "faults beside vibration": ("fault", "streamed", "synthesized", "panel"),
 }
-"""Which colours stand in one picture."""
+"""Colours that appear together in one picture."""
 
 TEXT: Final[Mapping[str, tuple[str, ...]]] = {
     "ink": ("ground", "panel", "unready", "ready"),
@@ -76,7 +76,7 @@ TEXT: Final[Mapping[str, tuple[str, ...]]] = {
     "third": ("ground", "panel"),
     **{f"on-{state}": (state,) for state in ("waiting", "running", "degraded", "fault")},
 }
-"""Colours of text, and what it stands on."""
+"""Colours of text, each with its backgrounds."""
 
 SERIES: Final = (
     LIGHT["streamed"],
@@ -86,13 +86,13 @@ SERIES: Final = (
     "#56b4e9",
     "#f0b429",
 )
-"""Colours of curves that are sessions, methods or surfaces; all at least 20 apart."""
+"""Colours of curves for sessions, methods or surfaces; all at least 20 apart."""
 
 GRADED: Final = "YlOrBr"
-"""matplotlib's colour map of amounts over cells that are blue: from pale to dark."""
+"""matplotlib's colour map for amounts over blue cells: from pale to dark."""
 
 SIGNED: Final = "PuOr_r"
-"""matplotlib's colour map of errors: too little is purple, too much is orange."""
+"""matplotlib's colour map for errors: too little is purple, too much is orange."""
 
 
 def style_sheet() -> str:

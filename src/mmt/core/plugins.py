@@ -1,4 +1,4 @@
-"""Plug-ins: what installed packages offer by name, as entry points; the product's own alike.
+"""Find and load plug-ins: entry points of installed packages, the product's own included.
 
 The groups are ``mmt.commands``, ``mmt.devices``, ``mmt.emulators``, ``mmt.files``, ``mmt.parts``
 and ``mmt.generators``.
@@ -15,9 +15,9 @@ from mmt.core.extras import DISTRIBUTION, requiring
 
 
 def offered(group: str) -> Mapping[str, EntryPoint]:
-    """Return what is offered in a group of entry points, by name.
+    """Return the entry points of a group by name.
 
-    A name that the product offers itself cannot be taken by another package.
+    If another package uses a name of the product, the product's entry point is returned.
     """
     entries = sorted(_installed(group, tuple(sys.path)), key=is_own)
     return {entry.name: entry for entry in entries}
@@ -29,19 +29,19 @@ def is_own(entry: EntryPoint) -> bool:
 
 
 def load(entry: EntryPoint, what: str) -> Any:
-    """Import what an entry point names.
+    """Import the object that an entry point names.
 
     Raises
     ------
     InputError
-        It cannot be imported; the message begins with `what`.
+        The object cannot be imported; the message begins with `what`.
     """
     try:
         with requiring():
             return entry.load()
     except InputError:
         raise
-    except Exception as error:  # it may want a library, a file, a version of Python
+    except Exception as error:  # a library, a file or a Python version may be missing
         raise InputError(
             f"{what}: {entry.value} cannot be imported ({brief(error)}); install the package that "
             "holds it, and what it needs (pip install -e DIRECTORY), or name the directory in "

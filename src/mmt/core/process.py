@@ -16,11 +16,11 @@ from typing import Final
 import psutil
 
 SWITCH_INTERVAL_S = 1e-4
-"""With the interpreter's default of 5 ms one busy thread would hold up every tick."""
+"""Thread switch interval; with Python's default of 5 ms one busy thread would delay each tick."""
 
 
 SLICE_NS = 100_000
-"""Turn of the processor that the ticking thread asks for; the kernel's own is 3 ms or so."""
+"""Scheduler time slice of the ticking thread; the kernel's default is about 3 ms."""
 
 _BOOT_ID: Final = Path("/proc/sys/kernel/random/boot_id")
 _OFFSETS: Final = Path("/proc/self/timens_offsets")
@@ -40,8 +40,8 @@ def clock_id() -> str:
     """Return a name for the clock that `time.monotonic_ns` reads here.
 
     Processes with equal names read the same clock, so that their times can be compared. On
-    Linux that is the boot, the host, and the offset of a time namespace, as containers may
-    have; elsewhere, a random name per process, which equals no other.
+    Linux the name consists of the boot, the host, and the offset of a time namespace, which
+    containers may have; elsewhere the name is random and unique to the process.
     """
     try:
         boot = _BOOT_ID.read_text(encoding="ascii").strip()
@@ -51,7 +51,7 @@ def clock_id() -> str:
 
 
 def _namespace_offset() -> str:
-    """Return what a time namespace adds to the monotonic clock, nothing where there is none."""
+    """Return the offset of the monotonic clock in a time namespace, "" without one."""
     try:
         lines = _OFFSETS.read_text(encoding="ascii").splitlines()
     except OSError:
@@ -63,12 +63,12 @@ def _namespace_offset() -> str:
 
 
 def ask_for_short_turns(slice_ns: int = SLICE_NS) -> bool:
-    """Ask the Linux scheduler to let this thread run soon after it wakes, for short turns.
+    """Ask the Linux scheduler for short time slices, so that this thread runs soon after waking.
 
-    Since Linux 6.12 a thread of the ordinary policy may ask for the length of its turn, and
-    one with a shorter turn runs before one with a longer turn that is under way. It takes no
-    privilege. Returns whether the kernel took it; an older one leaves the turn as it was. A child
-    process inherits it; 0 asks for the kernel's own turn again.
+    Since Linux 6.12 a thread of the ordinary policy may choose its time slice, and a thread
+    with a shorter slice preempts one with a longer slice. This needs no privilege. Returns
+    whether the kernel accepted the call; an older kernel leaves the slice as it was. A child
+    process inherits the slice; 0 restores the kernel's default.
     """
     number = _SCHED_SETATTR.get(platform.machine())
     if sys.platform != "linux" or number is None or os.sched_getscheduler(0) != os.SCHED_OTHER:
@@ -81,10 +81,10 @@ def ask_for_short_turns(slice_ns: int = SLICE_NS) -> bool:
 
 
 def wake_on_time() -> bool:
-    """Have this thread's sleeps, and those of threads that it starts, end when they are due.
+    """Make the sleeps of this thread, and of threads that it starts, end when they are due.
 
-    Linux lets a sleep of the ordinary policy end up to 50 us later, to join wake-ups. Returns
-    whether the system took it.
+    By default Linux lets a sleep of the ordinary policy end up to 50 us late, to combine
+    wake-ups. Returns whether the system accepted the call.
     """
     if sys.platform != "linux":
         return False
@@ -92,10 +92,10 @@ def wake_on_time() -> bool:
 
 
 def prefer_even_ticks() -> None:
-    """Give the event loop's thread processor and interpreter soon, and keep what it holds small.
+    """Prepare the process for even ticks: short time slices, short garbage collections.
 
-    Call it on that thread once everything is imported and compiled: what exists then is never
-    collected, so that the collector need not look at it again, and the compiler's code is released.
+    Call this on the event loop's thread once everything is imported and compiled. The collector
+    skips all objects that exist then, and the memory of the compiler's code is released.
     """
     ask_for_short_turns()
     sys.setswitchinterval(SWITCH_INTERVAL_S)
@@ -105,10 +105,10 @@ def prefer_even_ticks() -> None:
 
 
 def step_back() -> None:
-    """Run this process, the only one of its session, when the others leave the processor idle.
+    """Lower the priority of this process, which is the only one of its process session.
 
-    Linux groups processes by sessions where it may: then the group's niceness counts as well. The
-    short turns of a parent that ticks are given up: who has them does not give way to the parent.
+    If Linux groups processes by session, the group's niceness counts and is raised as well. Short
+    time slices inherited from a ticking parent are given up: they would compete with the parent.
     """
     ask_for_short_turns(0)
     if hasattr(os, "nice"):
@@ -116,7 +116,7 @@ def step_back() -> None:
     for _ in range(_ATTEMPTS):
         try:
             Path("/proc/self/autogroup").write_text(str(_NICENESS), encoding="ascii")
-        except BlockingIOError:  # it takes one such change in a tenth of a second, from all
+        except BlockingIOError:  # the kernel takes one change in 0.1 s, from all processes
             time.sleep(0.1)
         except OSError:
             return
@@ -125,10 +125,10 @@ def step_back() -> None:
 
 
 def release_freed_memory() -> bool:
-    """Give memory that was freed back to the system; some ms.
+    """Return freed memory to the system; takes some ms.
 
-    The C library of Linux keeps what was freed between blocks that live longer, and after many
-    connections with messages of all lengths that is some MB. Returns whether it has such a call.
+    The C library of Linux keeps memory that was freed between longer-lived blocks: some MB after
+    many connections with messages of all lengths. Returns whether the library has such a call.
     """
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
     if trim is None:
@@ -138,15 +138,15 @@ def release_freed_memory() -> bool:
 
 
 def release_compiler() -> None:
-    """Give back the memory of the kernels' compiler, of which little runs once they are loaded."""
+    """Release the memory of the compiler's code: little of it runs once kernels are loaded."""
     release_code("libllvmlite")
 
 
 def release_code(library: str) -> int:
-    """Give back the memory that holds a library's code; what runs again is read again.
+    """Release the memory that holds a library's code; code that runs again is read again.
 
-    These pages are as in the file, so that nothing is lost. Returns the bytes of the mappings
-    released, 0 where the library is not loaded or the system is not Linux.
+    These pages are equal to the file, so that nothing is lost. Returns the bytes of the mappings
+    released, 0 if the library is not loaded or the system is not Linux.
 
     Parameters
     ----------
@@ -170,23 +170,23 @@ def release_code(library: str) -> int:
 
 @dataclass(frozen=True)
 class ProcessCost:
-    """Share of one core since the meter was started, and the memory held now."""
+    """Share of one core used since the meter was started, and the memory held now."""
 
     core_share: float
     memory_mb: float
 
     def as_dict(self) -> dict[str, float]:
-        """Return it for a program, rounded."""
+        """Return the rounded values by name."""
         return {"core_share": round(self.core_share, 3), "memory_mb": round(self.memory_mb, 1)}
 
 
 class ProcessMeter:
-    """Measure a process from now on.
+    """Measure the cost of a process from now on.
 
     Parameters
     ----------
     number
-        Of the process; None for this one.
+        Process identifier; None for this process.
     """
 
     def __init__(self, number: int | None = None) -> None:

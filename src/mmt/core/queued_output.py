@@ -1,7 +1,7 @@
-"""Text that a thread of its own writes, so that no reader and no disk holds up who writes it.
+"""Text streams written by a thread of their own, so that no reader and no disk blocks the program.
 
-A terminal that is stopped, a pipe that nobody reads and a disk that stalls take nothing for as long
-as they like; what waits for them meanwhile is bounded.
+A stopped terminal, a pipe that nobody reads, or a stalled disk may accept nothing for any time.
+The queue of texts that wait for it is bounded.
 """
 
 import errno
@@ -15,7 +15,7 @@ from collections.abc import Callable
 from typing import ClassVar, Final, TextIO
 
 MOST_WAITING: Final = 10_000
-"""Texts; beyond, the oldest is dropped and counted."""
+"""Most texts in the queue; beyond, the oldest is dropped and counted."""
 _PATIENCE_S: Final = 0.5
 _RETRY_S: Final = 0.05
 
@@ -23,22 +23,22 @@ _RETRY_S: Final = 0.05
 class QueuedStream(io.TextIOBase):
     """A text stream that never waits and never fails.
 
-    Once its reader has gone, what is written is forgotten.
+    Once its reader has gone, texts are discarded.
 
     Parameters
     ----------
     descriptor
         File descriptor that the thread writes to.
     encoding
-        Of the text; what it lacks is escaped.
+        Encoding of the text; characters that it lacks are escaped.
     told_of_loss
-        Given how many texts were dropped, returns what is written in their place.
+        Returns the text to write in place of dropped texts, given their number.
     on_problem
-        Called in the thread with the first error but a reader that has gone.
+        Called in the thread with the first error other than a reader that has gone.
     """
 
     patience_s: ClassVar[float | None] = None
-    """How long the end waits for a reader that takes nothing; None for as long as it likes."""
+    """Longest time (s) that `drain` waits for a reader that takes nothing; None for no limit."""
 
     def __init__(
         self,
@@ -55,7 +55,7 @@ class QueuedStream(io.TextIOBase):
         self._dropped = self._taken = 0
         self._changed = threading.Condition()
         self.problem: OSError | None = None
-        """The first error but a reader that has gone."""
+        """The first error other than a reader that has gone, or None."""
         self._thread = threading.Thread(target=self._run, name="output", daemon=True)
         self._thread.start()
 
@@ -82,7 +82,7 @@ class QueuedStream(io.TextIOBase):
         return True
 
     def write(self, text: str) -> int:
-        """Queue a text; the oldest that waits is dropped if there are too many."""
+        """Queue a text; drop the oldest one if the queue is full."""
         with self._changed:
             if text and not self._gone:
                 if len(self._waiting) >= MOST_WAITING:
@@ -101,7 +101,7 @@ class QueuedStream(io.TextIOBase):
                 self._changed.wait_for(self._progress(taken), self.patience_s)
 
     def end(self) -> None:
-        """Write what waits, as `drain` does, and end the thread unless it is held up."""
+        """Drain the queue, and end the thread unless it is still blocked."""
         self.drain()
         with self._changed:
             self._ended = True
@@ -125,7 +125,7 @@ class QueuedStream(io.TextIOBase):
                 self._changed.notify_all()
 
     def _next(self) -> str:
-        """Return what is to be written next, once there is something; nothing at the end."""
+        """Wait for the next text and return it; return "" at the end."""
         with self._changed:
             self._changed.wait_for(lambda: self._waiting or self._ended)
             if not self._waiting:
@@ -137,7 +137,7 @@ class QueuedStream(io.TextIOBase):
     def _write(self, data: bytes) -> int:
         try:
             taken = os.write(self._descriptor, data)
-        except BlockingIOError:  # another process that has this file made it so
+        except BlockingIOError:  # another process has made the file non-blocking
             time.sleep(_RETRY_S)
             return 0
         with self._changed:
@@ -159,10 +159,10 @@ _usual: Final[dict[str, TextIO]] = {}
 
 
 def queue_output() -> None:
-    """Have standard output and standard error written by threads, until `finish_output`.
+    """Let threads write standard output and standard error, until `finish_output`.
 
-    Both are one stream if they lead to the same file: lines keep their order. A stream without a
-    file descriptor, such as one that is captured, is left as it is.
+    If both lead to the same file, they share one stream, so that lines keep their order. A stream
+    without a file descriptor, such as a captured one, is left as it is.
     """
     streams: list[QueuedStream] = []
     for name in ("stdout", "stderr"):
@@ -182,22 +182,22 @@ def queue_output() -> None:
 
 
 def is_behind(stream: TextIO) -> bool:
-    """Return whether a stream's reader takes less than is written: old news can be left out."""
+    """Return whether texts of a stream wait to be written; outdated ones can then be skipped."""
     return bool(getattr(stream, "behind", False))
 
 
 def hurry_output() -> None:
-    """Wait no longer than a moment, from now on, for a reader that takes nothing."""
+    """Wait at most half a second, from now on, for a reader that takes nothing."""
     QueuedStream.patience_s = _PATIENCE_S
 
 
 def drain_output() -> None:
-    """Wait until what was printed is written.
+    """Wait until all printed text is written.
 
     Raises
     ------
     OSError
-        Something could not be, but for a reader that has gone.
+        Writing failed, and not because a reader has gone.
     """
     streams = [getattr(sys, name) for name in _usual]
     for stream in streams:
@@ -208,7 +208,7 @@ def drain_output() -> None:
 
 
 def finish_output() -> None:
-    """Write what was printed, and put the usual streams back; harmless if they are there."""
+    """Write all printed text and restore the usual streams; harmless if nothing is queued."""
     while _usual:
         name, usual = _usual.popitem()
         stream = getattr(sys, name)

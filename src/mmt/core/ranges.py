@@ -39,7 +39,7 @@ class RangeSet:
 
     @property
     def first(self) -> int | None:
-        """The least number, None where the set is empty."""
+        """The smallest number, or None if the set is empty."""
         return self._starts[0] if self._starts else None
 
     @property

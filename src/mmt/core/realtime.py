@@ -1,8 +1,8 @@
-"""Real-time scheduling of the ticking thread, where the system permits it.
+"""Real-time scheduling of the ticking thread, if the system permits it.
 
 A thread under ``SCHED_FIFO`` runs as soon as it wakes, before all ordinary work of the machine.
-Only the thread that ticks gets it, and a thread that reads what the tick waits for may join it
-(`follow_real_time`); threads and processes that it starts keep ordinary scheduling.
+Only the ticking thread gets it, and threads that read data for the tick (`follow_real_time`).
+Threads and processes that these start keep ordinary scheduling.
 """
 
 import contextlib
@@ -34,22 +34,22 @@ def be_real_time() -> None:
     Raises
     ------
     MmtError
-        The system has no such scheduling, or does not permit it; the message says how to.
+        The system lacks this scheduling or does not permit it; the message says how to permit it.
     """
     _schedule()
     _TICKS.set()
 
 
 def ticks_in_real_time() -> bool:
-    """Whether a thread of this process has called `be_real_time`."""
+    """Return whether a thread of this process has called `be_real_time`."""
     return _TICKS.is_set()
 
 
 def follow_real_time() -> None:
-    """Schedule the calling thread as the ticking one, which waits for what this thread reads.
+    """Schedule the calling thread, which reads data for the ticking thread, in real time as well.
 
-    Where no thread of this process has called `be_real_time`, this one is scheduled in real time
-    already, or the system does not permit another one, nothing happens.
+    Do nothing if no thread of this process has called `be_real_time`, if the calling thread is
+    scheduled in real time already, or if the system does not permit it.
     """
     if ticks_in_real_time() and os.sched_getscheduler(0) == os.SCHED_OTHER:
         with contextlib.suppress(MmtError):

@@ -1,8 +1,8 @@
-"""HTTP requests to servers that are not trusted: straight, bounded, and never passed on.
+"""HTTP requests to untrusted servers: direct, bounded, and never redirected.
 
-A redirect is not followed, and no proxy that the environment names for other programs is asked, so
-that a token goes to nobody else. `PROXY` names one for what is asked for by ``https``, which it
-cannot read; what is asked for by ``http`` goes straight, as the link between the services does.
+Redirects are not followed, and the usual proxy variables of the environment are ignored, so that a
+token reaches no other server. `PROXY` names a proxy for ``https`` requests, which it cannot read;
+``http`` requests go directly to the server, as the link between the services does.
 """
 
 import os
@@ -21,22 +21,22 @@ from mmt.core.printable import printable
 PROXY: Final = "MMT_HTTPS_PROXY"
 """The environment variable with the address of a proxy, ``http://HOST:PORT``."""
 TIMEOUT_S: Final = 20.0
-"""How long a server may say nothing."""
+"""Longest time without data from a server."""
 _LONGEST_S: Final = 300.0
-"""How long one answer may take."""
+"""Longest time for one answer."""
 _CHUNK: Final = 65_536
 _MOST_SAID: Final = 1024
 
 
 class AnswerError(MmtError):
-    """A server answers that it does not do what is asked.
+    """A server refuses a request, or redirects it.
 
     Attributes
     ----------
     status
-        Of HTTP.
+        HTTP status.
     said
-        The first line of the answer, or what the status stands for; it can be printed.
+        First line of the answer, or the status in words; printable.
     """
 
     def __init__(self, url: str, status: int, said: str) -> None:
@@ -45,14 +45,14 @@ class AnswerError(MmtError):
 
 
 class _NoRedirect(urllib.request.HTTPRedirectHandler):
-    """Takes a redirect for an error."""
+    """Treats a redirect as an error."""
 
     def redirect_request(self, *_: Any, **__: Any) -> None:
         """Make no further request."""
 
 
 class Answer:
-    """A server's answer, whose content is still to come."""
+    """A server's answer, with its content not yet read."""
 
     def __init__(self, url: str, response: HTTPResponse) -> None:
         self._url, self._response = url, response
@@ -64,7 +64,7 @@ class Answer:
         Raises
         ------
         MmtError
-            The server breaks off, takes too long, or sends more than so much.
+            The server breaks off, takes too long, or sends more than `most_bytes`.
         """
         until_s = time.monotonic() + _LONGEST_S
         while True:
@@ -96,27 +96,27 @@ def open_answer(
     tls: ssl.SSLContext | None = None,
     timeout_s: float = TIMEOUT_S,
 ) -> Iterator[Answer]:
-    """Ask a server for something, or post `data`; the answer can be read during the block.
+    """Send a GET, or a POST with `data`; the answer can be read during the block.
 
     Parameters
     ----------
     server, path
-        ``http://HOST:PORT`` or ``https://HOST:PORT``, which errors name, and what is asked for.
+        ``http://HOST:PORT`` or ``https://HOST:PORT``, which errors name, and the path on it.
     data
         Content of a POST, None for a GET.
     headers
         Further headers, such as ``Authorization``.
     tls
-        None for the system's authorities.
+        TLS context; None for the system's certificate authorities.
     timeout_s
-        How long the server may say nothing.
+        Longest time without data from the server.
 
     Raises
     ------
     AnswerError
         The server refuses, or redirects.
     MmtError
-        It does not answer.
+        The server does not answer.
     """
     proxy = os.environ.get(PROXY)
     proxies = {"https": proxy} if proxy else {}

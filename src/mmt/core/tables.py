@@ -5,14 +5,14 @@ from rich.table import Table
 
 
 def plain_table(title: str = "", *columns: str, padding: int = 1, header: bool = True) -> Table:
-    """Return a table without frames, its title at the left.
+    """Return a table without borders, its title at the left.
 
     Parameters
     ----------
     title
         None is shown if it is empty.
     columns
-        Names of columns of text, which is folded if it is too long; others may follow.
+        Names of text columns, folded if too long; the caller may add more.
     padding
         Spaces at the right of each cell, beside the one between columns.
     header

@@ -19,9 +19,9 @@ _LARGEST_NS: Final = 2**40 - 1
 class TimeHistogram:
     """Bounded counts of durations, for quantiles over a whole run.
 
-    The bins grow with the duration: 128 a power of two, so that a quantile is right to
-    0.8 % from 1 ns to 18 minutes (longer ones count as that), and `add` takes a fraction of a
-    microsecond. Only bins that something fell into are kept: a few kB, at most 400.
+    The bins grow with the duration, 128 per power of two, so that a quantile is accurate to
+    0.8 % from 1 ns to 18 minutes. Longer durations count as 18 minutes. `add` takes a fraction
+    of a microsecond. Only bins with counts are kept: a few kB, at most 400 kB.
     """
 
     def __init__(self) -> None:
@@ -63,7 +63,7 @@ class TimeHistogram:
     def cumulative(self, bounds_ns: list[int]) -> tuple[list[int], float]:
         """Return how many durations lie below each bound, and the sum of all in ns.
 
-        Both are right to the width of a bin; the bounds must increase.
+        Both are accurate to the width of a bin; the bounds must increase.
         """
         counts, total, sum_ns = [0] * len(bounds_ns), 0, 0.0
         place = 0
@@ -86,12 +86,12 @@ class TimeHistogram:
 
 @dataclass(frozen=True)
 class TickStatistics:
-    """How a ticker kept its time; the periods are None where none was measured."""
+    """How punctual a ticker was; periods and late share are None if not measured."""
 
     ticks: int
     """Ticks that fell due and were handed over, missed ones included."""
     missed: int
-    """Ticks that had no callback of their own but were handed over with a later one."""
+    """Ticks without a callback of their own, handed over with a later one."""
     period_p50_ms: float | None
     period_p99_ms: float | None
     late_share_1ms: float | None
@@ -101,23 +101,23 @@ class TickStatistics:
 class Ticker:
     """Call back on the running loop at a fixed rate.
 
-    On Linux a timerfd wakes the loop, which keeps the period to some 50 us; elsewhere
-    `loop.call_at` with absolute deadlines, which asyncio rounds up to its clock's
-    resolution. Neither drifts. When the loop was held up, one callback gets how many
-    ticks have fallen due since the last one, so that no tick is lost.
+    On Linux a timerfd wakes the loop and keeps the period to some 50 us. Elsewhere the loop
+    wakes by `loop.call_at` with absolute deadlines, which asyncio rounds up to its clock's
+    resolution. Neither drifts. After the loop was blocked, one callback gets the number of
+    ticks that have fallen due since the last one, so that no tick is lost.
 
     Parameters
     ----------
     period_ns
         Time from tick to tick; the first falls due one period after `start`.
     callback
-        Called with the ticks elapsed since its last call, at least 1. What it raises stops
-        the ticker and comes out of `wait`.
+        Called with the ticks elapsed since its last call, at least 1. An exception in it stops
+        the ticker, and `wait` raises it.
     statistics
         Whether to measure periods and lateness, about 1 us a tick.
     clock_ns
-        The monotonic time in ns; one that is not the system's, as in a simulation, ticks by
-        the timers of the loop, whose time must run with it.
+        The monotonic time in ns; None for the system's. With another clock, as in a simulation,
+        the loop's own timers tick, and the loop's time must follow that clock.
 
     Raises
     ------
@@ -154,7 +154,7 @@ class Ticker:
 
     @property
     def running(self) -> bool:
-        """Whether ticks are due."""
+        """Whether the ticker is started and has not stopped."""
         return self._done is not None and not self._done.done()
 
     @property
@@ -164,12 +164,12 @@ class Ticker:
 
     @property
     def lateness(self) -> tuple[int, int]:
-        """How many ticks there were so far, and how many of them were over 1 ms late."""
+        """Number of ticks so far, and number of those that were over 1 ms late."""
         return self._ticks, self._late
 
     @property
     def statistics(self) -> TickStatistics:
-        """What was measured so far; a few hundred microseconds to compute."""
+        """Measurements so far; computing them takes a few hundred microseconds."""
         measured = self._measures and self._ticks > 0
         return TickStatistics(
             ticks=self._ticks,
@@ -201,11 +201,11 @@ class Ticker:
             self._loop.add_reader(self._timer.file, self._on_readable, self._timer)
 
     def stop(self) -> None:
-        """Stop ticking; nothing happens where it does not tick."""
+        """Stop the ticker, if it is running."""
         self._finish(None)
 
     async def wait(self) -> None:
-        """Wait until the ticker has stopped; raise what its callback raised.
+        """Wait until the ticker has stopped; raise the exception of its callback, if any.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""A kernel timer (timerfd) that wakes an event loop; asyncio rounds its own up to 1 ms."""
+"""A kernel timer (timerfd) that wakes an event loop; asyncio rounds its timers up to 1 ms."""
 
 import ctypes
 import os
@@ -38,19 +38,19 @@ class TimerFile:
                 raise OSError(code, os.strerror(code))
 
     def expirations(self) -> int:
-        """Return how often it has expired since the last call."""
+        """Return how often the timer has expired since the last call."""
         try:
             return int.from_bytes(os.read(self.file, 8), sys.byteorder)
         except BlockingIOError:
             return 0
 
     def close(self) -> None:
-        """Release it."""
+        """Release the timer."""
         os.close(self.file)
 
 
 def open_timer() -> TimerFile | None:
-    """Return a timerfd, or None where the system has none."""
+    """Return a timerfd, or None if the system has none."""
     if sys.platform != "linux":
         return None
     try:

@@ -1,7 +1,7 @@
 """Units of length, force, acceleration, time and speed as people write them.
 
-Spellings are compared as they stand and then in lower case, in which milli goes before mega. What
-is not known has no factor: it is for the caller to refuse it by name.
+Spellings are compared as they stand, then in lower case, where milli takes precedence over mega.
+An unknown unit has no factor; the caller must refuse it by name.
 """
 
 import re
@@ -17,10 +17,10 @@ QUANTITIES: Final[Mapping[str, str]] = {
     "acceleration": "m/s2, mm/s2, cm/s2, g, mg, ft/s2, in/s2, Gal",
     "speed": "mm/s, m/s, cm/s, in/s",
 }
-"""Some units of each quantity, for people; the first is that of frames."""
+"""Examples of units of each quantity, for messages; the first is the unit in frames."""
 
 DATE: Final = "date"
-"""The unit of times that were dates or times of day: seconds, whatever a person says."""
+"""Unit of times read from dates or times of day: seconds, whatever unit the user names."""
 GRAVITY_M_S2: Final = 9.80665
 """Standard gravity."""
 _POUND_N: Final = 0.45359237 * GRAVITY_M_S2
@@ -70,7 +70,7 @@ _FOREIGN: Final = re.compile(
 
 
 def unit_factor(quantity: str, text: str) -> float | None:
-    """Return the factor to the unit of frames, None for a unit that is not known."""
+    """Return the factor to the unit in frames, or None if the unit is not known."""
     plain = _plain(text)
     factor = _exact(quantity, plain)
     if factor is not None or plain.endswith("Nm"):  # a torque is no nanometre
@@ -79,13 +79,13 @@ def unit_factor(quantity: str, text: str) -> float | None:
 
 
 def is_unit(text: str) -> bool:
-    """Whether a text is a unit of any quantity."""
+    """Return whether a text is a unit of any quantity."""
     foreign = _FOREIGN.fullmatch(_plain(text).lower()) is not None
     return foreign or any(unit_factor(quantity, text) is not None for quantity in QUANTITIES)
 
 
 def unit_in_name(quantity: str, name: str) -> str:
-    """Return the unit of a quantity, or of another one, with which a name ends; "" without."""
+    """Return the unit in brackets or at the end of a name, perhaps of another quantity, or ""."""
     for inside in re.findall(r"[\[(]([^\])]+)[\])]", name):
         if unit_factor(quantity, inside) is not None:
             return str(inside)
@@ -93,11 +93,11 @@ def unit_in_name(quantity: str, name: str) -> str:
     words = [word for word in re.split(r"[\s_.,/:-]+", spaced) if word]
     for count in range(min(3, len(words) - 1), 0, -1):
         unit = "_".join(words[-count:])
-        # one letter is mostly a name's own: t_d, F_h
+        # a single letter is mostly part of the name: t_d, F_h
         if unit_factor(quantity, unit) is not None and (len(unit) > 1 or unit in "smgnN"):
             return unit
     last = words[-1] if len(words) > 1 else ""
-    # a v is a velocity, volts are V
+    # v is a velocity, V is volts
     return last if last != "v" and _FOREIGN.fullmatch(_plain(last).lower()) else ""
 
 
@@ -128,7 +128,7 @@ def _exact(quantity: str, unit: str) -> float | None:
 
 @cache
 def _table(quantity: str) -> Mapping[str, float]:
-    """Return the factors by spelling; one in lower case stands for the first that it may mean."""
+    """Return the factors by spelling; one in lower case means the first unit that matches."""
     table: dict[str, float] = {}
     for spelling, factor in _spellings(quantity):
         table.setdefault(spelling, factor)

@@ -1,7 +1,7 @@
-"""Verdict on a run: is it working, and is it good? One function, of four facts.
+"""Verdict on a run, computed by one function: whether the run works, and whether it is good.
 
-What happens now, how ready the model is, how large its error is beside what is just noticeable,
-and what is not as it should be. Terminal, pages and reports show what it returns, as it is.
+It states what happens now, how ready the model is, how the model's error compares with the just
+noticeable difference, and the faults. Terminal, pages and reports show it unchanged.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ _FAILURES: Final = (
     "follower lost",
     "leader lost",
 )
-"""Beginnings of outcomes with which a run has failed."""
+"""Prefixes of the outcomes of failed runs."""
 
 _PLAYED: Final = {
     "synthesized": "from a saved model",
@@ -30,28 +30,28 @@ _PLAYED: Final = {
 }
 
 LATE_SHARE: Final = 0.05
-"""Share of ticks over 1 ms late from which on it is a fault."""
+"""Share of ticks over 1 ms late that counts as a fault."""
 
 _AT_ITS_END: Final = ("completed", "source ended")
-"""Outcomes of a run that nobody and nothing has ended before its time."""
+"""Outcomes of a run that was not ended early."""
 
 
 @dataclass(frozen=True)
 class Facts:
-    """What is known of a run, at a moment or at its end."""
+    """Facts about a run, at a moment or at its end."""
 
     time_s: float | None = None
     """Session time (s)."""
     mode: str | None = None
-    """Vibration that is played: "streamed", "fading", "synthesized" or "silent"; None for none."""
+    """Vibration that is played: "streamed", "fading", "synthesized", "silent", or None."""
     start_s: float | None = None
-    """Session time since which the vibration is the model's (s); None before."""
+    """Session time since which the vibration comes from the model (s); None before."""
     forced: bool = False
-    """Whether a person holds on to this vibration."""
+    """Whether a person has fixed the mode by hand."""
     stop_s: float | None = None
     """Session time at which the model was complete (s); None before."""
     waits: str = ""
-    """What is waited for while nothing can happen, as a sentence; "" for nothing."""
+    """What the run waits for, as a sentence; "" if it does not wait."""
     outcome: str | None = None
     """How the run has ended, as in its summary; None while it runs."""
     models: bool = False
@@ -59,22 +59,22 @@ class Facts:
     readiness: float | None = None
     """Share of the strokes that should feel right, 0 to 1; None if it is not known."""
     takes_over_at: float | None = None
-    """Readiness from which on the vibration is the model's; None if it never is."""
+    """Readiness at which the model takes over the vibration; None if it never does."""
     fell: str = ""
     """Why the readiness has just fallen; "" if it has not."""
     completion: str = ""
-    """What another criterion says of the model, in words; for a model without a readiness."""
+    """Result of another criterion, in words, for a model without a readiness."""
     error_db: float | None = None
     """Error of the level (dB); None if it was not measured."""
     jnd_db: float | None = None
     """Just noticeable difference of the level (dB)."""
     faults: Sequence[str] = ()
-    """What is not as it should be with link, ticks, devices and signals, a sentence each."""
+    """Faults of link, ticks, devices and signals, a sentence each."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a person is told of a run: its state and a few words for each fact, "" for none."""
+    """State of a run, with a few words for each fact, "" if a fact is not known."""
 
     state: State
     time: str
@@ -82,9 +82,9 @@ class Verdict:
     readiness: str
     error: str
     noticeable: str
-    """How the error compares with what is just noticeable."""
+    """How the error compares with the just noticeable difference."""
     faults: tuple[str, ...]
-    """What is not as it should be, a sentence each."""
+    """Faults, a sentence each."""
 
     @property
     def health(self) -> str:
@@ -93,13 +93,13 @@ class Verdict:
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """What a line of text says, in its order: time, now, error, readiness."""
+        """Parts of a one-line text, in order: time, now, error, readiness; empty ones left out."""
         error = self.error and f"error {self.error}"
         return tuple(filter(None, (self.time, self.now, error, self.readiness)))
 
     @property
     def sentence(self) -> str:
-        """What happens, and what is not as it should be: for a title and for visitors."""
+        """What happens now, and the faults, for a title and for visitors."""
         return "; ".join([self.now, *(each for each in self.faults if each not in self.now)])
 
     def as_dict(self) -> dict[str, Any]:
@@ -166,7 +166,7 @@ def _now(facts: Facts) -> str:
 
 
 def _played(facts: Facts) -> str:
-    """Return what drives the vibration, "" if nothing does and there is no model."""
+    """Return the source of the vibration, "" if there is none and no model."""
     if facts.start_s is not None and facts.mode in ("synthesized", None):
         source = "model ready" if facts.mode is None else "from the model"
         complete = "" if facts.stop_s is None else f", complete at {facts.stop_s:.1f} s"

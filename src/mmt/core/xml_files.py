@@ -1,4 +1,4 @@
-"""XML from anywhere: without document types, which can be made to grow without end."""
+"""Parse untrusted XML; refuse document types, whose entities can expand without bound."""
 
 import xml.etree.ElementTree as ET
 
@@ -9,7 +9,7 @@ class _PlainBuilder(ET.TreeBuilder):
     """Refuses a document type as soon as one is met, whatever the text's encoding."""
 
     def doctype(self, *_: object) -> None:
-        """Refuse it before an entity is declared."""
+        """Refuse the document type before an entity is declared."""
         raise InputError("it declares a document type, which no such file does")
 
 
@@ -19,8 +19,8 @@ def parse_xml(content: bytes) -> ET.Element:
     Raises
     ------
     InputError
-        It is no XML, of an unknown encoding, or declares a document type; the message does
-        not name the file.
+        The content is no XML, is in an unknown encoding, or declares a document type; the
+        message does not name the file.
     """
     parser = ET.XMLParser(target=_PlainBuilder())  # noqa: S314 - without entities
     try:

@@ -1,4 +1,4 @@
-"""Which axis of an accelerometer lies along which of the scene."""
+"""Mounting of an accelerometer: which sensor axis lies along which scene axis."""
 
 from collections.abc import Sequence
 from typing import Literal, Self
@@ -14,7 +14,7 @@ class AxesOptions(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     axes: tuple[Axis, Axis, Axis] = ("x", "y", "z")
-    """Which of the sensor's axes lies along x, y, z of the scene; z is the surface's normal."""
+    """Sensor axes that lie along x, y, z of the scene; the scene's z is the surface's normal."""
 
     @model_validator(mode="after")
     def _axes_differ(self) -> Self:
@@ -24,5 +24,5 @@ class AxesOptions(BaseModel):
 
 
 def signed_axes(axes: Sequence[Axis]) -> list[tuple[int, float]]:
-    """Return for x, y, z of the scene which of the sensor's axes that is, and its sign."""
+    """Return (index of the sensor axis, sign) for each of the scene's x, y and z."""
     return [("xyz".index(axis[-1]), -1.0 if axis[0] == "-" else 1.0) for axis in axes]

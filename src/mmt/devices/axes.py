@@ -1,4 +1,4 @@
-"""A device's axes and origin in those of a scene."""
+"""Conversion between a device's axes and origin and those of a scene."""
 
 import re
 from collections.abc import Sequence
@@ -20,14 +20,14 @@ class Axes:
     Parameters
     ----------
     text
-        The device's axes that are the scene's x, y and z, such as ``x,-z,y``.
+        Device axes along the scene's x, y and z, such as ``x,-z,y``.
     origin_mm
-        The point, in the scene's axes, where the scene's zero lies.
+        Scene's zero seen from the device's zero, in the scene's axes.
 
     Raises
     ------
     ValueError
-        The text does not name each axis once, or mirrors.
+        The text does not name each axis once, or the axes mirror.
     """
 
     def __init__(self, text: str, origin_mm: Vector = (0.0, 0.0, 0.0)) -> None:

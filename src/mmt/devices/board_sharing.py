@@ -1,8 +1,8 @@
 """One stream of an acquisition board for all drivers that read it.
 
-A board runs one stream at a time and is opened once. Each driver has a `SharedInputs`; those that
-want the same board share its stream, and each is given the volts of its own inputs. The stream
-ends with the last of them.
+A board runs one stream at a time and is opened once. Drivers of the same board share its stream,
+each through a `SharedInputs` that gets the volts of its own inputs. The stream ends when the last
+driver closes.
 """
 
 import threading
@@ -18,72 +18,72 @@ from mmt.devices.protocols import VoltageReading
 
 Channel = TypeVar("Channel", bound=Hashable)
 ChannelsOf = Callable[[int | str], tuple[Channel, ...]]
-"""Given which board was opened, returns the channels that its stream is to have."""
+"""Returns the channels to stream, given the identifier of the opened board."""
 
 _MOST_WAITING: Final = 16_384
-"""Scans for one driver; the oldest are dropped, and counted."""
+"""Scans buffered for one driver; beyond that the oldest are dropped and counted."""
 _NUMBERS: Final = count()
 
 
 class Arrived(NamedTuple):
-    """What has come of a stream."""
+    """Data received from a stream."""
 
     scans: list[VoltageReading]
     """Oldest first, with the volts of every channel."""
     arrival_ns: int
-    """When the newest had come, by the host's monotonic clock."""
+    """Arrival time of the newest scan (ns, host's monotonic clock)."""
     faults: Counter[str]
-    """What befell the stream meanwhile."""
+    """Faults of the stream meanwhile."""
 
 
 class BoardStream(Protocol):
-    """The stream of a board that is open."""
+    """The stream of an open board."""
 
     serial: str
-    """Under which a calibration of what is wired to it is stored."""
+    """Name of the board, under which calibrations of its sensors are stored."""
 
     @property
     def board(self) -> int | str:
-        """Which board it is."""
+        """Identifier of the board."""
 
     @property
     def flows(self) -> bool:
-        """Whether scans have been coming until now."""
+        """Whether scans are still arriving."""
 
     def take(self) -> Arrived:
-        """Return what has come; never blocks.
+        """Return the data received since the last call; never blocks.
 
         Raises
         ------
         DeviceLost
-            Nothing has come, and nothing will.
+            No data has arrived, and none will.
         """
 
     def close(self) -> None:
-        """End it and let the board go; calling it twice is harmless."""
+        """End the stream and release the board; calling it twice is harmless."""
 
 
 class SharedInputs(ABC, Generic[Channel]):
-    """A `VoltageBoard` that streams inputs at an even rate, also beside others of one board.
+    """A `VoltageBoard` that streams inputs at an even rate, and may share its board.
 
     Parameters
     ----------
     channels
-        In the order of the volts.
+        Channels in the order of the volts.
     rate_hz
         Scans a second.
     limit_v
         Largest magnitude that every input measures.
     board
-        Which one; None takes the only one.
+        Identifier of the board; None takes the only one.
     backend
-        By which it is reached.
+        Library through which the board is reached.
     """
 
     what: str
-    """What a person calls such a board."""
+    """Name of this kind of board in messages."""
     latency_ns = 0
-    """A scan is stamped when it begins; its inputs follow each other within it."""
+    """0: a scan is stamped at its start; its inputs are sampled one after another."""
 
     def __init__(
         self,
@@ -101,9 +101,9 @@ class SharedInputs(ABC, Generic[Channel]):
         self.board = board
         self.backend = backend
         self.arrival_ns = 0
-        """When the newest scan that `read` has returned had come, by the host's clock."""
+        """Arrival time of the newest scan (ns, host's monotonic clock)."""
         self.number = next(_NUMBERS)
-        """In the order in which they were made."""
+        """Rank in the order of creation."""
         self._faults: Counter[str] = Counter()
         self._waiting: deque[VoltageReading] = deque(maxlen=_MOST_WAITING)
         self._shared: SharedBoard[Channel] | None = None
@@ -111,32 +111,32 @@ class SharedInputs(ABC, Generic[Channel]):
 
     @abstractmethod
     def open_stream(self, channels_of: ChannelsOf[Channel]) -> BoardStream:
-        """Open the board, and start a stream of the channels that are to be had of it.
+        """Open the board, and start a stream of the channels that `channels_of` returns for it.
 
         Raises
         ------
         MmtError
-            It is not there, may not be opened, or refuses.
+            The board is missing, may not be opened, or refuses a command.
         """
 
     @abstractmethod
     def require_one(self) -> None:
-        """Raise where several boards are there and none is named."""
+        """Raise if several boards are connected, since the options name none."""
 
     @abstractmethod
     def misfit(self, others: "Sequence[SharedInputs[Channel]]") -> str:
-        """Return why one stream of this rate cannot have its channels beside others', or ''."""
+        """Return why one stream cannot hold these channels and the others', or ''."""
 
     @property
     def serial(self) -> str:
-        """Names the board that is connected, as ``u6-360000001``."""
+        """Name of the connected board, as ``u6-360000001``, or ''."""
         stream = None if self._shared is None else self._shared.stream
         return "" if stream is None else stream.serial
 
     @property
     def faults(self) -> Counter[str]:
-        """What befell the stream while it was read, ``lost scans`` among it."""
-        return Counter(self._faults)  # which another driver's thread may be adding to
+        """Counts of the stream's faults by kind, including ``lost scans``."""
+        return Counter(self._faults)  # a copy, since another driver's thread may add to it
 
     def connect(self) -> None:
         """Open the board and start its stream, or join one that runs.
@@ -144,9 +144,9 @@ class SharedInputs(ABC, Generic[Channel]):
         Raises
         ------
         InputError
-            Another driver reads the same board with settings that do not go with these.
+            Another driver reads the same board with incompatible settings.
         MmtError
-            It is not there, may not be opened, or refuses.
+            The board is missing, may not be opened, or refuses a command.
         """
         self._leave()
         self._waiting.clear()
@@ -162,19 +162,19 @@ class SharedInputs(ABC, Generic[Channel]):
                 OPEN_BOARDS.append(shared)
 
     def read(self) -> list[VoltageReading]:
-        """Return what has come, oldest first, by the board's clock; never blocks.
+        """Return the new scans, oldest first, by the board's clock; never blocks.
 
         Raises
         ------
         DeviceLost
-            It was unplugged, or is not open.
+            The board was unplugged, or is not open.
         """
         if self._shared is None:
             raise DeviceLost(f"the {self.what} is not open: connect it again")
         return self._shared.read(self, self._waiting)
 
     def close(self) -> None:
-        """Let the board go, whose stream ends with its last reader; twice is harmless."""
+        """Release the board; its stream ends with its last reader. Calling it twice is harmless."""
         self._leave()
 
     def _leave(self) -> None:
@@ -186,7 +186,7 @@ class SharedInputs(ABC, Generic[Channel]):
                     OPEN_BOARDS.remove(shared)
 
     def give(self, arrived: Arrived, scans: Sequence[VoltageReading]) -> None:
-        """Keep its own part of the scans that have arrived until they are read."""
+        """Buffer this driver's part of the received scans until `read`."""
         self._faults.update(arrived.faults)
         if scans:
             self.arrival_ns = arrived.arrival_ns
@@ -196,7 +196,7 @@ class SharedInputs(ABC, Generic[Channel]):
             self._waiting.extend(scans)
 
     def conflict(self, others: "Sequence[SharedInputs[Channel]]") -> str:
-        """Return why one stream cannot serve it beside others, empty where it can."""
+        """Return why one stream cannot serve this driver and the others, or ''."""
         for other in others:
             if other.rate_hz != self.rate_hz:
                 return (
@@ -206,19 +206,19 @@ class SharedInputs(ABC, Generic[Channel]):
         return self.misfit(others)
 
     def same_kind(self, other: "SharedInputs[Any]") -> bool:
-        """Return whether another is of the same kind of board, reached in the same way."""
+        """Return whether another driver has the same kind of board and the same backend."""
         return type(other) is type(self) and other.backend is self.backend
 
 
 _MADE: "Final[weakref.WeakSet[SharedInputs[Any]]]" = weakref.WeakSet()
-"""Those of all drivers that were made, also of those that are not connected yet."""
+"""The `SharedInputs` of all drivers, connected or not."""
 OPEN_BOARDS: "Final[list[SharedBoard[Any]]]" = []
 _CONNECTING: Final = threading.Lock()
-"""Held while a board is opened or closed, which takes long; reading does not wait for it."""
+"""Held while a board is opened or closed, which takes long; `read` does not need it."""
 
 
 class SharedBoard(Generic[Channel]):
-    """A board that is open, and those who read it."""
+    """An open board and its readers."""
 
     def __init__(self) -> None:
         self.readers: tuple[SharedInputs[Channel], ...] = ()
@@ -230,11 +230,11 @@ class SharedBoard(Generic[Channel]):
         self._gone = False
 
     def serves(self, reader: SharedInputs[Channel]) -> bool:
-        """Return whether it is the board that the reader wants."""
+        """Return whether this is the board that the reader wants."""
         return self.readers[0].same_kind(reader) and reader.board in {None, self._board}
 
     def admit(self, reader: SharedInputs[Channel]) -> None:
-        """Add a reader, and begin the stream where none runs that has its channels."""
+        """Add a reader, and restart the stream unless the running one has the reader's channels."""
         others = [other for other in self.readers if other is not reader]
         if problem := reader.conflict(others):
             shared = f" is shared by {len(others) + 1} drivers" if others else ""
@@ -254,12 +254,12 @@ class SharedBoard(Generic[Channel]):
     def read(
         self, reader: SharedInputs[Channel], waiting: deque[VoltageReading]
     ) -> list[VoltageReading]:
-        """Return what has come for a reader, oldest first; never blocks.
+        """Return a reader's new scans, oldest first; never blocks.
 
         Raises
         ------
         DeviceLost
-            The board was unplugged, which every reader is told.
+            The board was unplugged; every reader gets this error.
         """
         with self._feeding:
             try:
@@ -272,7 +272,7 @@ class SharedBoard(Generic[Channel]):
         return scans
 
     def _feed(self, what: str) -> None:
-        """Give each reader its columns of what has come."""
+        """Give each reader its columns of the new scans."""
         if self._gone:
             raise DeviceLost(f"the {what} is gone: plug it in again")
         if self.stream is None:
@@ -289,11 +289,11 @@ class SharedBoard(Generic[Channel]):
     def _begin(self, readers: Sequence[SharedInputs[Channel]]) -> None:
         """Open the board again and start a stream for these readers.
 
-        Drivers that were made for it and are not connected yet have their channels in it as
-        well, where they fit: when they connect, no stream is interrupted.
+        The stream includes, if they fit, the channels of drivers that are not connected yet:
+        their `connect` then interrupts no stream.
         """
         with self._feeding:
-            old, self.stream = self.stream, None  # until then nothing comes, which is no loss
+            old, self.stream = self.stream, None  # `read` returns nothing meanwhile
             self._gone = False
         if old is not None:
             old.close()
@@ -320,7 +320,7 @@ class SharedBoard(Generic[Channel]):
             self._picks = [(each, self._columns(each)) for each in readers]
 
     def _columns(self, reader: SharedInputs[Channel]) -> tuple[int, ...] | None:
-        """Return where a reader's channels are in a scan, None where they are the scan."""
+        """Return the columns of a reader's channels in a scan, or None if they are all of it."""
         if reader.channels == self._channels:
             return None
         return tuple(self._channels.index(channel) for channel in reader.channels)

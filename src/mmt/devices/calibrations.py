@@ -17,16 +17,16 @@ from mmt.core.existing_files import write_file
 
 
 def calibration_file(device: str, serial: str, directory: Path | None = None) -> Path:
-    """Return where the calibration of a device is kept, whether or not there is one.
+    """Return the path of a device's calibration, whether or not the file exists.
 
     Parameters
     ----------
     device
         The kind of device, as ``adxl335``.
     serial
-        Its serial number; characters that do not belong into a file's name become ``_``.
+        Its serial number; characters that are not allowed in a file's name become ``_``.
     directory
-        None for the user's own.
+        Directory of the calibrations; None for the user's own.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def calibration_file(device: str, serial: str, directory: Path | None = None) ->
 def load_calibration(
     device: str, serial: str, directory: Path | None = None
 ) -> dict[str, Any] | None:
-    """Return the stored calibration, None where there is none.
+    """Return the stored calibration, or None.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def load_calibration(
 def save_calibration(
     device: str, serial: str, values: Mapping[str, Any], directory: Path | None = None
 ) -> Path:
-    """Store a calibration beside the device's name and serial number; return its file.
+    """Store a calibration with the device's name and serial number; return its file.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A UDP socket that knows when its newest packet came, by the kernel's stamp where there is one."""
+"""A UDP socket that knows when its newest packet came, by the kernel's stamp if there is one."""
 
 import contextlib
 import socket
@@ -9,20 +9,20 @@ from collections.abc import Callable
 from typing import Final
 
 _SO_TIMESTAMPNS: Final = 35
-"""Number of the option on 64-bit Linux; `socket` does not name it. The kernel begins some
-milliseconds later: until then the stamp is that of the look."""
+"""Number of the option on 64-bit Linux; `socket` does not name it. The kernel starts stamping some
+milliseconds later: until then the stamp is the time at which the packet is read."""
 _STAMP: Final = struct.Struct("qq")
 """Seconds and nanoseconds of the wall clock."""
 _ROOM: Final = 64
 _STAMPED_OF: Final = 8
-"""One look in this many asks for stamps: enough for a clock, and a look that asks takes
+"""One look in this many reads the stamps: enough to estimate a clock. Such a look takes
 twice as long."""
 
 
 class StampedSocket:
-    """Receives packets into a buffer, without waiting; of some it tells when they came.
+    """Receives packets into a buffer, without waiting, some with their arrival time.
 
-    The kernel's stamp tells when a packet came, also while the program did something else.
+    The kernel's stamp is the true arrival time even if the program was busy with something else.
 
     Parameters
     ----------
@@ -41,10 +41,10 @@ class StampedSocket:
                 self._stamps = True
 
     def look(self) -> Callable[[bytearray], int]:
-        """Return what takes packets in this look, until there is none.
+        """Return the function that receives the waiting packets, one in each call.
 
-        Given a buffer it returns a packet's length, or raises `BlockingIOError` where there is
-        none and another `OSError` where the network reports an error.
+        The function takes a buffer and returns the packet's length. It raises `BlockingIOError`
+        if no packet waits, and another `OSError` if the network reports an error.
         """
         self._stamp = b""
         self._looks = (self._looks + 1) % _STAMPED_OF
@@ -56,18 +56,18 @@ class StampedSocket:
         return size
 
     def arrival_ns(self, earliest_ns: int) -> int:
-        """Return when the newest packet of the last look came, by the monotonic clock.
+        """Return the arrival time (ns, monotonic clock) of the last look's newest packet.
 
         Parameters
         ----------
         earliest_ns
-            When there was none yet; a stamp from before, as from a wall clock that was set, is
-            not believed. Without a stamp the time is that of this call.
+            A time before the packet came; an earlier stamp, as after the wall clock was set, is
+            ignored. Without a usable stamp the time of this call is returned.
         """
         if len(self._stamp) != _STAMP.size:
             return time.monotonic_ns()
         wall_ns = time.time_ns()
-        now_ns = time.monotonic_ns()  # after it: a pause between the two must not make it early
+        now_ns = time.monotonic_ns()  # after it: a pause in between must not make the arrival early
         seconds, nanoseconds = _STAMP.unpack(self._stamp)
         arrival_ns = now_ns - (wall_ns - 1_000_000_000 * int(seconds) - int(nanoseconds))
         return arrival_ns if earliest_ns <= arrival_ns <= now_ns else now_ns

@@ -23,10 +23,10 @@ UNITS: Final = {
     "actuator": "",
     "device": "",
 }
-"""What a device measures in its role; "device" is one whose driver does not tell its role."""
+"""Unit of a device's values in each role; "device" is for a driver that does not tell its role."""
 
 Values = tuple[float, ...]
-"""Three, but of a board as many as it has inputs."""
+"""Three values, or one for each input of a board."""
 
 _LONGEST_WAIT_S: Final = 1.5
 _STUCK_S: Final = 1.0
@@ -39,12 +39,12 @@ _RATE_HZ: Final = 1000
 
 @dataclass
 class DeviceCheck:
-    """What a check has found out about a device."""
+    """Result of a check of one device."""
 
     role: str
     driver: str
     samples_hz: int = _RATE_HZ
-    """Samples a second that the scene takes of it."""
+    """Samples a second that the scene needs."""
     readings: int = 0
     duration_s: float = 0.0
     newest: Values | None = None
@@ -56,17 +56,17 @@ class DeviceCheck:
     """Readings a second of a sensor with its own clock, by this machine's clock."""
     spacing_p50_ms: float | None = None
     spacing_p99_ms: float | None = None
-    """Between its stamps."""
+    """Median and 99th percentile of the time between its stamps."""
     arrival_p99_ms: float | None = None
-    """Longest wait for something new from it, but for one in a hundred."""
+    """99th percentile of the wait for its next readings."""
     latency_ms: float | None = None
     waited_p99_ms: float | None = None
-    """How long this program itself waited for its turn, but for one time in a hundred."""
+    """99th percentile of the check's own loop time, which is long on a busy machine."""
     played: dict[str, float | int | None] = field(default_factory=dict)
-    """What an actuator counted while it played silence."""
+    """Statistics of an actuator that played silence."""
     faults: dict[str, int] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
-    """Sentences: what is wrong, and what to do."""
+    """Sentences that say what is wrong and what to do."""
 
     @property
     def unit(self) -> str:
@@ -97,7 +97,7 @@ def check_device(
     role
         A key of `UNITS`.
     driver
-        Its name.
+        Name of the driver.
     device
         Any device or board of `mmt.devices.protocols`; an actuator plays silence.
     duration_s
@@ -105,14 +105,14 @@ def check_device(
     calibrate
         Whether to take biases first; the tool must be free and at rest.
     samples_hz
-        Samples a second that the scene takes of it.
+        Samples a second that the scene needs.
     show
-        Called once a second with what was seen so far.
+        Called once a second with the results so far.
 
     Returns
     -------
     check
-        Also where the device failed: its problems say how.
+        Returned even if the device failed: `problems` then says how.
     """
     seen = DeviceCheck(role, driver, samples_hz=samples_hz)
     watching = _Watching(seen, device)
@@ -137,7 +137,7 @@ def check_device(
 
 
 class _Watching:
-    """Reads the device and keeps what is needed for the figures."""
+    """Reads the device and keeps the values and times for the figures."""
 
     def __init__(self, seen: DeviceCheck, device: Any) -> None:
         self.seen = seen
@@ -149,7 +149,7 @@ class _Watching:
         self._read = _reader(device) if hasattr(device, "read") else None
         self._waits_ms: deque[float] = deque(maxlen=_KEPT)
         self._written = 0
-        self._waiting = 0  # readings that had come before the first look, in no time that is known
+        self._waiting = 0  # readings that waited before the first look, over an unknown time
 
     def run(self, duration_s: float, show: Callable[[DeviceCheck], None]) -> None:
         begun = time.monotonic()
@@ -190,7 +190,7 @@ class _Watching:
             self.arrivals_ns.append(now_ns)
 
     def _glance(self) -> None:
-        """Work out what is cheap."""
+        """Update the figures that are cheap to compute."""
         if self.values:
             self.seen.newest = self.values[-1]
         if self._read is None and hasattr(self._device, "statistics"):
@@ -201,7 +201,7 @@ class _Watching:
             self.seen.rate_hz = came / span_s if span_s > 0 else None
 
     def finish(self) -> None:
-        """Work out the figures."""
+        """Compute the final figures."""
         seen = self.seen
         seen.faults = dict(getattr(self._device, "faults", {}))
         if isinstance(self._device, SetupRemarks):
@@ -229,7 +229,7 @@ def _reader(device: Any) -> Callable[[], list[SensorReading]]:
     """Return a function that reads any device as if it had a clock."""
     if hasattr(device, "latency_ns"):
         return lambda: [SensorReading(*reading) for reading in device.read()]
-    if inspect.signature(device.read).parameters:  # a leader's interface, told the ticks
+    if inspect.signature(device.read).parameters:  # a leader's interface takes the elapsed ticks
 
         def read() -> list[SensorReading]:
             return [SensorReading(time.monotonic_ns(), device.read(1).position_mm)]
@@ -243,7 +243,7 @@ def _vector(values: Any) -> Values:
 
 
 def _judge(seen: DeviceCheck, watching: _Watching) -> list[str]:
-    """Return what is wrong with what was read or played."""
+    """Return the problems of the readings or the playback."""
     busy = seen.waited_p99_ms is not None and seen.waited_p99_ms > _BUSY_MS
     problems = _judge_played(seen) + _judge_values(seen, watching)
     if seen.rate_hz is not None and seen.rate_hz < 800:

@@ -1,4 +1,4 @@
-"""What hardware and which drivers this machine has; nothing is opened or moved."""
+"""List the hardware and the drivers of this machine; nothing is opened or moved."""
 
 import os
 import sys
@@ -18,7 +18,7 @@ KNOWN_USB: Final[dict[tuple[int, int], str]] = {
     (0x0301, 0x2988): "Touch haptic device",
     (0x2988, 0x0302): "Touch haptic device",
 }
-"""Vendor and product of devices for which there may be a driver."""
+"""Vendor and product numbers of devices that may have a driver, and what the devices are."""
 
 NO_LIBUSB: Final = "the library libusb 1.0 is not there: install it (Debian, Ubuntu: libusb-1.0-0)"
 
@@ -29,15 +29,15 @@ class FoundDriver:
 
     name: str
     roles: tuple[Role, ...]
-    """What it can be in a scene; empty where it does not tell."""
+    """Roles that it can take in a scene; empty if it does not tell."""
     factories: tuple[str, ...]
-    """``module:factory`` for each role; one alone where it does not tell."""
+    """``module:factory`` for each role; a single one if it does not tell its roles."""
     package: str
-    """What brought it: "mmt" or the package that offers it."""
+    """Package that offers the driver, "mmt" among them."""
     problem: str
-    """Why it cannot be used, with what to do; empty where it can be imported."""
+    """Why the driver cannot be used and what to do, or empty."""
     rates: str = ""
-    """Of a board, or an accelerometer with a clock of its own: samples a second, and its band."""
+    """Samples a second and band of a board, or of an accelerometer with its own clock."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class FoundPort:
     what: str
     serial: str
     problem: str
-    """Why it cannot be opened, with what to do; empty if it can be."""
+    """Why it cannot be opened and what to do, or empty."""
 
 
 Finder = Callable[[], list[FoundPort]]
@@ -58,8 +58,8 @@ def find_drivers() -> list[FoundDriver]:
     """Return the drivers that installed packages offer; each is imported.
 
     A driver's module may have a function ``missing() -> str``, which says what this machine lacks
-    for it and what to do, a mapping ``FINDERS`` from a heading to a function that returns
-    what there is for it (`FoundPort`), and a text ``RATES``, as `FoundDriver.rates`.
+    and what to do; a mapping ``FINDERS`` from a heading to a function that lists the driver's
+    devices (`FoundPort`); and a text ``RATES`` for `FoundDriver.rates`.
     """
     return [_found(name, entries) for name, entries in sorted(drivers().items())]
 
@@ -83,7 +83,7 @@ def _found(name: str, entries: Mapping[str, EntryPoint]) -> FoundDriver:
 
 
 def find_all() -> dict[str, Finder]:
-    """Return what finds devices, by the heading of what it finds; the drivers' own come last."""
+    """Return the functions that find devices, by heading; the drivers' own come last."""
     found: dict[str, Finder] = {"serial ports": find_serial_ports, "USB devices": find_usb_devices}
     for entries in drivers().values():
         for entry in entries.values():
@@ -108,7 +108,7 @@ def missing_libusb() -> str:
 
 
 def find_serial_ports() -> list[FoundPort]:
-    """Return the serial ports that belong to a device; built-in ones that lead nowhere are not.
+    """Return the serial ports that belong to a device, without unused built-in ones.
 
     Raises
     ------
@@ -138,7 +138,7 @@ def find_usb_devices() -> list[FoundPort]:
     InputError
         pyusb is not installed.
     MmtError
-        There is no library to ask.
+        The library libusb is missing.
     """
     require("usb")
     import usb.core
@@ -167,7 +167,7 @@ def _usb_name(vendor: int | None, product: int | None, said: str) -> str:
 
 
 def access_problem(path: str, vendor: int | None = None) -> str:
-    """Return what keeps the person from opening a device file, of a USB device's vendor."""
+    """Return why the user may not open a device file, or ''; `vendor` is that of a USB device."""
     if not Path(path).exists() or os.access(path, os.R_OK | os.W_OK):
         return ""
     if vendor is not None:

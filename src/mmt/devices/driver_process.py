@@ -1,7 +1,7 @@
-"""A process of its own for what talks to a device, for where it would hold up a service's ticks.
+"""A separate process for a device whose library would hold up a service's ticks.
 
-Two pipes join it with the driver that starts it, and neither end waits for the other. The process
-ends with the driver's end of the pipes, which the system closes however the service ends.
+Two pipes join the process with the driver that starts it, and neither end waits for the other. The
+process ends when the driver's end of the pipes closes, which happens however the service ends.
 """
 
 import contextlib
@@ -23,39 +23,39 @@ from mmt.core.errors import MmtError, brief
 from mmt.core.process import prefer_even_ticks
 
 ENDED: Final = b"E"
-"""The process ends; why, as a text."""
+"""Message: the process ends; the body is the reason as text."""
 COUNT: Final = b"N"
-"""Something was survived; what, as a text."""
+"""Message: a fault was tolerated; the body is its name as text."""
 
 _HEADER: Final = struct.Struct("<cH")
 _LONGEST: Final = 4000
-"""Bytes of a message's body; what is shorter than a page the system writes whole or not at all."""
+"""Bytes of a message's body: the system writes less than a page either whole or not at all."""
 _AT_ONCE: Final = 1 << 16
 _SILENT_READS: Final = 20
-"""Reads without a message that a loss takes too: a host that was held up is no lost device."""
+"""Empty reads that a loss needs too: a host that was held up does not mean a lost device."""
 _CLOSE_S: Final = 4.0
 _UNHEARD_CLOSE_S: Final = 0.5
-"""For a process that has told nothing yet: what it calls may not return for long."""
+"""For a process that has sent nothing yet: a call of its library may block for long."""
 
 Message = tuple[bytes, bytes]
 """Kind and body."""
 
 
 class DriverProcess:
-    """The driver's end; nothing here waits but `start` and `end`.
+    """The driver's end of the pipes; only `start` and `end` may block.
 
-    Threads may share it: drivers of one device, of which one is being connected again.
+    Threads may share it: drivers of one device, while one of them is reconnected.
 
     Parameters
     ----------
     module
-        What to run; its ``main`` calls `run_process`.
+        Module to run; its ``main`` calls `run_process`.
     arguments
-        For it, as JSON has them.
+        Arguments of the process, as JSON has them.
     lost
-        What to say where it ends without a word.
+        Reason to report if the process ends without one.
     counts
-        What it survives is added here, by what it was; they outlast it.
+        The faults that the process tolerates are counted here, by name.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class DriverProcess:
         self._module, self._arguments, self._lost = module, arguments, lost
         self._counts = counts
         self.ended: str | None = None
-        """Why it has ended, None while it runs."""
+        """Why the process has ended, None while it runs."""
         self.child: subprocess.Popen[bytes] | None = None
         self._files = (-1, -1)
         self._received = bytearray()
@@ -74,14 +74,14 @@ class DriverProcess:
         self._heard = False
 
     def start(self) -> None:
-        """Start it."""
+        """Start the process."""
         self.child = subprocess.Popen(  # noqa: S603 - our own module
             python_command("-m", self._module, json.dumps(self._arguments)),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,  # libraries write there what the pipe tells already
+            stderr=subprocess.DEVNULL,  # libraries write there what the pipe reports already
             bufsize=0,
-            process_group=0,  # Ctrl-C is for the service, which lets go of the device first
+            process_group=0,  # Ctrl-C is for the service, which releases the device first
         )
         assert self.child.stdin is not None  # noqa: S101 - a pipe was asked for
         assert self.child.stdout is not None  # noqa: S101 - likewise
@@ -91,7 +91,7 @@ class DriverProcess:
         self._arrival_ns = time.monotonic_ns()
 
     def take(self) -> list[Message]:
-        """Return the messages that have come, but those that `ended` and the counts tell."""
+        """Return the received messages except those kept in `ended` and the counts."""
         with self._lock:
             if self.child is None:
                 return []
@@ -116,17 +116,17 @@ class DriverProcess:
 
     @property
     def silent_ns(self) -> int:
-        """For how long nothing has come, 0 before that was seen some times."""
+        """Time since the last message (ns); 0 until some reads in a row were empty."""
         return time.monotonic_ns() - self._arrival_ns if self._empty >= _SILENT_READS else 0
 
     def send(self, command: bytes) -> None:
-        """Send a command; one for which there is no room is left out."""
+        """Send a command; it is dropped if the pipe is full."""
         with self._lock, contextlib.suppress(BlockingIOError, BrokenPipeError):
-            if self.child is not None:  # `take` tells where it has ended
+            if self.child is not None:  # None after `end`
                 os.write(self._files[0], command)
 
     def end(self, reason: str) -> None:
-        """Have it let go of the device and end; calling it twice is harmless."""
+        """Have the process release the device and end; calling it twice is harmless."""
         with self._lock:
             child, self.child = self.child, None
             if child is None:
@@ -138,7 +138,7 @@ class DriverProcess:
         try:
             child.wait(_CLOSE_S if self._heard else _UNHEARD_CLOSE_S)
         except subprocess.TimeoutExpired:
-            child.kill()  # its connections end, by which a device stops as well
+            child.kill()  # this ends its connections, which stops a device as well
             child.wait()
 
 
@@ -156,7 +156,7 @@ class DriverPipes:
         self._received = b""
 
     def take(self, layout: struct.Struct) -> list[tuple[Any, ...]] | None:
-        """Return the commands that have come, None where the driver has gone."""
+        """Return the received commands, or None if the driver has gone."""
         try:
             data = os.read(self._commands, _AT_ONCE)
         except BlockingIOError:
@@ -169,7 +169,7 @@ class DriverPipes:
         return list(layout.iter_unpack(data[:whole]))
 
     def tell(self, kind: bytes, body: bytes | str = b"") -> bool:
-        """Send a message, and return whether there was room: a driver that reads nothing has none.
+        """Send a message; return False if the pipe is full because the driver does not read.
 
         Raises
         ------
@@ -189,20 +189,20 @@ def run_process(run: Callable[[dict[str, Any], DriverPipes], None], device: str)
     Parameters
     ----------
     run
-        Called with the arguments and the pipes; it returns when the driver has gone. What it raises
-        is told to the driver.
+        Called with the arguments and the pipes; it returns when the driver has gone. Its exceptions
+        are reported to the driver.
     device
-        What a person calls it.
+        Name of the device in messages.
     """
     handle_end_signals(signal.SIG_IGN)  # the driver says when it ends
     prefer_even_ticks()
     messages = os.dup(1)
-    os.dup2(2, 1)  # what a library prints is no message
+    os.dup2(2, 1)  # the output of a library is no message
     os.set_blocking(0, False)
     os.set_blocking(messages, False)
     pipes = DriverPipes(0, messages)
     code = 1
-    with contextlib.suppress(BrokenPipeError):  # the driver has gone, and the device lets go
+    with contextlib.suppress(BrokenPipeError):  # the driver has gone
         try:
             run(json.loads(sys.argv[1]), pipes)
             code = 0
@@ -212,7 +212,7 @@ def run_process(run: Callable[[dict[str, Any], DriverPipes], None], device: str)
             pipes.tell(ENDED, str(error))
         except Exception as error:  # noqa: BLE001 - whatever it is, the driver is told
             pipes.tell(ENDED, f"the process of {device} failed: {brief(error)}")
-    os._exit(code)  # threads of a library, which may hang, are not waited for
+    os._exit(code)  # without waiting for threads of a library, which may hang
 
 
 def text_of(body: bytes) -> str:
@@ -226,7 +226,7 @@ def _pack(kind: bytes, body: bytes | str) -> bytes:
 
 
 def _messages(received: bytearray) -> Iterator[Message]:
-    """Take the whole messages out of what was received."""
+    """Yield the complete messages and remove them from the buffer."""
     while len(received) >= _HEADER.size:
         kind, size = _HEADER.unpack_from(received)
         end = _HEADER.size + size

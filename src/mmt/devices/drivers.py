@@ -1,4 +1,4 @@
-"""Drivers by name and role: where they are, how a device is made of one, what each can be.
+"""Drivers by name and role: find them, make devices of them, and list their roles.
 
 No driver is imported before a scene asks for it.
 """
@@ -25,7 +25,7 @@ from mmt.devices.protocols import (
 from mmt.scene.problems import explain_problems
 
 Role = Literal["robot", "force_sensor", "accelerometer", "handle", "actuator", "board"]
-"""What a device can be in a scene: in ``[devices]``, as ``[handle]``, as ``[actuator]``, or the
+"""Role of a device in a scene: in ``[devices]``, as ``[handle]``, as ``[actuator]``, or as the
 acquisition board of a sensor that gives bare voltages."""
 
 ROLE_NAMES: Final[dict[Role, str]] = {
@@ -36,7 +36,7 @@ ROLE_NAMES: Final[dict[Role, str]] = {
     "actuator": "actuator",
     "board": "acquisition board",
 }
-"""As a person calls them."""
+"""Names of the roles in messages."""
 
 GROUP: Final = "mmt.devices"
 """The group of entry points under which packages offer drivers by name."""
@@ -45,18 +45,18 @@ _FORMER: Final = {
     "adxl335-u6": 'write driver = "adxl335-board", and a table "board" below it with driver = '
     '"labjack-u6", inputs, rate_hz and box'
 }
-"""Names that scenes had before, and what to write for them."""
+"""Former names of drivers, and what to write instead."""
 
 EMULATED_LIBRARIES: Final = {"emulated": "mmt.testing.emulated.hd:build_library"}
-"""Name -> ``module:function`` that returns the file of a vendor's library in software; the names
-are what a driver's option ``library`` takes in the place of a file."""
+"""Name -> ``module:function`` that returns the file of an emulated vendor library. A driver's
+option ``library`` accepts the names in place of a file."""
 
 
 def drivers() -> dict[str, dict[str, EntryPoint]]:
-    """Return the entry points of all drivers by name, and each driver's by role.
+    """Return the entry points of all drivers, by name and by role.
 
-    An entry point is named with the role that its factory is for, as ``openhaptics.handle``. One
-    without a role has the key "": its factory tells.
+    The name of an entry point ends with the role of its factory, as in ``openhaptics.handle``.
+    Without a role its key is "", and the factory tells the roles.
     """
     found: dict[str, dict[str, EntryPoint]] = {}
     for name, entry in offered(GROUP).items():
@@ -68,18 +68,18 @@ def drivers() -> dict[str, dict[str, EntryPoint]]:
 
 
 def told_roles(driver: str) -> dict[Role, EntryPoint]:
-    """Return a driver's entry points by the roles that they are named with."""
+    """Return those of a driver's entry points that name a role, by role."""
     told = drivers().get(driver, {})
     return {role: told[role] for role in ROLE_NAMES if role in told}
 
 
 def library_file(name: str) -> str:
-    """Return the file of a vendor's library: `name`, unless a library in software has that name.
+    """Return the file of a vendor's library: `name`, unless an emulated library has that name.
 
     Raises
     ------
     MmtError
-        The library in software cannot be made.
+        The emulated library cannot be built.
     """
     if name not in EMULATED_LIBRARIES:
         return name
@@ -95,12 +95,12 @@ def locate(driver: str, role: Role | None = None) -> str:
     driver
         A name that an installed package offers, or ``package.module:factory``.
     role
-        What the device is to be; None takes the driver's first role.
+        Wanted role of the device; None takes the driver's first role.
 
     Raises
     ------
     InputError
-        There is no driver of that name, or it cannot be that; the message lists those that can.
+        There is no driver of that name, or it cannot take the role; the message lists others.
     """
     if ":" in driver:
         return driver
@@ -192,10 +192,10 @@ def load_device(driver: str, options: _Options = None, *, role: Role | None = No
 
 
 def _check_names(driver: str, factory: Any, options: Mapping[str, Any]) -> None:
-    """Raise where a factory's own parameters do not fit the options."""
+    """Raise `InputError` if the options do not fit the factory's parameters."""
     try:
         signature = inspect.signature(factory)
-    except (TypeError, ValueError):  # one in C may have none
+    except (TypeError, ValueError):  # a factory in C may have no signature
         return
     try:
         signature.bind(**options)
@@ -232,7 +232,7 @@ def read_options(model: type[Options], driver: str, options: Mapping[str, Any]) 
     Raises
     ------
     InputError
-        A key or a value is not allowed; the message names it and what is.
+        A key or a value is not allowed; the message names it and the allowed ones.
     """
     try:
         return model.model_validate(dict(options))
@@ -241,11 +241,11 @@ def read_options(model: type[Options], driver: str, options: Mapping[str, Any]) 
 
 
 def roles_of(driver: str) -> tuple[Role, ...]:
-    """Return the roles of a driver, () where it does not tell.
+    """Return the roles of a driver, or () if they are not known.
 
-    A driver whose entry point is named without a role tells by its class, or by the class that
-    its factory says it returns: `read` with an argument is a handle's, with `write` beside it a
-    robot's, alone a sensor's; `write` alone is an actuator's.
+    If its entry point names no role, the class that the factory is or returns decides: `read`
+    with an argument makes a handle, `read` and `write` a robot, `read` alone a sensor, and
+    `write` alone an actuator.
 
     Raises
     ------
@@ -260,18 +260,18 @@ def roles_of(driver: str) -> tuple[Role, ...]:
         return ()
     if not reads:
         return ("actuator",)
-    if len(inspect.signature(made.read).parameters) > 1:  # beside self: the elapsed ticks
+    if len(inspect.signature(made.read).parameters) > 1:  # self and the elapsed ticks
         return ("handle",)
     return ("robot",) if writes else ("force_sensor", "accelerometer")
 
 
 def role_for(driver: str, wanted: str | None) -> Role | None:
-    """Return the role to take a driver in: the wanted one, else its first, None for any sensor.
+    """Return the wanted role of a driver, else its first one; None if its class leaves it open.
 
     Raises
     ------
     InputError
-        There is no such driver, it cannot be imported, or it cannot be what is wanted.
+        There is no such driver, it cannot be imported, or it cannot take the wanted role.
     """
     able = roles_of(driver)
     if wanted is None:

@@ -1,10 +1,10 @@
-"""Assemble frames at the session's rate from sensors that run on clocks of their own.
+"""Assemble frames at the session's rate from sensors with their own clocks.
 
-A frame takes the value of every lane (`mmt.devices.lanes`) at one physical instant. That instant
-lies so far before the tick that readings on both sides of it have arrived: how far, the ages of
-the newest readings tell. The age of the newest one goes up and down with the sensor's period, the
-bundles in which its readings are handed on, and the time that they are under way; its upper end is
-the least by which frames can be held back.
+A frame takes the value of every lane (`mmt.devices.lanes`) at one physical instant. Frames are held
+back: the instant lies before the tick, so that readings on both sides of it have arrived. The ages
+of the newest readings tell how far. The age of the newest reading varies with the sensor's period,
+the bundles in which readings are passed on, and their travel time; the upper end of the ages is the
+least time by which frames can be held back.
 """
 
 from collections.abc import Iterable, Mapping
@@ -19,43 +19,43 @@ from mmt.devices.lanes import Lane, Waiting
 
 HOLD_BACK_NS: Final = 1_250_000
 """Time from the instant of a frame to its tick, so that the readings on both sides of it
-have arrived: enough for a sensor of 1 kHz, or one whose readings come in a bundle each
-millisecond. Less where the sensors' readings were seen to come sooner."""
+have arrived: enough for a sensor of 1 kHz, or one that sends a bundle of readings each
+millisecond. Less is taken if the sensors' readings were seen to come sooner."""
 
 MARGIN_NS: Final = 250_000
-"""Margin of a slower sensor, beyond the spacing of its readings."""
+"""Added to the spacing of a slower sensor's readings."""
 
 AGE_MARGIN_NS: Final = 100_000
-"""Beyond the age: a tick reads some tens of microseconds after it began, and a reading that is
-later still is looked for again."""
+"""Added to the age: a tick reads some tens of microseconds after its start. A later reading is
+found by a further look."""
 
 _BLOCK_NS: Final = 20_000_000
 _SHARE: Final = 0.98
-"""Quantile of the ages in a block, of which the median over the blocks is taken: what is older
-comes from a host that was held up."""
+"""Quantile of the ages in a block; the median over the blocks is used. Higher ages come from a
+host that was held up."""
 _FEW: Final = 20
-"""A block with fewer looks than this does not tell."""
+"""A block with fewer looks than this is ignored."""
 
 
 class FrameAssembler:
-    """Put the lanes together, a frame for each tick.
+    """Form a frame of the lanes for each tick.
 
-    Frame k is of the instant k periods after the first, held back by `HOLD_BACK_NS`, or what the
-    slowest sensor needs at the first tick, and the largest latency of the lanes and their filters,
-    or by less where the sensors need less. It is formed at its tick, or at a later one where a
-    reading is late. Where a lane has no value its number is left out.
+    The instant of frame k lies k periods after that of the first. Frames are held back by
+    `HOLD_BACK_NS`, or what the slowest sensor needs at the first tick, plus the largest latency
+    of the lanes and their filters; by less if `needed_ns` is less. A frame is formed at its tick,
+    or later if a reading is late. If a lane has no value, the frame's number is skipped.
 
     Parameters
     ----------
     lanes
-        By the name of their field, in the order of the frame.
+        Lanes by the name of their field, in the order of the frame.
     dtype
         Data type of the frames.
     period_ns
-        From tick to tick.
+        Time from tick to tick.
     needed_ns
         How long frames must be held back, latencies included (`ReadingAges.hold_back_ns`); None
-        where that was not seen.
+        if that is not known.
     """
 
     def __init__(
@@ -71,17 +71,17 @@ class FrameAssembler:
         self._period_ns = period_ns
         self._needed_ns = needed_ns
         self.hold_back_ns = 0
-        """From the instant of a frame to its tick, once there was one."""
+        """Time from the instant of a frame to its tick; 0 before the first tick."""
         self._origin_ns: int | None = None
         self._next = 0
         self._due = 0
         self.left_out = 0
-        """Frames that a lane had no value for."""
+        """Frames skipped because a lane had no value or a device was lost."""
 
     def tick(self, elapsed: int, now_ns: int) -> None:
         """Note that `elapsed` ticks have passed.
 
-        The quickest tick sets the grid of the instants: a late one shifts none of them.
+        The tick that is least late sets the grid of the instants; a later one shifts none.
         """
         if self._origin_ns is None:
             spacing_ns = max(lane.spacing_ns for lane in self._lanes)
@@ -96,17 +96,17 @@ class FrameAssembler:
             self._origin_ns = origin_ns
 
     def give_up(self) -> None:
-        """Leave out the frames that wait: a device is lost."""
+        """Skip the frames that wait: a device is lost."""
         self.left_out += self._due - self._next
         self._next = self._due
 
     @property
     def lacking(self) -> bool:
-        """Whether a frame of a tick that has passed waits for a reading."""
+        """Whether a frame of a past tick waits for a reading."""
         return self._next < self._due
 
     def frames(self) -> RecordArray:
-        """Return the frames (n,) that are complete, the oldest first."""
+        """Return the complete frames (n,), oldest first."""
         rows = bytearray()
         start_ns = (self._origin_ns or 0) + self._period_ns - self.hold_back_ns
         while self._next < self._due:
@@ -119,7 +119,7 @@ class FrameAssembler:
         return np.frombuffer(rows, dtype=self._dtype)
 
     def _row(self, time_ns: int) -> bytes | None:
-        """Return the next frame's bytes, empty where a lane has no value, None while it waits."""
+        """Return the next frame's bytes, empty if a lane has no value, None while it waits."""
         numbers: list[float] = []
         complete = True
         for lane in self._lanes:
@@ -137,7 +137,7 @@ class FrameAssembler:
 
 
 class ReadingAges:
-    """Collect the ages of the newest readings.
+    """Collects the ages of the newest readings.
 
     Parameters
     ----------
@@ -149,15 +149,15 @@ class ReadingAges:
         self._looks: list[tuple[Lane, list[tuple[int, int]]]] = [(lane, []) for lane in lanes]
 
     def look(self, now_ns: int) -> None:
-        """Note how old the newest readings are, at a time of the host."""
+        """Note the newest readings at a time of the host."""
         for lane, looks in self._looks:
             if lane.newest is not None:
                 looks.append((now_ns, lane.newest.time_ns))
 
     def hold_back_ns(self) -> int | None:
-        """Return how long to hold frames back, latencies of the sensors included.
+        """Return how long to hold frames back (ns), latencies of the sensors included.
 
-        None where there were too few looks to tell.
+        None if there were too few looks.
         """
         oldest_ns = [_oldest_ns(lane, looks) for lane, looks in self._looks]
         known_ns = [age_ns for age_ns in oldest_ns if age_ns is not None]
@@ -167,7 +167,7 @@ class ReadingAges:
 
 
 def _oldest_ns(lane: Lane, looks: list[tuple[int, int]]) -> int | None:
-    """Return the upper end of the ages that looks (host's time, stamp) have found."""
+    """Return the upper end of the ages in looks (host's time, stamp), None if there are too few."""
     ages: dict[int, list[int]] = {}
     behind_ns = lane.latency_ns + lane.ahead_ns
     for now_ns, stamp_ns in looks:

@@ -1,7 +1,7 @@
-"""Lanes: what one device has measured lately, and its value at an instant.
+"""Lanes: the recent readings of one device, and its value at an instant.
 
-The value comes from the line between two readings, or from more of them
-(`mmt.devices.vibration_lane`). Where no readings lie around the instant there is none.
+The value is interpolated on the line between two readings, or from more of them
+(`mmt.devices.vibration_lane`). Without readings around the instant there is no value.
 """
 
 from collections import deque
@@ -15,10 +15,10 @@ SPACING_NS: Final = 1_000_000
 """Spacing of readings that is assumed until a sensor has shown its own."""
 
 LONGEST_GAP_NS: Final = 1_500_000
-"""Between two readings with a value in between; one and a half of a slow sensor's periods."""
+"""Longest gap between readings that is interpolated; for a slow sensor, 1.5 of its periods."""
 
 POLLED_GAP_NS: Final = 5_000_000
-"""Between two ticks at which a device was polled, with a value in between."""
+"""Longest gap between two polls of a device that is interpolated."""
 _FEW: Final = 10
 """Fewer readings than this do not tell a sensor's rate."""
 _KEPT: Final = 4096
@@ -26,19 +26,19 @@ _KEPT: Final = 4096
 
 
 class Lane:
-    """What one device has measured lately, by the host's clock.
+    """Recent readings of one device, found by the host's clock.
 
     Parameters
     ----------
     latency_ns
-        From the physical instant to the stamp.
+        Time from the physical instant to the stamp.
     """
 
     def __init__(self, latency_ns: int = 0) -> None:
         self.latency_ns = latency_ns
         self.clock = SensorClock()
         self.readings = 0
-        """How many have come."""
+        """Number of readings received."""
         self.newest: SensorReading | None = None
         self._kept: deque[SensorReading] = deque(maxlen=_KEPT)
         self.period_ns = 0.0
@@ -51,7 +51,7 @@ class Lane:
         self.clock.reset()
 
     def add(self, readings: Sequence[SensorReading], arrival_ns: int) -> None:
-        """Take what a sensor has given, with the host's time of the call.
+        """Add the new readings of a sensor, with their arrival time by the host's clock.
 
         A stamp that is not after the last one restarts the lane: the sensor's clock was set back.
         """
@@ -70,12 +70,12 @@ class Lane:
         if readings:
             self.readings += len(readings)
             newest = self.newest = readings[-1]
-            _, _, _ = newest.value  # else it is the sensor's fault, and found here
+            _, _, _ = newest.value  # raises here if the sensor gives other than three numbers
             self.clock.add(arrival_ns, newest.time_ns)
 
     @property
     def spacing_ns(self) -> int:
-        """Mean time between the readings that are kept."""
+        """Mean time between the kept readings."""
         kept = self._kept
         if len(kept) < _FEW:
             return SPACING_NS
@@ -83,16 +83,16 @@ class Lane:
 
     @property
     def ahead_ns(self) -> int:
-        """How much longer frames wait than for the reading after their instant."""
+        """Extra time that frames wait, beyond the first reading after their instant."""
         return 0
 
     def at(self, host_ns: int) -> "tuple[float, ...] | Waiting | None":
-        """Return the value of a physical instant by the host's clock: x, y, z.
+        """Return the value (x, y, z) at a physical instant by the host's clock.
 
         Returns
         -------
         value
-            None where nothing was measured around it, `WAITING` where its readings may still
+            None if nothing was measured around the instant, `WAITING` if its readings may still
             come. Instants must not go back.
         """
         if not self.clock.known:
@@ -112,21 +112,21 @@ class Lane:
 
 
 class PolledLane(Lane):
-    """What a device without a clock has measured at the ticks, stamped by the host."""
+    """Recent readings of a device without a clock, polled at the ticks and stamped by the host."""
 
     def __init__(self, longest_gap_ns: int = POLLED_GAP_NS) -> None:
         super().__init__()
         self.last: Vector = (0.0, 0.0, 0.0)
-        """The newest measurement."""
+        """The newest reading."""
         self._longest_gap_ns = longest_gap_ns
 
     @property
     def spacing_ns(self) -> int:
-        """Nothing is waited for: a tick has its measurement."""
+        """0: frames wait for no reading, since each tick has its own."""
         return 0
 
     def record(self, value: Vector, now_ns: int) -> None:
-        """Take one measurement."""
+        """Add one reading."""
         x, y, z = value
         self.last = (x, y, z)
         self._kept.append(SensorReading(now_ns, self.last))
@@ -140,9 +140,9 @@ class PolledLane(Lane):
 def on_line(
     start: SensorReading, end: SensorReading, time_ns: int, longest_ns: float
 ) -> Vector | None:
-    """Return the value on the straight line from one reading to another, or to itself.
+    """Return the value on the straight line between two readings, which may be the same.
 
-    None before the first one, and where the second comes longer than `longest_ns` after it.
+    None before the first reading, or if the second is more than `longest_ns` later.
     """
     start_ns, first = start
     end_ns, last = end
@@ -158,7 +158,7 @@ def on_line(
 
 
 class Waiting:
-    """The readings for an instant may still come."""
+    """Type of `WAITING`: the readings for an instant may still come."""
 
 
 WAITING: Final = Waiting()

@@ -1,4 +1,4 @@
-"""Warn that a sensor is driven beyond its range; how often is counted by the sensor."""
+"""Warn that a sensor is driven beyond its range; the sensor itself counts how often."""
 
 import logging
 import time
@@ -7,7 +7,7 @@ from typing import Final
 LOG: Final = logging.getLogger("mmt.devices")
 
 _QUIET_S: Final = 10.0
-"""Time between two warnings of one overload that goes on or comes back."""
+"""Time between two warnings while an overload goes on or comes back."""
 
 
 class OverloadNotice:

@@ -1,4 +1,4 @@
-"""Whether a tip can be where a device says that it is."""
+"""Check whether the position that a device reports for its tip is plausible."""
 
 import math
 from collections.abc import Sequence
@@ -10,12 +10,12 @@ FASTEST_MM_S: Final = 5000.0
 """No hand and no arm of this kind moves its tip faster."""
 
 _FARTHEST_MM: Final = 2000.0
-"""Nor does any reach so far."""
+"""No arm of this kind reaches farther."""
 _LEAST_NS: Final = 1_000_000
-"""A tick; in less, a tip may still have moved for a whole one."""
+"""A tick; in a shorter time, a tip may still have moved for a whole tick."""
 _LEAST_MM2: Final = (FASTEST_MM_S * 1e-9 * _LEAST_NS) ** 2
 _SLACK_NS: Final = 5_000_000
-"""For this long a tip may have moved on during measurements that make no sense."""
+"""Longest time of motion that is granted to a tip during implausible measurements."""
 
 NOT_FINITE: Final = "positions that are no numbers"
 OUT_OF_REACH: Final = "positions out of reach"
@@ -28,7 +28,7 @@ class Watch:
     Attributes
     ----------
     position
-        The newest one that makes sense.
+        Newest plausible position (mm).
     """
 
     def __init__(self) -> None:
@@ -38,14 +38,14 @@ class Watch:
     def problem(
         self, position: Sequence[float], velocity: Sequence[float], now_ns: int
     ) -> str | None:
-        """Return what makes no sense of a measurement, None where it is believed.
+        """Return what is implausible about a measurement, or None.
 
         Parameters
         ----------
         position, velocity
-            mm and mm/s.
+            Measured position (mm) and velocity (mm/s).
         now_ns
-            When they were measured.
+            Time of the measurement.
         """
         passed_ns, self._newest_ns = now_ns - self._newest_ns, now_ns
         x, y, z = position
@@ -58,7 +58,7 @@ class Watch:
         if self.position is not None:
             a, b, c = self.position
             moved_mm2 = (x - a) ** 2 + (y - b) ** 2 + (z - c) ** 2
-            if moved_mm2 > _LEAST_MM2:  # else it could in any case
+            if moved_mm2 > _LEAST_MM2:  # a smaller move is always possible
                 moved_ns = min(now_ns - self._good_ns, passed_ns + _SLACK_NS)
                 reach_mm = FASTEST_MM_S * 1e-9 * max(moved_ns, _LEAST_NS)
                 if moved_mm2 > reach_mm * reach_mm:

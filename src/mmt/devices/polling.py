@@ -1,8 +1,8 @@
-"""Look at sensors between the ticks, on the loop that ticks.
+"""Read sensors between the ticks, on the loop that ticks.
 
-A sensor whose rate is that of the ticks arrives at nearly the same point between two ticks for
-seconds; read at the ticks alone, its readings would tell when they arrived to a whole period. And
-a reading that just missed its tick need not keep its frame until the next one.
+The readings of a sensor with the ticks' rate arrive at nearly the same phase between two ticks for
+seconds. Read at the ticks alone, their arrival would be known only to a whole period. And a frame
+whose reading just missed its tick need not wait for the next one.
 """
 
 import asyncio
@@ -18,23 +18,23 @@ _STEP: Final = 0.6180339887498949
 """Golden ratio: the phases lie evenly between the ticks, however many there were."""
 
 RETRY_NS: Final = 120_000
-"""From a tick, or a further look, that lacked a reading until the next look."""
+"""Time from a tick or a further look that lacked a reading to the next look."""
 _RETRIES_A_TICK: Final = 0.1
-"""In the mean: where readings are always late, looking for them often does not help."""
+"""Mean number: if readings are always late, looking for them often does not help."""
 _RETRIES_AT_ONCE: Final = 2000.0
-"""A sensor nearly in step with the ticks is late at each of them for a second or two, then not for
-many."""
+"""Looks that can be saved up: a sensor nearly in step with the ticks is late at each tick for a
+second or two, then at none for many seconds."""
 
 
 class LoopTimer:
     """A precise timer of the running loop.
 
-    Where the system has no precise timers, or no loop runs, there are no calls.
+    If the system has no precise timers, or no loop runs, the callback is never called.
 
     Parameters
     ----------
     callback
-        Called with the monotonic time (ns), once for each time that it was set.
+        Called with the monotonic time (ns), once for each `set`.
     """
 
     def __init__(self, callback: Callable[[int], object]) -> None:
@@ -43,7 +43,7 @@ class LoopTimer:
         self._loop: asyncio.AbstractEventLoop | None = None
 
     def start(self) -> None:
-        """Begin, on the running loop."""
+        """Start on the running loop."""
         try:
             loop = asyncio.get_running_loop()
         except RuntimeError:
@@ -61,7 +61,7 @@ class LoopTimer:
             self._timer = None
 
     def set(self, at_ns: int) -> None:
-        """Call back at a monotonic time, and not at one that was set before; 0 is never."""
+        """Call back at a monotonic time (ns) in place of the one set before; 0 is never."""
         if self._timer is not None:
             self._timer.arm(at_ns, 0)
 
@@ -90,7 +90,7 @@ class PhasePoller(LoopTimer):
         self._phase = 0.0
 
     def start(self) -> None:
-        """Begin, on the running loop."""
+        """Start on the running loop."""
         super().start()
         self._wait(time.monotonic_ns())
 
@@ -111,7 +111,7 @@ class Retry(LoopTimer):
     Parameters
     ----------
     callback
-        Called with the monotonic time (ns); returns whether something is still lacking.
+        Called with the monotonic time (ns); returns whether a reading is still lacking.
     """
 
     def __init__(self, callback: Callable[[int], bool]) -> None:

@@ -1,10 +1,10 @@
-"""What a device must offer; a driver implements one of these and nothing else is asked.
+"""Protocols of the devices: a driver implements one of them, and nothing else is required.
 
 Every device shares one life cycle: ``connect``, ``calibrate``, then its own calls, then
 ``close``. Axis z is the surface's normal: position z below zero presses into the surface,
 and the force of the surface on the tool has z above zero under contact. ``connect``,
-``calibrate`` and ``close`` may take long, and may come from another thread than the rest, since
-a lost device is connected again beside the ticks; no two calls come at once. No other call may
+``calibrate`` and ``close`` may take long, and may be called from another thread than the rest,
+since a lost device is reconnected while ticks go on; no two calls run at once. No other call may
 block for longer than a small part of a 1 ms tick.
 """
 
@@ -67,24 +67,24 @@ class SensorReading(NamedTuple):
     """One measurement of a sensor that runs on a clock of its own."""
 
     time_ns: int
-    """By the sensor's own clock, unwrapped (from its counter and nominal rate, or its time
+    """Time by the sensor's own clock, unwrapped (from its counter and nominal rate, or its time
     stamp)."""
     value: Vector
-    """In the channel's unit."""
+    """Value in the channel's unit."""
 
 
 class SampledSensor(Device, Protocol):
     """A sensor that runs on a clock of its own, faster or slower than the session.
 
-    It may have ``band_hz``, above which it passes nothing.
+    It may have ``band_hz``, the highest frequency that it passes.
     """
 
     latency_ns: int
-    """From the physical instant to the sensor's own stamp, as far as it is known (filters,
-    averaging); asked for once it is connected."""
+    """Time from the physical instant to the sensor's own stamp, as far as it is known (filters,
+    averaging); read once the sensor is connected."""
 
     def read(self) -> Sequence[SensorReading]:
-        """Return what has come since the last call, oldest first; never blocks.
+        """Return the readings received since the last call, oldest first; never blocks.
 
         Raises
         ------
@@ -96,20 +96,20 @@ class SampledSensor(Device, Protocol):
 
     @property
     def faults(self) -> Mapping[str, int]:
-        """Counts by what went wrong and was survived: bad checksums, lost records, saturation."""
+        """Counts of tolerated faults, by kind: bad checksums, lost records, saturation."""
 
 
 @runtime_checkable
 class ArrivalStamping(Protocol):
-    """A sensor that knows when its readings came; optional for a driver.
+    """A sensor that knows the arrival time of its readings; optional for a driver.
 
-    Data that comes to a thread or a socket has its time; data that waits in a serial port until it
-    is read does not. A sensor that knows it need not be polled between the ticks.
+    A thread or a socket can stamp data on arrival; data that waits in a serial port has no stamp.
+    A sensor that knows its arrival times need not be polled between the ticks.
     """
 
     @property
     def arrival_ns(self) -> int:
-        """When the newest reading that `read` has returned had come: the host's monotonic clock."""
+        """Arrival time of the newest reading that `read` returned (ns, host's monotonic clock)."""
 
 
 @runtime_checkable
@@ -117,24 +117,24 @@ class Pacing(Protocol):
     """A device whose driver has a loop of its own at the ticks' rate; optional for a driver."""
 
     def await_turn(self) -> None:
-        """Return soon after that loop has done its turn, or after some milliseconds."""
+        """Return soon after that loop's next turn, or after some milliseconds."""
 
 
 @runtime_checkable
 class PositionKeeping(Protocol):
-    """A robot that is measured beside the ticks; optional for a driver."""
+    """A robot whose driver also keeps positions between the ticks; optional for a driver."""
 
     def positions(self, after_ns: int, until_ns: int) -> Sequence[tuple[int, Vector]]:
-        """Return the newest positions (mm) that came between two times, the oldest first.
+        """Return the newest positions (mm) that came between two times, oldest first.
 
-        Each with its time (ns), all by the host's monotonic clock.
+        Each comes with its time (ns); all times are by the host's monotonic clock.
         """
 
 
 def survived(device: Device) -> dict[str, Any]:
-    """Return the table ``faults`` of a summary with what a driver has counted, empty for nothing.
+    """Return the ``faults`` table of a summary with a driver's counts, {} if there are none.
 
-    Drivers of polled sensors, robots and handles may have counts, and need not.
+    Counts are optional for drivers of polled sensors, robots and handles.
     """
     faults = getattr(device, "faults", None)
     return {"faults": dict(faults)} if faults and isinstance(faults, Mapping) else {}
@@ -145,15 +145,15 @@ class FaultExplaining(Protocol):
     """A sensor that can report why it gives no readings; optional for a driver."""
 
     def complaint(self) -> str:
-        """Return why what comes cannot be used, empty where nothing comes or all is well."""
+        """Return why the received data is unusable, empty if no data comes or all is well."""
 
 
 @runtime_checkable
 class SetupRemarks(Protocol):
-    """A device that knows what is doubtful about its own set-up; optional for a driver."""
+    """A device that knows the doubtful settings of its own set-up; optional for a driver."""
 
     def remarks(self) -> Sequence[str]:
-        """Return a sentence for each thing that is worth mending, with what to do."""
+        """Return a sentence for each doubtful setting, with what to do."""
 
 
 class InterfaceState(NamedTuple):
@@ -181,13 +181,13 @@ class LeaderInterface(Device, Protocol):
 
 @dataclass(frozen=True, slots=True)
 class ActuatorStatistics:
-    """What an actuator was asked for since it was connected."""
+    """Counts and levels of the samples that an actuator was given."""
 
     samples: int
     clipped: int
     """Samples beyond the actuator's limit, written at the limit."""
     rms_m_s2: float
-    """Root mean square of what was written."""
+    """Root mean square of the samples after the limit."""
     peak_m_s2: float
     """Largest magnitude asked for, before the limit."""
 
@@ -198,7 +198,7 @@ class VibrationActuator(Device, Protocol):
     def write(self, samples_m_s2: Sequence[float] | FloatArray) -> None:
         """Play samples (n,), m/s2, after those written before.
 
-        They are of `USUAL_RATE_HZ`, unless it is `RateFollowing`.
+        Their rate is `USUAL_RATE_HZ`, unless the actuator is `RateFollowing`.
         """
 
     @property
@@ -207,14 +207,14 @@ class VibrationActuator(Device, Protocol):
 
 
 USUAL_RATE_HZ: Final = 1000.0
-"""Rate of the samples that an actuator is given, where it is told no other."""
+"""Rate of an actuator's samples, unless `RateFollowing.set_rate` gives another."""
 
 
 @runtime_checkable
 class RateFollowing(Protocol):
     """An actuator that plays samples of other rates; optional for a driver.
 
-    Without it, a session is refused whose vibration is of another rate than `USUAL_RATE_HZ`.
+    A session with another rate than `USUAL_RATE_HZ` refuses an actuator without it.
     """
 
     def set_rate(self, rate_hz: float) -> None:
@@ -223,20 +223,20 @@ class RateFollowing(Protocol):
         Raises
         ------
         InputError
-            It cannot play samples of that rate.
+            The actuator cannot play samples of that rate.
         """
 
 
 @runtime_checkable
 class VoltageActuator(VibrationActuator, Protocol):
-    """An actuator that can be given voltages as well, to find out what it makes of them."""
+    """An actuator that also plays voltages, so that its response can be measured."""
 
     @property
     def largest_v(self) -> float:
-        """Largest voltage (V) that it may get."""
+        """Largest voltage (V) that the actuator may get."""
 
     def write_volts(self, volts: Sequence[float] | FloatArray) -> None:
-        """Play voltages (n,), V, at the samples' rate, cut to `largest_v` and else as they are."""
+        """Play voltages (n,), V, at the samples' rate, cut to `largest_v`, otherwise unchanged."""
 
 
 @runtime_checkable
@@ -244,7 +244,7 @@ class RespondingActuator(VibrationActuator, Protocol):
     """An actuator whose response is known; optional for a driver."""
 
     def response(self, frequencies_hz: FloatArray) -> tuple[FloatArray, float]:
-        """Return the acceleration at the handle over the one that is asked for.
+        """Return the acceleration at the handle over the wanted one.
 
         Parameters
         ----------
@@ -256,7 +256,7 @@ class RespondingActuator(VibrationActuator, Protocol):
         gain
             Shape (f,), magnitudes.
         low_hz
-            Below this it is not driven.
+            The actuator is not driven below this frequency.
         """
 
 
@@ -264,21 +264,21 @@ class VoltageReading(NamedTuple):
     """The voltages of several inputs at one instant."""
 
     time_ns: int
-    """By the board's own clock, unwrapped."""
+    """Time by the board's own clock, unwrapped."""
     volts: tuple[float, ...]
-    """In the order of the inputs that the board was asked for."""
+    """Volts in the order of the inputs that the board was asked for."""
 
 
 class VoltageBoard(Protocol):
     """A board that samples inputs at a rate of its own.
 
-    Which inputs, how fast and how amplified are options of the board's driver. It may have
-    ``arrival_ns`` as `ArrivalStamping`, and ``serial``, a name under which the calibration of a
-    sensor at it is stored.
+    Inputs, rate and gain are options of the board's driver. A board may have ``arrival_ns`` as in
+    `ArrivalStamping`, and ``serial``, a name under which the calibration of a sensor at the board
+    is stored.
     """
 
     latency_ns: int
-    """From the physical instant to the stamp, as far as it is known."""
+    """Time from the physical instant to the stamp, as far as it is known."""
     inputs: int
     """How many voltages a reading has."""
     limit_v: float
@@ -290,11 +290,11 @@ class VoltageBoard(Protocol):
         Raises
         ------
         MmtError
-            It does not answer; the message says what to check.
+            The board does not answer; the message says what to check.
         """
 
     def read(self) -> Sequence[VoltageReading]:
-        """Return what has come since the last call, oldest first; never blocks.
+        """Return the readings received since the last call, oldest first; never blocks.
 
         Raises
         ------
@@ -307,10 +307,10 @@ class VoltageBoard(Protocol):
 
     @property
     def faults(self) -> Mapping[str, int]:
-        """Counts by what went wrong and was survived."""
+        """Counts of tolerated faults, by kind."""
 
 
 def arrival_of(board: VoltageBoard) -> int:
-    """Return when a board's newest reading had come, by its ``arrival_ns``, or now without it."""
+    """Return the arrival time of a board's newest reading: its ``arrival_ns``, else now."""
     told: int | None = getattr(board, "arrival_ns", None)
     return time.monotonic_ns() if told is None else told

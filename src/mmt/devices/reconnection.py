@@ -1,4 +1,4 @@
-"""Connect a lost device again; the leader's devices, whose loss a session survives."""
+"""Reconnect lost devices, and wrap the leader's devices, whose loss a session survives."""
 
 import re
 import threading
@@ -21,15 +21,15 @@ from mmt.devices.protocols import (
 _RETRY_S: Final = 0.5
 _LONGEST_RETRY_S: Final = 3.0
 _BACK_OFF: Final = 1.5
-"""Factor from one pause between tries to the next: a device that is away for long is not asked
-twice a second, and one that was plugged in again is there within three seconds."""
+"""Factor from one pause between tries to the next. A device that is away for long is not tried
+twice a second, and one that was plugged in again is back within three seconds."""
 _LAST_S: Final = 0.5
 _MOST_REASONS: Final = 5
-"""Told of one loss."""
+"""Reasons reported for one loss."""
 
 
 class Reconnection(threading.Thread):
-    """Close and connect a device until that works, beside the ticks, since it may take long."""
+    """Close and connect a device until that works, in a thread, since it may take long."""
 
     def __init__(self, device: Device, reason: str = "") -> None:
         super().__init__(name=f"connect {type(device).__name__}", daemon=True)
@@ -37,11 +37,11 @@ class Reconnection(threading.Thread):
         self._given_up = threading.Event()
         self.done = threading.Event()
         self.reason = reason
-        """Why it did not work the last time, before the first why it was lost."""
+        """Why the last try failed; before the first try, why the device was lost."""
         self.start()
 
     def run(self) -> None:
-        """Try until it works or is given up."""
+        """Try until the device is connected or `give_up` is called."""
         pause_s = _RETRY_S
         while not self._given_up.is_set():
             try:
@@ -59,7 +59,7 @@ class Reconnection(threading.Thread):
                 self._device.close()
 
     def give_up(self) -> None:
-        """Try no more; what a call that is under way connects is closed once it returns."""
+        """Try no more; if a running call still connects the device, it is closed afterwards."""
         self._given_up.set()
         self.join(_LAST_S)
 
@@ -67,12 +67,12 @@ class Reconnection(threading.Thread):
 class Reasons:
     """Reasons why a device is not there, each reported once.
 
-    Reasons that differ in numbers alone are the same.
+    Reasons that differ only in their numbers count as the same.
 
     Parameters
     ----------
     first
-        Reported already.
+        Reason that is reported already.
     """
 
     def __init__(self, first: str) -> None:
@@ -95,10 +95,10 @@ AnyDevice = TypeVar("AnyDevice", bound=Device)
 
 
 class LossCallback(Protocol):
-    """Called when a device is lost, with the reason why it is not back, and when it is back."""
+    """Called when a device is lost, when its reason changes, and when it is back."""
 
     def __call__(self, sentence: str, **details: object) -> None:
-        """Take a sentence for the person, and what a program wants to know."""
+        """Take a sentence for the operator, and details for a program."""
 
 
 def _ignore(sentence: str, **details: object) -> None:
@@ -106,16 +106,16 @@ def _ignore(sentence: str, **details: object) -> None:
 
 
 class ReconnectingDevice(Generic[AnyDevice]):
-    """The life of a device that is connected again when it is lost.
+    """A device that is reconnected when it is lost.
 
     Parameters
     ----------
     what
-        The person's word for it.
+        Name of the device in messages and metrics.
     meanwhile
-        What happens without it.
+        What happens while the device is lost, for messages.
     device
-        The driver's; it raises `DeviceLost` where it may come back.
+        The driver; it raises `DeviceLost` if the device may come back.
     """
 
     def __init__(self, what: str, meanwhile: str, device: AnyDevice) -> None:
@@ -153,12 +153,12 @@ class ReconnectingDevice(Generic[AnyDevice]):
 
     @property
     def lost(self) -> bool:
-        """Whether it was not there when it was last used."""
+        """Whether the device was missing when it was last used."""
         return self._reconnection is not None
 
     @property
     def problem(self) -> str | None:
-        """A sentence while it is lost, None while it is there."""
+        """A sentence while the device is lost, else None."""
         if self._reconnection is None:
             return None
         return f"the {self.what} ({self.name}) is lost{f': {self._reason}' if self._reason else ''}"
@@ -170,14 +170,14 @@ class ReconnectingDevice(Generic[AnyDevice]):
 
     @property
     def losses_summary(self) -> dict[str, Any]:
-        """How often and for how long it was lost, for a program."""
+        """Number and duration of the losses, for a program."""
         away_ns = self._away_ns
         if self._reconnection is not None:
             away_ns += time.monotonic_ns() - self._lost_ns
         return {"losses": self.losses, "lost_s": round(away_ns / 1e9, 3)}
 
     def _there(self) -> bool:
-        """Return whether it may be used now, and tell of its return."""
+        """Return whether the device may be used now, and report its return."""
         connecting = self._reconnection
         if connecting is None:
             return True
@@ -203,7 +203,7 @@ class ReconnectingDevice(Generic[AnyDevice]):
         return True
 
     def _lose(self, error: DeviceLost) -> None:
-        """Take it as lost and connect it again, in a thread."""
+        """Mark the device as lost and reconnect it, in a thread."""
         self.losses += 1
         self._lost_ns = time.monotonic_ns()
         self._reason = str(error)
@@ -233,7 +233,7 @@ class ReconnectingHandle(ReconnectingDevice[LeaderInterface]):
             return None
 
     def write(self, force_n: Vector) -> None:
-        """Display a force (N), where there is a handle."""
+        """Display a force (N), unless the handle is lost."""
         if self._there():
             try:
                 self.device.write(force_n)
@@ -242,15 +242,15 @@ class ReconnectingHandle(ReconnectingDevice[LeaderInterface]):
 
 
 class ReconnectingActuator(ReconnectingDevice[VibrationActuator]):
-    """The actuator: while it is lost nothing is played, and what would have been is counted."""
+    """The actuator: while it is lost nothing is played, and the unplayed samples are counted."""
 
     def __init__(self, device: VibrationActuator) -> None:
         super().__init__("actuator", "there is no vibration", device)
         self.lost_samples = 0
-        """Samples that were not played, since it was not there."""
+        """Samples that were not played because the actuator was lost."""
 
     def write(self, samples_m_s2: Sequence[float] | FloatArray) -> None:
-        """Play samples (n,), m/s2, or count them where the device is not there."""
+        """Play samples (n,), m/s2, or count them if the actuator is lost."""
         if self._there():
             try:
                 self.device.write(samples_m_s2)
@@ -267,5 +267,5 @@ class ReconnectingActuator(ReconnectingDevice[VibrationActuator]):
 
     @property
     def losses_summary(self) -> dict[str, Any]:
-        """How often it was lost and what was not played, for a program."""
+        """Number and duration of the losses, and the unplayed samples, for a program."""
         return {**super().losses_summary, "lost_samples": self.lost_samples}

@@ -1,23 +1,23 @@
-"""A sensor's clock from its records: from the number or the time that each has, or by counting."""
+"""A sensor's clock from its records: by the number or the time of each record, or by counting."""
 
 import math
 from typing import Final
 
 _SLACK_NS: Final = 250_000_000
-"""Most by which a number may be ahead of the host's clock: records come in bursts."""
+"""Largest lead of a record over the host's clock: records come in bursts."""
 _BEHIND: Final = 1000
-"""Records so far behind the newest are late ones, not a new count."""
+"""Records up to this many behind the newest are late ones, not a new count."""
 _STRANGE_RUN: Final = 5
 _LATE_RUN: Final = 50
-"""Strange or late records in a row, in agreement with one another, that begin a new count."""
+"""Strange or late records in a row, numbered consecutively, that begin a new count."""
 
 
 class SequenceClock:
     """Unwrap a record's number and turn it into the sensor's time.
 
     A number that the host's clock contradicts is rejected, since a flipped bit must not move
-    the clock. Where several such numbers in a row agree with one another, the sensor has
-    restarted its count; its time is then continued by the time passed on the host.
+    the clock. If several rejected numbers in a row are consecutive, the sensor has restarted
+    its count; its time is then continued by the time passed on the host.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class SequenceClock:
     def __init__(self, rate_hz: float, bits: int = 32) -> None:
         self.period_ns = 1e9 / rate_hz
         self.lost = 0
-        """Records that were numbered but did not come; one that comes late counts as lost."""
+        """Records whose number was skipped; a late record counts as lost."""
         self.late = 0
         """Records that came after a newer one, or twice."""
         self.strange = 0
@@ -49,14 +49,14 @@ class SequenceClock:
         self._interrupted = True
 
     def stamp(self, sequence: int, arrival_ns: int) -> int | None:
-        """Return the sensor's time (ns) of a record; None for one that is late or strange.
+        """Return the sensor's time (ns) of a record, or None if it is late or strange.
 
         Parameters
         ----------
         sequence
-            Its number, unsigned.
+            Number of the record, unsigned.
         arrival_ns
-            The host's monotonic time.
+            Arrival time by the host's monotonic clock.
         """
         if self._sequence is None:
             return self._begin(sequence, arrival_ns)
@@ -100,14 +100,14 @@ class SequenceClock:
 
 _LEARNT_STEPS: Final = 9
 _LONG: Final = 1.5
-"""Periods; after a step longer than that, records have been lost."""
+"""Periods; in a longer step, records have been lost."""
 
 
 class StampClock:
-    """Unwrap the microseconds that a record carries, and count the records that lie between two.
+    """Unwrap a record's time stamp (us), and count the records missing between two.
 
-    How long a period is comes from the first steps. A stamp that is ahead of what has passed on the
-    host, as after a restart, continues the time by what has passed there.
+    The period is learnt from the first steps. If a stamp is ahead of the time passed on the host,
+    as after a restart, the sensor's time is continued by the time passed on the host.
 
     Parameters
     ----------
@@ -129,20 +129,20 @@ class StampClock:
         self._interrupted = False
 
     def interrupt(self) -> None:
-        """Continue with the next record by what has passed on the host: it may have restarted."""
+        """Continue by the host's clock at the next record: the sensor may have restarted."""
         self._interrupted = True
         self.period_ns = 0.0
         self._steps.clear()
 
     def stamp(self, time_us: int, arrival_ns: int) -> int | None:
-        """Return the sensor's time (ns) of a record, None where it is that of the last one.
+        """Return the sensor's time (ns) of a record, or None if it repeats the last stamp.
 
         Parameters
         ----------
         time_us
-            What it carries.
+            Time stamp of the record.
         arrival_ns
-            The host's monotonic time.
+            Arrival time by the host's monotonic clock.
         """
         last_us, self._last_us = self._last_us, time_us
         last_arrival_ns, self._arrival_ns = self._arrival_ns, arrival_ns
@@ -177,20 +177,20 @@ class StampClock:
 
 
 _SILENCE_NS: Final = 30_000_000
-"""Shorter silences come from the line and the host."""
+"""Shorter silences are caused by the line and the host."""
 _BLOCK_NS: Final = 100_000_000
 """Time before a silence, and after it, over which the least lag is taken."""
 _MISSING: Final = 0.3
-"""Share of a silence: a lag that grew by less is the host's, or comes from an inexact rate."""
+"""Share of a silence: a smaller growth of the lag is caused by the host or an inexact rate."""
 
 
 class CountingClock:
-    """Count records, also those that a silence has swallowed.
+    """Count records, including those lost in a silence.
 
-    The lag is how far the count is behind the host's clock. What a stall of the host or the line
-    holds back comes later and leaves the least lag as it was; what is lost makes it grow for
-    good. Bytes that were lost without a silence make the clock late by a record at most each
-    time; an estimate of this clock against the host's follows that.
+    The lag is how far the count is behind the host's clock. Records held back by a stall of the
+    host or the line come later and leave the least lag as it was; lost records make it grow for
+    good. Bytes lost without a silence make the clock late by a record at most each time; the
+    estimate of this clock against the host's follows that.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ class CountingClock:
     def __init__(self, rate_hz: float) -> None:
         self.period_ns = 1e9 / rate_hz
         self.missing = 0
-        """Records that a silence has swallowed."""
+        """Records lost in silences."""
         self._index = -1
         self._arrival_ns: int | None = None
         self._interrupted = False
@@ -211,11 +211,11 @@ class CountingClock:
         self._silent_ns = 0  # in silences that are not judged yet
 
     def interrupt(self) -> None:
-        """Go on by what has passed on the host when the next record comes."""
+        """Continue by the host's clock at the next record."""
         self._interrupted = True
 
     def arrive(self, records: int, now_ns: int) -> None:
-        """Note that records are there, before they are counted."""
+        """Note the arrival of records, before `next` counts them."""
         if not records:
             return
         last_ns, self._arrival_ns = self._arrival_ns, now_ns
@@ -237,12 +237,12 @@ class CountingClock:
             self._end_block(now_ns)
 
     def next(self) -> int:
-        """Count a record and return the sensor's time of it (ns)."""
+        """Count a record and return its sensor time (ns)."""
         self._index += 1
         return round(self._index * self.period_ns)
 
     def _end_block(self, now_ns: int) -> None:
-        grown_ns = self._least - self._usual  # -inf where there is no lag to compare with
+        grown_ns = self._least - self._usual  # -inf if there is no lag to compare with
         if self._silent_ns and grown_ns > _MISSING * self._silent_ns:
             lost = round(grown_ns / self.period_ns)
             self._index += lost

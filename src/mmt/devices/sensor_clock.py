@@ -1,12 +1,12 @@
-"""A sensor's clock as seen from the host's, from when its readings arrive.
+"""A sensor's clock against the host's, estimated from the arrival times of its readings.
 
-Nothing arrives before it was measured: the arrival by the host's clock minus the sensor's own
+No reading arrives before it was measured: the arrival by the host's clock minus the sensor's
 stamp is never less than the true difference of the clocks, and comes close to it for the
-quickest readings. The estimate is the line below all such differences. As in S. B. Moon,
+quickest readings. The estimate is a line below all these differences. Its slope is the drift:
+that of the edge of their lower convex hull at the middle of the history, as in S. B. Moon,
 P. Skelly, D. Towsley: *Estimation and Removal of Clock Skew from Network Delay Measurements*,
-INFOCOM 1999, its slope, the drift, is that of the edge of their lower convex hull above the
-middle of the history; its height is set by the newest second alone. The drift is changed by no
-more than what the history contradicts, so that a short one does not make it wander.
+INFOCOM 1999. Its height is set by the newest second alone. The drift changes only as far as the
+history contradicts it, so that a short history does not make it wander.
 
 This module reads no clock: the caller passes the times.
 """
@@ -25,15 +25,15 @@ _RECENT_BLOCKS: Final = 4
 """Newest whole blocks that set the height of the line."""
 _LEAST_BLOCKS: Final = 4
 _DOUBT_NS: Final = 60_000
-"""Within which the quickest of a block comes close to the line at best."""
+"""Distance from the line of a block's quickest reading, at best."""
 _QUARTZ: Final = 200e-6
-"""Two crystals hardly drift more against each other; ceramic resonators do."""
+"""Two crystals hardly drift more against each other; ceramic resonators may."""
 _LOAD_NS: Final = 5_000_000
-"""Most by which even the quickest readings may be late while a machine is busy."""
+"""Largest delay of even the quickest readings while a machine is busy."""
 _JUMP_NS: Final = 5_000_000
-"""With an arrival this far before the line, or blocks this far behind it, the clock has jumped."""
+"""An arrival this far before the line, or blocks this far behind it, mean a jump of the clock."""
 _WITNESSES: Final = 4
-"""Blocks in a row behind the line; one alone may come from a machine that was busy."""
+"""Blocks in a row behind the line that mean a jump; one alone may come from a busy machine."""
 
 _Point = tuple[int, float]
 """Host's time since the origin, and the difference of the clocks less that of the origin (ns)."""
@@ -42,7 +42,7 @@ _Point = tuple[int, float]
 class SensorClock:
     """Follow the clock of a sensor.
 
-    `add` takes about half a microsecond, and some 50 us once for each block. What is kept is
+    `add` takes about half a microsecond, and some 50 us once for each block. The history is
     bounded.
     """
 
@@ -53,7 +53,7 @@ class SensorClock:
         self.reset()
 
     def reset(self) -> None:
-        """Start again, as after a restart of the sensor; drift and count stay."""
+        """Start again, as after a restart of the sensor; drift and number of jumps stay."""
         self._origin: tuple[int, int] | None = None
         self._blocks: deque[_Point] = deque(maxlen=_BLOCKS)
         self._quickest: _Point | None = None  # of the block that is being filled
@@ -63,7 +63,7 @@ class SensorClock:
 
     @property
     def drift(self) -> float:
-        """Seconds that the host gains on the sensor in a second."""
+        """Seconds by which the host's clock gains on the sensor's in a second."""
         return self._drift
 
     @property
@@ -72,19 +72,19 @@ class SensorClock:
         return self._origin is not None
 
     def add(self, arrival_ns: int, sensor_ns: int) -> bool:
-        """Take the newest reading of what has arrived together.
+        """Add the newest of the readings that have arrived together.
 
         Parameters
         ----------
         arrival_ns
-            When it was found to be there, by the host's clock.
+            Time at which it was found, by the host's clock.
         sensor_ns
-            Its stamp by the sensor's.
+            Its stamp by the sensor's clock.
 
         Returns
         -------
         jumped
-            Whether the sensor's clock has jumped, or seems to where the machine was busy for long.
+            Whether the sensor's clock has jumped, or seems to since the machine was busy for long.
         """
         if self._origin is None:
             self._origin = (arrival_ns, arrival_ns - sensor_ns)
@@ -109,7 +109,7 @@ class SensorClock:
         Raises
         ------
         ValueError
-            Nothing has arrived yet.
+            No reading has arrived yet.
         """
         if self._origin is None:
             message = "nothing has arrived from the sensor yet"
@@ -150,9 +150,9 @@ class SensorClock:
 
 
 def _drift(points: list[_Point], believed: float) -> float:
-    """Return the drift that is nearest to the one believed and that the points allow.
+    """Return the drift nearest to the believed one that the points allow.
 
-    More than quartz has is taken where it amounts to more than what load explains.
+    A drift beyond that of quartz is taken only if it amounts to more than load explains.
     """
     slope, doubt = _slope_below(points)
     drift = min(max(believed, slope - doubt), slope + doubt)
@@ -163,10 +163,10 @@ def _drift(points: list[_Point], believed: float) -> float:
 
 
 def _slope_below(points: list[_Point]) -> tuple[float, float]:
-    """Return the slope of the line below the points that is closest in sum, and its doubt.
+    """Return the slope of the line below the points that is closest in sum, and its uncertainty.
 
-    It is the edge of the lower convex hull above the mean of the times. The doubt grows with the
-    usual distance of a point from the line: on a busy machine even the quickest are late.
+    It is the edge of the lower convex hull at the mean time. The uncertainty grows with the usual
+    distance of a point from the line: on a busy machine even the quickest readings are late.
     """
     hull: list[_Point] = []
     for point in points:
@@ -184,7 +184,7 @@ def _slope_below(points: list[_Point]) -> tuple[float, float]:
 
 
 def _turns_down(first: _Point, middle: _Point, last: _Point) -> bool:
-    """Whether the middle point lies on or above the line through the others."""
+    """Return whether the middle point lies on or above the line through the others."""
     return (middle[1] - first[1]) * (last[0] - first[0]) >= (last[1] - first[1]) * (
         middle[0] - first[0]
     )

@@ -1,4 +1,4 @@
-"""A serial line to a sensor that obeys commands and then sends by itself, while it is open."""
+"""An open serial line to a sensor that takes commands and then sends by itself."""
 
 from typing import Any, Final
 
@@ -9,18 +9,18 @@ _AT_ONCE: Final = 4096
 
 
 class SensorLine:
-    """The line, once it is open; a driver adds its commands.
+    """An open line; a driver adds its commands.
 
     Parameters
     ----------
     port
-        As ``/dev/ttyUSB0``.
+        Path of the port, as ``/dev/ttyUSB0``.
     baud
         Bits a second.
     name
-        What a person calls the device.
+        Name of the device in messages.
     **settings
-        Further ones of `mmt.devices.serial_ports.open_port`.
+        Further settings of `mmt.devices.serial_ports.open_port`.
 
     Raises
     ------
@@ -36,7 +36,7 @@ class SensorLine:
             raise MmtError(f"{name}: its serial port: {error}") from error
 
     def read(self) -> bytes:
-        """Return what has come, without waiting.
+        """Return the received bytes without waiting.
 
         Raises
         ------

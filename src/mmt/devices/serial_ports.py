@@ -1,4 +1,4 @@
-"""Serial ports, and frames on them: why a port cannot be opened, reading without waiting, COBS."""
+"""Serial ports: why one cannot be opened, reading without waiting, and COBS for frames."""
 
 import contextlib
 import errno
@@ -25,38 +25,38 @@ else:
     def _read_some(port: serial.Serial, most: int) -> bytes:
         if fcntl.ioctl(port.fd, termios.FIONREAD, _NONE) == _NONE:
             return b""
-        return os.read(port.fd, most) or bytes(port.read(most))  # which raises if the port is gone
+        return os.read(port.fd, most) or bytes(port.read(most))  # raises if the port is gone
 
 
 def read_waiting(port: serial.Serial, most: int) -> bytes:
-    """Return what has come to a port whose time-out is 0.
+    """Return the bytes that wait in a port whose time-out is 0.
 
-    A port with nothing in it is not read: Linux makes such a read wait for what is still on its
-    way through the kernel, for milliseconds on a busy machine, also where it must not block. What
-    is there takes two calls of the system, and not three as by pyserial.
+    An empty port is not read: on Linux such a read waits for bytes on their way through the
+    kernel, for milliseconds on a busy machine, even if it must not block. Reading takes two
+    system calls, not three as in pyserial.
 
     Raises
     ------
     OSError, TypeError
-        The port is gone; TypeError where it was closed meanwhile.
+        The port is gone; TypeError if it was closed meanwhile.
     """
     return _read_some(port, most)
 
 
 def open_port(path: str, baud_rate: int, **settings: Any) -> serial.Serial:
-    """Open a port for this program alone, whose reads do not wait.
+    """Open a port for this program alone, with reads that do not wait.
 
     Parameters
     ----------
     path, baud_rate
-        Its name and its bits a second.
+        Name of the port and its bits a second.
     **settings
         Further arguments of `serial.Serial`, such as a parity.
 
     Raises
     ------
     MmtError
-        It is missing, in use or not permitted; the message says what to do.
+        The port is missing, in use or not permitted; the message says what to do.
     """
     try:
         port = serial.Serial(path, baud_rate, timeout=0, exclusive=True, **settings)
@@ -69,7 +69,7 @@ def open_port(path: str, baud_rate: int, **settings: Any) -> serial.Serial:
 
 
 def empty_port(port: serial.Serial) -> None:
-    """Throw away what has come to a port."""
+    """Discard the input buffer of a port."""
     with contextlib.suppress(OSError, serial.SerialException):
         port.reset_input_buffer()
 
@@ -98,12 +98,12 @@ def explain_refusal(error: Exception) -> str:
 
 
 def stuff(plain: bytes) -> bytes:
-    """Return bytes COBS-encoded: none of them is zero.
+    """Return bytes in COBS encoding: none of them is zero.
 
     Raises
     ------
     ValueError
-        More than 253 bytes, which would need more than one byte beside them.
+        There are more than 253 bytes, which would need more than one extra byte.
     """
     if len(plain) > 253:
         raise ValueError(f"{len(plain)} bytes are too long for a frame")
@@ -112,13 +112,13 @@ def stuff(plain: bytes) -> bytes:
 
 
 def unstuff(stuffed: bytes) -> bytes | None:
-    """Return COBS-encoded bytes decoded, None where they are none."""
+    """Decode COBS-encoded bytes, or return None if they are invalid."""
     plain = bytearray(stuffed)
     at, end = 0, len(plain)
     while at < end:
         following = at + plain[at]
         if following == at:
             return None
-        plain[at] = 0  # where a block ends; the first one has none before it
+        plain[at] = 0  # each block ends with a zero; the one at 0 is not content
         at = following
     return bytes(plain[1:]) if at == end else None

@@ -1,4 +1,4 @@
-"""One device of a follower: read or write it, see that it is lost, and connect it again."""
+"""One device of a follower: read or write it, detect its loss, and reconnect it."""
 
 import time
 from abc import ABC, abstractmethod
@@ -22,20 +22,20 @@ from mmt.devices.protocols import (
 from mmt.devices.reconnection import Reasons, Reconnection
 
 SILENT_NS: Final = 15_000_000
-"""Time without a reading after which a sampled sensor is lost, where it is no slow one."""
+"""Time without a reading after which a sampled sensor is lost, unless it is a slow one."""
 
-_SILENT_PERIODS: Final = 3.0  # of a slow one, instead
+_SILENT_PERIODS: Final = 3.0  # for a slow sensor, instead
 _EMPTY_READS: Final = 8
-"""Empty reads in a row that a loss takes too: a host that was held up is no lost sensor."""
+"""Empty reads in a row that a loss needs too: a held-up host does not mean a lost sensor."""
 _MOST_DISCARDED: Final = 64
-"""Reads of what has waited, of a few kB or some hundred readings each."""
+"""Reads that discard old readings at most, of a few kB or some hundred readings each."""
 _PATIENCE_NS: Final = 250_000_000
-"""Time that a silent sensor is read on before it is connected again."""
+"""Time for which a silent sensor is still read before it is reconnected."""
 _SETTLE_NS: Final = 100_000_000
-"""Time that a sensor is read after a reconnection before frames are formed of it, so that
+"""Time for which a reconnected sensor is read before its readings make frames, so that
 its clock is known."""
 _ROBOT_GAP_NS: Final = 10_000_000
-"""Time for which an arm moves nearly on a line: at 5 m/s2 it leaves the line by 0.06 mm."""
+"""Longest interpolated gap of an arm's positions: at 5 m/s2 it leaves the line by 0.06 mm."""
 
 
 class Slot(ABC):
@@ -44,11 +44,11 @@ class Slot(ABC):
     Parameters
     ----------
     role
-        What a person calls it.
+        Name of the role in messages.
     device
         The driver.
     lane
-        Takes what it measures.
+        Takes the device's readings.
     """
 
     def __init__(self, role: str, device: Device, lane: Lane) -> None:
@@ -58,7 +58,7 @@ class Slot(ABC):
         self.losses = 0
         """How often it was lost."""
         self.lost_ns: int | None = None
-        """Since when it is lost, by the host's clock; None where it is there."""
+        """Time of the loss by the host's clock, or None if the device is not lost."""
         self._reconnection: Reconnection | None = None
         self._reason = ""  # why it is not back yet
         self._reasons = Reasons("")
@@ -66,21 +66,21 @@ class Slot(ABC):
         self._heard_ns: int | None = None
 
     def describe(self) -> str:
-        """Name it."""
+        """Return the role and the driver's class."""
         return f"{self.role} {type(self.device).__name__}"
 
     @abstractmethod
     def step(self, now_ns: int, command_position_mm: Vector | None) -> None:
-        """Do what falls due at a tick.
+        """Command or read the device at a tick.
 
         Raises
         ------
         Exception
-            Whatever its driver raises; `DeviceLost` where it may come back.
+            Any exception of its driver; `DeviceLost` if the device may come back.
         """
 
     def lose(self, now_ns: int, reason: str) -> None:
-        """Mark it as lost, for a reason that is reported already, and connect it again."""
+        """Mark the device as lost, for a reason that is reported already, and reconnect it."""
         self._note_loss(now_ns, reason)
         self._connect()
 
@@ -90,16 +90,16 @@ class Slot(ABC):
         self._reason, self._reasons = "", Reasons(reason)
 
     def new_reason(self) -> str:
-        """Return why it is not back yet, empty if unknown or reported already."""
+        """Return why the device is not back yet, empty if unknown or reported already."""
         return self._reasons.new(self._reason)
 
     def reconnect(self, now_ns: int) -> bool:
-        """Go on with connecting it again; return whether it is there.
+        """Continue the reconnection; return whether the device is back.
 
         Raises
         ------
         Exception
-            What its driver raises but `DeviceLost`.
+            Any exception of its driver except `DeviceLost`.
         """
         if self._reconnection is not None:
             if not self._reconnection.done.is_set():
@@ -125,7 +125,7 @@ class Slot(ABC):
 
     @property
     def summary(self) -> dict[str, Any]:
-        """What it gave and what its driver survived, for a program."""
+        """Counts of the device and faults that its driver tolerated, for a program."""
         name = type(self.device).__name__
         return {"device": name, "losses": self.losses, **survived(self.device)}
 
@@ -141,9 +141,9 @@ class Slot(ABC):
 
 
 class RobotSlot(Slot):
-    """The robot: commanded, then read where the scene needs its position.
+    """The robot: commanded, then read if the scene needs its position.
 
-    Where ticks were held up and its driver has kept positions meanwhile, those are taken too.
+    If ticks were held up and its driver has kept positions meanwhile, those are taken too.
     """
 
     device: Robot
@@ -169,7 +169,7 @@ class RobotSlot(Slot):
 
 
 class PolledSlot(Slot):
-    """A sensor that says what it measures when it is asked."""
+    """A sensor without a clock, read at each tick."""
 
     device: ForceSensor | Accelerometer
     lane: PolledLane
@@ -197,7 +197,7 @@ class SampledSlot(Slot):
 
     @property
     def knows_arrivals(self) -> bool:
-        """Whether it need not be looked at to know when a reading has come."""
+        """Whether the driver itself knows when a reading arrived."""
         return self._stamping is not None
 
     def begin(self, now_ns: int) -> None:
@@ -205,12 +205,12 @@ class SampledSlot(Slot):
         self._last_ns, self._empty = now_ns, 0
 
     def step(self, now_ns: int, command_position_mm: Vector | None) -> None:  # noqa: ARG002
-        """Take what has come.
+        """Take the new readings.
 
         Raises
         ------
         DeviceLost
-            Nothing has come for too long.
+            No reading has come for too long.
         """
         if self.poll():
             self._last_ns, self._empty = now_ns, 0
@@ -229,10 +229,10 @@ class SampledSlot(Slot):
         return max(least_ns, _SILENT_PERIODS * self.lane.period_ns)
 
     def poll(self) -> bool:
-        """Take what has come; return whether anything has.
+        """Take the new readings; return whether there are any.
 
-        The first time, what has waited since it was connected is left out: its clock would seem
-        behind by as much, and then to jump.
+        The first call discards the readings that have waited since `connect`: with them the
+        sensor's clock would seem behind, and then to jump.
         """
         if not self._begun:
             self._begun = True
@@ -240,7 +240,7 @@ class SampledSlot(Slot):
                 if not self.device.read():
                     break
         readings = self.device.read()
-        if readings:  # a time from before the call might be before they came
+        if readings:  # a time taken before the call might precede their arrival
             stamping = self._stamping
             self.lane.add(
                 readings, time.monotonic_ns() if stamping is None else stamping.arrival_ns
@@ -248,7 +248,7 @@ class SampledSlot(Slot):
         return bool(readings)
 
     def lose(self, now_ns: int, reason: str) -> None:
-        """Listen for a while where it was merely silent, then connect it again."""
+        """Mark the sensor as lost; listen for a while before it is reconnected."""
         self._note_loss(now_ns, reason)
         self._settles = False
         self._listen(now_ns)
@@ -266,12 +266,12 @@ class SampledSlot(Slot):
             return not self._settles or now_ns - self._heard_ns >= _SETTLE_NS
         since_ns = self._listening_ns if self._heard_ns is None else self._last_ns
         if now_ns - since_ns >= self._silence_ns(_PATIENCE_NS):
-            raise DeviceLost("")  # which is no news
+            raise DeviceLost("")  # no new reason
         return False
 
     @property
     def summary(self) -> dict[str, Any]:
-        """What it gave and what its driver survived, for a program."""
+        """Counts of the device and faults that its driver tolerated, for a program."""
         return {
             **super().summary,
             "readings": self.lane.readings,
@@ -282,9 +282,9 @@ class SampledSlot(Slot):
 
 
 def slot_of(role: str, device: Any, lane: Lane | None = None) -> Slot:
-    """Return a sensor's slot: one that says its latency runs on a clock of its own.
+    """Return a sensor's slot; a sensor with ``latency_ns`` runs on a clock of its own.
 
-    `lane` makes its values, where the usual one would lose what is fast.
+    `lane` takes its readings if the usual lane would lose high frequencies.
     """
     if hasattr(device, "latency_ns"):
         return SampledSlot(role, device, lane)

@@ -1,4 +1,4 @@
-"""Stream what real devices measure: a robot, a force sensor, an accelerometer."""
+"""Stream the measurements of real devices: a robot, a force sensor, an accelerometer."""
 
 import logging
 import math
@@ -40,24 +40,24 @@ _KEY_OF_CHANNEL: Final[dict[Channel, str]] = {
 LossWatcher = Callable[[bool, str], None]
 """Called with whether a device is lost now, and a sentence."""
 FrameReceiver = Callable[[RecordArray], None]
-"""Given frames (n,), n >= 1, between two ticks."""
+"""Called between two ticks with frames (n,), n >= 1."""
 
 
 class DeviceSource:
     """A `DeviceBackedSource` that reads devices at each tick.
 
-    Devices that are polled give a frame at each tick; where one has a clock of its own, all are
-    merged by their time stamps (`mmt.devices.lanes`). A tick without a measurement has no
-    frame: its sequence number is skipped, so that the leader sees a gap and nothing is invented.
+    If all devices are polled, each tick makes a frame. If one has a clock of its own, all are
+    merged by their time stamps (`mmt.devices.lanes`). A tick without a measurement makes no frame:
+    its sequence number is skipped, so that the leader sees a gap and no invented values.
 
     Parameters
     ----------
     robot
         Gives the position and takes the motion commands.
     force_sensor, accelerometer
-        None where the scene's channels need none.
+        None if the scene's channels do not need the sensor.
     channels
-        What to put into the frames.
+        Channels of the frames.
     on_lost
         What a lost device does: "stop" ends the session; otherwise it is connected again, and
         the callback given to `on_loss` is called.
@@ -67,7 +67,7 @@ class DeviceSource:
     Raises
     ------
     InputError
-        A channel has no device, or the accelerometer gives one sample a frame and no more.
+        A channel has no device, or frames need several samples of a polled accelerometer.
     """
 
     def __init__(
@@ -121,11 +121,11 @@ class DeviceSource:
         return FrameAssembler(lanes, self._dtype, PERIOD_NS, needed_ns)
 
     def on_loss(self, callback: LossWatcher) -> None:
-        """Have a function called when a device is lost and when it is back."""
+        """Set the function to call when a device is lost and when it is back."""
         self._watcher = callback
 
     def on_late_frames(self, callback: FrameReceiver) -> None:
-        """Have a function given the frames whose last reading came between two ticks."""
+        """Set the function that is given the frames whose last reading came between two ticks."""
         self._taker = callback
 
     def open(self) -> None:
@@ -134,7 +134,7 @@ class DeviceSource:
         Raises
         ------
         MmtError
-            One of them does not answer.
+            A device does not answer.
         """
         self._opened = True
         for opened in self._all.values():
@@ -145,16 +145,16 @@ class DeviceSource:
                 raise failure(opened, error) from error
 
     def start(self, start_time_ns: int) -> None:  # noqa: ARG002 - devices keep their own time
-        """Learn the clocks of those that have one; open the devices where that was not done.
+        """Learn the clocks of the sensors that have one; open the devices unless that was done.
 
         Raises
         ------
         MmtError
-            One of them does not answer.
+            A device does not answer.
         """
         if not self._opened:
             self.open()
-        for slot in self._sampled:  # which a driver may know only now, from the device's filter
+        for slot in self._sampled:  # a driver may know it only now, from the device's filter
             slot.lane.latency_ns = slot.device.latency_ns
         if self._sampled:
             self._merger = self._make_merger(self._warm_up())
@@ -164,16 +164,16 @@ class DeviceSource:
             if self._taker is not None:
                 self._retry.start()
         for device in (slot.device for slot in self._all.values()):
-            if isinstance(device, Pacing):  # ticks from now on do not meet its turns
+            if isinstance(device, Pacing):  # so that later ticks do not coincide with its turns
                 device.await_turn()
 
     def _warm_up(self) -> int | None:
-        """Read often for a moment: the quickest arrivals tell the clocks apart.
+        """Read often for a moment: the quickest arrivals show the difference of the clocks.
 
         Returns
         -------
         needed_ns
-            How long frames must be held back; None where it did not show.
+            How long frames must be held back; None if that is not known.
         """
         ages = ReadingAges(slot.lane for slot in self._sampled)
         start_ns = time.monotonic_ns()
@@ -196,7 +196,7 @@ class DeviceSource:
         return ages.hold_back_ns()
 
     def _tell_band(self) -> None:
-        """Say where the acceleration ends, if the sensor gives less than frames can hold."""
+        """Warn if the sensor's band of acceleration is smaller than the frames can hold."""
         slot = self._measuring.get(FIELD_OF_CHANNEL["acceleration"])
         if slot is not None and slot.lane.period_ns and self._acceleration_hz > FRAMES_HZ:
             said = missing_band(1e9 / slot.lane.period_ns, self._acceleration_hz)
@@ -211,7 +211,7 @@ class DeviceSource:
                 )
 
     def probe(self, now_ns: int) -> None:  # noqa: ARG002 - each read tells its own time
-        """Look at sampled sensors between two ticks; a fault is left to the next tick."""
+        """Read sampled sensors between two ticks; an error is raised at the next tick."""
         self._look(self._looked_at)
 
     def _look(self, slots: Iterable[SampledSlot]) -> None:
@@ -223,7 +223,7 @@ class DeviceSource:
                     self._probed = (slot, error)
 
     def look_again(self, now_ns: int) -> bool:  # noqa: ARG002 - as above
-        """Look for what the last tick lacked; return whether it is still lacking."""
+        """Look for readings that the last tick lacked; return whether any are still lacking."""
         merger, taker = self._merger, self._taker
         if merger is None or taker is None or not merger.lacking:
             return False
@@ -293,25 +293,25 @@ class DeviceSource:
 
     @property
     def finished(self) -> bool:
-        """Devices go on until they are closed."""
+        """False: devices go on until they are closed."""
         return False
 
     @property
     def annotations(self) -> bytes:
-        """Nothing is known beside what is measured."""
+        """Empty: no truth is known besides the measurements."""
         return b""
 
     @property
     def summary(self) -> dict[str, Any]:
-        """What the devices gave, for a program."""
+        """Summary of each device, for a program."""
         return summaries(self._all)
 
     def describe(self) -> str:
-        """Name the devices."""
+        """Return the names of the devices."""
         return "devices: " + ", ".join(slot.describe() for slot in self._all.values())
 
     def close(self) -> None:
-        """Close every device, also when closing one of them fails.
+        """Close every device, even if closing one of them fails.
 
         Raises
         ------
@@ -331,7 +331,7 @@ class DeviceSource:
 
 
 def _check_sampled(slot: Slot | None, acceleration_hz: int) -> None:
-    """Raise where frames have several samples of acceleration and the sensor is polled."""
+    """Raise `InputError` if the sensor is polled: it cannot give several samples a frame."""
     if isinstance(slot, PolledSlot):
         from mmt.devices.discovery import find_drivers
 

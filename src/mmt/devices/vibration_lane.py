@@ -1,7 +1,7 @@
-"""A lane that keeps vibration: its value between two readings comes from nine of them, or more.
+"""A lane that keeps vibration: it interpolates from nine readings or more.
 
-Where frames have several samples of acceleration, and the sensor measures faster than these come,
-the weights are those of an anti-alias filter as well.
+If frames have several samples of acceleration, and the sensor is faster than these samples, the
+weights act as an anti-alias filter as well.
 """
 
 from collections import deque
@@ -17,32 +17,32 @@ from mmt.devices.lanes import WAITING, Lane, Waiting, on_line
 from mmt.devices.protocols import SensorReading, Vector
 
 BEFORE: Final = 8
-"""Readings before the instant that have a part in its value; one after it has."""
+"""Readings before the instant that make up its value, with one after it."""
 
 PHASES: Final = 256
-"""Instants between two readings that have weights of their own; the nearest is taken."""
+"""Instants between two readings with weights of their own; the nearest is taken."""
 
 _SHARE: Final = 0.42
-"""Share of the sensor's rate: the band of a slow one. Near half its rate nothing can be had from
-readings of the past without amplifying what is between."""
+"""Band of a slow sensor, as a share of its rate. Nearer to half its rate, past readings give no
+value without amplifying the frequencies in between."""
 _NOISE: Final = 1e-3
-"""Power beside the band, over that within it."""
+"""Assumed power outside the band, over that within it."""
 
 _FASTER: Final = 1.1
-"""From so much above the rate of the samples on, a sensor's readings are filtered."""
+"""Factor over the rate of the samples from which a sensor's readings are filtered."""
 _SPAN_BEFORE: Final = 10.0
 _SPAN_AFTER: Final = 4.0
-"""Spacings of the samples over which the filter goes, before the instant and after it."""
+"""Length of the filter before and after the instant, in spacings of the samples."""
 _PASSED: Final = 0.33
 """Share of the samples' rate up to which the filter passes; it stops from half of it on."""
 _STOPPED: Final = 100.0
-"""Density of the power that the filter keeps out, over that within its band."""
+"""Assumed density of the power to be stopped, over that within the band."""
 _FREE: Final = 1e-8
-"""Share of it that is taken to be between the two bands, so that the weights stay small."""
+"""Share of it that is assumed between the two bands, so that the weights stay small."""
 
 
 class Weights(NamedTuple):
-    """What the readings around an instant have in its value."""
+    """Weights of the readings around an instant in its value."""
 
     before: int
     """Readings before the instant."""
@@ -54,10 +54,10 @@ class Weights(NamedTuple):
 
 
 def weights_for(rate_hz: float, samples_hz: float = FRAMES_HZ) -> Weights:
-    """Return the weights for a sensor of this rate, and the rate of the samples made of it.
+    """Return the weights for a sensor's rate and the rate of the samples.
 
-    Frames of one sample are made without an anti-alias filter: it would hold all of a frame back by
-    4 ms. There the sensor's own filter has to cut off.
+    Frames of one sample have no anti-alias filter, since it would hold the whole frame back by
+    4 ms: the sensor's own filter has to cut off.
     """
     ratio = rate_hz / samples_hz
     if samples_hz > FRAMES_HZ and ratio > _FASTER:
@@ -76,19 +76,19 @@ def weights(
 ) -> tuple[tuple[float, ...], ...]:
     """Return the rows of weights for a band from 0 up; some 0.3 ms for nine readings.
 
-    They are those of least error where the vibration has an even power within the band, and so has
-    what it is to be freed of from `stop` on.
+    They have the least error if the vibration has flat power within the band, and the vibration to
+    be removed has flat power from `stop` on.
 
     Parameters
     ----------
     band
         Highest frequency over the sensor's rate, above 0 and below 0.5.
     stop
-        From where on the rest is kept out, over the sensor's rate.
+        Lowest frequency to remove, over the sensor's rate.
     before, after
-        How many readings.
+        Number of readings before and after the instant.
     noise
-        Power of what is kept out, over that within the band.
+        Power to be removed, over that within the band.
 
     Raises
     ------
@@ -119,37 +119,37 @@ def weights(
 
 
 _UNEVEN: Final = 0.5
-"""Share of a period by which readings may be off an even spacing; a lost one makes 1."""
+"""Share of a period by which readings may be off an even spacing; a lost reading makes 1."""
 _OTHER_RATE: Final = 0.05
-"""A sensor's period that has changed by so much gets weights of its own."""
+"""Relative change of the sensor's period from which the weights are computed again."""
 
 
 class VibrationLane(Lane):
-    """Like a `Lane`, but a frame's values come from eight readings before and one after each.
+    """Like a `Lane`, but each value comes from eight readings before the instant and one after it.
 
-    Or from more of them, see `weights_for`. Where a reading is missing among them, and at the
-    beginning, the value lies on the straight line between its two neighbours. A value takes
-    twice as long as on that line, or as many times longer as there are more readings.
+    A fast sensor uses more of them, see `weights_for`. If one of them is missing, and at the
+    beginning, the value lies on the straight line between its two neighbours. A value takes twice
+    as long as on that line, and longer in proportion to the number of readings.
 
     Parameters
     ----------
     latency_ns
-        From the physical instant to the stamp.
+        Time from the physical instant to the stamp.
     samples_per_frame
-        How many values a frame has, evenly spaced, the last one at its own time.
+        Values of a frame, evenly spaced, the last one at the frame's time.
     """
 
     def __init__(self, latency_ns: int = 0, samples_per_frame: int = 1) -> None:
         super().__init__(latency_ns)
         self._samples_hz = FRAMES_HZ * samples_per_frame
         self._ages_ns = [round(1e9 * j / self._samples_hz) for j in range(samples_per_frame)][::-1]
-        """From each instant of a frame to its last one."""
+        """Time from each instant of a frame to the frame's last one."""
         self._weights = Weights(BEFORE, 1, ())
         self._made_for_ns = 0.0
 
     @property
     def ahead_ns(self) -> int:
-        """How much longer frames wait than for the reading after their instant."""
+        """Extra time that frames wait, beyond the first reading after their instant."""
         self._follow_period()
         return round((self._weights.after - 1) * self.period_ns)
 
@@ -160,7 +160,7 @@ class VibrationLane(Lane):
 
     def _interpolate(self, time_ns: int, longest_ns: float) -> "tuple[float, ...] | Waiting | None":
         """Return x, y, z of each instant of a frame; see `Lane.at`."""
-        self._follow_period()  # before readings are let go, never between two instants
+        self._follow_period()  # before readings are dropped, never between two instants
         readings, (before, after, _) = self._kept, self._weights
         if len(readings) < after or readings[-after].time_ns < time_ns:
             return WAITING
@@ -180,7 +180,7 @@ class VibrationLane(Lane):
     def _value(
         self, readings: deque[SensorReading], time_ns: int, longest_ns: float
     ) -> Vector | None:
-        """Return the value of an instant by the readings around it, and later ones."""
+        """Return the value at an instant from the readings around it."""
         before, after, rows = self._weights
         count = before + after
         if len(readings) < count or readings[before - 1].time_ns > time_ns:
@@ -190,14 +190,14 @@ class VibrationLane(Lane):
         span = end_ns - start_ns
         if after == 1:
             uneven_ns = abs(end_ns - first_ns - BEFORE * span)
-        else:  # their stamps are rounded: half of them against half
+        else:  # stamps are rounded: compare the two halves of the readings
             middle_ns, last_ns = readings[count // 2].time_ns, readings[count - 1].time_ns
             uneven_ns = abs(last_ns - 2 * middle_ns + first_ns)
         if span > longest_ns or uneven_ns > _UNEVEN * span:
             return on_line(start, end, time_ns, longest_ns)
         x = y = z = 0.0
         row = rows[round((time_ns - start_ns) / span * PHASES)]
-        for weight, (_, (u, v, w)) in zip(row, readings, strict=False):  # later ones have no part
+        for weight, (_, (u, v, w)) in zip(row, readings, strict=False):  # later ones are unused
             x += weight * u
             y += weight * v
             z += weight * w
@@ -207,7 +207,7 @@ class VibrationLane(Lane):
 def _near_the_beginning(
     readings: deque[SensorReading], time_ns: int, longest_ns: float
 ) -> Vector | None:
-    """Return the value where fewer readings lie before the instant."""
+    """Return the value on a line, since too few readings lie before the instant."""
     older = newer = readings[0]
     for newer in readings:
         if newer.time_ns > time_ns:

@@ -1,4 +1,4 @@
-"""From six raw values to a force in the scene's axes, and whether the sensor is overloaded."""
+"""Conversion of six raw values to a force in the scene's axes, with a check for overload."""
 
 import math
 import sys
@@ -15,16 +15,16 @@ Angle = Annotated[float, Field(ge=-360, le=360)]
 
 
 class WrenchOptions(BaseModel):
-    """How a force sensor is mounted, and when it is lost."""
+    """Mounting of a force sensor, and when it is lost."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     mounted: Literal["tool", "surface"] = "tool"
-    """Whether the sensor carries the tool or the surface, whose force is of the other sign."""
+    """Whether the sensor carries the tool or the surface; at the surface the sign is opposite."""
     rotation_deg: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
     """Turns the sensor's axes into the scene's: about x, then y, then z of the scene."""
     latency_ms: float | None = Field(default=None, ge=0, le=1000)
-    """From the force to the sensor's stamp; None for the driver's own figure."""
+    """Time from the force to the sensor's stamp; None for the driver's own figure."""
     silence_ms: float = Field(default=200, ge=20, le=10_000)
     """Time without a record after which the sensor is lost."""
     stuck_ms: float = Field(default=500, ge=0, le=60_000)
@@ -41,7 +41,7 @@ _ZERO: Final[Six] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _IMPOSSIBLE: Final = 4.0
 """A record beyond this many times the calibrated range is broken: no gauge follows that far."""
 _UNREST: Final = 0.02
-"""Share of the range: with a larger standard deviation the tool is not at rest for a bias."""
+"""Share of the range; with a larger standard deviation the tool is not at rest for a bias."""
 
 
 def diagonal(per_force_n: float, per_torque_n_mm: float) -> Matrix:
@@ -59,7 +59,7 @@ def matrix_of(rows: Sequence[Sequence[float]]) -> Matrix:
     Raises
     ------
     ValueError
-        There are not six of six, or one is not finite.
+        There are not six rows of six values, or a value is not finite.
     """
     if len(rows) != 6 or any(len(row) != 6 for row in rows):
         raise ValueError("it is not 6 x 6")
@@ -78,8 +78,8 @@ def six_of(values: Sequence[float]) -> Six:
 def orientation(options: WrenchOptions) -> tuple[Vector, Vector, Vector]:
     """Return the rows that turn a force in the sensor's axes into the scene's.
 
-    Turns about the scene's x, then y, then z; a sensor that carries the surface feels the
-    opposite of what the tool does.
+    They turn about the scene's x, then y, then z. A sensor that carries the surface measures
+    the opposite of the force on the tool.
     """
     x, y, z = (math.radians(angle) for angle in options.rotation_deg)
     (cx, sx), (cy, sy), (cz, sz) = ((math.cos(a), math.sin(a)) for a in (x, y, z))
@@ -103,7 +103,7 @@ class WrenchConverter:
     range_n, range_n_mm
         The calibrated range of forces and torques.
     options
-        How it is mounted.
+        Mounting of the sensor.
     """
 
     def __init__(
@@ -112,7 +112,7 @@ class WrenchConverter:
         self.overloads = 0
         """Records beyond the calibrated range."""
         self.impossible = 0
-        """Records that no sensor can give, left out."""
+        """Records with impossible values, left out."""
         self._matrix = matrix
         self._limits = (*range_n, *range_n_mm)
         self._x, self._y, self._z = (
@@ -127,7 +127,7 @@ class WrenchConverter:
         return _multiply(self._matrix, tuple(a - b for a, b in zip(raw, self.bias, strict=True)))
 
     def force(self, raw: Six) -> Vector | None:
-        """Return the force in the scene's axes (N); None for a record that is impossible."""
+        """Return the force in the scene's axes (N), or None if the record is impossible."""
         p, q, r, s, t, u = raw
         i, j, k, m, n, o = self.bias
         p, q, r, s, t, u = p - i, q - j, r - k, s - m, t - n, u - o
@@ -148,7 +148,7 @@ class WrenchConverter:
         return (x, y, a * p + b * q + c * r + d * s + e * t + f * u)
 
     def _is_beyond(self, values: Six) -> bool | None:
-        """Return whether a part of the wrench passes its limit, None for one that cannot be."""
+        """Return whether a part of the wrench exceeds its limit, None if it is impossible."""
         p, q, r, s, t, u = values
         beyond = False
         for (a, b, c, d, e, f), limit in zip(self._matrix, self._limits, strict=True):
@@ -160,12 +160,12 @@ class WrenchConverter:
         return beyond
 
     def take_bias(self, records: Sequence[Six], device: str) -> None:
-        """Take the mean of records as the bias; the tool is free and at rest.
+        """Take the mean of records as the bias; the tool must be free and at rest.
 
         Raises
         ------
         MmtError
-            The force moved meanwhile.
+            The force changed meanwhile.
         """
         count = len(records)
         mean = six_of([math.fsum(column) / count for column in zip(*records, strict=True)])
@@ -183,12 +183,12 @@ class WrenchConverter:
 
 
 def _within(matrix: Matrix, limits: Sequence[float]) -> Six:
-    """Return how large each raw value may be for no part of the wrench to pass its limit.
+    """Return bounds of the raw values within which no part of the wrench exceeds its limit.
 
-    A row of n entries keeps its limit where none of its products passes the n-th part of it. So a
-    device that computes the wrench itself need not be asked row by row.
+    A row of n entries stays within its limit if each product stays within 1/n of the limit. Within
+    the bounds no check row by row is needed, as is usual if the device computes the wrench itself.
     """
-    bounds = [sys.float_info.max] * 6  # not infinity, which then would be a raw value as well
+    bounds = [sys.float_info.max] * 6  # not infinity: an infinite raw value would then pass
     for row, limit in zip(matrix, limits, strict=True):
         entries = [abs(entry) for entry in row]
         share = limit / max(1, sum(entry > 0.0 for entry in entries))

@@ -1,4 +1,4 @@
-"""What the drivers of six-axis force sensors share: bias, overload, silence, stuck values."""
+"""Base class of the drivers of six-axis force sensors: bias, overload, silence, stuck values."""
 
 import time
 from abc import ABC, abstractmethod
@@ -21,14 +21,14 @@ _BIAS_RECORDS: Final = 20
 
 
 class WrenchSensor(ABC):
-    """A `SampledSensor` of forces; a driver adds how records come.
+    """A `SampledSensor` of forces; a subclass receives the records.
 
     Parameters
     ----------
     name
-        What a person calls it.
+        Name of the sensor in messages.
     options
-        How it is mounted and when it is lost.
+        Mounting of the sensor, and when it is lost.
     """
 
     def __init__(self, name: str, options: WrenchOptions) -> None:
@@ -52,11 +52,11 @@ class WrenchSensor(ABC):
 
     @abstractmethod
     def _receive(self, now_ns: int) -> list[Stamped]:
-        """Return the records that have come, oldest first; never blocks."""
+        """Return the received records, oldest first; never blocks."""
 
     @abstractmethod
     def _where(self) -> str:
-        """Say what to check where nothing comes."""
+        """Return what to check if no record comes."""
 
     def calibrate(self) -> None:
         """Take the bias: the mean over 0.2 s.
@@ -64,10 +64,10 @@ class WrenchSensor(ABC):
         Raises
         ------
         MmtError
-            It is not connected, the force moves meanwhile, or too few records come.
+            The sensor is not connected, the force changes meanwhile, or too few records come.
         """
         converter = self._connected()
-        self._take(time.monotonic_ns())  # what came before is not at rest for certain
+        self._take(time.monotonic_ns())  # discard older records: the tool may have moved then
         start = time.monotonic()
         records: list[Six] = []
         while (passed := time.monotonic() - start) < _BIAS_PATIENCE_S:
@@ -83,7 +83,7 @@ class WrenchSensor(ABC):
         )
 
     def read(self) -> Sequence[SensorReading]:
-        """Return what has come since the last call; see `SampledSensor`."""
+        """Return the readings received since the last call; see `SampledSensor`."""
         converter = self._connected()
         now_ns = time.monotonic_ns()
         records = self._take(now_ns)
@@ -109,7 +109,7 @@ class WrenchSensor(ABC):
 
     @property
     def faults(self) -> Mapping[str, int]:
-        """Counts by what was survived."""
+        """Counts of tolerated faults, by kind."""
         counts = dict(self._counts)
         if self._converter is not None:
             counts["overload"] = self._overloads + self._converter.overloads
@@ -117,7 +117,7 @@ class WrenchSensor(ABC):
         return {reason: count for reason, count in counts.items() if count}
 
     def _take(self, now_ns: int) -> list[Stamped]:
-        """Receive, and note when something came."""
+        """Receive records, and note their arrival."""
         records = self._receive(now_ns)
         if records:
             self._arrival_ns = now_ns
@@ -135,11 +135,11 @@ class WrenchSensor(ABC):
         )
 
     def complaint(self) -> str:
-        """Return why what comes cannot be used, empty where nothing comes or all is well."""
+        """Return why the received data is unusable, empty if no data comes or all is well."""
         return ""
 
     def _set_converter(self, converter: WrenchConverter) -> None:
-        """Convert by it from now on; the bias that was taken stays."""
+        """Use this converter from now on; the bias stays."""
         if self._converter is not None:
             converter.bias = self._converter.bias
             self._overloads += self._converter.overloads
@@ -160,17 +160,17 @@ class WrenchSensor(ABC):
             )
 
     def _await_record(self, patience_s: float) -> bool:
-        """Wait for a record, where it was stuck for one with other values.
+        """Wait for a record; if the sensor was stuck, for one with other values.
 
         Returns
         -------
         came
-            False where none came in time.
+            False if no record came in time.
 
         Raises
         ------
         MmtError
-            It is still stuck; it is closed then.
+            The sensor is still stuck; it is closed.
         """
         came = False
         start = time.monotonic()

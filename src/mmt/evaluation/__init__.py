@@ -1,1 +1,1 @@
-"""What the system is worth: evaluations, measurements, reports."""
+"""Evaluations of recorded sessions, measurements, and reports."""

@@ -1,4 +1,4 @@
-"""The error at the skin: of the model and of what the session's actuator made of it."""
+"""Error of the level at the skin, of the model and the session's actuator together."""
 
 import numpy as np
 
@@ -20,23 +20,23 @@ def at_skin(
     truth: KnownTexture | None,
     strokes: Strokes,
 ) -> AtSkin | None:
-    """Return what reaches the skin, None if the recording tells no response of an actuator.
+    """Return what reaches the skin, or None without a recorded response, a model or strokes.
 
     Parameters
     ----------
     session
-        The recording; the last response of its events holds.
+        The recording; the last actuator response among its events is used.
     model
-        What was rendered.
+        The model that was rendered.
     truth
-        The known texture, None where there is none: the model then stands for it.
+        The known texture; None to compare with the model itself.
     strokes
         The strokes made.
 
     Raises
     ------
     InputError
-        What the recording tells is no response.
+        The recorded response is not valid.
     """
     told = [event for event in session.events if event.get("event") == _EVENT]
     if not told or model is None or not len(strokes.force_n):

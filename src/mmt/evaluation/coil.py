@@ -1,10 +1,10 @@
-"""What an emulated coil did, against what the surface would give at the hand's own motion.
+"""Vibration of an emulated coil against that of the surface at the hand's own motion.
 
-The oracle is the surface's own generator, driven by the hand's speed and the force that robot
-and surface would have at its place at rest: no network, no model, no actuator. Both are judged
-alike. Vibration begins in a touch when its power over 5 ms first exceeds a tenth of the oracle's
-mean there, and ends when it last does; the delay is the difference of the two, less what the
-output states of its own latency, as the median over the touches.
+The oracle is the surface's own generator, driven by the hand's speed and the force of robot and
+surface at rest at the hand's position, without network, model and actuator. Both vibrations are
+evaluated alike. Vibration begins in a touch when its power over 5 ms first exceeds a tenth of the
+oracle's mean there, and ends when it last does. Delays are the differences between the two, less
+the latency that the output states, as medians over the touches.
 """
 
 from pathlib import Path
@@ -39,15 +39,15 @@ def coil_figures(
     Parameters
     ----------
     hand, coil
-        What the emulated handle and the emulated card have written.
+        Files that the emulated handle and the emulated card have written.
     surface
         Name of the surface.
     robot_n_mm
         Stiffness of the robot.
     since_s
-        How long before the end the vibration began to come from the model.
+        Time before the end at which the vibration began to come from the model.
     latency_ms
-        What the output states of its own.
+        Latency that the output states.
 
     Raises
     ------
@@ -130,7 +130,7 @@ def _oracle(
 def _edges(
     at_coil: FloatArray, oracle: FloatArray, first: int, last: int
 ) -> tuple[float, float] | None:
-    """Return by how much (ms) the coil begins and ends after the oracle, None for nothing."""
+    """Return by how much (ms) the coil begins and ends after the oracle, None if one is silent."""
     late = round(_LONGEST_LATE_S * _RATE_HZ)
     begin, end = first - round(_LEAST_APART_S * _RATE_HZ) // 2, last + late
     kernel = np.full(_POWER_SAMPLES, 1.0 / _POWER_SAMPLES)

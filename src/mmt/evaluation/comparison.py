@@ -15,15 +15,15 @@ from mmt.evaluation.report_files import FIGURES
 
 COLUMNS: Final = ("figure", "A", "B", "B - A", "B / A")
 DATA_NAMES: Final = ("summary.json", "bench.json")
-"""What a report keeps for programs: a run's, an evaluation's and stability's, or a bench's."""
+"""Data files of reports: of a run, evaluation or stability measurement, and of a bench."""
 
 _NAMES: Final = ("session", "surface", "name", "method", "case", "title", "part", "knob", "time_s")
-"""What tells the items of a list from each other, by the first that all have."""
+"""Keys that may tell the items of a list apart; the first that does is used."""
 _WITHIN: Final = " / "
 _SETTINGS: Final = ("scene", "settings", "environment", "machine")
-"""Tables of what was set or used, not found."""
+"""Tables of settings and environments, not of results."""
 _LARGEST: Final = 10
-"""Most figures that are told where there are no headlines."""
+"""Largest number of figures that are listed if there are no headlines."""
 _LARGEST_BYTES: Final = 1 << 28
 
 
@@ -31,9 +31,9 @@ _LARGEST_BYTES: Final = 1 << 28
 class Difference:
     """One figure or setting.
 
-    ``section`` and ``name`` say which it is; ``left`` and ``right`` are None where a report
-    does not have it. ``part`` is the outermost table around it that only one report has, empty
-    where both have all.
+    ``section`` and ``name`` say which it is; ``left`` and ``right`` are None if a report does
+    not have it. ``part`` is the outermost table around it that only one report has, empty if
+    both have all.
     """
 
     section: str
@@ -44,12 +44,12 @@ class Difference:
 
     @property
     def is_setting(self) -> bool:
-        """Whether it was set or used, not found."""
+        """Whether this is a setting, not a result."""
         return any(name in _SETTINGS for name in self.section.split(_WITHIN))
 
     @property
     def size(self) -> float:
-        """Return by what factor they differ, as a logarithm; infinite if these are no numbers."""
+        """Logarithm of the factor by which they differ; infinite if these are no numbers."""
         if not (_is_number(self.left) and _is_number(self.right)):
             return math.inf
         left, right = float(self.left), float(self.right)  # type: ignore[arg-type]
@@ -73,8 +73,8 @@ class Comparison:
     """Figures of two reports side by side.
 
     ``differences`` in the order of the first report, ``equal`` how many figures are the same,
-    ``pictures`` the names of the PNG files that both have, or one of them. ``headlines`` are those
-    of runs and evaluations, ``steps`` the scores of each where both are of one session.
+    ``pictures`` the names of the PNG files that one or both have. ``headlines`` are those of runs
+    and evaluations, ``steps`` the scores of each report if both are of one session.
     """
 
     left: Path
@@ -87,7 +87,7 @@ class Comparison:
 
     @property
     def sections(self) -> dict[str, list[Difference]]:
-        """Return the differences in what both have found, by section."""
+        """Return the differences of results that both have, by section."""
         sections: dict[str, list[Difference]] = {}
         for difference in self.differences:
             if not difference.part and not difference.is_setting:
@@ -96,7 +96,7 @@ class Comparison:
 
     @property
     def answers(self) -> list[ReportTable]:
-        """Return what is to be read first: the headlines, or what differs most, and settings."""
+        """Return the tables to read first: headlines, or largest differences, and settings."""
         found = [d for each in self.sections.values() for d in each]
         found.sort(key=lambda difference: difference.size, reverse=True)
         largest = [(d.section, *d.row) for d in found[:_LARGEST]]
@@ -195,8 +195,8 @@ def compare_reports(left: Path, right: Path) -> Comparison:
 def figures(data: Mapping[str, Any]) -> Iterator[tuple[tuple[str, str], object]]:
     """Yield ((section, name), value) of every single value, in order.
 
-    The section is the path to the innermost table that a value is in. An evaluation's single
-    session stands once, not at the top as well, and under no name of its own: two sessions are
+    The section is the path to the innermost table that holds the value. A single session of an
+    evaluation is listed once, not at the top level as well, and without its name: two sessions are
     compared whatever their files are called.
     """
     sessions = data.get("sessions")
@@ -208,7 +208,7 @@ def figures(data: Mapping[str, Any]) -> Iterator[tuple[tuple[str, str], object]]
 
 
 def _only_steps(data: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
-    """Return the scores over time of a single session, none where there are several."""
+    """Return the scores over time of a single session, none if there are several."""
     sessions = data.get("sessions") or []
     return sessions[0].get("steps") or [] if len(sessions) == 1 else []
 
@@ -257,7 +257,7 @@ def _walk(
         elif isinstance(value, list) and value and all(isinstance(v, Mapping) for v in value):
             for which, item in zip(_labels(value), value, strict=True):
                 yield from _walk(item, (*path, f"{name} {which}"))
-        elif value != []:  # a list of tables that there are none of has no figures
+        elif value != []:  # an empty list of tables has no figures
             yield (section, name), value
 
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _OVERLAID: Final = ("distance.png", "power_error.png", "gfc.png")
-"""Pictures that say no more than the one of both."""
+"""Pictures that show no more than the picture of both courses."""
 
 
 def write_comparison(comparison: Comparison, directory: Path) -> Path:
@@ -97,7 +97,7 @@ def _both_over_time(steps: Sequence[Sequence[Mapping[str, Any]]]) -> "Figure":
 
 
 def _picture(letter: str, folder: Path, name: str) -> Picture | None:
-    """Return a figure of a report, None where it has no such one."""
+    """Return a figure of a report, or None if the report does not have it."""
     path = folder / FIGURES / name
     if not path.exists():
         return None

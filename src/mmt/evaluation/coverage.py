@@ -28,7 +28,7 @@ def coverage(
     Parameters
     ----------
     strokes
-        Those of the whole session.
+        Strokes of the whole session.
     points
         Normalised inputs of the model's samples, shape (k, d); none for k = 0.
     settings

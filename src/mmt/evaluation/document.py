@@ -62,7 +62,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class SideBySide:
-    """Pictures to be compared; one above the other where they are wide or the page is narrow."""
+    """Pictures to be compared; one above the other if they are wide or the page is narrow."""
 
     pictures: Sequence[Picture]
 
@@ -84,7 +84,7 @@ class SideBySide:
 
 @dataclass(frozen=True)
 class SmallTables:
-    """Tables that are shown side by side where there is room."""
+    """Tables that are shown side by side if there is room."""
 
     tables: Sequence[ReportTable]
     kind: ClassVar = "tables"
@@ -132,7 +132,7 @@ def to_markdown(blocks: Sequence[Block]) -> str:
 
 
 _MARKDOWN: Final = str.maketrans({"&": "&amp;", "<": "&lt;", "[": r"\["})
-"""Markdown passes HTML on to the browser, and a name such as a file's may be anything."""
+"""Escapes: Markdown passes HTML on to the browser, and names of files may hold anything."""
 
 
 def _plain(text: str) -> str:

@@ -22,7 +22,7 @@ from mmt.evaluation.document import (
 )
 
 _LONG: Final = 40
-"""Characters from which a cell is a sentence: kept broad enough to be read on a phone."""
+"""Length of text from which a cell is a sentence, kept broad enough to be read on a phone."""
 
 _PHONE: Final = "(max-width: 40rem)"
 

@@ -38,7 +38,7 @@ from mmt.texture.touch_down.fitting import held_out_errors
 
 USUAL_STEP_S: Final = 2.5
 MOST_STEPS: Final = 100
-"""Scores of a recording whose step is not given: half the time of a long one went into rows."""
+"""Largest number of scores if no step is given: more would take half the time of a long one."""
 
 
 class SessionEvaluation(Evaluation):
@@ -67,8 +67,8 @@ def evaluate_session(
     session
         With position, force and acceleration; one that stays in its file is read once or twice.
     settings
-        How to model; None takes the scene that the session was recorded with, or the defaults
-        where it holds none. The samples of a frame are the session's own.
+        Settings of the modelling; None takes those of the recorded scene, or the defaults if
+        there is none. The number of samples per frame is always the session's own.
     period_s
         Time between two updates of the model; None as for `settings`. At any moment the leader
         has the model of its last update: with updates every second, at 2.5 s the one of 2 s.
@@ -78,8 +78,8 @@ def evaluate_session(
     seed
         Seeds the choice of held-out segments and the synthesis.
     spectra
-        What the GFC of held-out segments compares: ``"welch"`` spectra, or raw ``"fourier"``
-        amplitudes, of which two realisations of one process score 0.79 on average.
+        Spectra that the GFC of held-out segments compares: ``"welch"``, or ``"fourier"`` for raw
+        amplitudes, by which two realisations of one process score 0.79 on average.
 
     Returns
     -------
@@ -148,7 +148,7 @@ def evaluate_session(
 
     duration_s = (seen.highest + 1 - seen.first) / settings.rate_hz
     final_s = duration_s if leader.stop_s is None else leader.stop_s
-    model = scorer.model(final_s)  # held by its name: it is made but once
+    model = scorer.model(final_s)  # kept, so that it is built only once
     worst, errors = scorer.errors(final_s)
     if step_s is None:
         step_s = USUAL_STEP_S * max(1, math.ceil(duration_s / (MOST_STEPS * USUAL_STEP_S)))
@@ -202,14 +202,14 @@ def evaluate_surfaces(
     step_s: float | None = None,
     seed: int = 0,
 ) -> tuple[list[Evaluation], SurfaceParts | None]:
-    """Evaluate a session; where its scene tells surfaces apart, the model of each.
+    """Evaluate a session; if its scene tells surfaces apart, the model of each.
 
     Parameters
     ----------
     session
         With position, force and acceleration.
     scene
-        Says how to model; None takes the scene that the session was recorded with.
+        Scene with the modelling; None takes the scene that the session was recorded with.
     step_s, seed
         As of `evaluate_session`.
 
@@ -218,7 +218,7 @@ def evaluate_surfaces(
     evaluations
         One, or one for each surface in the order of their numbers.
     parts
-        When the tool was on which surface; None if surfaces are not told apart.
+        Stays on the surfaces; None if surfaces are not told apart.
 
     Raises
     ------
@@ -252,7 +252,7 @@ def evaluate_surfaces(
 
 
 def recorded_scene(session: Recording) -> Scene:
-    """Return the scene that a session was recorded with, or the default where it holds none.
+    """Return the scene that a session was recorded with, or the default if it holds none.
 
     Raises
     ------
@@ -265,7 +265,7 @@ def recorded_scene(session: Recording) -> Scene:
 
 
 def modelling_of(scene: Scene, samples_per_frame: int) -> tuple[ModellingSettings, float]:
-    """Return how a scene models, or the defaults, and the time between two updates (s)."""
+    """Return a scene's settings of the modelling, or the defaults, and the update period (s)."""
     texture = scene.texture or Texture()
     return texture.settings(samples_per_frame), texture.update_period_s
 
@@ -273,7 +273,7 @@ def modelling_of(scene: Scene, samples_per_frame: int) -> tuple[ModellingSetting
 def _of_other_inputs(
     blocks: Iterable[RecordArray], settings: ModellingSettings, truth: KnownTexture | None
 ) -> ModelHistory | None:
-    """Build the model that knows the heading, or does not, where the texture depends on it."""
+    """Build the model of the other inputs; None if the texture does not depend on the heading."""
     if truth is None or truth.surface.isotropic:
         return None
     inputs: Inputs = "isotropic" if settings.inputs == "anisotropic" else "anisotropic"
@@ -282,7 +282,7 @@ def _of_other_inputs(
 
 
 class _Seen:
-    """What is gathered of a session's frames while they are modelled."""
+    """Figures of a session's frames, gathered while they are modelled."""
 
     def __init__(self, settings: ModellingSettings) -> None:
         self.strokes = StrokesMade(settings)
@@ -291,7 +291,7 @@ class _Seen:
         self._last: RecordArray | None = None
 
     def passed(self, block: RecordArray) -> RecordArray:
-        """Note the next frames (n,), n > 0, and return them."""
+        """Count the next frames (n,), n > 0, and return them."""
         if self._last is None:
             self.first = int(block["sequence"][0])
         joined = block if self._last is None else np.concatenate([self._last, block])

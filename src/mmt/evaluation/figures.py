@@ -23,7 +23,7 @@ _LARGEST_ERROR_DB: Final = 6.0
 
 
 def to_png(figure: Figure) -> bytes:
-    """Return a figure as PNG, of 256 colours: a third of the bytes of all."""
+    """Return a figure as PNG of 256 colours, which takes a third of the bytes of full colour."""
     drawn, few = io.BytesIO(), io.BytesIO()
     figure.savefig(drawn, format="png", dpi=_DOTS_PER_INCH)
     image = Image.open(drawn).convert("RGB").quantize(dither=Image.Dither.NONE)
@@ -50,7 +50,7 @@ def make_narrow(figure: Figure) -> None:
     width, height = figure.get_size_inches()
     height *= rows / grid.nrows  # of all panels
     figure.set_size_inches(_NARROW_INCHES, 3.0 * height)
-    figure.draw_without_rendering()  # from where they were, colour bars find no place on less
+    figure.draw_without_rendering()  # large at first: else colour bars do not find their place
     figure.set_size_inches(_NARROW_INCHES, max(0.75, _NARROW_INCHES / width) * height)
 
 
@@ -62,7 +62,7 @@ def make_plain(axis: Axes) -> None:
 
 
 def readiness() -> LinearSegmentedColormap:
-    """Return the colour map of cells and of what is right: the bluer, the readier."""
+    """Return the colour map of cells and of scores: the bluer, the better."""
     return LinearSegmentedColormap.from_list("readiness", (LIGHT["unready"], LIGHT["ready"]))
 
 
@@ -85,7 +85,7 @@ def draw_course(
         axis.axhline(value, color=_GREY, linestyle="--", linewidth=1.0)
         axis.annotate(
             f"{text} {value:.4g}",
-            (0.0 if scale.rises else 1.0, value),  # where the curve is not
+            (0.0 if scale.rises else 1.0, value),  # away from the curve
             xycoords=("axes fraction", "data"),
             xytext=(4 if scale.rises else -4, 3),
             textcoords="offset points",
@@ -236,7 +236,7 @@ def _time_axes(evaluations: Sequence[Evaluation]) -> tuple[Figure, Axes]:
 
 
 def lay_out_time(axis: Axes) -> None:
-    """Give axes the session's time."""
+    """Lay axes out for session time."""
     axis.set_xlabel("session time (s)")
     make_plain(axis)
 

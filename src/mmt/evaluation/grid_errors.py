@@ -20,7 +20,7 @@ GRID_FORCE_N: Final[FloatArray] = middles(FORCE_RANGE_N, 12)
 
 COARSE_SPEED_MM_S: Final[FloatArray] = middles(SPEED_RANGE_MM_S, 6)
 COARSE_FORCE_N: Final[FloatArray] = middles(FORCE_RANGE_N, 6)
-"""The plane where all headings are compared as well."""
+"""Grid of the plane if all headings are compared as well."""
 
 SECTORS: Final = 12
 SECTOR_DEG: Final = 360.0 / SECTORS

@@ -84,7 +84,7 @@ def _draw_velocity(axis: Axes, model: TextureModel | None, limit: float) -> list
 
 
 def _growth_times(evaluation: Evaluation, panels: int) -> list[float]:
-    """Spread times over the growth of the model, the last one where it was finished."""
+    """Return times spread over the growth of the model, up to its final state."""
     final_s = evaluation.final.time_s
     updates = evaluation.models.updates
     times_s = [each.time_s for each in updates if each.time_s <= final_s and each.samples]
@@ -99,7 +99,7 @@ def _draw_cells(
 ) -> Collection:
     cells = PatchCollection(
         [Rectangle((x, y), *size) for x, y in corners],
-        cmap=readiness().reversed(),  # a distance: the smaller, the readier
+        cmap=readiness().reversed(),  # small distances are ready
         edgecolor=LIGHT["panel"],
         linewidth=1.5,
         zorder=0,

@@ -19,21 +19,21 @@ _SESSION: Final = (
     ("GFC, held-out segments", "gfc", "more", lambda value: number(value, 3)),
     ("spectrum (dB)", "truth_log_spectral_db", "less", lambda value: number(value, 2)),
 )
-"""Title, key of a session or of its score at the stop criterion, what is better, and as text.
+"""Title, key of a session or of its score at the stop criterion, what is better, and format.
 
-Of a time that is better sooner, none is never.
+If sooner is better, a missing time counts as never.
 """
 
 _RUN: Final = (
     ("latency p99 (ms)", "link", "latency_p99_ms", lambda value: number(value, 1)),
     ("ticks over 1 ms late", "ticks", "late_share_1ms", share),
 )
-"""The same of the leader's summary, where less is better."""
+"""Title, table and key in the leader's summary, and format; less is better."""
 
 
 @dataclass(frozen=True)
 class Headline:
-    """One figure of two reports, as text, and what B is beside A; empty if that is not known."""
+    """One figure of two reports, as text, and whether B is better; empty if that is not known."""
 
     title: str
     left: str
@@ -70,7 +70,7 @@ def headline_table(found: Sequence[Headline]) -> ReportTable:
 
 
 def _verdict(data: Mapping[str, Any]) -> str:
-    """Return the verdict on what a report is of; "" for a report of measurements."""
+    """Return the verdict on the run or sessions of a report; "" for a report of measurements."""
     run = data.get("run", {})
     services = {name: run[name] for name in ("leader", "follower") if name in run}
     sessions = data.get("sessions")
@@ -79,7 +79,7 @@ def _verdict(data: Mapping[str, Any]) -> str:
 
 
 def _of_sessions(data: Mapping[str, Any], key: str) -> float | None:
-    """Return the median over the sessions that have a figure; None if most were never ready."""
+    """Return the median over the sessions that have a figure; None if most have none."""
     return median_of_most(
         session[key] if key in session else final_of(session).get(key)
         for session in data.get("sessions") or []

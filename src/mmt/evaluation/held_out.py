@@ -1,4 +1,4 @@
-"""Held-out recorded segments against what a model built without them renders.
+"""Comparison of held-out recorded segments with renderings of a model built without them.
 
 Awan et al., section VII.A: five random samples of the finished model are taken out, the model
 is rebuilt without them, and their recorded vibration is compared with what the model
@@ -30,7 +30,7 @@ from mmt.texture.signals.metrics import gfc_of_rows
 from mmt.texture.synthesis.synthesizer import Synthesizer
 
 HELD_OUT: Final = 5
-"""Segments taken out, fewer where the model has fewer than twice as many samples."""
+"""Number of segments taken out; fewer if the model has less than twice as many samples."""
 
 REALISATIONS: Final = 8
 _WARM_UP_S: Final = 0.5
@@ -38,11 +38,11 @@ _WARM_UP_S: Final = 0.5
 
 @dataclass(frozen=True)
 class Approximation:
-    """What a model renders in place of one held-out segment.
+    """Comparison of one held-out segment with a model's rendering of it.
 
-    ``gfc`` and ``gfc_ceiling`` are means over realisations, ``power_error_db`` compares the
-    model's exact power with the segment's mean square, as far as both are felt, ``amplitude`` (f,)
-    is the mean amplitude spectrum of what was synthesized.
+    ``gfc`` and ``gfc_ceiling`` are means over realisations. ``power_error_db`` compares the
+    model's exact power with the segment's mean square, as far as both are felt. ``amplitude`` (f,)
+    is the mean amplitude spectrum of the synthesized vibration.
     """
 
     gfc: float
@@ -79,7 +79,7 @@ class HeldOutRecording:
     rate_hz
         The sampling rate of its vibration.
     spectra
-        What the GFC compares.
+        Kind of spectra that the GFC compares.
     """
 
     def __init__(self, segment: Segment, rate_hz: float, spectra: Spectra = Spectra.WELCH) -> None:

@@ -15,24 +15,24 @@ LARGEST_ERROR_DB: Final = 60.0
 """Errors are limited to this, so that one silent point does not make a mean infinite."""
 
 WORST: Final = 5
-"""Sessions whose mean stands for the worst that may happen."""
+"""Number of worst sessions whose mean is reported."""
 
 LEAST_POWER: Final = 1e-4
-"""Power that smaller ones count as, (m/s2)^2: 0.01 m/s2 rms, less than a hand feels or an
-accelerometer measures. Two such are alike, however many dB are between them."""
+"""Least power, (m/s2)^2, as which smaller ones count: 0.01 m/s2 rms, less than a hand feels or an
+accelerometer measures. Two smaller powers are equal, however many dB lie between them."""
 
 LEAST_DENSITY: Final = LEAST_POWER / 500.0
-"""The same of densities, (m/s2)^2 per hertz: so much power, evenly over 0 to 500 Hz."""
+"""Least density, (m/s2)^2 per hertz: the least power spread evenly over 0 to 500 Hz."""
 
 WELCH_S: Final = 0.064
-"""Windows of every measured GFC: bins of 15.6 Hz."""
+"""Length of the windows of every measured GFC: bins of 15.6 Hz."""
 
 LOWEST_HZ: Final = 8
-"""Where the level begins; the high-pass leaves 0.29 of a power there."""
+"""Lowest frequency that counts in the level; the high-pass leaves 0.29 of a power there."""
 
 FELT_HZ: Final = 1000
-"""Where the level ends, if half the rate does not end it before: what is felt of a vibration goes
-to about 1 kHz (Verrillo 1963; Bolanowski et al. 1988). What is above is heard at most."""
+"""Highest frequency that counts in the level, unless half the rate is lower. Vibration is felt to
+about 1 kHz (Verrillo 1963; Bolanowski et al. 1988), and at most heard above."""
 
 BANDS: Final = 9
 """Bands up to 500 Hz."""
@@ -41,10 +41,10 @@ BANDS: Final = 9
 def band_edges_hz(rate_hz: float) -> FloatArray:
     """Return the edges of bands of equal ratio, 0.63 octaves each, from 10 Hz to half a rate.
 
-    Nine reach to 500 Hz, and as many more as fit best to half the rate, which ends the last one.
-    The width of the critical bands of touch is not settled; that they widen with frequency, and
-    that nine cover 10 to 500 Hz, is from the literature, the equal ratio is our choice. The ear's,
-    above 1 kHz, have about an equal ratio too, and are narrower (Glasberg and Moore 1990).
+    Nine bands reach to 500 Hz, and as many more as fit best to half the rate, where the last one
+    ends. The width of the critical bands of touch is not settled. That they widen with frequency,
+    and that nine cover 10 to 500 Hz, is from the literature; the equal ratio is our choice. Those
+    of the ear above 1 kHz have about equal ratios too, and are narrower (Glasberg and Moore 1990).
     """
     highest_hz = 0.5 * rate_hz
     count = round(BANDS * np.log(highest_hz / 10.0) / np.log(50.0))
@@ -55,11 +55,11 @@ def band_edges_hz(rate_hz: float) -> FloatArray:
 BAND_EDGES_HZ: Final = band_edges_hz(1000.0)
 
 _PERIOD: Final = 2048
-"""Of the spectra by which the power that is not felt is found: steps of 4.9 Hz at 10 kHz."""
+"""Period of the spectra from which power above `FELT_HZ` is found: steps of 4.9 Hz at 10 kHz."""
 
 
 def level_error_db(model: TextureModel, inputs: FloatArray, power: FloatArray) -> FloatArray:
-    """Return the error of a model's power that is felt at inputs (k, d) against `power` (k,)."""
+    """Return the error in dB of a model's felt power at inputs (k, d) against `power` (k,)."""
     lsf, variance = model.at(*inputs.T)
     whole = lsf_output_power(variance, lsf)
     return power_level_error_db(
@@ -68,10 +68,10 @@ def level_error_db(model: TextureModel, inputs: FloatArray, power: FloatArray) -
 
 
 def power_above_felt(ar: FloatArray, power: FloatArray, rate_hz: float) -> FloatArray:
-    """Return how much of their power (k,) filters (k, m) have above `FELT_HZ`, (k,).
+    """Return the part (k,) of the power (k,) of filters (k, m) that is above `FELT_HZ`.
 
-    By the share of what is above in sums over their spectra: a line that is narrower than the
-    steps counts too much or too little in both, and no share is more than all.
+    It follows from the share in sums over their spectra. A line that is narrower than the steps
+    counts too much or too little in both sums, so that no share exceeds one.
     """
     if 0.5 * rate_hz <= FELT_HZ:
         return np.zeros(len(power))

@@ -1,4 +1,4 @@
-"""A recorded session split by surface, as the live leader does it, persons' words included."""
+"""A recorded session split by surface as in the live leader, with the statements of persons."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -23,8 +23,8 @@ class SurfaceStay:
     """One stay on a surface, as the leader found it.
 
     ``surface``: its number. ``from_s`` and ``to_s``: session times. ``found_s``: when the leader
-    knew, None for the session's first. ``truth``: the name of the known surface that was under
-    the tool for most of it, None where that is not recorded.
+    found it, None for the session's first. ``truth``: the name of the known surface that was under
+    the tool for most of it, None if that is not recorded.
     """
 
     surface: int
@@ -34,7 +34,7 @@ class SurfaceStay:
     truth: str | None
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it for a program."""
+        """Return the stay for a program."""
         return {
             "surface": self.surface,
             "from_s": round(self.from_s, 3),
@@ -49,9 +49,9 @@ class SurfaceParts:
     """A session by its surfaces.
 
     ``stays`` in order. ``sessions``: by number, the frames of all stays on a surface as one
-    session, without the time in between; with the surface's truth where it is known.
-    ``missing``: by number, frames that are missing within its stays. ``course`` and ``truth``:
-    what the tool really went over, and which of it in each frame (n,); None where unknown.
+    session, without the time in between; with the surface's truth if it is known.
+    ``missing``: by number, frames that are missing within its stays. ``course``: surfaces that the
+    tool really went over, ``truth``: which of them in each frame (n,); both None if unknown.
     """
 
     stays: tuple[SurfaceStay, ...]
@@ -69,7 +69,7 @@ def part_by_surface(session: RecordedSession, settings: ModellingSettings) -> Su
     session
         With position, force and acceleration, and at least one frame.
     settings
-        Settings of the modelling; ``surfaces`` says how surfaces are told apart.
+        Settings of the modelling; ``surfaces`` sets how surfaces are told apart.
     """
     frames = StreamNumbering().number(session.frames)
     said = said_surfaces(session.events)

@@ -59,15 +59,15 @@ def write_report(
     Parameters
     ----------
     directory
-        Made where it does not exist; files of an earlier report are replaced.
+        Created if it does not exist; files of an earlier report are replaced.
     evaluations
-        May be empty where only a run is reported.
+        May be empty if only a run is reported.
     title
         Title of the report.
     scene
         The resolved scene as tables.
     run
-        What the services said of themselves, as nested tables: one section for each key.
+        Summaries of the services, as nested tables: one section for each key.
     more
         Further blocks, after the overview.
 
@@ -138,7 +138,7 @@ def _processor() -> str:
 
 
 def _course(evaluations: Sequence[Evaluation]) -> list[Block]:
-    """Return the figures of all sessions, and how they came about."""
+    """Return blocks with the figures of all sessions, and their course over time."""
     from mmt.evaluation import figures
 
     criterion = evaluations[0].settings.scale.criterion
@@ -174,7 +174,7 @@ def _course(evaluations: Sequence[Evaluation]) -> list[Block]:
 
 
 def _errors(evaluation: Evaluation, prefix: str) -> list[Block]:
-    """Return the map of errors; nothing where the texture is not known."""
+    """Return the map of errors; nothing if the texture is not known."""
     if evaluation.power_map is None:
         return []
     from mmt.evaluation import figures
@@ -235,7 +235,7 @@ def _file_name(name: str) -> str:
 
 
 def _heading_blocks(evaluation: Evaluation, prefix: str) -> list[Block]:
-    """Return what a report says by heading; nothing where the texture does not depend on it."""
+    """Return the errors by heading; nothing if the texture does not depend on the heading."""
     if not evaluation.by_heading:
         return []
     from mmt.evaluation import figures

@@ -36,7 +36,7 @@ def write_report_files(
     Parameters
     ----------
     directory
-        Made where it does not exist; files of an earlier report are replaced.
+        Created if it does not exist; files of an earlier report are replaced.
     title
         Title of the page.
     blocks

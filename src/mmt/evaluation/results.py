@@ -21,15 +21,15 @@ Basis = Literal["truth", "held-out"]
 """The reference of the power error and of the share within one JND."""
 
 Limit = Literal["beyond the samples", "heading", "sparse", "fit", "interpolation", "field"]
-"""What limits a model where it is worst."""
+"""Cause of a model's error at its worst point."""
 
 
 @dataclass(frozen=True)
 class Levels:
-    """How far a model's level is off: over the strokes that were made, and over the plane.
+    """Errors of a model's level over the strokes that were made, and over the plane.
 
-    Power errors are root mean squares in dB, shares are of strokes within one JND. Where the truth
-    is not known the strokes are those of the held-out segments, and the plane has None.
+    Power errors are root mean squares in dB, shares are of strokes within one JND. If the truth is
+    not known, the strokes are those of the held-out segments and the plane's figures are None.
     """
 
     power_error_db: float | None = None
@@ -42,12 +42,12 @@ class Levels:
 class Score:
     """The figures of one moment of a session.
 
-    ``samples``, ``distance``, ``completion``, ``truth_gfc``, ``truth_log_spectral_db`` and, where
-    the truth is known, the errors of the level (as in `Levels`) are those of the model that the
-    leader had then, ``update_ms`` what its update took, ready to render; ``beside`` are the errors
-    of the other method's model.
+    ``samples``, ``distance``, ``completion``, ``truth_gfc``, ``truth_log_spectral_db`` and, if the
+    truth is known, the errors of the level (as in `Levels`) are those of the leader's model at that
+    time. ``update_ms`` is the time of its update, until it was ready to render, ``beside`` the
+    errors of the other method's model.
     ``gfc``, ``gfc_ceiling`` and the two ``held_out`` figures are those of the model rebuilt
-    without the held-out segments. None stands where there was no model yet.
+    without the held-out segments. Figures are None if there was no model yet.
     """
 
     time_s: float
@@ -75,7 +75,7 @@ class Worst:
     """The point of the grid where the model is farthest from the known texture.
 
     ``measure`` is "power" or "gfc". ``nearest_sample`` is the distance to the nearest sample
-    in the normalised plane, ``heading_deg`` None where the texture is the same in all
+    in the normalised plane, ``heading_deg`` None if the texture is the same in all
     directions, ``boundary_share`` the weight of boundary points there.
     ``limit`` names what limits the model, ``reason`` explains it in a sentence.
     """
@@ -103,9 +103,9 @@ class Band:
 
 @dataclass(frozen=True)
 class Cell:
-    """One of the cells of the input space; `far` where it alone would miss its share.
+    """One of the cells of the input space; `far` if it exceeds its share of the stop distance.
 
-    ``heading_deg`` is None where the heading does not count, or the cell is around rest.
+    ``heading_deg`` is None if the heading does not count, or the cell is around rest.
     """
 
     speed_mm_s: float
@@ -120,7 +120,7 @@ class Coverage:
     """The part of the plane that the hand has covered.
 
     ``speed_mm_s`` and ``force_n`` are the 5th and 95th percentile while the tool stroked
-    the surface, None where it never did; ``stroking_s`` is how long it did.
+    the surface, None if it never did; ``stroking_s`` is how long it did.
     """
 
     cells: tuple[Cell, ...]
@@ -136,8 +136,8 @@ class HeldOutSegment:
 
     Spectra are amplitudes (roots of the power spectral density), m/s2 per root hertz:
     Welch's at ``frequencies_hz``, and exact at every Hz from 0 for
-    ``truth``. ``synthesized``, ``gfc`` and the power error are None where the rebuilt model
-    does not exist, ``truth`` where the texture is not known.
+    ``truth``. ``synthesized``, ``gfc`` and the power error are None if the rebuilt model does
+    not exist, ``truth`` if the texture is not known.
     """
 
     start_s: float
@@ -155,11 +155,11 @@ class HeldOutSegment:
 
 @dataclass(frozen=True)
 class AtSkin:
-    """What reaches the skin through the actuator of the session.
+    """Vibration that reaches the skin through the actuator of the session.
 
-    ``played_share`` is the share of the texture's power that it plays, over the strokes made,
-    and ``power_error_db`` the root mean square of the level error with the model's own in it:
-    against the known texture, or where there is none against the model.
+    ``played_share`` is the share of the texture's power that the actuator plays, over the strokes
+    made. ``power_error_db`` is the root mean square of the level error, the model's own included,
+    against the known texture, or against the model if there is none.
     """
 
     played_share: float
@@ -183,15 +183,15 @@ class Evaluation(Drawn):
 
     ``beside`` is the name of the other method, which is scored on the same session.
     ``start_s`` and ``stop_s`` are the session times at which the criteria were met, None
-    where they were not. ``at_start``, ``at_stop`` and ``at_end`` are the figures at exactly
+    if they were not. ``at_start``, ``at_stop`` and ``at_end`` are the figures at exactly
     these moments, ``bands`` those of `final`. ``models`` holds the leader's model after each update
     with its time; ``course`` (k, 2) time and value of the completion criterion of every update;
-    ``by_heading`` is empty but on a texture that depends on the heading.
-    ``faults`` is what of its signals was no measurement.
-    ``control`` says who moved the robot when, in times of the whole session, and is empty where
-    control was never handed over. No figure depends on it: all are by what the robot measured.
-    ``at_skin`` is None where the recording does not tell the actuator's response, ``touch_downs``
-    where too few were found to hold one out.
+    ``by_heading`` is empty unless the texture depends on the heading.
+    ``faults`` are the parts of its signals that were no measurement.
+    ``control`` says who moved the robot when, in times of the whole session, and is empty if
+    control was never handed over. No figure depends on it, as all follow from what the robot
+    measured. ``at_skin`` is None if the recording does not hold the actuator's response,
+    ``touch_downs`` if too few were found to hold one out.
     """
 
     name: str
@@ -241,12 +241,12 @@ class Evaluation(Drawn):
 
     @property
     def final(self) -> Score:
-        """The figures at the stop criterion, or at the end where it was never met."""
+        """The figures at the stop criterion, or at the end if it was never met."""
         return self.at_stop or self.at_end
 
     @property
     def remark(self) -> str:
-        """What was stroked, what was no measurement, and by whose hands if control changed."""
+        """Sentences on coverage, signal faults, changes of control, actuator and touch-downs."""
         fault = self.faults.sentence()
         said = [self.coverage.remark] + [f"Not measured: {fault}."] * bool(fault)
         if self.control:

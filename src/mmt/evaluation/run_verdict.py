@@ -12,7 +12,7 @@ class _Fault(NamedTuple):
     """A counter that stays 0 in a run where all is well."""
 
     path: str
-    """Where it is in a summary; ``*`` stands for each table there."""
+    """Path of the counter in a summary; ``*`` stands for each table there."""
     one: str
     many: str
     more: str = ""
@@ -57,11 +57,11 @@ def run_verdict(
     Parameters
     ----------
     summaries
-        Of the leader, the follower, or both, by these names, as ``--json`` has them; empty for a
-        session that was evaluated alone.
+        Summaries of the leader, the follower, or both, by these names, in the form of ``--json``;
+        empty if only a session was evaluated.
     evaluation
-        Of the recording, or of several sessions (then by medians), as ``--json`` has it; None or
-        empty if nothing was evaluated.
+        Evaluation of the recording, or of several sessions (then by medians), in the form of
+        ``--json``; None or empty if nothing was evaluated.
     """
     leader = summaries.get("leader", {})
     main = leader or summaries.get("follower", {})
@@ -78,7 +78,7 @@ def run_verdict(
         sentence
         for name, table in summaries.items()
         for sentence in unusual(name, table)
-        if not (signal_faults and _NOT_MEASURED in sentence)  # the leader's end before
+        if not (signal_faults and _NOT_MEASURED in sentence)  # the leader's end earlier
     ]
     faults += signal_faults
     recording = leader.get("recording", {})
@@ -103,9 +103,9 @@ def run_verdict(
 
 
 def unusual(name: str, summary: Mapping[str, Any]) -> list[str]:
-    """Return a sentence for each thing in a service's summary that a good run does not have."""
+    """Return a sentence for each fault in a service's summary."""
     filled = "filled" in summary.get("backfill", {})
-    told = {"link.lost"} if filled else set()  # those that were never filled in are told
+    told = {"link.lost"} if filled else set()  # `backfill.lost` tells of those never filled in
     recording = summary.get("recording", {})
     error = recording.get("error")
     told |= {"recording.dropped"} if error else set()
@@ -131,7 +131,7 @@ def unusual(name: str, summary: Mapping[str, Any]) -> list[str]:
 def _values(
     table: Mapping[str, Any], path: list[str], place: str = ""
 ) -> Iterator[tuple[str, Any]]:
-    """Yield what is at a path, with the name of the table that stood for ``*``."""
+    """Yield the values at a path, with the name of the table that stood for ``*``."""
     first, *rest = path
     names = list(table) if first == "*" else [first]
     for name in names:
@@ -158,7 +158,7 @@ def _counted(fault: _Fault, count: Any, place: str) -> str:
 def _completion(
     texture: Mapping[str, Any], sessions: list[Mapping[str, Any]]
 ) -> tuple[float | None, str]:
-    """Return the readiness, or what another criterion says."""
+    """Return the readiness, or words with the value of another criterion."""
     if progress := texture.get("completion"):
         known = [(progress.get("criterion"), progress.get("value"))]
     else:
@@ -188,7 +188,7 @@ def final_of(session: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def median_of_known(values: Iterable[float | None]) -> float | None:
-    """Return the median of the values that are not None, None where all are."""
+    """Return the median of the values that are not None, or None if all are."""
     known = [value for value in values if value is not None]
     return median(known) if known else None
 

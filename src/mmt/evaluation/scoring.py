@@ -29,7 +29,7 @@ MODEL_NAMES: Final[dict[Inputs, str]] = {
     "isotropic": "speed and force",
     "anisotropic": "velocity and force",
 }
-"""What errors by heading call a model of these inputs."""
+"""Names in errors by heading of a model of these inputs."""
 
 
 _OF_BOTH_METHODS: Final = (
@@ -40,7 +40,7 @@ _OF_BOTH_METHODS: Final = (
 
 
 def method_beside(settings: ModellingSettings) -> tuple[str, ModellingSettings]:
-    """Return the name of the method that settings do not name, and how it models the same data."""
+    """Return the name of the method that settings do not name, and its settings for the data."""
     kept = {name: getattr(settings, name) for name in _OF_BOTH_METHODS}
     if settings.method == "published":
         return "field", ModellingSettings(**kept)
@@ -57,13 +57,13 @@ class Scorer:
     rebuilt
         The same models without the held-out segments.
     held_out
-        These segments.
+        The held-out segments.
     beside
         Every state of the other method's model, without them unless the truth is known.
     other
-        Every state of the model of the other inputs, None where it is not compared.
+        Every state of the model of the other inputs, None if it is not compared.
     truth
-        The known texture, None where there is none.
+        The known texture, None if there is none.
     made
         The truth at the strokes that were made; None without a truth, or any stroke.
     settings
@@ -71,7 +71,7 @@ class Scorer:
     seed
         Seed of the synthesis.
     spectra
-        What the GFC of held-out segments compares.
+        Kind of spectra that the GFC of held-out segments compares.
     """
 
     def __init__(
@@ -116,13 +116,13 @@ class Scorer:
         return replace(self._scores[number], time_s=time_s)
 
     def model(self, time_s: float) -> TextureModel | None:
-        """Return the leader's model at a session time; hold it where it is needed again."""
+        """Return the leader's model at a session time; keep it if it is needed again."""
         return self._model(self._leader.number(time_s))
 
     def errors(self, time_s: float) -> tuple[tuple[Worst, ...], PowerMap | None]:
         """Return the leader's worst points and its errors over the plane at a session time.
 
-        Empty and None where the texture is not known, or there was no model yet.
+        Empty and None if the texture is not known, or there was no model yet.
         """
         number = self._leader.number(time_s)
         model, grid = self._model(number), self._grid(number)
@@ -131,9 +131,9 @@ class Scorer:
         return self._truth.worst(model, grid), self._truth.power_map(grid)
 
     def by_heading(self, time_s: float) -> tuple[HeadingErrors, ...]:
-        """Return errors by heading at a session time, where the texture depends on it.
+        """Return errors by heading at a session time; none if the texture has no heading.
 
-        Errors of the leader's model, and of the model of the other inputs, from the same session.
+        They are those of the leader's model, and of the other inputs' model of the same session.
         """
         grid = self._grid(self._leader.number(time_s))
         if self._truth is None or grid is None:
@@ -147,8 +147,8 @@ class Scorer:
     def bands(self, time_s: float) -> tuple[Band, ...]:
         """Return the errors by bands at a session time.
 
-        Of the leader's model over the plane where the texture is known, else of the rendering of
-        the held-out segments.
+        They are those of the leader's model over the plane if the texture is known, else those of
+        the rendering of the held-out segments.
         """
         number = self._leader.number(time_s)
         grid, held_out = self._grid(number), self._approximate(number)
@@ -206,7 +206,7 @@ class Scorer:
         )
 
     def _against_truth(self, model: TextureModel | None, grid: GridErrors | None) -> Levels:
-        """Return the errors of a model against the truth; over the plane from there if known."""
+        """Return the errors of a model against the truth; over the plane from `grid` if given."""
         if self._truth is None or model is None:
             return Levels()
         plane = self._truth.plane.level_errors_db(model) if grid is None else grid.power_error_db
@@ -225,9 +225,9 @@ class Scorer:
         return _levels(level_error_db(model, inputs, power))
 
     def _model(self, number: int) -> TextureModel | None:
-        """Return the leader's model, which is made anew while nobody holds it, ready to render.
+        """Return the leader's model, ready to render; it is built anew unless something holds it.
 
-        The time of the first making is that of the leader, whose models are not deferred.
+        The time of the first build counts for the leader, whose models are not deferred.
         """
         started = time.perf_counter()
         model = self._leader.model(number)
@@ -282,7 +282,7 @@ class Scorer:
 
 
 def _levels(errors_db: FloatArray, plane_db: FloatArray | None = None) -> Levels:
-    """Gather errors of the level at strokes (k,) and over the plane; None where there are none."""
+    """Gather errors of the level at strokes (k,) and over the plane; None if there are none."""
     figures: list[float | None] = []
     for values in (errors_db, plane_db):
         if values is None or not len(values):

@@ -1,4 +1,4 @@
-"""The strokes that a hand made in a session: where its models are judged."""
+"""The strokes that a hand made in a session, at which its models are judged."""
 
 from collections.abc import Iterable
 from typing import Final, Self
@@ -12,7 +12,7 @@ from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.filtering import StreamFilter
 
 MOST: Final = 400
-"""Strokes that a model is compared at: one each 50 ms of a session of 20 s."""
+"""Largest number of strokes to compare a model at: one each 50 ms of a session of 20 s."""
 
 _EVERY_S: Final = 0.01  # a stroke changes little within it
 _PERCENTILES: Final = (5.0, 95.0)
@@ -42,7 +42,7 @@ class StrokesMade:
         return made
 
     def add(self, motion: AlignedBlock) -> None:
-        """Add what follows behind the filters."""
+        """Add the next block of filtered samples."""
         settings = self._settings
         stroking = motion.speed_mm_s >= settings.least_speed_mm_s
         stroking &= motion.normal_force_n >= settings.least_force_n
@@ -60,7 +60,7 @@ class StrokesMade:
         return self._samples / self._settings.rate_hz
 
     def strokes(self, most: int = MOST) -> Strokes:
-        """Return strokes that are evenly spread over the time of stroking, at most so many."""
+        """Return at most `most` strokes, evenly spread over the time of stroking."""
         rows = np.concatenate([np.empty((3, 0)), *self._parts], axis=1)
         count = min(most, rows.shape[1])
         chosen = ((np.arange(count) + 0.5) * rows.shape[1] / max(count, 1)).astype(np.int64)

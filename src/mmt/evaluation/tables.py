@@ -41,7 +41,7 @@ _FINAL: Final = "Figures at the stop criterion, or at the end where it was never
 
 
 def levels(evaluations: Sequence[Evaluation]) -> ReportTable:
-    """Return the error of the level by each method, and what it is across several sessions."""
+    """Return the error of the level by each method, and its statistics across several sessions."""
     named: dict[str, list[Levels | Score]] = {}
     rows = []
     for evaluation in evaluations:
@@ -99,7 +99,7 @@ def by_time(evaluations: Sequence[Evaluation], name: str, digits: int, caption: 
 
 
 def account(evaluation: Evaluation) -> str:
-    """Describe what was evaluated and against what."""
+    """Describe the evaluated session and the reference."""
     state = "" if evaluation.complete else " (cut off and mended)"
     lost = evaluation.missing_frames
     settings = evaluation.settings

@@ -1,4 +1,4 @@
-"""Numbers as text for people; a dash where there is none."""
+"""Numbers as text for people; a dash if there is none."""
 
 from collections.abc import Mapping, Sequence
 

@@ -1,4 +1,4 @@
-"""What a report answers at a glance: the verdict in four tiles, and a sentence."""
+"""Overview at the top of a report: the verdict in four tiles, and a sentence."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -12,7 +12,7 @@ from mmt.evaluation.texts import share
 def at_a_glance(
     evaluations: Sequence[Evaluation], figures: Mapping[str, Any], run: Mapping[str, Any]
 ) -> list[Block]:
-    """Return what a report begins with; of several sessions the medians.
+    """Return the first blocks of a report; of several sessions the medians.
 
     `figures` are those of the evaluations, as `evaluations_as_dict` gives them.
     """

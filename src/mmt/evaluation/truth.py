@@ -1,10 +1,9 @@
 """A texture model against the texture that a simulated session was made from.
 
 Both sides are exact: the texture gives its own spectrum and the model that of its
-interpolated filter, so that no score here carries the scatter of a realisation. What the
-sensors add counts as an error of the model. Levels are compared from 8 Hz up: below, the
-modelling's 10 Hz high-pass, which keeps the hand's own motion out, leaves too little to tell a
-level by.
+interpolated filter, so that no score here has the scatter of a realisation. Noise of the sensors
+counts as an error of the model. Levels are compared from 8 Hz up: below, the modelling's 10 Hz
+high-pass, which keeps the hand's own motion out, leaves too little for a level.
 """
 
 from collections.abc import Callable, Mapping
@@ -49,7 +48,7 @@ _BINS: Final = slice(1, None)  # of Welch's estimate: 15.6 Hz to half the rate
 
 
 def density_hz(rate_hz: float) -> FloatArray:
-    """Return where spectra of a rate are computed; lines are at least 3 Hz wide."""
+    """Return the frequencies of spectra at a rate, 1 Hz apart; lines are at least 3 Hz wide."""
     return np.arange(0.5 * rate_hz + 1.0)
 
 
@@ -72,7 +71,7 @@ class TruthAt:
     spectrum
         Returns spectra of the texture there, (k, f), at frequencies (f,).
     rate_hz
-        Up to half of which it is compared.
+        Sampling rate; spectra are compared up to half of it.
     """
 
     def __init__(
@@ -83,7 +82,7 @@ class TruthAt:
         self._felt = spectrum(frequencies_hz[: FELT_HZ + 1])
         self._above = partial(spectrum, frequencies_hz[FELT_HZ + 1 :])
         self.power = np.asarray(np.trapezoid(self._felt[:, LOWEST_HZ:], axis=1))
-        """By the trapezoidal rule over what is felt in steps of 1 Hz, shape (k,)."""
+        """Felt power by the trapezoidal rule in steps of 1 Hz, shape (k,)."""
 
     @cached_property
     def spectra(self) -> _Spectra:
@@ -119,14 +118,14 @@ class KnownTexture:
     surface
         The texture.
     share
-        Power of the vibration that the modelling sees over that along the normal.
+        Power of the modelled vibration over that along the normal.
 
     Attributes
     ----------
     frequencies_hz
-        Where its spectra are computed.
+        Frequencies of its spectra.
     plane
-        The truth over the whole plane, and at all headings where the texture depends on them.
+        The truth over the whole plane, and at all headings if the texture depends on them.
     """
 
     def __init__(self, surface: KnownSurface, share: float = 1.0) -> None:
@@ -148,8 +147,8 @@ class KnownTexture:
     def by_heading(self, models: Mapping[str, GridErrors]) -> tuple[HeadingErrors, ...]:
         """Gather the errors of models over the grid by heading, each under its name.
 
-        The texture's own mean over all headings comes last. Empty where the texture does
-        not depend on the heading.
+        The texture's own mean over all headings comes last. Empty if the texture does not
+        depend on the heading.
         """
         if self.surface.isotropic:
             return ()
@@ -159,7 +158,7 @@ class KnownTexture:
     def without_heading(self) -> GridErrors:
         """Return the errors of the texture's own mean over all headings, on the grid.
 
-        So far a model that does not know the heading gets at best.
+        A model that does not know the heading cannot be better.
         """
         truth = self.plane.spectra
         count = len(np.unique(self.plane.strokes.heading_rad))
@@ -171,10 +170,10 @@ class KnownTexture:
         return _errors(_Spectra(truth.rate_hz, density, np.sqrt(square), power), truth)
 
     def power_map(self, errors: GridErrors) -> PowerMap:
-        """Lay errors over the grid out as a map of the plane.
+        """Return errors over the grid as a map of the plane.
 
-        Where a grid has several headings, the level's error is its root mean square over
-        them, and GFC the mean.
+        If the grid has several headings, the level's error is the root mean square over them,
+        and GFC the mean.
         """
         speed_mm_s = np.unique(self.plane.strokes.speed_mm_s)
         force_n = np.unique(self.plane.strokes.force_n)
@@ -192,7 +191,7 @@ class KnownTexture:
         )
 
     def worst(self, model: TextureModel, errors: GridErrors) -> tuple[Worst, Worst]:
-        """Return where the model errs most in power and in shape, and what limits it there."""
+        """Return the worst points in power and in shape, with the causes of the errors there."""
         best = None if self.surface.isotropic else self.without_heading()
         level = int(np.abs(errors.power_error_db).argmax())
         shape = int(errors.gfc.argmin())
@@ -226,7 +225,7 @@ class KnownTexture:
 def known_texture(
     annotations: bytes, settings: ModellingSettings
 ) -> tuple[KnownTexture | None, str]:
-    """Return the truth that a recording carries, None without one, and a sentence on it."""
+    """Return the truth that a recording holds, or None, and a sentence on it."""
     if not annotations:
         return None, "the recording names no known texture"
     try:
@@ -259,7 +258,7 @@ def _spectra(rate_hz: float, density: FloatArray, power: FloatArray) -> _Spectra
 
 
 def _level(power: FloatArray, low: FloatArray, above: FloatArray) -> FloatArray:
-    """Return powers (k,) without what densities up to 8 Hz (k, 9) hold, and without those above."""
+    """Return powers (k,) minus those of densities up to 8 Hz (k, 9), and minus `above` (k,)."""
     return np.asarray(power - np.minimum(np.trapezoid(low, axis=1) + above, 0.999 * power))
 
 

@@ -1,4 +1,4 @@
-"""What limits a model at the point where it is farthest from the known texture."""
+"""Cause of a model's error at the point where it is farthest from the known texture."""
 
 from collections.abc import Callable
 from typing import Final, NamedTuple
@@ -50,14 +50,14 @@ def explain(
     model
         The model.
     stroke
-        Where it errs, shape (1,).
+        The stroke, shape (1,).
     error
-        How much.
+        Error of the model at this stroke.
     own
         Returns the model's error at another stroke.
     without_heading
-        The error that the texture's mean over all headings has there; None where the
-        texture has no heading.
+        Error of the texture's mean over all headings at this stroke; None if the texture does
+        not depend on the heading.
     shape
         Whether the shape is in question, else the level.
     """
@@ -117,7 +117,7 @@ def explain(
 
 
 def _stroke_of(model: TextureModel, sample: int, stroke: Strokes) -> Strokes:
-    """Return the stroke of a sample; of the given heading where the model knows none."""
+    """Return the stroke of a sample, with the heading of `stroke` if the model knows none."""
     velocity_x, velocity_y = model.samples.inputs[sample, :2]
     heading = np.arctan2(velocity_y, velocity_x) if model.space.directed else stroke.heading_rad[0]
     speed_mm_s, force_n = model.samples.speed_mm_s[sample], model.samples.force_n[sample]

@@ -15,13 +15,13 @@ from mmt.follower.silence import SilenceLimit
 from mmt.scene import Link
 
 _COMMAND: Final = struct.Struct("<Iqqq3f")
-"""The layout of `mmt.core.frames.COMMAND_DTYPE`; NumPy takes over twice as long to read it."""
+"""Layout of `mmt.core.frames.COMMAND_DTYPE`; NumPy takes over twice as long to read a command."""
 
 _AT_REST: Final[Vector] = (0.0, 0.0, 0.0)
 
 _REMEMBERED: Final = 50
-"""Commands over which a robot that is behind takes the hand's speed: their own stamps are uneven
-where the leader's ticks are late, by as much as two ticks taken for one."""
+"""Commands over which the hand's speed is taken while the robot is behind. From one command to the
+next the stamps are uneven if the leader's ticks are late, by as much as two ticks for one."""
 
 _NORMALS: Final[dict[str, Vector]] = {
     "x": (1.0, 0.0, 0.0),
@@ -33,17 +33,17 @@ _NORMALS: Final[dict[str, Vector]] = {
 class CommandGuard:
     """Turn the leader's commands into positions that a robot can take without harm.
 
-    - A command whose round trip was too long is thrown away: it is what the hand did then. So is
-      one that echoes no frame that was sent, which may be of any age.
-    - If no fresh command has come for as long as `SilenceLimit` says, by the follower's own ticks,
-      the robot holds the last position, or retracts from the surface along its normal; so it does
-      while a device is lost (`halt`).
-    - It begins where it is. Whatever difference there is to the commands, at the start, after a
-      silence, a stall or a jump, is worked off at `recovery_mm_s`; the hand's own motion, by the
-      leader's clock, comes on top.
-    - Whatever is commanded, the position moves by no more than `limit_mm_s` gives in one tick,
-      also in a call that makes up for missed ticks.
-    - What is commanded outside the workspace is clipped to it.
+    - A command whose round trip was too long is dropped, because the hand has moved since. A
+      command that echoes no frame that was sent is dropped, because its age is unknown.
+    - If no fresh command has come for the time of `SilenceLimit`, by the follower's own ticks, the
+      robot holds the last position, or retracts from the surface along its normal. The robot does
+      the same while a device is lost (`halt`).
+    - The position begins where the robot is. Its distance to the commands, at the start or after a
+      silence, a stall or a jump, is reduced at `recovery_mm_s`, in addition to the hand's own
+      motion by the leader's clock.
+    - In each call the position moves by no more than `limit_mm_s` allows in one tick, even if the
+      call makes up for missed ticks.
+    - A command outside the workspace is clipped to it.
 
     About 2 us a tick.
 
@@ -56,11 +56,11 @@ class CommandGuard:
     normal
         The surface's normal axis; away from the surface it is positive.
     measures_position
-        Whether `step` gets the robot's position; else it starts at the first command.
+        Whether `step` gets the robot's position; else the position starts at the first command.
     say
         Called with a sentence when commands stop, come again, or leave the workspace.
     box_mm
-        The workspace by its lowest and its highest corner, None for none.
+        Lowest and highest corner of the workspace, or None.
     """
 
     def __init__(
@@ -87,7 +87,7 @@ class CommandGuard:
         self._outside = False
         self._told = RepeatLimit()
         self.echoes = EchoCheck()
-        """To be told of connections and frames."""
+        """Must be told of each connection and of the frames sent."""
         self._command: Vector | None = None  # came since the last tick
         self._target = _AT_REST
         self._motion = _AT_REST  # of the hand, in a tick
@@ -105,7 +105,7 @@ class CommandGuard:
 
     @property
     def summary(self) -> dict[str, Any]:
-        """What was counted, for a program."""
+        """Counts and times so far, by name."""
         return {
             "silences": self._silences,
             "silence_limit_ms": round(self._silence.limit_ns / 1e6, 1),
@@ -123,9 +123,9 @@ class CommandGuard:
         return max(1, round(self._silence.limit_ns / self._period_ns))
 
     def halt(self, does: Literal["hold", "retract"]) -> None:
-        """Take no commands until `release`, since a device is lost: hold, or retract."""
+        """Hold or retract, because a device is lost, and take no commands until `release`."""
         if self._halted:
-            return  # it is where it is to be, or on its way
+            return  # the robot is at its target, or on the way
         self._halts += 1
         self._halted = True
         if self._position is not None:
@@ -140,8 +140,8 @@ class CommandGuard:
     def receive(self, commands: RecordArray, arrival_ns: int) -> None:
         """Take commands (n,), n >= 1, the newest last, with their arrival by this clock.
 
-        The newest one counts, unless its round trip, which includes the frame that it
-        answers, was longer than `stale_ms`, or its echo cannot be true.
+        The newest one is used, unless its round trip, from the frame that it echoes, was longer
+        than `stale_ms`, or its echo is impossible.
         """
         number, time_ns, echo_time_ns, echo_age_ns, x, y, z = _COMMAND.unpack(
             commands[-1].tobytes()
@@ -170,7 +170,7 @@ class CommandGuard:
         elapsed
             Ticks since the last call.
         measured
-            Gives the robot's position (mm), None where it is not known yet; asked before the
+            Returns the robot's position (mm), or None if it is not known yet; called until the
             first position is returned.
         """
         if self._halted:
@@ -194,7 +194,7 @@ class CommandGuard:
         return self._position
 
     def _clip(self, command: Vector) -> Vector:
-        """Return the command as far as it is in the workspace; count and say it where it is not."""
+        """Return the command, clipped to the workspace; count and report one that is outside."""
         inside = command if self._box is None else clipped(command, *self._box)
         outside = inside != command
         if outside and not self._outside and self._told.allow("outside"):
@@ -222,7 +222,7 @@ class CommandGuard:
         else:
             self._motion = self._since(self._target_ns, self._target, command)
             if self._position is not self._target and self._before:
-                # the slower of both: neither a jump nor two commands close in time is speed
+                # the slower of both: a jump or two commands close in time look too fast
                 self._motion = min(self._motion, self._since(*self._before[0], command), key=_norm)
         self._target, self._target_ns = command, self._command_ns
         self._before.append((self._command_ns, command))
@@ -230,7 +230,7 @@ class CommandGuard:
         self._age_ticks = 0
 
     def _since(self, before_ns: int, before: Vector, command: Vector) -> Vector:
-        """Return the hand's motion in a tick since a command."""
+        """Return the hand's mean motion per tick since an earlier command."""
         ticks = max(1.0, (self._command_ns - before_ns) / self._period_ns)
         x, y, z = difference(command, before)
         return (x / ticks, y / ticks, z / ticks)
@@ -244,19 +244,19 @@ class CommandGuard:
             self._say(f"leader silent for {self._silence_ticks / self._rate_hz:g} s: {does}")
 
     def _reason_of(self, number: int, time_ns: int) -> str:
-        """Return why commands were missing, by the first one after a silence; empty if unclear."""
+        """Return why commands were missing, from the first one after a silence; "" if unclear."""
         before, before_ns = self._arrived
         lost, passed = steps_ahead(number, before) - 1, (time_ns - before_ns) / self._period_ns
         half = self._silence_ticks / 2
         if not 0 <= lost <= passed + half:
-            return ""  # of another leader, which counts anew
+            return ""  # from another leader, whose numbers start again
         if lost >= half:
             return f" and {lost} lost commands"
         paused = passed - lost >= half
         return ", in which it sent nothing" if paused else ", in which the network held it up"
 
     def _let_be(self, position: Vector, does: Literal["hold", "retract"]) -> None:
-        """Go to where the robot is to be without commands."""
+        """Set the target for the time without commands."""
         self._silent, self._reason = True, None
         self._before.clear()
         away_mm = self._link.retract_mm if does == "retract" else 0.0
@@ -266,7 +266,7 @@ class CommandGuard:
         self._target = away if self._box is None else clipped(away, *self._box)
 
     def _advance(self, position: Vector, elapsed: int) -> None:
-        """Move as the hand does, as far as that leads to the target, and by the recovery."""
+        """Move with the hand, as far as that approaches the target, and by the recovery."""
         x, y, z = position
         u, v, w = self._motion
         behind = difference(self._target, position)

@@ -1,4 +1,4 @@
-"""How old a command is, judged by its echo of a frame that the follower has sent."""
+"""The age of a command, from its echo of a frame that the follower has sent."""
 
 from bisect import bisect_left
 from typing import Final
@@ -9,15 +9,15 @@ _KEPT: Final = 65_536
 """Least number of frames whose times are kept: a minute of them at 1 kHz."""
 _EARLY_NS: Final = 1_000_000
 _DRIFT: Final = 1000
-"""How far below zero a round trip may be: a fixed time, and a thousandth of the echo's age, for
-two clocks that do not run alike."""
+"""How far below zero a round trip may be: a fixed time, plus a thousandth of the echo's age for
+the drift between two clocks."""
 
 
 class EchoCheck:
-    """Know the times of the frames sent, and tell the round trip of a command by them.
+    """Remember the times of the frames sent, and compute the round trip of a command from them.
 
-    The echo comes from the other side, so that it is believed only as far as this side's clock
-    and frames bear it out. About 1 us a frame and 1 us a command.
+    The echo comes from the other side and is not trusted: this side's clock and frames must
+    confirm it. About 1 us a frame and 1 us a command.
     """
 
     def __init__(self) -> None:
@@ -25,7 +25,7 @@ class EchoCheck:
         self._first_ns: int | None = None
 
     def connect(self) -> None:
-        """Expect a leader that knows no frame."""
+        """Prepare for a connection, whose leader has received no frame yet."""
         self._times_ns.clear()
         self._first_ns = None
 
@@ -41,15 +41,15 @@ class EchoCheck:
             self._first_ns = added_ns[0]
 
     def round_trip_ns(self, echo_time_ns: int, echo_age_ns: int, arrival_ns: int) -> int | None:
-        """Return the round trip of a command, None where its echo cannot be true.
+        """Return the round trip of a command (ns), or None if its echo is impossible.
 
         Parameters
         ----------
         echo_time_ns
-            Time of the frame that it echoes, which must be one that was noted; 0 where the leader
-            had none: the round trip then is that of the first one at least.
+            Time of the echoed frame, which must have been noted; 0 if the leader had no frame yet.
+            The round trip is then taken from the first frame.
         echo_age_ns
-            How long the leader had had it.
+            How long the leader had had that frame.
         arrival_ns
             When the command arrived.
         """

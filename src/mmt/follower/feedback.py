@@ -1,4 +1,4 @@
-"""The follower's side of force feedback, where the scene's method has one."""
+"""The follower's side of force feedback, if the scene's method has one."""
 
 from collections.abc import Mapping
 from typing import Any, Final, Protocol
@@ -22,32 +22,32 @@ _M: Final = 1e-3
 
 
 class FollowerFeedback(Protocol):
-    """What the follower does for force feedback, one tick after another."""
+    """The follower's side of a force-feedback method, called in each tick."""
 
     event: str
-    """The further event that goes to the leader, and may come from it."""
+    """Name of the further event, sent to the leader and by some methods received from it."""
     dtype: "np.dtype[np.void]"
-    """Type of its records."""
+    """Dtype of the event's records."""
 
     def command(self, position_mm: Vector | None) -> Vector | None:
-        """Return the position that the robot is to take in place of the wanted one."""
+        """Return the position (mm) that the robot is to take instead of the commanded one."""
 
     def measured(self, frames: RecordArray) -> RecordArray | None:
-        """Handle the frames (n,), n >= 1, that followed the command; return what to send."""
+        """Handle the frames (n,), n >= 1, after the command; return records to send, or None."""
 
     def on_records(self, records: RecordArray) -> None:
         """Handle validated records (n,) of the same event from the leader."""
 
     def restart(self) -> None:
-        """Expect a new connection, perhaps of a restarted leader."""
+        """Prepare for a new connection, perhaps of a restarted leader."""
 
     @property
     def summary(self) -> Mapping[str, Any]:
-        """What was counted, for a program."""
+        """Counts and other figures so far, by name."""
 
 
 class PassiveFollower:
-    """Hold commands back that would give a surface more energy than the leader has sent.
+    """Hold back commands that would give a surface more energy than the leader has sent.
 
     About 15 us a tick.
 
@@ -78,7 +78,7 @@ class PassiveFollower:
         return (x, y, z)
 
     def measured(self, frames: RecordArray) -> RecordArray | None:
-        """Count the work on the surface; return what came back, if it is news."""
+        """Count the work on the surface; return a report of returned energy, if one is due."""
         force = frames["force_n"].mean(axis=0).tolist()
         for port, force_n in zip(self._ports, force, strict=True):
             port.measure(force_n)
@@ -86,11 +86,11 @@ class PassiveFollower:
         return self._report.make((x.in_j, y.in_j, z.in_j), len(frames), int(frames["time_ns"][-1]))
 
     def on_records(self, records: RecordArray) -> None:
-        """Take what the hand has put in."""
+        """Take the energy that the hand has put in."""
         self._given.receive(records)
 
     def restart(self) -> None:
-        """Go on counting from here if the next leader has restarted."""
+        """Prepare for a leader whose energy count may start again from zero."""
         self._given.restart()
 
     @property
@@ -107,7 +107,7 @@ class PassiveFollower:
 
 
 class ContactReporter:
-    """Tell the leader the command, the place and the force of every tick."""
+    """Report the command, the tool's position and the force of every tick to the leader."""
 
     event: str = CONTACT
     dtype: "np.dtype[np.void]" = CONTACT_DTYPE
@@ -119,12 +119,12 @@ class ContactReporter:
         self._sequence = 0
 
     def command(self, position_mm: Vector | None) -> Vector | None:
-        """Note the command; it is not changed."""
+        """Note the command, and return it unchanged."""
         self._command = position_mm
         return position_mm
 
     def measured(self, frames: RecordArray) -> RecordArray | None:
-        """Return the samples (n,) to send, once enough are gathered."""
+        """Return the samples (n,) to send once enough are gathered, else None."""
         if self._command is None:
             return None
         records = np.zeros(len(frames), dtype=CONTACT_DTYPE)
@@ -144,10 +144,10 @@ class ContactReporter:
         return block
 
     def on_records(self, records: RecordArray) -> None:
-        """Do nothing: the leader sends none."""
+        """Do nothing: the leader sends no such records."""
 
     def restart(self) -> None:
-        """Do nothing: samples stand for themselves."""
+        """Do nothing: samples do not depend on earlier ones."""
 
     @property
     def summary(self) -> Mapping[str, Any]:
@@ -156,7 +156,7 @@ class ContactReporter:
 
 
 def build_feedback(scene: Scene) -> FollowerFeedback | None:
-    """Return the follower's side of force feedback and of the hand's force, None for none."""
+    """Return the follower's side of force feedback or of the hand's force, or None."""
     table = scene.force_feedback
     if table is not None and table.method == "passive":
         return PassiveFollower(

@@ -1,4 +1,4 @@
-"""What the follower does every millisecond: drive its source as commanded, and measure."""
+"""The follower's work in each tick: drive its source as commanded, and measure."""
 
 import math
 import time
@@ -17,21 +17,21 @@ if TYPE_CHECKING:
 
 
 class GuardedSource:
-    """A source whose commands are guarded, and bounded by what force feedback allows.
+    """A source whose commands are guarded, and bounded by force feedback and motion limits.
 
     Parameters
     ----------
     scene
-        What to run.
+        The scene to run.
     source
-        Takes the commands and is measured.
+        Takes the commands and gives the frames.
     feedback
-        The follower's side of force feedback, None where it has none.
+        The follower's side of force feedback, or None.
     say
-        Called with a sentence for the person.
+        Called with a sentence for the user.
     send
-        Given what `step` returns where it comes between two ticks: frames that a tick came too
-        early for.
+        Called between two ticks with values such as `step` returns, for frames that were not ready
+        at their tick.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class GuardedSource:
         self._devices = scene.devices
         self._newest: RecordArray | None = None
         self.guard = None if scene.replay is not None else _guard(scene, say)
-        """None where a recording is replayed, which follows no commands."""
+        """The command guard; None if a recording is replayed, which follows no commands."""
         limits = scene.motion_limits
         self._limit = None if limits is None else _limit(scene, limits)
         self._of_devices = source if isinstance(source, DeviceBackedSource) else None
@@ -59,7 +59,7 @@ class GuardedSource:
 
     @property
     def summary(self) -> dict[str, dict[str, Any]]:
-        """What was counted, a table for each part of the follower's summary."""
+        """Counts so far, a table for each part of the follower's summary."""
         return {
             "commands": self.guard.summary if self.guard is not None else {},
             "devices": dict(self._of_devices.summary) if self._of_devices is not None else {},
@@ -72,7 +72,7 @@ class GuardedSource:
             self.guard.receive(commands, arrival_ns)
 
     def connect(self) -> None:
-        """Expect commands of a leader that knows no frame yet."""
+        """Prepare for a connection, whose leader has received no frame yet."""
         if self.guard is not None:
             self.guard.echoes.connect()
 
@@ -82,9 +82,9 @@ class GuardedSource:
         Returns
         -------
         frames
-            Shape (n,), the ticks' frames; n is 0 where the source has none.
+            Shape (n,), the ticks' frames; n is 0 if the source has none.
         news
-            Shape (k,), records of the further event for the leader, None for none.
+            Shape (k,), records of the further event for the leader, or None.
         """
         guard, feedback = self.guard, self._feedback
         command = guard.step(elapsed, self._measured) if guard is not None else None
@@ -99,14 +99,14 @@ class GuardedSource:
         self._send(frames, self._measure(frames))
 
     def _measure(self, frames: RecordArray) -> RecordArray | None:
-        """Note frames (n,), n >= 1, and return the feedback's news of them."""
+        """Note frames (n,), n >= 1, and return the feedback's records to send, or None."""
         self._newest = frames
         if self.guard is not None:
             self.guard.echoes.note(frames)
         return None if self._feedback is None else self._feedback.measured(frames)
 
     def _measured(self) -> Vector | None:
-        """Return the robot's newest measured position, None before there is one."""
+        """Return the robot's newest measured position, or None if none is known."""
         if self._newest is None:
             return None
         x, y, z = self._newest["position_mm"][-1].tolist()

@@ -1,4 +1,4 @@
-"""The follower's metrics, on a port of its own; a follower serves nothing else."""
+"""The follower's metrics, on a port of their own; a follower serves nothing else."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -26,11 +26,11 @@ HOST: Final = "127.0.0.1"
 
 
 class FollowerFigures(Protocol):
-    """What the metrics show of a running follower."""
+    """The figures of a running follower that the metrics show."""
 
     @property
     def session_id(self) -> str | None:
-        """The leader's name of the session, None before it is known."""
+        """The leader's name of the session, or None before it is known."""
 
     @property
     def client(self) -> FollowerClient:
@@ -42,7 +42,7 @@ class FollowerFigures(Protocol):
 
     @property
     def commands(self) -> Mapping[str, Any]:
-        """Counts of the command guard, empty where a recording is replayed."""
+        """Counts of the command guard, empty if a recording is replayed."""
 
 
 async def serve_metrics(run: FollowerFigures, port: int, access: Access) -> Listener:
@@ -51,7 +51,7 @@ async def serve_metrics(run: FollowerFigures, port: int, access: Access) -> List
     Raises
     ------
     MmtError
-        The port cannot be had.
+        The port cannot be used.
     """
     access = Access(access.token)
     application = guarded_application(access)

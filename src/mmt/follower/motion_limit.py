@@ -11,19 +11,19 @@ _AT_REST: Final = (0.0, 0.0, 0.0)
 
 
 class MotionLimit:
-    """The last bound on the positions that a robot is given, whatever asks for them.
+    """The last bound on the positions that are sent to a robot, whatever their source.
 
     - A position outside the workspace is clipped to it. A robot that begins outside goes no
       farther out.
-    - Along each axis the velocity changes by no more than the acceleration limit gives.
+    - Along each axis the velocity changes by no more than the acceleration limit allows.
     - Along each axis the robot can always stop, within that limit, at the wanted position or
-      before it; so it overshoots neither this nor the workspace, unless what is wanted jumps to
-      where it can no longer stop.
-    - A call moves it by no more than the speed limit gives in one tick, also one that makes up
-      for missed ticks. The robot stood still in those, so it is taken to have slowed down.
+      before it. So it overshoots neither this position nor the workspace, unless the wanted
+      position jumps to a point at which the robot can no longer stop.
+    - A call moves the robot by no more than the speed limit allows in one tick, even if it makes
+      up for missed ticks. The robot stood still in those and is assumed to have slowed down.
 
-    At a speed v it follows by about v²/2a behind, but by nothing where the acceleration of one
-    tick is enough to stop. About 5 us a tick.
+    At a speed v the robot follows about v²/2a behind; exactly if the acceleration of one tick is
+    enough to stop it. About 5 us a tick.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class MotionLimit:
         elapsed
             Ticks since the last call, at least 1.
         wanted
-            Position (mm) to go to; where it is None or not finite the robot stops.
+            Position (mm) to go to; if it is None or not finite, the robot stops.
         """
         known = wanted is not None and math.isfinite(sum(wanted))
         here = self._position
@@ -75,7 +75,7 @@ class MotionLimit:
         return self._position
 
     def _slowed(self, missed: int) -> Vector:
-        """Return the velocity after missed ticks, in which the robot was left where it was."""
+        """Return the velocity after missed ticks, in which the robot was not moved."""
         if not missed:
             return self._velocity
         less = missed * self._change_mm
@@ -104,9 +104,9 @@ def _each(choose: Callable[[float, float], float], first: Vector, second: Vector
 
 
 def _stoppable(distance_mm: float, change_mm: float) -> float:
-    """Return the largest step (mm) after which one can stop at a distance without overshoot.
+    """Return the largest step (mm) after which the robot can stop within a distance.
 
-    The steps that follow shrink by `change_mm` each: after n of them the way is
+    Each of the following steps is shorter by `change_mm`: after n of them the path has the length
     (n + 1) step - change n (n + 1) / 2.
     """
     if distance_mm <= change_mm:
@@ -116,7 +116,7 @@ def _stoppable(distance_mm: float, change_mm: float) -> float:
 
 
 def _no_faster(step: float, before: float) -> float:
-    """Return the step, or the nearest one that is no longer than the one before."""
+    """Return the step, or the nearest one that is no longer than the step before."""
     if abs(step) <= abs(before):
         return step
     return before if step * before > 0.0 else 0.0

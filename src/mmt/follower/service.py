@@ -33,10 +33,10 @@ LOG: Final = logging.getLogger("mmt.follower")
 
 @dataclass(frozen=True)
 class FollowerSummary:
-    """What the follower did.
+    """Summary of the follower's session.
 
-    ``outcome`` is "source ended", "leader stopped (...)", "stopped" (by the person),
-    "leader lost", "leader failed: ..." or "failed: ...", each with what failed.
+    ``outcome`` is "source ended", "leader stopped (...)", "stopped" (by the user),
+    "leader lost", or "leader failed: ..." or "failed: ..." with the fault.
     """
 
     outcome: str
@@ -51,11 +51,11 @@ class FollowerSummary:
 
     @property
     def problem(self) -> str | None:
-        """Why the run failed, None where it ended as it should."""
+        """Why the run failed, or None if it did not."""
         return self.outcome if has_failed(self.outcome) else None
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the summary for a program."""
+        """Return the summary as a dictionary."""
         return asdict(self)
 
 
@@ -67,11 +67,11 @@ class Follower:
     Parameters
     ----------
     scene
-        What to run; it must have a source.
+        The scene to run; it must have a source.
     url
         Address of the leader, ``http://host:port``; None takes the scene's ``[link]``.
     on_event
-        Called with a sentence whenever something happens that a person wants to know.
+        Called with a sentence for the user about each event.
     on_session
         Called with the leader's name of the session, as soon as it is known.
     """
@@ -101,8 +101,8 @@ class Follower:
     async def run(self, on_ready: Callable[[], None] | None = None) -> FollowerSummary:
         """Connect, stream until the source or the leader ends, and return the summary.
 
-        A fault in the midst of it, such as a device that fails, ends the session; the leader
-        is told, and the summary says so.
+        A fault during the session, such as a failed device, ends it; the leader is told, and the
+        summary says so.
 
         Raises
         ------
@@ -132,7 +132,7 @@ class Follower:
 
     @property
     def commands(self) -> dict[str, Any]:
-        """Counts of the command guard, empty where a recording is replayed."""
+        """Counts of the command guard, empty if a recording is replayed."""
         guard = self._guarded.guard
         return guard.summary if guard is not None else {}
 
@@ -175,7 +175,7 @@ class Follower:
         LOG.info(sentence, extra=told())
 
     def _report(self, sentence: str) -> None:
-        """Tell the person what the robot does, and the leader, which records it."""
+        """Report what the robot does to the user and to the leader, which records it."""
         self._say(sentence)
         self.client.send_event(sentence)
 
@@ -195,7 +195,7 @@ class Follower:
         return await serve_metrics(self, metrics.follower_port, self._access)
 
     async def _connect(self) -> None:
-        """Connect, unless the person stops first."""
+        """Connect, unless the user stops the session first."""
         patience_s = self._link.patience_s
         self._tell(f"looking for the leader at {self.url}, for {patience_s:g} s at most")
         connecting = asyncio.create_task(self.client.connect(patience_s))
@@ -214,19 +214,19 @@ class Follower:
                 await asyncio.wait([ended, ticking], return_when=asyncio.FIRST_COMPLETED)
                 self.ticker.stop()
                 await ticking
-        except Exception as error:  # noqa: BLE001 - what is no MmtError is raised below
+        except Exception as error:  # noqa: BLE001 - raised below, unless it is an MmtError
             self.ending.fail(error)
         finally:
             ended.cancel()
         self.ending.raise_unexpected()
 
     async def _open_devices(self) -> None:
-        """Connect devices in a thread: some take seconds, and the leader must be answered."""
+        """Connect devices in a thread: some take seconds, and the link must be served meanwhile."""
         if isinstance(self.source, DeviceBackedSource):
             await self.ending.call_in_thread(self.source.open, self.source.close)
 
     def _close_source(self) -> None:
-        """Close the source; a device that does not close must not hide what went before."""
+        """Close the source; an error in closing a device must not hide an earlier error."""
         try:
             self.source.close()
         except MmtError as error:

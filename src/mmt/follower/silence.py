@@ -1,4 +1,4 @@
-"""How long no command may come before the robot is taken to be without a leader."""
+"""The longest time without a command before the leader counts as silent."""
 
 from typing import Final
 
@@ -11,13 +11,13 @@ _LEAST_MARGIN_NS: Final = 20_000_000
 
 
 class SilenceLimit:
-    """The limit, from what commands' round trips were.
+    """The silence limit, estimated from the round trips of commands.
 
-    TCP sends a lost piece again after a round trip or somewhat more, and what follows waits for
-    it: a gap of one round trip is one loss, of two a loss of the repetition as well. So the limit
-    is two smoothed round trips and four of their deviations, at least 20 ms, by the estimator of
-    RFC 6298 (gains 1/8 and 1/4, one sample a round trip). It is never below ``silence_ms`` and
-    never above ``longest_silence_ms``.
+    TCP sends a lost segment again after a round trip or somewhat more, and later data wait for it:
+    a gap of one round trip is one loss, a gap of two is a loss of the repetition too. So the limit
+    is two smoothed round trips plus a margin of four deviations, at least 20 ms, by the estimator
+    of RFC 6298 (gains 1/8 and 1/4, one sample a round trip). The limit is never below
+    ``silence_ms`` and never above ``longest_silence_ms``.
 
     Parameters
     ----------

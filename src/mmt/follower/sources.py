@@ -1,4 +1,4 @@
-"""What a follower's source must offer, and the one that a scene names; no other is imported."""
+"""The interface of a follower's source, and the source of a scene; no other one is imported."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class FollowerSource(Protocol):
-    """What a follower streams: real devices, a simulation or a recorded session."""
+    """The source of a follower's frames: real devices, a simulation or a recorded session."""
 
     def start(self, start_time_ns: int) -> None:
         """Begin at the follower's monotonic time of the first tick.
@@ -32,7 +32,7 @@ class FollowerSource(Protocol):
         now_ns
             The follower's monotonic time.
         command_position_mm
-            The newest motion command, None before the first; a stale one is repeated.
+            The newest motion command, repeated until the next one; None before the first.
 
         Returns
         -------
@@ -47,37 +47,37 @@ class FollowerSource(Protocol):
 
     @property
     def annotations(self) -> bytes:
-        """Opaque bytes that the leader stores in the recording; the simulated truth."""
+        """Opaque bytes that the leader stores in the recording, such as the simulated truth."""
 
     def describe(self) -> str:
-        """Return one line for the person who starts the follower."""
+        """Return one line about the source for the user who starts the follower."""
 
     def close(self) -> None:
-        """Release what the source holds; calling it twice is harmless."""
+        """Release all resources of the source; calling it twice is harmless."""
 
 
 @runtime_checkable
 class DeviceBackedSource(FollowerSource, Protocol):
-    """A source of devices, which may be lost and come back while it streams."""
+    """A source with devices, which may be lost and come back while it streams."""
 
     def open(self) -> None:
-        """Connect its devices, before `start`; takes as long as they need, and may run in a thread.
+        """Connect the devices, before `start`; may take seconds, and may run in a thread.
 
         Raises
         ------
         MmtError
-            One of them does not answer.
+            A device does not answer.
         """
 
     def on_loss(self, callback: "LossWatcher") -> None:
-        """Have a function called when a device is lost and when it is back."""
+        """Set the function to call when a device is lost and when it is back."""
 
     def on_late_frames(self, callback: "FrameReceiver") -> None:
-        """Have a function given, before `start`, the frames that a tick came too early for."""
+        """Set, before `start`, the function that gets frames that were not ready at their tick."""
 
     @property
     def summary(self) -> Mapping[str, Any]:
-        """What each device gave, for a program."""
+        """Figures of each device, by its role."""
 
 
 def build_source(scene: Scene) -> FollowerSource:

@@ -1,1 +1,1 @@
-"""The leader service: one file a task, joined by bounded queues."""
+"""The leader service: one file for each task, and bounded queues between tasks."""

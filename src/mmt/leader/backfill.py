@@ -1,4 +1,4 @@
-"""Frames that come late find their place: in the recording and in the model, nowhere else."""
+"""Request missing frames from the follower, for the recording and the model only."""
 
 import time
 from collections.abc import Callable
@@ -15,23 +15,23 @@ if TYPE_CHECKING:
 
 
 class Backfill:
-    """Ask the follower for what is missing, and give it to the parts that can use it.
+    """Request missing frames from the follower, and pass them to the parts that can use them.
 
-    The recorder takes every frame, modelling those that come before it has gone on without
-    them. Playout and force feedback never see a frame that was filled in.
+    The recorder takes every frame. Modelling takes a frame unless it has gone on without this
+    frame. Playout and force feedback never get a frame that was filled in.
 
     Parameters
     ----------
     keep_frames
-        Most frames of a gap that are asked for, 0 for none.
+        Most frames of a gap to request, 0 for none.
     numbering
         Numbering of the session; the follower has numbers of its own.
     call
-        Calls a verb of every part: they are given the frames that were missing.
+        Calls a verb of every part, to pass on the frames that were missing.
     request
-        Asks the follower for ranges of its own numbers.
+        Requests ranges of the follower's own numbers from the follower.
     note
-        Takes what happened.
+        Records an event.
     """
 
     def __init__(
@@ -51,18 +51,18 @@ class Backfill:
 
     @property
     def summary(self) -> dict[str, Any]:
-        """What was counted, for a program; empty where nothing was ever missing."""
+        """Counts so far, by name; empty if no frame was ever missing."""
         return self.missing.summary if self.missing.summary["missing"] else {}
 
     def connect(self, hello: "FollowerHello") -> None:
-        """Take note of the follower that is connected from now on."""
+        """Note the follower that is connected from now on."""
         self.settled = False
         if self._numbering.anew:
             self.started_anew()
         self.missing.connect(hello.keep_frames)
 
     def started_anew(self, skipped: int = 0) -> None:
-        """Give up what the follower before this one had kept, and what came between the two."""
+        """Give up frames that the earlier follower had buffered, and those between the two."""
         self.missing.forget()
         self.missing.skip(skipped)
         self._look_again()
@@ -78,12 +78,12 @@ class Backfill:
         self._call("on_backfill", frames, arrival_ns)
 
     def gone(self, ranges: list[Range]) -> None:
-        """Give up ranges of the follower's numbers."""
+        """Give up ranges of frames, in the follower's numbers."""
         self.missing.gone([self._of_session(first, stop) for first, stop in ranges])
         self._look_again()
 
     def settle(self, sent: int) -> list[Range]:
-        """Return what is missing of the numbers below `sent`, as the follower counts."""
+        """Return the missing ranges of the numbers below `sent`, both in the follower's numbers."""
         newest = self._numbering.newest
         stop = self._numbering.of_session(sent)
         if newest >= 0 and stop > newest + 1:
@@ -93,12 +93,12 @@ class Backfill:
         return self._own(self.missing.outstanding())
 
     def tick(self, elapsed: int) -> None:
-        """Ask and give up what is due; call it while the follower is connected."""
+        """Request and give up frames if it is time; call this while the follower is connected."""
         if self.missing.tick(elapsed):
             self._look_again()
 
     def close(self) -> None:
-        """Wait for nothing any more: the session is over."""
+        """Stop waiting for frames: the session is over."""
         self.missing.close()
         self._look_again()
 
@@ -106,7 +106,7 @@ class Backfill:
         self._request(self._own(ranges))
 
     def _own(self, ranges: list[Range]) -> list[Range]:
-        """Return ranges in the follower's numbers; what was before it, it cannot have."""
+        """Return ranges in the follower's numbers, without frames from before its start."""
         shift, own = self._numbering.shift, []
         for first, stop in ranges:
             start, end = max(first - shift, 0), stop - shift
@@ -117,7 +117,7 @@ class Backfill:
         return own
 
     def _of_session(self, first: int, stop: int) -> Range:
-        """Return a range of the follower's numbers, which begins not after the newest one."""
+        """Return the session's range for a follower's; it begins at the newest number at most."""
         start = self._numbering.of_session(first)
         start -= SEQUENCES * (start > self._numbering.newest)
         return start, start + stop - first

@@ -1,4 +1,4 @@
-"""How each part of the leader is built: imported, and given those before it that it needs."""
+"""Builders of the leader's parts: each imports its part and passes it the earlier ones needed."""
 
 from typing import TYPE_CHECKING
 
@@ -18,24 +18,24 @@ if TYPE_CHECKING:
 
 
 class LeaderParts(Parts):
-    """The parts of a leader, those that others need by name; None is left out by the scene."""
+    """The parts of a leader, with names for those that others need; None if left out."""
 
     recording: "RecordingPart | None" = None
     hand: "HandPart | None" = None
     playout: "StreamedVibration | None" = None
     motion: "StreamedMotion | None" = None
     other_force: "OtherForce | None" = None
-    """Is set by what another package adds."""
+    """Set by another package's part."""
     force_feedback: "ForceFeedbackPart | None" = None
     modelling_process: "ModellingProcess | None" = None
-    """Is set where it was launched before."""
+    """Set if the process was launched before."""
     modelling: "Modelling | None" = None
     synthesizing: "SynthesizingPart | None" = None
     generating: "OtherGenerator | None" = None
-    """Is set by what another package adds."""
+    """Set by another package's part."""
     vibration: "VibrationPart | None" = None
     completing: "ModelOutput"
-    """Every leader has it."""
+    """Every leader has this part."""
     monitor: "MonitorPart | None" = None
 
 
@@ -92,7 +92,7 @@ def modelling(session: Session, parts: LeaderParts) -> Part | None:
 
 
 def synthesizing(session: Session, parts: LeaderParts) -> Part | None:
-    """Make what renders from the model."""
+    """Make the part that renders from the model."""
     from mmt.leader.output.synthesis import SynthesizingPart
 
     parts.synthesizing = SynthesizingPart.build(session)
@@ -114,7 +114,7 @@ def vibration(session: Session, parts: LeaderParts) -> Part | None:
 
 
 def completing(session: Session, parts: LeaderParts) -> Part:
-    """Make what puts models to use."""
+    """Make the part that puts models to use."""
     from mmt.leader.output.model_output import ModelOutput
 
     parts.completing = ModelOutput(

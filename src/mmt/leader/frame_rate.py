@@ -1,18 +1,18 @@
-"""Whether a follower sends as many frames a second as it has promised."""
+"""Check whether a follower sends as many frames a second as it has promised."""
 
 from collections.abc import Callable
 from typing import Final
 
 _WINDOW_NS: Final = 1_000_000_000
-"""Two windows in a row that are off alike tell a rate from a stall, which the next one makes up."""
+"""Length of a window: a wrong rate is off alike in two, a stall is made up in the second."""
 _TOLERANCE: Final = 0.05
 
 
 class FrameRateWatch:
-    """Measure the rate of frames, and say when it is off by more than 5 % over two seconds.
+    """Measure the rate of frames, and report if it is off by more than 5 % over two seconds.
 
-    Frames that were lost on the way count, by their numbers, and when the others arrive does not
-    matter: a network that stalls or that cannot carry them all is no wrong rate.
+    The rate follows from sequence numbers and time stamps. Lost frames therefore count and times
+    of arrival do not: a network that stalls or loses frames does not change the rate.
 
     Parameters
     ----------
@@ -28,10 +28,10 @@ class FrameRateWatch:
         self._start: tuple[int, int] | None = None
         self._last_hz = promised_hz
         self.fault: str | None = None
-        """The sentence while the rate is off."""
+        """The sentence while the rate is off, else None."""
 
     def restart(self) -> None:
-        """Expect a new connection."""
+        """Prepare for a new connection."""
         self._start, self._last_hz, self.fault = None, self._promised_hz, None
 
     def add(self, number: int, time_ns: int) -> None:
@@ -47,7 +47,7 @@ class FrameRateWatch:
             self._judge(1e9 * (number - first) / passed_ns)
 
     def _judge(self, rate_hz: float) -> None:
-        """Compare the rates of the last two windows with what was promised."""
+        """Compare the rates of the last two windows with the promised rate."""
         last_hz, self._last_hz = self._last_hz, rate_hz
         off, last_off = self._off(rate_hz), self._off(last_hz)
         if self.fault is not None and not off:
@@ -61,6 +61,6 @@ class FrameRateWatch:
             self._say(self.fault)
 
     def _off(self, rate_hz: float) -> int:
-        """Return the direction in which a rate is off, 0 where it is right."""
+        """Return the direction in which a rate is off, 0 if it is right."""
         relative = rate_hz / self._promised_hz
         return (relative > 1.0 + _TOLERANCE) - (relative < 1.0 - _TOLERANCE)

@@ -1,4 +1,4 @@
-"""How a run stands: what is not as it should be, and the verdict on it."""
+"""The state of a run: its faults, and the verdict on it."""
 
 from collections import deque
 from typing import TYPE_CHECKING, Any, Final
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from mmt.leader.output.vibration import VibrationPart
 
 _LOOKS: Final = 11
-"""Looks at the ticks, five a second, over which their lateness is judged: 2 s."""
+"""Readings of the ticks, five a second, from which their lateness is judged: 2 s."""
 
 
 class RunHealth:
@@ -22,7 +22,7 @@ class RunHealth:
     session
         Session of the run.
     completing
-        Knows which vibration a person holds on to.
+        Knows which vibration a person has fixed.
     vibration
         Knows which vibration is played; None without an actuator.
     """
@@ -51,7 +51,7 @@ class RunHealth:
         return (late - late_before) / max(1, last - first)
 
     def faults(self) -> list[str]:
-        """Return what is not as it should be, a sentence each; not how late the ticks are."""
+        """Return the faults other than late ticks, a sentence each."""
         session = self._session
         found = [] if session.remote is None else session.remote.faults
         return found + [fault for faults in session.parts.verbs("faults") for fault in faults()]

@@ -1,4 +1,4 @@
-"""The leader's metrics for Prometheus and its health, from what it counts anyway."""
+"""The leader's metrics for Prometheus, from figures that the leader counts anyway."""
 
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
@@ -57,7 +57,7 @@ class MetricsPart(Part):
             yield from part.metrics()
 
     def metrics(self) -> "Iterable[Metric]":
-        """Return what the link counts."""
+        """Return the counts of the link."""
         from mmt.core.exposition import gauge, link_metrics
 
         remote = self._session.remote

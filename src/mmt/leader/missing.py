@@ -1,4 +1,4 @@
-"""What did not arrive: asked for, waited for, given up."""
+"""Account of missing frames: requested, awaited, and given up."""
 
 from bisect import bisect_right
 from collections import deque
@@ -12,16 +12,16 @@ from mmt.core.arrays import BoolArray, RecordArray
 from mmt.core.ranges import Range, RangeSet
 
 PERIOD_TICKS: Final = 50
-"""Gaps are noted and asked for so often."""
+"""Time between two checks for gaps to record and to request."""
 
 AGAIN_TICKS: Final = 1000
-"""What was asked for is asked for again after so long without it: a lossy link loses answers too,
-also while others come."""
+"""Time after which a range is requested again if it has not come: a lossy link loses answers too,
+even while other answers come."""
 
 LEAST_PATIENCE_TICKS: Final = 3000
-"""After so long without an answer it is given up, or when the follower has it no longer.
+"""Time without an answer after which frames are given up; longer if the follower buffers more.
 
-A link that is stalled, or that has no time but for live frames, does not answer either.
+A link that is stalled, or that has time for live frames only, does not answer either.
 """
 
 MOST_RANGES: Final = 200
@@ -33,10 +33,10 @@ WORTH_SAYING: Final = 100
 
 
 class Note(Protocol):
-    """Record what happened, and announce it where a person wants to know."""
+    """Records an event, and announces it to the user if wanted."""
 
     def __call__(self, sentence: str, *, announce: bool, **details: object) -> None:
-        """Take a sentence and what a program wants to know of it."""
+        """Record a sentence, with details for programs."""
 
 
 @dataclass
@@ -47,32 +47,31 @@ class _Gap:
 
 
 class MissingFrames:
-    """Keep account of the frames that are missing, in the session's numbering.
+    """Keep account of missing frames, in the session's numbering.
 
-    A jump in the numbers of the live frames is a gap. It is noted first, then asked for. What
-    comes is taken once. What the follower has not got, or does not answer for, is lost.
-
-    Nothing here looks at a clock: time is counted in the leader's ticks, and only while the
-    follower is connected.
+    A jump in the numbers of the live frames is a gap. A gap is recorded first, then requested.
+    Each frame is accepted once. Frames that the follower no longer keeps, or does not send in
+    time, count as lost. Time is counted in the leader's ticks while the follower is connected;
+    no clock is read.
 
     Parameters
     ----------
     most
-        Frames of a gap that are asked for, the newest ones.
+        Most frames of a gap to request; the newest ones are requested.
     ask
-        Called with ranges of numbers that are missing.
+        Called with the missing ranges of numbers to request.
     note
-        Called when a gap is noted and when it is closed.
+        Called to record a gap, and to record that it is closed.
     """
 
     def __init__(self, most: int, ask: Callable[[list[Range]], None], note: Note) -> None:
         self._most = most
         self._ask = ask
         self._note = note
-        self._keeps = 0  # of the follower that is connected
+        self._keeps = 0  # frames that the connected follower buffers
         self._missing = RangeSet()
         self._unasked = RangeSet()
-        self._asked: deque[tuple[int, list[Range]]] = deque()  # and when, oldest first
+        self._asked: deque[tuple[int, list[Range]]] = deque()  # with the time, oldest first
         self._unnoted: list[Range] = []
         self._gaps: list[_Gap] = []
         self._idle_ticks = self._ticks = self._now_ticks = 0
@@ -81,12 +80,12 @@ class MissingFrames:
 
     @property
     def first(self) -> int | None:
-        """The least number that may still come, None where nothing is missing."""
+        """The smallest number that may still come, or None if no frame is missing."""
         return self._missing.first
 
     @property
     def summary(self) -> dict[str, int]:
-        """Frames that were missing, filled in, lost, still waited for, and came unasked."""
+        """Numbers of frames missing, filled in, lost, still awaited, and received unasked."""
         return {
             "missing": self._seen,
             "filled": self._filled,
@@ -96,23 +95,23 @@ class MissingFrames:
         }
 
     def connect(self, keep_frames: int) -> None:
-        """Expect the answers of a follower that keeps this many frames; ask it for everything."""
+        """Note a follower that buffers this many frames; request all missing frames from it."""
         self._keeps = min(keep_frames, self._most)
         self._unasked = RangeSet(self._missing)
         self._asked.clear()
         self._idle_ticks = 0
 
     def forget(self) -> None:
-        """Give up everything: the follower that had it is gone."""
+        """Give up all missing frames, for instance if the follower that had them is gone."""
         self._lose(list(self._missing))
 
     def skip(self, frames: int) -> None:
-        """Count frames as missing and lost that were never sent: no follower ran."""
+        """Count frames as missing and lost that were never sent, because no follower ran."""
         self._seen += frames
         self._lost += frames
 
     def jumped(self, newest: int, frames: RecordArray) -> None:
-        """Take note of what is missing in frames (n,) and between them and the newest before."""
+        """Note the gaps within frames (n,), and between them and the newest frame before."""
         before = newest
         for number in frames["sequence"].tolist():
             if number > before + 1:
@@ -120,7 +119,7 @@ class MissingFrames:
             before = number
 
     def lack(self, first: int, stop: int) -> None:
-        """Take note that the numbers from `first` up to `stop` did not arrive."""
+        """Note that the numbers from `first` up to `stop` did not arrive."""
         self._seen += stop - first
         self._gaps.append(_Gap(first, stop))
         self._unnoted.append((first, stop))
@@ -132,7 +131,7 @@ class MissingFrames:
             self._lose([next(iter(self._missing))])
 
     def fill(self, frames: RecordArray) -> RecordArray:
-        """Return those of the frames (n,) that were missing, ascending; they no longer are."""
+        """Return those of the frames (n,) that were missing, ascending; count them as filled in."""
         numbers = frames["sequence"].tolist()
         wanted: BoolArray = np.array([self._missing.remove(n, n + 1) == 1 for n in numbers])
         taken = frames[wanted]
@@ -145,12 +144,12 @@ class MissingFrames:
         return taken
 
     def gone(self, ranges: list[Range]) -> None:
-        """Give up what the follower has not got."""
+        """Give up ranges that the follower does not have."""
         self._idle_ticks = 0
         self._lose(ranges)
 
     def tick(self, elapsed: int) -> bool:
-        """Note, ask and give up what is due; return whether anything was closed since then."""
+        """Record, request and give up what is due; return whether frames came or were given up."""
         self._ticks += elapsed
         if self._ticks < PERIOD_TICKS:
             return False
@@ -170,19 +169,19 @@ class MissingFrames:
         return closed
 
     def close(self) -> None:
-        """Note how it ended: what is still missing is lost."""
+        """Give up all missing frames and record this, at the end of the session."""
         if self._unnoted:
             self._note_gaps()
         self.forget()
         self._note_closed()
 
     def outstanding(self) -> list[Range]:
-        """Return what is missing, as asked for at the end of a session."""
+        """Return the missing ranges, to be requested at the end of a session."""
         self._unasked.clear()
         return list(self._missing)
 
     def _ask_for_missing(self) -> None:
-        """Ask for what was not asked for, or so long ago that the answer is lost."""
+        """Request ranges that were not requested yet, or so long ago that the answer is lost."""
         while self._asked and self._now_ticks - self._asked[0][0] >= AGAIN_TICKS:
             for asked in self._asked.popleft()[1]:
                 for first, stop in self._missing.within(*asked):
@@ -201,7 +200,7 @@ class MissingFrames:
         self._resolved = True
 
     def _lose_of_gaps(self, low: int, high: int) -> None:
-        """Count numbers as lost where they belong; gaps ascend and do not overlap."""
+        """Count numbers as lost in the gaps that contain them; gaps ascend without overlap."""
         place = bisect_right(self._gaps, low, key=lambda gap: gap.stop)
         while place < len(self._gaps) and self._gaps[place].first < high:
             gap = self._gaps[place]
@@ -220,7 +219,7 @@ class MissingFrames:
         )
 
     def _note_closed(self) -> None:
-        """Note the gaps of which nothing is waited for any more."""
+        """Record the gaps of which no frame is awaited any more."""
         closed: list[_Gap] = []
         open_still: list[_Gap] = []
         for gap in self._gaps:

@@ -1,4 +1,4 @@
-"""The part that shows the run to a browser, and what the page sees of the leader."""
+"""The part that shows the run to a browser, and the page's view of the leader."""
 
 from collections.abc import Callable, Coroutine
 from pathlib import Path
@@ -31,7 +31,7 @@ class SessionView:
     session
         Session of the run.
     completing, recording, modelling, playout, vibration
-        What it shows, and what the page's controls act on.
+        Parts that the page shows, or that its controls act on.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class SessionView:
 
     @property
     def ticker(self) -> "Ticker | None":
-        """What ticks."""
+        """The ticker, or None before there is one."""
         return self._session.ticker
 
     @property
@@ -88,7 +88,7 @@ class SessionView:
 
     @property
     def forced(self) -> Literal["streamed", "synthesized"] | None:
-        """Which vibration a person holds on to."""
+        """Which vibration a person has fixed, or None."""
         return self._completing.forced
 
     @property
@@ -98,7 +98,7 @@ class SessionView:
 
     @property
     def frozen(self) -> bool | None:
-        """Whether the model is left as it is."""
+        """Whether the model is frozen; None if nothing is modelled."""
         return None if self._modelling is None else self._modelling.frozen
 
     @property
@@ -120,18 +120,18 @@ class SessionView:
 
     @property
     def surfaces(self) -> tuple[int, list[int]] | None:
-        """The number of the surface under the tool, and those of all that are known."""
+        """The number of the surface under the tool, and the numbers of all known surfaces."""
         found = self._log.surfaces
         return None if found is None else (found.current, sorted(found.entries))
 
     @property
     def shown(self) -> dict[str, dict[str, Any]]:
-        """What other parts show, by kind of message."""
+        """Headers of messages that other parts show, by kind of message."""
         return {k: header for shown in self._verbs("shown") for k, header in shown().items()}
 
     @property
     def orders(self) -> dict[str, Callable[[dict[str, Any]], str]]:
-        """What other parts carry out, by name."""
+        """Orders that other parts carry out, by name."""
         return {k: order for orders in self._verbs("orders") for k, order in orders().items()}
 
     def _verbs(self, verb: str) -> list[Callable[..., dict[str, Any]]]:
@@ -139,12 +139,12 @@ class SessionView:
 
     @property
     def recording(self) -> Path | None:
-        """The file that is recorded into."""
+        """The file of the running recording, or None."""
         recorder = self._recording.running
         return None if recorder is None else recorder.path
 
     def tell(self, sentence: str, **details: object) -> None:
-        """Note an event."""
+        """Record an event and tell the user."""
         self._session.journal.event(sentence, **details)
 
     def reset_model(self) -> None:
@@ -152,7 +152,7 @@ class SessionView:
         self._completing.reset(self.time_s)
 
     def freeze(self, frozen: bool) -> None:
-        """Leave the model as it is, or let it grow again."""
+        """Freeze the model, or let it grow again."""
         if self._modelling is not None:
             self._modelling.freeze(frozen)
 
@@ -162,7 +162,7 @@ class SessionView:
             self._modelling.say_surface(surface)
 
     def force(self, mode: Literal["streamed", "synthesized"] | None) -> None:
-        """Hold on to one vibration, or let the criterion decide (None)."""
+        """Fix one vibration, or let the criterion decide (None)."""
         self._completing.force(mode)
 
     async def start_recording(self, path: Path) -> None:
@@ -176,14 +176,14 @@ class SessionView:
 
 
 class MonitorPart(Part):
-    """Leave the monitor what it shows, and serve its page.
+    """Give the monitor its data, and serve its page.
 
     Parameters
     ----------
     session
         Session of the run.
     view
-        What the monitor sees of it.
+        The monitor's view of the session.
     table
         The scene's ``[monitor]``.
     """
@@ -194,11 +194,11 @@ class MonitorPart(Part):
         self._tap = self.monitor.tap
 
     def tasks(self) -> dict[str, Coroutine[Any, Any, None]]:
-        """Return the task that looks and publishes."""
+        """Return the task that reads the session's state and publishes it."""
         return {"monitor": self.monitor.run()} if self._session.remote is not None else {}
 
     async def stop(self) -> None:
-        """Let the viewers have the last state and the session's outcome."""
+        """Give the viewers the last state and the session's outcome."""
         self.monitor.end()
 
     def pages(self) -> "list[Page]":
@@ -211,7 +211,7 @@ class MonitorPart(Part):
         self._tap.add_frames(frames)
 
     def on_output(self, first_ns: int, mode: str, vibration_m_s2: FloatArray) -> None:
-        """Keep what was played for the page."""
+        """Keep the played vibration (n,) for the page."""
         _ = first_ns, mode
         self._tap.add_output(vibration_m_s2)
 
@@ -220,10 +220,10 @@ class MonitorPart(Part):
         self._tap.state = tick.moving
 
     def status(self) -> dict[str, Any]:
-        """Return how many look on."""
+        """Return the number of viewers."""
         return {"viewers": len(self.monitor.viewers)}
 
     def on_event(self, event: dict[str, Any], sentence: str | None) -> None:
-        """Show what a person is told."""
+        """Show the sentence of an event of which the user is told."""
         if sentence is not None:
             self.monitor.note(event["time_s"], sentence)

@@ -1,4 +1,4 @@
-"""One numbering for a session, also when its follower is started anew in the midst of it."""
+"""One numbering for a session, even if its follower is restarted during the session."""
 
 from typing import Final
 
@@ -9,20 +9,20 @@ from mmt.core.frames import SEQUENCES, steps_ahead
 from mmt.core.pacing import most_ahead, shortest_period_ns
 
 _SAME_CLOCK_NS: Final = 1_000_000_000
-"""Times that are further off than this come from another clock."""
+"""Times that differ from the expected time by more than this come from another clock."""
 
 
 class SessionNumbering:
-    """Number the frames of a session on, whichever process sends them.
+    """Number the frames of a session consecutively, whichever process sends them.
 
-    A follower that takes its link up again goes on counting, and its frames pass as they
-    are. One that was started anew counts from 0, or from further ahead than the time that
-    passed allows: since the newest frame, or since the session's first where the follower is
-    known to be the same process, since a leader that was paused reads old frames late. The frames
-    of a follower that was started anew are put behind those of the session, with as many missing
-    as the silence lasted, at least one. So they are not taken for late or repeated ones, and the
-    gap is seen. If it runs on another clock, its times are shifted likewise. So is one put that
-    begins to count anew while it is connected.
+    A follower that reconnects continues its numbers, and its frames pass unchanged. A restarted
+    follower numbers from 0, or from further ahead than the elapsed time allows. The elapsed time
+    counts from the newest frame; if the follower is known to be the same process, from the
+    session's first, because a paused leader reads old frames late. The frames of a restarted
+    follower are placed after those of the session, with a gap as long as the silence, at least one
+    frame. So they do not count as late or repeated, and the gap is recorded. If the follower has
+    another clock, its times are shifted too. The same is done if a follower restarts its numbers
+    while it is connected.
 
     A follower's numbers may wrap; those of the session never do. They begin with the follower's
     first number, or with 0 if that is in the upper half of the numbers.
@@ -45,7 +45,7 @@ class SessionNumbering:
         self._reconnected = False
         self._same = False
         self.anew = False
-        """Whether the follower that is connected is known to be another process."""
+        """Whether the connected follower is known to be another process than the one before."""
         self._run_id = ""
         self._shift = 0
         self._time_shift_ns = 0
@@ -57,7 +57,7 @@ class SessionNumbering:
 
     @property
     def frames(self) -> int:
-        """Frames from the session's first to its newest, missing ones counted."""
+        """Number of frames from the session's first to its newest, missing ones included."""
         return 0 if self._first is None else self._newest + 1 - self._first
 
     @property
@@ -67,17 +67,17 @@ class SessionNumbering:
 
     @property
     def shift(self) -> int:
-        """What the session's numbers are above those of the follower that is connected."""
+        """The session's numbers minus those of the connected follower."""
         return self._shift
 
     def reconnect(self, run_id: str = "") -> None:
-        """Expect a follower that was connected before, or another one.
+        """Prepare for a connection of the same follower or of another one.
 
         Parameters
         ----------
         run_id
-            Names the follower's process; empty where it is not known, so that the follower's
-            numbers must tell.
+            Identifies the follower's process. If empty, the follower's numbers decide whether it
+            is the same one.
         """
         self._reconnected = self._first is not None
         known = bool(run_id and self._run_id)
@@ -86,10 +86,10 @@ class SessionNumbering:
         self.follower_time_ns = 0
 
     def number(self, frames: RecordArray, arrival_ns: int) -> tuple[RecordArray, int]:
-        """Return the next frames (n,), n >= 1, numbered on, and how many this left out.
+        """Return the next frames (n,), n >= 1, in the session's numbers, and the numbers left out.
 
-        The second value is 0 unless a follower that was started anew begins here; then it is
-        the number of frames that are missing between the session so far and it.
+        The second value is 0 unless a restarted follower begins here; then it is the number of
+        frames that are missing between the session so far and this follower.
         """
         left_out, sequence = 0, int(frames["sequence"][0])
         if self._first is None:
@@ -107,7 +107,7 @@ class SessionNumbering:
         return frames, left_out
 
     def renumber(self, frames: RecordArray) -> RecordArray:
-        """Return frames (n,) of the follower that is connected with the session's numbers."""
+        """Return frames (n,) of the connected follower, in the session's numbers and times."""
         if self._shift:
             frames = frames.copy()
             own = frames["sequence"].astype(np.int64)
@@ -116,16 +116,16 @@ class SessionNumbering:
         return frames
 
     def of_session(self, number: int) -> int:
-        """Return the session's number for one of the follower that is connected."""
+        """Return the session's number for a number of the connected follower."""
         return self._newest + steps_ahead(number, self._newest - self._shift)
 
     def extend(self, stop: int) -> None:
-        """Count the session's frames up to this number, also those that are missing."""
+        """Extend the session's numbers up to `stop`, for frames that are missing at the end."""
         if self._first is not None:
             self._newest = max(self._newest, stop - 1)
 
     def expected_arrival_ns(self, time_ns: int, now_ns: int) -> int:
-        """Return when a frame of this time would have arrived beside the newest one."""
+        """Return when a frame of this time would have arrived, judged by the newest frame."""
         arrival_ns = self.arrival_ns - (self._newest_time_ns - time_ns)
         return min(max(arrival_ns, 0), now_ns)
 

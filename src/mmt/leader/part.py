@@ -1,4 +1,4 @@
-"""What a part of the leader is: a few verbs, each of which does nothing unless it is overridden.
+"""The base class of the leader's parts: a few verbs, which do nothing unless overridden.
 
 A part is one module with a class derived from `Part`, and a builder in `mmt.leader.building`,
 which passes it the `Session` that all parts of a run share and the other parts that it needs. The
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class Tick:
-    """What is known in a tick; the parts fill it in, in the order of their list.
+    """Data of a tick; the parts fill it in, in the order of their list.
 
     Attributes
     ----------
@@ -42,15 +42,15 @@ class Tick:
     begun
         Whether a frame has come, or the scene has no link.
     state
-        The hand's state, None where it is not read.
+        State of the hand, or None if it is not read.
     hand_lost
         Whether the handle is lost.
     given
-        Whether the robot is not this hand's to move: it holds, or a listener moves it.
+        Whether this hand may not move the robot: the robot holds, or a listener moves it.
     operating
-        State of the listener's hand that moves the robot, None where none does.
+        State of the listener's hand that moves the robot, or None.
     offset_mm
-        What the follower's command has more than the hand's position, since control was away.
+        The follower's command minus the hand's position, after control was away.
     """
 
     now_ns: int = 0
@@ -70,38 +70,38 @@ class Tick:
 
 
 class Part:
-    """A part of the leader. Override what it needs; the verbs are called on the event loop."""
+    """A part of the leader. Override the verbs it needs; they are called on the event loop."""
 
     @property
     def name(self) -> str:
-        """What a person calls it, where it cannot be opened or closed."""
+        """Name of the part, for errors in opening or closing it."""
         return type(self).__name__
 
-    # --- its life
+    # --- life cycle
 
     def connect(self) -> None:
-        """Open devices and files before the link is opened; what it raises ends the start."""
+        """Open devices and files before the link is opened; an exception ends the start."""
 
     def begin(self) -> None:
-        """Start, now that nothing else keeps the session from starting."""
+        """Start, after all parts are connected and the link is open."""
 
     def tasks(self) -> dict[str, Coroutine[Any, Any, None]]:
         """Return coroutines to run beside the ticks until the session ends, by name."""
         return {}
 
     async def finish(self) -> None:
-        """Finish what is half done; the session has ended as it should."""
+        """Finish work under way; called if the session has ended without a fault."""
 
     async def stop(self) -> None:
-        """Say goodbye, while the link is still open; the session has ended in any way."""
+        """Do last work while the link is still open; called however the session has ended."""
 
     def close(self) -> None:
-        """Release everything. Parts are closed in the reverse order, also when one raises."""
+        """Release everything. Parts are closed in the reverse order, even if one raises."""
 
-    # --- while it runs
+    # --- while the session runs
 
     def tick(self, tick: Tick) -> None:
-        """Do what is to be done a thousand times a second; a few microseconds."""
+        """Do the work of a tick, a thousand times a second; may take a few microseconds."""
 
     def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
         """Use the newest frames (n,), n >= 1, which have just arrived."""
@@ -110,31 +110,31 @@ class Part:
         """Use frames (n,) that were missing and were sent again."""
 
     def on_settled(self) -> None:
-        """Go on: some of the missing frames have come, or will not come."""
+        """Go on: some missing frames have come, or will not come."""
 
     def on_output(self, first_ns: int, mode: str, vibration_m_s2: FloatArray) -> None:
         """Use samples (n,) that the actuator has just been given, the first for this time."""
 
     def on_follower(self, hello: "FollowerHello") -> None:
-        """Take note of a follower that has connected."""
+        """Note that a follower has connected."""
 
     def on_lost(self) -> None:
-        """Take note that the follower is lost, perhaps for a while."""
+        """Note that the follower is lost, perhaps for a while."""
 
     def on_event(self, event: dict[str, Any], sentence: str | None) -> None:
-        """Take note of an event; it has a sentence where a person is told."""
+        """Note an event, with a sentence if the user is told."""
 
     def look(self) -> None:
         """Check, five times a second; an `MmtError` ends the session as failed."""
 
-    # --- what it says
+    # --- reports
 
     def faults(self) -> list[str]:
-        """Return what is not as it should be, a sentence each."""
+        """Return the part's faults, a sentence each."""
         return []
 
     def status(self) -> dict[str, Any]:
-        """Return live figures, by the names of `LeaderStatus` or by names of its own."""
+        """Return live figures, by the names of `LeaderStatus` or by the part's own names."""
         return {}
 
     def summary(self, duration_s: float) -> dict[str, Any]:
@@ -143,28 +143,28 @@ class Part:
         return {}
 
     def metrics(self) -> "Iterable[Metric]":
-        """Return metrics, called in a thread; only where the scene has [metrics]."""
+        """Return metrics; called in a thread, and only if the scene has ``[metrics]``."""
         return ()
 
     def pages(self) -> "list[Page]":
-        """Return what is served beside the link."""
+        """Return the pages to serve beside the link."""
         return []
 
-    # --- what a person does
+    # --- orders from the user
 
     def signals(self) -> dict[str, Callable[[], None]]:
-        """Return what is called at signals, by their names, such as ``SIGUSR2``."""
+        """Return the functions to call at signals, by name, such as ``SIGUSR2``."""
         return {}
 
     def shown(self) -> dict[str, dict[str, Any]]:
-        """Return what the monitor's page shows of it: headers of messages, by their kinds."""
+        """Return headers of messages for the monitor's page, by kind of message."""
         return {}
 
     def orders(self) -> dict[str, Callable[[dict[str, Any]], str]]:
-        """Return the orders of the monitor's page that it carries out, by their names.
+        """Return the functions that carry out orders of the monitor's page, by name.
 
-        Each is called with an order, which is not trusted, and returns a sentence; an
-        `InputError` says what is wrong with it.
+        Each is called with an order, which is not trusted, and returns a sentence. It raises
+        `InputError` if the order is wrong.
         """
         return {}
 
@@ -183,15 +183,15 @@ class Parts:
         return iter(self._all)
 
     def of(self, kind: type[AnyPart]) -> AnyPart | None:
-        """Return the part of this class, None if there is none."""
+        """Return the part of this class, or None if there is none."""
         return next((part for part in self if isinstance(part, kind)), None)
 
     def add(self, part: Part) -> None:
-        """Add a part behind the others."""
+        """Add a part after the others."""
         self._all.append(part)
 
     def verbs(self, verb: str) -> list[Callable[..., Any]]:
-        """Return a verb's methods of the parts that override it, ready to be called."""
+        """Return the bound methods of a verb, one for each part that overrides it."""
         usual = getattr(Part, verb)
         return [
             getattr(part, verb)
@@ -200,12 +200,12 @@ class Parts:
         ]
 
     def connect(self) -> None:
-        """Open what the parts need.
+        """Connect every part.
 
         Raises
         ------
         MmtError
-            One of them cannot be opened.
+            A part cannot be connected.
         """
         for part in self:
             try:
@@ -218,7 +218,7 @@ class Parts:
         self._on_frames = self.verbs("on_frames")
 
     def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
-        """Hand the newest frames (n,) to every part that uses them."""
+        """Pass the newest frames (n,) to every part that uses them."""
         for use in self._on_frames:
             use(frames, arrival_ns)
 
@@ -256,7 +256,7 @@ class Remote(Protocol):
 
     @property
     def connected(self) -> bool:
-        """Whether it is connected."""
+        """Whether the follower is connected."""
 
     @property
     def has_begun(self) -> bool:
@@ -268,42 +268,42 @@ class Remote(Protocol):
 
     @property
     def faults(self) -> list[str]:
-        """What is not as it should be, a sentence each."""
+        """Faults of the follower and the link, a sentence each."""
 
     @property
     def time_s(self) -> float:
-        """Session time of its newest frame."""
+        """Session time of the newest frame."""
 
     @property
     def statistics(self) -> "LinkStatistics | None":
-        """What the link counts."""
+        """Counts of the link, or None before there is one."""
 
     @property
     def clock_offset_ns(self) -> int | None:
-        """Offset of its clock, None where it is not known."""
+        """The follower's clock minus this one (ns), or None if it is not known."""
 
     @property
     def follower_time_ns(self) -> int:
-        """Time of its newest frame by its own clock; 0 before the first of a connection."""
+        """Time of the newest frame by the follower's clock; 0 before the first of a connection."""
 
     def command(self, now_ns: int, position_mm: Vector) -> None:
         """Command a position (mm)."""
 
     def send_extra(self, records: RecordArray) -> None:
-        """Send records (n,) of the force feedback's method."""
+        """Send records (n,) of the force-feedback method."""
 
 
 class Session:
-    """What the parts of a run share.
+    """State that the parts of a run share.
 
     Parameters
     ----------
     scene
-        What is run.
+        The scene to run.
     say
-        Called with a sentence that a person wants to know.
+        Called with a sentence for the user.
     time_s
-        Gives the session time.
+        Returns the session time.
     """
 
     def __init__(
@@ -328,8 +328,8 @@ class Session:
             self.time_s,
         )
         self.remote: Remote | None = None
-        """The follower, None where the scene has no link."""
+        """The follower, or None if the scene has no link."""
         self.ticker: Ticker | None = None
         """Calls the tick; None before there is one, and in simulated time."""
         self.verdict: Callable[[], Verdict] = lambda: verdict(Facts())
-        """Gives the verdict on the run as it is now."""
+        """Returns the verdict on the run as it is now."""

@@ -1,7 +1,7 @@
-"""The list of the leader's parts; one that a scene leaves out is not even imported.
+"""The list of the leader's parts; a part that a scene leaves out is not imported.
 
-The order is that in which they are built and their verbs are called: what a tick reads comes
-before what it plays. To add a part, write its module, a builder and a line; another package adds
+Parts are built, and their verbs called, in the order of the list: parts that read come before
+parts that play. To add a part, write its module, a builder and a line; another package adds
 one by an entry point (`mmt.scene.added`).
 """
 
@@ -23,7 +23,7 @@ class PartEntry(NamedTuple):
     """How a part is made, and whether a scene has it."""
 
     build: Callable[[Session, LeaderParts], Part | None]
-    """Makes the part, with those before it; None for none."""
+    """Returns the part, or None if it is not needed, given the session and the earlier parts."""
     wanted: Callable[[Scene], bool]
     tasks: tuple[str, ...] = ()
     """Names of the tasks that it runs beside the ticks."""
@@ -89,7 +89,7 @@ def _added(home: str, session: Session, parts: LeaderParts) -> Part | None:
 
 
 def _asks_for(scene: Scene, key: str) -> bool:
-    """Whether a scene has the table, or the key of a table, ``table.key``."""
+    """Return whether a scene has the table, or the key of a table, ``table.key``."""
     table, _, field = key.partition(".")
     found = getattr(scene, table)
     return found is not None and (not field or getattr(found, field) is not None)
@@ -130,9 +130,9 @@ def build_parts(
     session
         Session of the run; it gets the parts.
     names
-        Which ones; None for all that the scene needs.
+        Names of the parts to build; None for all that the scene needs.
     modelling
-        The process that is to model, where it was launched before.
+        The modelling process, if it was launched before.
 
     Raises
     ------

@@ -1,8 +1,8 @@
-"""The base of the parts that pass frames and events on to other programs, such as LSL's and ROS's.
+"""The base of the parts that publish frames and events to other programs, by LSL or ROS.
 
-A stamp is the time at which a frame was measured, by another clock of this machine: the
-follower's time, less the offset of its clock from the leader's, plus how far that other clock is
-ahead of the leader's.
+A stamp is the time of a frame's measurement by another clock of this machine: the follower's
+time, minus the offset of the follower's clock from the leader's, plus the offset of that other
+clock from the leader's.
 """
 
 import asyncio
@@ -35,13 +35,13 @@ class Marker(NamedTuple):
     """An event."""
 
     time_ns: int
-    """By the other clock."""
+    """Time by the other clock."""
     text: str
     """A JSON object."""
 
 
 class Outlet(Protocol):
-    """Where frames and events go; called in the part's thread, and may wait."""
+    """Destination of frames and events; called in the part's thread, and may wait."""
 
     def push_frames(self, blocks: Sequence[Block]) -> None:
         """Push blocks of frames, in their order."""
@@ -54,22 +54,22 @@ AnyOutlet = TypeVar("AnyOutlet", bound=Outlet)
 
 
 class PublishingPart(Part, Generic[AnyOutlet]):
-    """Pass frames and events on, from a thread of its own; what finds no room is counted.
+    """Publish frames and events from a thread of its own; frames dropped for lack of room count.
 
-    Where the other side fails, that is told; the session goes on without it.
+    If the outlet fails, the user is told, and the session goes on without it.
 
     Parameters
     ----------
     session
         Session of the run.
     chunk_ms
-        How often what has come is passed on.
+        Time between two pushes of the waiting frames and events.
     """
 
     table: ClassVar[str]
     """Name of the scene's table, of the thread, and of the summary."""
     compared: ClassVar[tuple[str, str]]
-    """The event that tells how far the other clock is ahead, and the name of that figure (ns)."""
+    """The event that records the other clock's offset, and the name of that figure (ns)."""
 
     def __init__(self, session: Session, chunk_ms: int) -> None:
         self._session = session
@@ -81,7 +81,7 @@ class PublishingPart(Part, Generic[AnyOutlet]):
         self._markers: deque[Marker] = deque(maxlen=QUEUE_LIMIT)
         self._clock_ahead_ns = 0
         self.error: str | None = None
-        """Why nothing is passed on any more, None while it is."""
+        """Why publishing has failed, or None."""
         self._told = False
         self._queued = 0
         self._unstamped = 0
@@ -89,7 +89,7 @@ class PublishingPart(Part, Generic[AnyOutlet]):
 
     @property
     def name(self) -> str:
-        """What a person calls it."""
+        """Name of the part, for errors."""
         return f"[{self.table}]"
 
     @abstractmethod
@@ -97,7 +97,7 @@ class PublishingPart(Part, Generic[AnyOutlet]):
         """Return the other clock's time."""
 
     def begin(self) -> None:
-        """Compare the other clock with the leader's, and begin to pass on."""
+        """Compare the other clock with the leader's, and start to publish."""
         self._clock_ahead_ns = clock_ahead_ns(self.clock_s)
         self._thread = threading.Thread(target=self._run, name=f"mmt-{self.table}", daemon=True)
         self._thread.start()
@@ -105,46 +105,46 @@ class PublishingPart(Part, Generic[AnyOutlet]):
         self._session.journal.record({"event": event, figure: self._clock_ahead_ns})
 
     async def stop(self) -> None:
-        """Pass on what waits."""
+        """Publish everything that waits."""
         await asyncio.to_thread(self._end)
 
     def close(self) -> None:
-        """End the thread, and take the outlet from the network."""
+        """End the thread, and release the outlet."""
         self._end()
         self._outlet = None
 
-    # --- what is passed on
+    # --- published data
 
     def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
-        """Queue frames (n,); those whose time is not known by this machine's clock are counted."""
+        """Queue frames (n,), or only count them if their time by this machine is not known."""
         _ = arrival_ns
         remote = self._session.remote
         offset_ns = remote.clock_offset_ns if remote is not None else None
         if remote is None or offset_ns is None:
             self._unstamped += len(frames)
             return
-        # the session's times go on where those of a follower that was started anew may not
+        # after a restart of the follower its times may differ from the session's
         own_ns = remote.follower_time_ns - int(frames["time_ns"][-1])
         self._queued += len(frames)
         self._frames.append(Block(frames, own_ns - offset_ns + self._clock_ahead_ns))
 
     def on_event(self, event: dict[str, Any], sentence: str | None) -> None:
-        """Queue an event, at this moment."""
+        """Queue an event, stamped with the current time."""
         _ = sentence
         if self._thread is not None:
             time_ns = time.monotonic_ns() + self._clock_ahead_ns
             self._markers.append(Marker(time_ns, to_json(event)))
 
-    # --- what it says
+    # --- reports
 
     def look(self) -> None:
-        """Tell once that the other side has failed."""
+        """Report once that the outlet has failed."""
         if self.error is not None and not self._told:
             self._told = True
             self._session.journal.event(f"{self.error}: the session goes on without it")
 
     def faults(self) -> list[str]:
-        """Return why frames are not passed on."""
+        """Return why frames are not published."""
         link = self._session.scene.link
         never = link is not None and link.clock_hz == 0 and self._unstamped > 0
         unknown = (
@@ -154,7 +154,7 @@ class PublishingPart(Part, Generic[AnyOutlet]):
         return [*filter(None, [self.error]), *([unknown] if never else [])]
 
     def summary(self, duration_s: float) -> dict[str, Any]:
-        """Return how much was passed on, and how much was not."""
+        """Return how many frames and events were published, and how many frames were not."""
         _ = duration_s
         dropped = self._queued - self._pushed["frames"]
         figures = {"dropped": dropped, "unstamped": self._unstamped, "error": self.error}
@@ -173,12 +173,12 @@ class PublishingPart(Part, Generic[AnyOutlet]):
             while not self._closing.wait(self._chunk_s):
                 self._push()
             self._push()
-        except Exception as error:  # noqa: BLE001 - whatever stops the other side is told
+        except Exception as error:  # noqa: BLE001 - any failure of the outlet is reported
             reason = brief(error).rstrip(".") or type(error).__name__
             self.error = f"{self.name} has failed: {reason}"
 
     def _push(self) -> None:
-        """Push what has come."""
+        """Push everything that waits."""
         assert self._outlet is not None  # noqa: S101 - it is kept until the thread has ended
         blocks = _taken(self._frames)
         if blocks:
@@ -190,7 +190,7 @@ class PublishingPart(Part, Generic[AnyOutlet]):
 
 
 def _taken(queue: deque[Any]) -> list[Any]:
-    """Take what waits; the other thread may drop some of it meanwhile."""
+    """Take all items that wait; the other thread may drop some of them meanwhile."""
     taken = []
     for _ in range(len(queue)):
         try:
@@ -201,7 +201,7 @@ def _taken(queue: deque[Any]) -> list[Any]:
 
 
 def clock_ahead_ns(clock_s: Callable[[], float]) -> int:
-    """Return how far a clock is ahead of the monotonic one (ns), by the quickest of some looks."""
+    """Return a clock minus the monotonic one (ns), from the quickest of several readings."""
     looks = []
     for _ in range(_COMPARISONS):
         before_ns = time.monotonic_ns()

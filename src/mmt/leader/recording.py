@@ -19,26 +19,26 @@ if TYPE_CHECKING:
 class RecordingPart(Part):
     """Record frames, the output, events and models, while a recording runs.
 
-    One that fails, as on a full disk, is told; the session goes on without it.
+    If a recording fails, as on a full disk, the user is told; the session goes on without it.
 
     Parameters
     ----------
     session
-        Its scene says what is recorded, and whether from the start.
+        Session whose scene says what is recorded, and whether from the start.
     """
 
     def __init__(self, session: Session) -> None:
         self._session = session
         self.recorder: McapRecorder | None = None
-        """The one that runs or has failed, None where none does."""
+        """Recorder that runs or has failed, or None."""
         self._ended: McapRecorder | None = None
         self._failed: list[McapRecorder] = []
         self.before_end: Callable[[], None] = lambda: None
-        """Called before a recording ends that a person has started."""
+        """Called before `end` closes the recording."""
 
     @property
     def running(self) -> "McapRecorder | None":
-        """The one that runs and has not failed."""
+        """Recorder that runs and has not failed, or None."""
         return None if self.recorder is None or self.recorder.error else self.recorder
 
     def begin(self) -> None:
@@ -61,7 +61,7 @@ class RecordingPart(Part):
         Raises
         ------
         InputError
-            One runs already, or the file cannot be made.
+            A recording runs already, or the file cannot be made.
         MmtError
             The session has ended meanwhile.
         """
@@ -81,9 +81,9 @@ class RecordingPart(Part):
         Raises
         ------
         InputError
-            None runs.
+            No recording runs.
         MmtError
-            It could not be written to its end.
+            The recording could not be written to its end.
         """
         recorder = self.running
         if recorder is None:
@@ -102,7 +102,7 @@ class RecordingPart(Part):
         if self.recorder is not None:
             self.recorder.close()
 
-    # --- what is recorded
+    # --- recorded data
 
     def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
         """Record frames (n,)."""
@@ -111,12 +111,12 @@ class RecordingPart(Part):
             self.recorder.record_frames(frames)
 
     def on_backfill(self, frames: RecordArray, arrival_ns: int) -> None:
-        """Record frames (n,) at the place where they were missing."""
+        """Record back-filled frames (n,) at their place."""
         if self.recorder is not None:
             self.recorder.record_backfill(frames, arrival_ns)
 
     def on_output(self, first_ns: int, mode: str, vibration_m_s2: FloatArray) -> None:
-        """Record what was played."""
+        """Record the played vibration (n,)."""
         if self.recorder is not None:
             self.recorder.record_output(first_ns, mode, vibration_m_s2)
 
@@ -127,14 +127,14 @@ class RecordingPart(Part):
             self.recorder.record_event(event)
 
     def on_follower(self, hello: "FollowerHello") -> None:
-        """Attach what the follower says of its session."""
+        """Attach the follower's annotations."""
         if self.recorder is not None and hello.annotations:
             self.recorder.attach_annotations(hello.annotations)
 
-    # --- what it says
+    # --- reports
 
     def look(self) -> None:
-        """Tell once that the recording has failed, such as on a full disk."""
+        """Report once that the recording has failed, for instance on a full disk."""
         recorder = self.recorder
         if recorder is None or recorder.error is None or recorder in self._failed:
             return
@@ -148,7 +148,7 @@ class RecordingPart(Part):
         return [_failure(recorder) for recorder in self._failed]
 
     def summary(self, duration_s: float) -> dict[str, Any]:
-        """Return the file, and what is in it; of several recordings the first that has failed."""
+        """Return file and counts of a recording: the first that failed, or else the newest."""
         _ = duration_s
         recorder = next(iter(self._failed), None) or self.recorder or self._ended
         if recorder is None:
@@ -162,7 +162,7 @@ class RecordingPart(Part):
         return {"recording": table}
 
     def metrics(self) -> "Iterable[Metric]":
-        """Return how much is recorded."""
+        """Return the counts of the recording."""
         recorder = self.recorder
         if recorder is None:
             return

@@ -1,4 +1,4 @@
-"""The follower as the leader knows it: its frames go to the parts, its loss is waited out."""
+"""The leader's view of the follower: pass its frames to the parts, and wait if it is lost."""
 
 import time
 from collections.abc import Callable, Iterable
@@ -29,22 +29,22 @@ if TYPE_CHECKING:
 
 _NOTE_PERIOD_NS: Final = 10_000_000_000
 _SILENT_NS: Final = 500_000_000
-"""Time without a frame from which on it is a fault."""
+"""Time without a frame that counts as a fault."""
 _UNSTAMPED_S: Final = 2.0
-"""How long a follower's clock may be unknown."""
+"""Longest time without an offset of the follower's clock that is no fault."""
 
 
 class RemoteFollower:
-    """Handle what the link reports, and send the follower the commands of each tick.
+    """Handle the link's events, and send the follower the command of each tick.
 
     Parameters
     ----------
     session
         Session of the run; its scene has a link.
     feedback
-        Hears what the follower says beside its frames, if it says more.
+        Handles the follower's further event, or None.
     modelling
-        Waits for frames that the follower sends again, if there is one.
+        Made to wait for frames that the follower sends again, or None.
     """
 
     def __init__(
@@ -74,17 +74,17 @@ class RemoteFollower:
 
     @property
     def connected(self) -> bool:
-        """Whether a follower is there that has not ended the session."""
+        """Whether a follower is connected that has not ended the session."""
         return self.server is not None and self.server.connected
 
     @property
     def statistics(self) -> "LinkStatistics | None":
-        """What the link counted, None before `listen`."""
+        """Counts of the link, or None before `listen`."""
         return self.server.statistics if self.server is not None else None
 
     @property
     def clock_offset_ns(self) -> int | None:
-        """The follower's clock minus this one's, None while it is not known."""
+        """The follower's clock minus this one (ns), or None while it is not known."""
         return self.server.clock.offset_ns if self.server is not None else None
 
     @property
@@ -99,7 +99,7 @@ class RemoteFollower:
 
     @property
     def faults(self) -> list[str]:
-        """What is not as it should be, a sentence each."""
+        """Faults of the follower and the link, a sentence each."""
         if self._ending.awaits_peer:
             return ["follower lost"]
         if self.connected and self.has_begun:
@@ -136,7 +136,7 @@ class RemoteFollower:
         Raises
         ------
         MmtError
-            The port cannot be had, or the token or a certificate cannot be used.
+            The port, the token or a certificate cannot be used.
         """
         from mmt.link.endpoint import emulated_network, extra_event
         from mmt.link.server import LeaderEvents, LeaderServer
@@ -168,25 +168,25 @@ class RemoteFollower:
         await self.server.start()
 
     async def dismiss(self) -> None:
-        """Ask the follower to end, and receive what it still sends of the missing frames."""
+        """Ask the follower to end, and receive missing frames that it still sends."""
         if self.server is not None:
             await self.server.request_stop(self._ending.outcome)
         self.backfill.close()
 
     async def close(self) -> None:
-        """Listen no more, and note how the clocks stood at the end."""
+        """Stop listening, and record the clocks' offset at the end."""
         self._ending.cancel_timeout()
         if self.server is not None:
             await self.server.stop()
         self.look(last=True)
 
     def look(self, *, last: bool = False) -> None:
-        """Note how the clocks stand if it is time; call it several times a second."""
+        """Record the clocks' offset if it is time; call this several times a second."""
         if self._clock_notes is not None:
             self._clock_notes.look(last=last)
 
     def command(self, now_ns: int, position_mm: Vector) -> None:
-        """Ask the follower to take a position."""
+        """Ask the follower to take a position (mm)."""
         if self.server is not None:
             self.server.send_commands(self._commands.make(now_ns, position_mm))
 
@@ -221,7 +221,7 @@ class RemoteFollower:
         if 0 <= newest != self._numbering.newest - len(frames) - left_out:
             self.backfill.missing.jumped(newest + left_out, frames)
         self._parts.on_frames(frames, arrival_ns)
-        if self._scene.replay is None:  # which may be faster or slower than it was
+        if self._scene.replay is None:  # a replay may be faster or slower than its session
             self._rate.add(self._numbering.newest, int(frames["time_ns"][-1]))
         if self.time_s >= self._scene.session.duration_s:
             self._ending.stop("completed")
@@ -279,14 +279,14 @@ class MotionCommands:
 
 
 class ClockNotes:
-    """Note the offset when it is first known, every ten seconds, at a jump and at the end.
+    """Record the clocks' offset when first known, every ten seconds, after a jump, at the end.
 
     Parameters
     ----------
     clock
-        The follower's.
+        The follower's clock.
     note
-        Takes what is to be noted.
+        Records an event.
     """
 
     def __init__(self, clock: "RemoteClock", note: Callable[[dict[str, Any]], None]) -> None:
@@ -295,7 +295,7 @@ class ClockNotes:
         self._noted_ns: int | None = None
 
     def look(self, *, last: bool = False) -> None:
-        """Note the offset if it is time; call it several times a second, and at the end."""
+        """Record the offset if it is time; call this several times a second, and at the end."""
         estimate = self._clock.estimate
         if estimate is None:
             return
@@ -315,7 +315,7 @@ class ClockNotes:
         )
 
     def jumped(self, jump: "ClockJump") -> tuple[str, dict[str, Any]]:
-        """Return the sentence and the details of a jump; the offset is noted anew after it."""
+        """Return the sentence and the details of a jump; record the offset anew after it."""
         self._noted_ns = None
         details = {"clock_time_ns": jump.time_ns, "clock_step_ns": jump.step_ns}
         return f"clocks: the follower's {jump.describe()}", details

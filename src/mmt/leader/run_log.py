@@ -18,16 +18,16 @@ LOG: Final = logging.getLogger("mmt.leader")
 
 
 class Journal:
-    """Tell and record events, each with its session time.
+    """Record events, each with its session time, and tell the user of some.
 
     Parameters
     ----------
     tell
-        Called with every event, and its sentence if a person is told.
+        Called with every event, and with its sentence if the user is told.
     say
-        Called with a sentence that a person wants to know.
+        Called with a sentence for the user.
     time_s
-        Gives the session time.
+        Returns the session time.
     """
 
     def __init__(
@@ -46,17 +46,17 @@ class Journal:
         return round(self._time_s(), 3)
 
     def event(self, sentence: str, **details: object) -> None:
-        """Tell and record what a person wants to know."""
+        """Record an event and tell the user."""
         self.say(sentence)
         LOG.info(sentence, extra=logs.told(time_s=self.time_s, **details))
         self._tell({"event": sentence, **details}, sentence)
 
     def record(self, event: dict[str, Any]) -> None:
-        """Record what only a program wants to know."""
+        """Record an event without telling the user."""
         self._tell(event, None)
 
     def note(self, sentence: str, *, announce: bool, **details: object) -> None:
-        """Record what happened, and tell it where it is worth saying."""
+        """Record an event, and tell the user if `announce`."""
         if announce:
             self.event(sentence, **details)
         else:
@@ -68,7 +68,7 @@ class Journal:
 
 @dataclass
 class RunLog:
-    """What is noted while the leader runs."""
+    """State and figures collected while the leader runs."""
 
     session_id: str = field(default_factory=lambda: uuid.uuid4().hex[:12])
     meter: ProcessMeter = field(default_factory=ProcessMeter)
@@ -81,4 +81,4 @@ class RunLog:
     stop_s: float | None = None
     ready_s: float | None = None
     surfaces: "SurfaceLog | None" = None
-    """Which surface the tool was on, where surfaces are told apart."""
+    """Which surface the tool was on, or None if surfaces are not told apart."""

@@ -35,13 +35,13 @@ class Leader:
     Parameters
     ----------
     scene
-        What to run.
+        The scene to run.
     on_status
         Called five times a second with the live status.
     on_event
-        Called with a sentence whenever something happens that a person wants to know.
+        Called with a sentence for the user about each event.
     modelling
-        The process that is to model, where it was launched before; else it is when parts connect.
+        The modelling process, if launched before; else it is launched when the parts connect.
 
     Raises
     ------
@@ -68,7 +68,7 @@ class Leader:
         self.log = self.session.log
         self.ending = self.session.ending
         self.ticks = 0
-        """Ticks so far, missed ones counted."""
+        """Ticks so far, missed ones included."""
         self.parts = build_parts(self.session, modelling=modelling)
         self._remote: RemoteFollower | None = None
         if scene.link is not None:
@@ -82,7 +82,7 @@ class Leader:
         self._steps: list[Callable[[Tick], None]] = []
 
     def _told_more(self) -> "ForceFeedbackSide | None":
-        """Return what hears more than frames of the follower: force feedback or the hand's."""
+        """Return the handler of the follower's further event: force feedback, hand, or None."""
         displayed, hand = self.parts.force_feedback, self.parts.hand
         if displayed is not None and displayed.feedback.event is not None:
             return displayed.feedback
@@ -90,18 +90,18 @@ class Leader:
 
     @property
     def remote(self) -> RemoteFollower | None:
-        """The follower, None where the scene has no link."""
+        """The follower, or None if the scene has no link."""
         return self._remote
 
     @property
     def port(self) -> int | None:
-        """The port that is listened on, None without a link."""
+        """The port that is listened on, or None without a link."""
         server = self.remote.server if self.remote is not None else None
         return None if server is None else server.port
 
     @property
     def time_s(self) -> float:
-        """Session time: that of the newest frame, or of the ticks where there is no link."""
+        """Session time: that of the newest frame, or of the ticks if there is no link."""
         if self.remote is not None:
             return self.remote.time_s
         return self.ticks / self.scene.session.rate_hz
@@ -109,9 +109,9 @@ class Leader:
     async def run(self, on_ready: Callable[[], None] | None = None) -> LeaderSummary:
         """Listen, run until the session ends, and return the summary.
 
-        A fault in its midst, such as a device that fails, ends the session; the summary says
-        so. A recording that fails, as on a full disk, does not: the session goes on without it.
-        Everything that was recorded is kept whatever happens.
+        A fault during the session, such as a failed device, ends it; the summary says so. If a
+        recording fails, as on a full disk, the session goes on without it. Recorded data are
+        kept whatever happens.
 
         Parameters
         ----------
@@ -121,8 +121,8 @@ class Leader:
         Raises
         ------
         MmtError
-            The session cannot begin: a device does not answer, the port or the recording's
-            file cannot be had.
+            The session cannot begin: a device does not answer, or the port or the recording's
+            file cannot be used.
         """
         tasks: list[asyncio.Task[None]] = []
         try:

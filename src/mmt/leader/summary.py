@@ -1,4 +1,4 @@
-"""What the leader says of itself: a status several times a second, a summary at the end."""
+"""The leader's reports: a status several times a second, and a summary at the end."""
 
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
@@ -20,7 +20,7 @@ class LeaderStatus:
     samples: int
     distance: float | None
     completion: str | None
-    """What the criterion in use says, in words."""
+    """State of the criterion in use, in words."""
     ticks: int
     late_ticks: int
     tick_p99_ms: float | None
@@ -31,7 +31,7 @@ class LeaderStatus:
     """Figures of other parts."""
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the status for a program."""
+        """Return the status as a dictionary."""
         figures = asdict(self)
         more: dict[str, Any] = figures.pop("more")
         return figures | more
@@ -41,9 +41,9 @@ class LeaderStatus:
 class LeaderSummary:
     """The whole run, in tables of plain values; a part that did not run has an empty table.
 
-    ``outcome`` is "completed" (the wanted duration), "source ended", "stopped" (by the
-    person), "follower lost", "follower failed: ..." or "failed: ...", each with what failed.
-    Times are seconds of the session.
+    ``outcome`` is "completed" (the wanted duration), "source ended", "stopped" (by the user),
+    "follower lost", or "follower failed: ..." or "failed: ..." with the fault. Times are seconds
+    of the session.
     """
 
     outcome: str
@@ -62,14 +62,14 @@ class LeaderSummary:
 
     @property
     def problem(self) -> str | None:
-        """Why the run ended other than as it should, None where it did not."""
+        """Why the run or its recording failed, or None if neither did."""
         if has_failed(self.outcome):
             return self.outcome
         error = self.recording.get("error")
         return f"recording {self.recording['file']}: {error}" if error else None
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the summary for a program, empty tables left out."""
+        """Return the summary as a dictionary, without empty tables."""
         tables = asdict(self)
         more: dict[str, Any] = tables.pop("more")
         return {name: table for name, table in (tables | more).items() if table}

@@ -26,10 +26,10 @@ _LONGEST: Final = 10_000
 
 @dataclass
 class SurfaceEntry:
-    """What is known of one surface.
+    """Log of one surface.
 
-    ``stays``: session times of its begin and end, the last one open (None) on the surface that
-    the tool is on. ``start_s`` and ``stop_s``: when its model met the criteria.
+    ``stays``: session times of the begin and the end of each stay of the tool; the end is None
+    while the stay lasts. ``start_s`` and ``stop_s``: when the surface's model met the criteria.
     """
 
     samples: int = 0
@@ -39,7 +39,7 @@ class SurfaceEntry:
     stays: list[tuple[float, float | None]] = field(default_factory=list)
 
     def record(self, update: ModelUpdate, time_s: float) -> None:
-        """Record the state of its model."""
+        """Record the state of the surface's model."""
         self.samples, self.distance = update.samples, update.distance
         self.start_s = (
             (time_s if self.start_s is None else self.start_s) if update.started else None
@@ -52,7 +52,7 @@ class SurfaceEntry:
         self.stays[-1] = (begun_s, time_s)
 
     def as_dict(self, end_s: float) -> dict[str, Any]:
-        """Return the entry for a program; an open stay lasts until `end_s`."""
+        """Return the entry as a dictionary; an open stay lasts until `end_s`."""
         return {
             "samples": self.samples,
             "distance": None if self.distance is None else round(self.distance, 3),
@@ -66,23 +66,23 @@ class SurfaceEntry:
 
 
 class SurfaceLog:
-    """Follow the updates of a model for each surface."""
+    """Log the updates of the model for each surface."""
 
     def __init__(self) -> None:
         self.current = 1
         """The number of the surface that the tool is assumed to be on."""
         self.entries: dict[int, SurfaceEntry] = {1: SurfaceEntry(stays=[(0.0, None)])}
-        """By number, also those that the leader has forgotten."""
+        """Entries by number, including surfaces that the leader has forgotten."""
         self.changes: list[dict[str, Any]] = []
 
     @property
     def known(self) -> int:
-        """How many surfaces were told apart."""
+        """Number of surfaces told apart so far."""
         return len(self.entries)
 
     @property
     def entry(self) -> SurfaceEntry:
-        """The one of the surface that the tool is on."""
+        """Entry of the surface that the tool is on."""
         return self.entries[self.current]
 
     def record(self, update: ModelUpdate, since_s: float) -> list[tuple[str, dict[str, Any]]]:
@@ -91,7 +91,7 @@ class SurfaceLog:
         Parameters
         ----------
         update
-            Its ``time_s`` is of the session.
+            Update of the model, with ``time_s`` in session time.
         since_s
             Session time at which the modelling began.
         """
@@ -122,7 +122,7 @@ class SurfaceLog:
         self.current = change.surface
 
     def _identify(self, change: SurfaceChange) -> float:
-        """Let a surface be a known one; return when its stay began."""
+        """Merge the current surface into the known one that it is; return when its stay began."""
         entry = self.entries[change.surface]
         stays = self.entries.pop(change.before).stays
         entry.stays += stays
@@ -130,7 +130,7 @@ class SurfaceLog:
         return stays[0][0]
 
     def as_dict(self, end_s: float) -> dict[str, Any]:
-        """Return everything for a program, at the session's end."""
+        """Return the whole log as a dictionary, at the session's end."""
         return {
             "now": self.current,
             "known": self.known,
@@ -140,10 +140,10 @@ class SurfaceLog:
 
 
 def replayed_words(replay: Replay) -> list[SaidSurface]:
-    """Return what persons said of the surfaces in the session that is replayed.
+    """Return the surfaces that persons named in the session that is replayed.
 
-    By the sequence numbers of the replay, which begin at 0. None if the file is not on this
-    machine, or if gaps are closed up, which moves the numbers.
+    Their sequence numbers are those of the replay, which begin at 0. Empty if the file is not on
+    this machine, or if gaps are closed up, which moves the numbers.
     """
     from mmt.session.mcap_windows import open_windows
 
@@ -160,12 +160,12 @@ def replayed_words(replay: Replay) -> list[SaidSurface]:
 
 
 def model_file(recording: Path, surface: int) -> Path:
-    """Return where the model of a surface is kept: ``session-surface-2.npz``."""
+    """Return the path of a surface's model, such as ``session-surface-2.npz``."""
     return recording.with_name(f"{recording.stem}-surface-{surface}.npz")
 
 
 def write_surface_models(recording: Path, models: "Mapping[int, TextureModel]") -> list[str]:
-    """Write a model file for each surface; those of an earlier recording of that name go.
+    """Write a model file for each surface; delete those of an earlier recording of that name.
 
     Returns
     -------

@@ -1,12 +1,12 @@
-"""Accept TCP connections, so that strangers cannot take the room of those who may connect.
+"""Accept TCP connections, and keep strangers from using up the places of permitted clients.
 
-Whoever reaches a port can open connections and leave them idle. Here a connection that has shown
-nothing is a stranger's: it has two seconds for TLS and the headers of its first request, and when
-there are too many strangers, the oldest of the address that has most of them makes room for the
-next one. A connection that was admitted (by its token, its certificate, or as the follower) stays.
+Anyone who reaches a port can open connections and leave them idle. A connection that is not
+admitted is called a stranger. A stranger has two seconds for TLS and its first request's headers;
+if there are too many strangers, the oldest one of the address with the most strangers is closed.
+A connection that was admitted (by its token, its certificate, or as the follower) stays.
 
-The sockets are accepted here, one in each turn of the event loop, since asyncio's own server
-accepts a hundred in a row and, when descriptors run out, logs as many errors.
+This module accepts one socket in each turn of the event loop, because asyncio's own server
+accepts a hundred in a row and, if descriptors run out, logs as many errors.
 """
 
 import asyncio
@@ -30,20 +30,20 @@ from mmt.link.listening import descriptors, listening_sockets
 LOG: Final = logging.getLogger("mmt.link")
 
 HANDSHAKE_S: Final = 2.0
-"""How long a connection may take for TLS and its first request, and then for what admits it."""
+"""Longest time of a connection for TLS and its first request, and then for its admission."""
 MOST_STRANGERS: Final = 64
-"""Connections at once that nothing has admitted, as a rule, and as many that were admitted."""
+"""Most strangers at once, and most admitted connections at once, by default."""
 MOST_OF_ADDRESS: Final = 32
-"""Strangers of one address: more than a browser opens, and a follower that is tried again."""
+"""Most strangers of one address: more than a browser, or a follower that retries, opens."""
 
 _MOST_REQUESTS: Final = 20
-"""Requests on a connection that is not admitted where it could be; a browser opens another."""
+"""Most requests on a stranger's connection, if clients must authenticate; browsers open another."""
 _SPACING_S: Final = 0.02
-"""Time between two connections while there is something to disturb: each costs half a tick."""
+"""Time between two connections during a session, because each one costs half a tick."""
 _TURN_S: Final = 0.4
-"""The same for two of one address: what comes in the meantime waits, and nothing of it is read."""
+"""The same for two connections of one address; the later one waits, and nothing of it is read."""
 _PAUSE_S: Final = 0.1
-"""Pause before the next is accepted where descriptors have run out."""
+"""Pause before the next connection is accepted if descriptors have run out."""
 
 
 @dataclass(eq=False)
@@ -53,24 +53,24 @@ class _Connection:
     gate: Gate | None
     opening: "asyncio.Task[None] | None" = None
     heard: asyncio.Event = field(default_factory=asyncio.Event)
-    """Set when its first request has come."""
+    """Set when the first request has come."""
     admitted: bool = False
     requests: int = 0
 
     @property
     def gone(self) -> bool:
-        """Whether it is closed."""
+        """Whether the connection is closed."""
         if self.opening is not None:
             return False
         transport = self.protocol.transport
         return transport is None or transport.is_closing()
 
     def make(self) -> asyncio.BaseProtocol:
-        """Return the protocol that its transport is given."""
+        """Return the protocol for the connection's transport."""
         return self.gate or self.protocol
 
     def close(self) -> None:
-        """Close it at once."""
+        """Close the connection at once."""
         if self.opening is not None:
             self.opening.cancel()
         if self.protocol.transport is not None:
@@ -83,9 +83,9 @@ class Acceptor:
     Parameters
     ----------
     busy
-        Whether a session is under way, which strangers that come in a crowd would disturb.
+        Returns whether a session is under way, which many strangers at once would disturb.
     most
-        Connections at once that nothing has admitted, and as many that were admitted; None for
+        Most strangers at once, and most admitted connections at once; None for
         `MOST_STRANGERS`.
     """
 
@@ -100,7 +100,7 @@ class Acceptor:
         self._accepting: list[asyncio.Task[None]] = []
         self._told = RepeatLimit()
         self.guarded = False
-        """Whether clients must show who they are, and may send little before."""
+        """Whether clients must authenticate, and may send little before."""
 
     @property
     def port(self) -> int:
@@ -110,16 +110,16 @@ class Acceptor:
     async def start(
         self, host: str, port: int, runner: web.AppRunner, tls: ssl.SSLContext | None
     ) -> None:
-        """Listen.
+        """Start to listen.
 
         Parameters
         ----------
         host, port
-            Where; port 0 takes any free one.
+            Where to listen; port 0 takes any free one.
         runner
-            Makes the protocol of each connection; it is set up.
+            Makes the protocol of each connection; must be set up.
         tls
-            TLS of the connections, None for none.
+            TLS of the connections, or None.
 
         Raises
         ------
@@ -137,7 +137,7 @@ class Acceptor:
         ]
 
     async def stop(self) -> None:
-        """Listen no more, and close what is not open yet."""
+        """Stop listening, and close connections that are not open yet."""
         opening = [c.opening for c in self._connections.values() if c.opening is not None]
         for task in (*self._accepting, *opening):
             task.cancel()
@@ -147,7 +147,7 @@ class Acceptor:
         self._sockets.clear()
 
     def hear(self, protocol: web.RequestHandler) -> bool:
-        """Note that a request has come; return whether its connection is to stay for another."""
+        """Note a request; return whether its connection may stay open for another one."""
         connection = self._connections.get(protocol)
         if connection is None:
             return True
@@ -156,7 +156,7 @@ class Acceptor:
         return connection.gate is None or connection.requests < _MOST_REQUESTS
 
     def admit(self, protocol: web.RequestHandler) -> None:
-        """Keep this protocol's connection whatever strangers do, as far as there is room."""
+        """Admit this protocol's connection, so that no stranger displaces it, if there is room."""
         connection = self._connections.get(protocol)
         if connection is None:
             return
@@ -179,7 +179,7 @@ class Acceptor:
             try:
                 arrived, address = await loop.sock_accept(listening)
             except ConnectionError:
-                continue  # it left before it was accepted
+                continue  # the client left before it was accepted
             except OSError as error:
                 self._tell(f"no connection can be accepted ({error.strerror or error})")
                 self._make_room(self._having(admitted=False)[:1])
@@ -195,7 +195,7 @@ class Acceptor:
             await asyncio.sleep(_SPACING_S if self._busy() else 0)
 
     def _supernumerary(self, address: str) -> list[_Connection]:
-        """Return the stranger that makes room for one more of this address, if one must."""
+        """Return the stranger to close before one more of this address comes, if any."""
         strangers = self._having(admitted=False)
         counts = Counter(stranger.address for stranger in strangers)
         if counts[address] >= min(self._most_of_address, self._most):
@@ -231,12 +231,12 @@ class Acceptor:
                 connection.close()
 
     async def _turn(self, address: str, arrived: socket.socket) -> None:
-        """Wait for this address's turn if there is something to disturb, with nothing read yet."""
+        """Wait for this address's turn, during a session, before anything is read."""
         turns = self._turns.setdefault(address, asyncio.Lock())
         try:
             await turns.acquire()
         except asyncio.CancelledError:
-            arrived.close()  # no transport has it
+            arrived.close()  # no transport owns the socket yet
             raise
         if self._busy():
             asyncio.get_running_loop().call_later(_TURN_S, turns.release)
@@ -244,7 +244,7 @@ class Acceptor:
             turns.release()
 
     def _tell(self, sentence: str) -> None:
-        """Warn, once a second."""
+        """Log a warning, at most once a second."""
         times = self._told.allow("warning")
         if times:
             more = f" ({times} since the last such line)" if times > 1 else ""
@@ -255,7 +255,7 @@ _ACCEPTOR: Final = web.AppKey("acceptor", Acceptor)
 
 
 def watch_connections(application: web.Application, acceptor: Acceptor) -> None:
-    """Have an application tell its acceptor of each request; before it is set up."""
+    """Make an application report each request to its acceptor; call before it is set up."""
 
     @web.middleware
     async def hear(request: web.Request, handler: Handler) -> web.StreamResponse:
@@ -263,7 +263,7 @@ def watch_connections(application: web.Application, acceptor: Acceptor) -> None:
             request.protocol.close()
         try:
             return await handler(request)
-        except ConnectionError:  # it left before its answer, which is no error here
+        except ConnectionError:  # the client left before its answer, which is no error
             return web.Response()
 
     application[_ACCEPTOR] = acceptor
@@ -271,7 +271,7 @@ def watch_connections(application: web.Application, acceptor: Acceptor) -> None:
 
 
 def admit_connection(request: web.Request) -> None:
-    """Keep the connection of a request that has shown who it is, whatever strangers do."""
+    """Admit the connection of an authenticated request; see `Acceptor.admit`."""
     acceptor = request.app.get(_ACCEPTOR)
     if acceptor is not None:
         acceptor.admit(request.protocol)

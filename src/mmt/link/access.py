@@ -1,4 +1,4 @@
-"""Who may connect: a shared token, TLS, and what may be listened on without them.
+"""Who may connect: a shared token, TLS, and the addresses to listen on without them.
 
 The token never becomes part of the scene, which is written into recordings, reports and logs;
 it comes from the environment or from a file of its own.
@@ -22,7 +22,7 @@ LOG: Final = logging.getLogger("mmt.link")
 
 TOKEN_VARIABLE: Final = "MMT_LINK_TOKEN"  # noqa: S105 - the variable's name
 SHORTEST_TOKEN: Final = 16
-"""Random hexadecimal digits that cannot be guessed over a network."""
+"""Least characters; so many random hexadecimal digits cannot be guessed over a network."""
 
 REFUSED: Final = (
     "the token is missing or wrong: give the follower the leader's token, "
@@ -34,7 +34,7 @@ _LONGEST_FILE: Final = 4096
 
 @dataclass(frozen=True)
 class Access:
-    """What one side presents to the other, and requires of it; nothing by default.
+    """Credentials that one side presents to the other and requires of it; none by default.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class Access:
         PEM file of the authority that has signed the other side's certificate. A leader that
         has one accepts only followers with such a certificate.
     table
-        The scene's table that these come from, for errors.
+        Name of the scene's table with these settings, for errors.
     """
 
     token: str | None = field(default=None, repr=False)
@@ -63,7 +63,7 @@ class Access:
         variable: str = TOKEN_VARIABLE,
         table: str = "link",
     ) -> "Access":
-        """Return the access that a scene's table, of this name, and a variable configure.
+        """Return the access from a scene's table, named `table`, and an environment variable.
 
         Raises
         ------
@@ -82,14 +82,14 @@ class Access:
         return cls(token, settings.certificate, settings.key, settings.authority, table)
 
     def admits(self, offered: object) -> bool:
-        """Whether this is the token, compared in constant time; always true without a token."""
+        """Return whether this is the token, in constant time; without a token always true."""
         if self.token is None:
             return True
         text = offered if isinstance(offered, str) else ""
         return hmac.compare_digest(_bytes(text), _bytes(self.token))
 
     def admits_header(self, authorization: str | None) -> bool:
-        """Whether an HTTP request's ``Authorization`` carries the token, as ``Bearer``."""
+        """Return whether a request's ``Authorization`` header has the token, as ``Bearer``."""
         scheme, _, offered = (authorization or "").partition(" ")
         return self.admits(offered.strip() if scheme.lower() == "bearer" else None)
 
@@ -99,7 +99,7 @@ class Access:
         return self.token is not None or self.authority is not None
 
     def server_context(self) -> ssl.SSLContext | None:
-        """Return the TLS context of the side that listens, None without TLS.
+        """Return the TLS context of the side that listens, or None without TLS.
 
         Raises
         ------
@@ -120,7 +120,7 @@ class Access:
         return context
 
     def client_context(self) -> ssl.SSLContext | None:
-        """Return the follower's TLS context, None where the system's authorities are enough.
+        """Return the follower's TLS context, or None if the system's authorities are enough.
 
         Raises
         ------
@@ -135,7 +135,7 @@ class Access:
 
     def _load(self, context: ssl.SSLContext) -> None:
         if self.certificate is not None:
-            try:  # without a password it would ask the terminal
+            try:  # the empty password keeps the library from asking the terminal for one
                 context.load_cert_chain(self.certificate, self.key, password="")
             except (OSError, ValueError) as error:
                 raise InputError(
@@ -153,14 +153,14 @@ class Access:
 
 @dataclass(frozen=True)
 class Entrance:
-    """Who connects to a port, and which settings the messages about it name.
+    """Who connects to a port, and which settings its error messages name.
 
     Parameters
     ----------
     role
         What a client acts as.
     address
-        The settings of the host and the port.
+        Names of the settings of host and port.
     remedy
         What to do so that clients on other machines may connect.
     """
@@ -171,7 +171,7 @@ class Entrance:
 
     @classmethod
     def of_table(cls, role: str, table: str, variable: str) -> Self:
-        """Return the entrance that a table of the scene and a variable configure."""
+        """Return the entrance configured by a scene's table and an environment variable."""
         return cls(
             role,
             f"host and port of [{table}]",
@@ -186,7 +186,7 @@ FOLLOWERS: Final = Entrance.of_table("the follower", "link", TOKEN_VARIABLE)
 def check_listening(
     host: str, port: int, access: Access, entrance: Entrance, *, allowed: bool
 ) -> None:
-    """Refuse to listen where anyone can connect, unless that is allowed.
+    """Refuse to listen on an address to which anyone can connect, unless that is allowed.
 
     Parameters
     ----------
@@ -195,7 +195,7 @@ def check_listening(
     access
         What clients must present.
     entrance
-        For the error.
+        Role and settings that the error names.
     allowed
         Whether clients without a token or certificate may connect.
 
@@ -213,7 +213,7 @@ def check_listening(
 
 
 def check_scheme(url: str, access: Access) -> None:
-    """Refuse a URL without TLS where the scene has certificates.
+    """Refuse a URL without TLS if the scene has certificates.
 
     Raises
     ------
@@ -238,7 +238,7 @@ def _read_token(path: Path) -> str:
 
 
 def is_address(name: str) -> bool:
-    """Whether a host is named by its IP address."""
+    """Return whether a host is named by its IP address."""
     try:
         ipaddress.ip_address(name)
     except ValueError:
@@ -247,7 +247,7 @@ def is_address(name: str) -> bool:
 
 
 def is_loopback(host: str) -> bool:
-    """Whether only this machine reaches what listens on a host."""
+    """Return whether a server that listens on this host can be reached from this machine only."""
     try:
         found = socket.getaddrinfo(host or None, 0, flags=socket.AI_PASSIVE)
     except OSError:
@@ -261,7 +261,7 @@ def _bytes(text: str) -> bytes:
 
 
 def _at_least_tls_1_2(context: ssl.SSLContext) -> ssl.SSLContext:
-    """Have a context refuse versions before TLS 1.2, which some builds of Python allow."""
+    """Make a context refuse versions before TLS 1.2, which some builds of Python allow."""
     context.minimum_version = max(context.minimum_version, ssl.TLSVersion.TLSv1_2)
     return context
 

@@ -70,7 +70,7 @@ class FrameBuffer:
     def select(self, ranges: Iterable[Range]) -> RecordArray:
         """Return a copy of the frames (n,) whose numbers lie in the ranges, ascending, each once.
 
-        A fraction of a millisecond for 10,000 frames.
+        Takes a fraction of a millisecond for 10,000 frames.
         """
         kept = self._frames[: len(self)]
         numbers = kept["sequence"].astype(np.int64)
@@ -91,10 +91,10 @@ PERIOD_S: Final = 0.005
 """Least time between two messages: with `FRAMES_PER_MESSAGE`, 4000 frames a second at most."""
 
 FRAMES_PER_MESSAGE: Final = 20
-"""A message of 1 to 3 KB; a live frame may have to wait until it is sent."""
+"""Frames in a message of 1 to 3 KB; a live frame may have to wait until the message is sent."""
 
 _FINISH_PERIOD_S: Final = 0.001
-"""Likewise at the end of a session, when no live frame can be delayed."""
+"""The same at the end of a session, when no live frame can be delayed."""
 
 
 class BackfillSender:
@@ -147,7 +147,7 @@ class BackfillSender:
         self._wake.set()
 
     async def finish(self, timeout_s: float) -> None:
-        """Send what was requested with hardly a pause between messages, within `timeout_s`."""
+        """Send all requested frames with hardly a pause between messages, within `timeout_s`."""
         loop = asyncio.get_running_loop()
         deadline_s = loop.time() + timeout_s
         self._finishing_fast = True
@@ -230,7 +230,7 @@ class BackfillReceiver:
         server.on(SETTLE, self._on_settle)
 
     def request(self, outbox: SendQueue, ranges: Iterable[Range]) -> None:
-        """Request frames from the follower; ranges beyond one message are left for the next."""
+        """Request frames from the follower; ranges that exceed one message are left out."""
         outbox.put(0, encode_event(MISSING, list(ranges)[:MAX_RANGES]))
 
     def _on_backfill(self, sid: str, *arguments: object) -> None:
@@ -248,7 +248,7 @@ class BackfillReceiver:
         good = (frames["time_ns"] >= 0) & (frames["time_ns"] < LATEST_NS)
         for channel in channels_of(self._dtype):
             values = frames[FIELD_OF_CHANNEL[channel]].reshape(count, -1)
-            good &= (np.abs(values) <= LARGEST_QUANTITY).all(axis=1)  # false where not finite
+            good &= (np.abs(values) <= LARGEST_QUANTITY).all(axis=1)  # false if not finite
         if not good.all():
             self._reject("unusable back-fill")
             bad = np.unique(frames["sequence"][~good]).astype(np.int64)

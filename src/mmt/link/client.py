@@ -46,9 +46,9 @@ LOG: Final = logging.getLogger("mmt.link")
 __all__ = ["FollowerClient", "FollowerEvents"]
 
 _MESSAGES_WAITING: Final = 1000
-"""Queue length where no frames are buffered: frames dropped from the queue are lost."""
+"""Queue length if no frames are buffered: frames dropped from the queue are lost."""
 _LIVE_MESSAGES_WAITING: Final = 50
-"""Queue length where frames are buffered: older ones would only delay live frames."""
+"""Queue length if frames are buffered: older ones would only delay live frames."""
 _ECHO: Final = struct.Struct("<qq")
 """A command's ``echo_time_ns`` and ``echo_age_ns``; NumPy takes ten times as long to read them."""
 _ECHO_FROM_END: Final = -28  # 40 bytes a command, of which the 12 before are number and time
@@ -68,13 +68,13 @@ class FollowerClient:
     events
         Callbacks of the service.
     network
-        Emulated between this side and the leader.
+        Network emulated between this side and the leader, or None.
     access
         The token and the certificates of this side.
     clock_hz
         Rate of the exchange of time stamps with the leader; 0 for none.
     extra
-        A further event of the scene.
+        The scene's further event, or None.
 
     Raises
     ------
@@ -105,11 +105,11 @@ class FollowerClient:
             network=network,
             extra=extra,
         )
-        """Reader of what comes, and queue of what is sent."""
+        """Reader of received messages, and queue of messages to send."""
         self._frames = FrameSender(hello, endpoint)
         self._clock_hz = clock_hz
         self.clock = ClockRequester(endpoint.reader, endpoint.outbox, endpoint.notify_jump)
-        """What is known of the leader's clock."""
+        """Estimate of the leader's clock."""
         self._round_trip = TimeHistogram()
         self._connection = LeaderConnection(
             url,
@@ -129,7 +129,7 @@ class FollowerClient:
 
     @property
     def latency(self) -> TimeHistogram:
-        """One-way latencies of the commands, where the clocks are known."""
+        """One-way latencies of the commands that came while the clock offset was known."""
         return self.endpoint.reader.latency
 
     @property
@@ -188,7 +188,7 @@ class FollowerClient:
         Raises
         ------
         ValueError
-            They are of another dtype.
+            The frames are of another dtype.
         """
         self._frames.put(frames)
 
@@ -197,13 +197,13 @@ class FollowerClient:
         self.endpoint.send_extra(records)
 
     def send_event(self, sentence: str) -> None:
-        """Have the leader record what has happened here; never waits, ignored without a link."""
+        """Send the leader a sentence for the recording; never waits, ignored without a link."""
         self.endpoint.outbox.put(0, encode_event(EVENT, sentence))
 
     async def end(self, reason: str) -> None:
-        """Send what is queued, announce the end of the session, and wait for the acknowledgement.
+        """Send all queued messages, announce the session's end, wait for the acknowledgement.
 
-        Nothing happens where the link is not up, or the session has ended before.
+        Do nothing if the link is down, or if the session has ended before.
         """
         if self._ended or not self._connection.connected:
             return
@@ -241,7 +241,7 @@ class FollowerClient:
             self.endpoint.notify(self._events.on_lost, reason)
 
     def _on_rate_exceeded(self, fault: MmtError) -> None:
-        self._ended = True  # a peer that floods is not reconnected to
+        self._ended = True  # do not reconnect to a peer that floods
         self._events.on_error(MmtError(f"the leader was cut off: {fault}"))
 
     def _stop_sending(self) -> None:
@@ -250,7 +250,7 @@ class FollowerClient:
         self._frames.close()
 
     async def _settle(self) -> None:
-        """Send what the leader lacks of the frames so far, again where that is lost as well."""
+        """Send the frames that the leader lacks so far, again if they get lost as well."""
         deadline_s = time.monotonic() + SETTLE_S
         while time.monotonic() < deadline_s:
             await self.endpoint.outbox.flush(CLOSE_TIMEOUT_S)
@@ -259,7 +259,7 @@ class FollowerClient:
                     SETTLE, {"frames": self._frames.sent}, _SETTLED_S
                 )
             except ConnectionError:
-                return  # it does not answer the end either, or has no such event
+                return  # the leader hangs, or has no such event
             if not isinstance(answer, Mapping) or not answer.get("missing"):
                 return
             await self._frames.settle(answer["missing"])
@@ -281,7 +281,7 @@ class FollowerClient:
         block = self.endpoint.reader.read(arguments, arrival_ns)
         if block is None:
             return
-        data = block.tobytes()  # the array's own buffer takes forty times as long to describe
+        data = block.tobytes()  # the buffer protocol of an array takes forty times as long
         echo_time_ns, echo_age_ns = _ECHO.unpack_from(data, len(data) + _ECHO_FROM_END)
         if echo_time_ns:
             self._round_trip.add(arrival_ns - echo_time_ns - echo_age_ns)

@@ -2,7 +2,7 @@
 
 The follower sends requests, the leader responds; the next request tells the leader when the
 response arrived, so that both know all four time stamps. Layouts are in ``docs/reference/wire.md``.
-Requests are queued and sent as frames are, so that the offset holds for these.
+Requests are queued and sent like frames, so that the offset holds for frames.
 """
 
 import asyncio
@@ -23,7 +23,7 @@ _RESPONSE: Final = struct.Struct("<Iqqq")
 _LATEST_NS: Final = 2**61
 """Largest time stamp: seventy years; sums and differences of such stamps fit into 64 bits."""
 _MAX_PENDING: Final = 512
-"""Exchanges that may be pending, five seconds' worth at the highest rate."""
+"""Most pending exchanges: those of five seconds at the highest rate."""
 _MAX_REQUESTS_HZ: Final = 400
 """Requests answered in a second: four times what our follower sends."""
 
@@ -59,12 +59,12 @@ class RemoteClock:
 
     @property
     def estimate(self) -> ClockEstimate | None:
-        """The estimate from the exchanges, also where both clocks are the same."""
+        """The estimate from the exchanges, even if both sides read the same clock."""
         return self._offset.estimate
 
     @property
     def offset_ns(self) -> int | None:
-        """The remote clock minus the local one now (ns), None while it is unknown."""
+        """The remote clock minus the local one now (ns), or None while it is unknown."""
         if self.same:
             return 0
         estimate = self._offset.estimate
@@ -105,7 +105,7 @@ class RemoteClock:
             self._pending.popitem(last=False)
 
     def add(self, time_ns: int, least_ns: int, most_ns: int) -> None:
-        """Use an exchange: when it was complete, and the least and most that the offset is."""
+        """Use an exchange: its time of completion, and the bounds of the offset (ns)."""
         jump = self._offset.add(time_ns, least_ns, most_ns)
         if not self.same:
             self._reader.use_clock_offset(self.offset_ns)
@@ -164,7 +164,7 @@ class ClockResponder(RemoteClock):
     _in_second = 0
 
     def handle_request(self, *arguments: object) -> None:
-        """Answer a request, which is not trusted, and use the exchange that it completes."""
+        """Answer an untrusted request, and use the earlier exchange that it completes."""
         arrival_ns = time.monotonic_ns()
         data = argument_of(arguments)
         if not isinstance(data, bytes) or len(data) != _REQUEST.size:

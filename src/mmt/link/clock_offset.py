@@ -1,16 +1,16 @@
 """Offset and drift between two machines' clocks, from exchanged time stamps.
 
-Each exchange bounds the offset from both sides, since nothing arrives before it was sent:
-with the other's clock minus this one's as the offset, a message that left here at t1 and
-arrived there at t2 says that it is at most t2 - t1, and one that left there at t3 and arrived
-here at t4 that it is at least t3 - t4. The quickest messages of each way bound it closest,
-and the midpoint of these bounds is the estimate: exact where the quickest both ways take equally
-long, and never wrong by more than half of what they take together. The bounds of one way after
-the other are taken, not those of single exchanges, because with jitter the quickest messages
-of the two ways seldom meet in one exchange. As in S. B. Moon, P. Skelly, D. Towsley:
-*Estimation and Removal of Clock Skew from Network Delay Measurements*, INFOCOM 1999, the
-drift is the slope of these bounds; here it is the median slope between blocks half of the history
-apart (Theil's incomplete method), taken the less serious the more such slopes disagree.
+The offset is the other clock minus this one. Each exchange bounds the offset from both sides,
+because no message arrives before it is sent: a message that left here at t1 and arrived there at
+t2 shows that the offset is at most t2 - t1; one that left there at t3 and arrived here at t4 shows
+that it is at least t3 - t4. The quickest messages of each direction give the closest bounds, and
+their midpoint is the estimate: exact if the quickest messages of both directions take equally
+long, and never wrong by more than half of their total time. Each direction has its bound by
+itself, because with jitter the quickest messages of both seldom meet in one exchange. As in S. B.
+Moon, P. Skelly, D. Towsley: *Estimation and Removal of Clock Skew from Network Delay
+Measurements*, INFOCOM 1999, the drift is the slope of these bounds; here it is the median slope
+between blocks half of the history apart (Theil's incomplete method), shrunk the more such slopes
+disagree.
 
 Nothing here reads a clock: the caller passes the time stamps that were exchanged.
 """
@@ -22,16 +22,16 @@ from dataclasses import dataclass
 from typing import Final
 
 BLOCK_NS: Final = 500_000_000
-"""The quickest of each way are kept for each block of this length."""
+"""Length of a block; for each block the closest bound of each direction is kept."""
 
 _DRIFT_BLOCKS: Final = 128
 _OFFSET_BLOCKS: Final = (8, 32, 64)
-"""How many of the newest blocks may bound the offset."""
+"""Numbers of newest blocks from which the offset may be bounded."""
 _LEAST_BLOCKS: Final = 6
 """Blocks before a drift is estimated."""
 _LEAST_EXCHANGES: Final = 8
 _USUAL_DRIFT: Final = 50e-6
-"""Usual drift of two quartz clocks; estimates much less certain than it count little."""
+"""Usual drift of two quartz clocks; an estimate with a much larger error counts little."""
 _LARGEST_DRIFT: Final = 500e-6
 _MARGIN_NS: Final = 500_000
 _MARGIN_DRIFT: Final = 300e-6
@@ -43,7 +43,7 @@ _STEP_HISTORY: Final = 32
 
 
 Bounds = tuple[int, int, int]
-"""Time, least and most that the offset can be (ns)."""
+"""Time, lower bound and upper bound of the offset (ns)."""
 
 
 @dataclass(frozen=True)
@@ -53,11 +53,11 @@ class ClockEstimate:
     Parameters
     ----------
     time_ns
-        When it holds, by this clock.
+        Time of the estimate, by this clock.
     offset_ns
         The other clock minus this one, at that time.
     drift
-        Seconds that the other gains in a second of this one.
+        Seconds that the other clock gains in a second of this one.
     uncertainty_ns
         Half of the distance between the bounds.
     """
@@ -74,7 +74,7 @@ class ClockEstimate:
 
 @dataclass(frozen=True)
 class ClockJump:
-    """The other clock has jumped by so much against this one, or this one the other way."""
+    """A jump of the other clock by `step_ns` against this one, or of this one by the opposite."""
 
     time_ns: int
     step_ns: int
@@ -100,20 +100,20 @@ class _Block:
 
 
 class ClockOffset:
-    """Follow another clock's offset from this one.
+    """Track another clock's offset from this one.
 
-    What is kept is bounded, and so is the time that `add` takes, about 0.1 ms.
+    The memory is bounded, and so is the time that `add` takes, about 0.1 ms.
     """
 
     def __init__(self) -> None:
         self.jumps = 0
-        """Steps that were noticed since the start."""
+        """Jumps detected since the start."""
         self.exchanges = 0
-        """Exchanges that were used since the start."""
+        """Exchanges used since the start."""
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew, with another clock; the counts go on."""
+        """Forget the history, for another clock; the counts go on."""
         self._origin: tuple[int, int] | None = None
         self._blocks: deque[_Block] = deque(maxlen=_DRIFT_BLOCKS)
         self._drift, self._drift_error = 0.0, _USUAL_DRIFT
@@ -123,18 +123,18 @@ class ClockOffset:
 
     @property
     def estimate(self) -> ClockEstimate | None:
-        """The present estimate, None before the first eight exchanges."""
+        """The current estimate, or None before the first eight exchanges."""
         return self._estimate if self._used >= _LEAST_EXCHANGES else None
 
     def add(self, time_ns: int, least_ns: int, most_ns: int) -> ClockJump | None:
-        """Take the bounds of one exchange; return a jump that they reveal.
+        """Take the bounds of one exchange; return a jump if they reveal one, else None.
 
         Parameters
         ----------
         time_ns
             When the exchange ended, by this clock.
         least_ns, most_ns
-            The offset lies between them; bounds that contradict each other are thrown away.
+            Bounds of the offset; ignored if `least_ns` is above `most_ns`.
         """
         if least_ns > most_ns:
             return None
@@ -156,7 +156,7 @@ class ClockOffset:
         return least_ns > expected_ns + slack_ns or most_ns < expected_ns - slack_ns
 
     def _begin_behind(self, bounds: list[Bounds], expected_ns: int) -> ClockJump:
-        """Begin anew from what is behind a step, which was not there without it."""
+        """Begin anew from the bounds after a jump; return the jump from the expected offset."""
         self.reset()
         for bound in bounds:
             self._take(bound)
@@ -166,7 +166,7 @@ class ClockOffset:
         return ClockJump(time_ns, self._estimate.at(time_ns) - expected_ns)
 
     def _take(self, bounds: Bounds) -> ClockJump | None:
-        """Use one exchange; return a step that the blocks before it show."""
+        """Use one exchange; return a jump if the blocks before it show one."""
         if self._origin is None:
             self._origin = bounds[:2]
         start_ns, zero_ns = self._origin
@@ -199,7 +199,7 @@ class ClockOffset:
         )
 
     def _closest(self, time: int) -> tuple[float, float]:
-        """Return the bounds at a time from as much history as the drift is certain for."""
+        """Return the bounds at a time, from the length of history with the least uncertainty."""
         blocks = list(self._blocks)
         best, chosen = math.inf, (0.0, 0.0)
         for count in _OFFSET_BLOCKS:
@@ -207,7 +207,7 @@ class ClockOffset:
             least, most = _bounds(recent, time, self._drift)
             span = time - min(recent[0].least[0], recent[0].most[0])
             doubt = (most - least) / 2 + 2 * self._drift_error * span
-            crossed = most < least  # by a step too small to be told from jitter
+            crossed = most < least  # after a jump too small to tell from jitter
             if best == math.inf or (doubt < best and not crossed):
                 best, chosen = doubt, (least, most)
             if count >= len(blocks):
@@ -215,10 +215,10 @@ class ClockOffset:
         return chosen
 
     def _step_of_blocks(self) -> ClockJump | None:
-        """Begin anew where both bounds of the newest blocks lie off in the same direction.
+        """Begin anew if both bounds of the newest blocks are off in the same direction.
 
-        A way that has become slower or quicker moves the bounds apart or together; a step moves
-        both alike. It shows where it exceeds what the jitter does to the bounds of a block.
+        A change of a delay moves the bounds apart or together, a clock's step moves both alike. A
+        step is found if it exceeds the effect of jitter on the bounds of a block.
         """
         blocks = list(self._blocks)[-_STEP_HISTORY:]
         if self._origin is None or len(blocks) <= _STEP_BLOCKS + _BLOCKS_BEFORE_STEP:
@@ -255,7 +255,7 @@ class ClockOffset:
 
 
 def _extrapolate(bound: tuple[int, int], time: int, drift: float) -> float:
-    """Return what a bound of one time says of another."""
+    """Return a bound, extrapolated to another time."""
     return bound[1] + drift * (time - bound[0])
 
 
@@ -268,7 +268,7 @@ def _bounds(blocks: list[_Block], time: int, drift: float) -> tuple[float, float
 
 
 def _drift(blocks: deque[_Block]) -> tuple[float, float]:
-    """Return the slope of both bounds, drawn towards zero where it is not certain; its error."""
+    """Return the slope of both bounds, shrunk towards zero if uncertain, and its error."""
     count = len(blocks)
     if count < _LEAST_BLOCKS:
         return 0.0, _USUAL_DRIFT
@@ -283,7 +283,7 @@ def _drift(blocks: deque[_Block]) -> tuple[float, float]:
         return 0.0, _USUAL_DRIFT
     middle = statistics.median(slopes)
     deviation = statistics.median(abs(slope - middle) for slope in slopes)
-    # standard error of a median of as many values, normal ones; few say little of their spread
+    # standard error of the median of so many normal values, enlarged if they are few
     error = 1.86 * deviation / len(slopes) ** 0.5 * (1.0 + 8.0 / len(slopes))
     trust = _USUAL_DRIFT**2 / (_USUAL_DRIFT**2 + error**2)
     drift = max(-_LARGEST_DRIFT, min(_LARGEST_DRIFT, middle * trust))

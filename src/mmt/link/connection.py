@@ -1,7 +1,7 @@
 """A Socket.IO connection to a leader: retried until the leader answers, and after a break.
 
-The library's own reconnection ends for good at the first attempt that fails in a way it does not
-expect, as one does that times out while the leader is held up; so each attempt is made here.
+The library's own reconnection ends for good after the first attempt with an unexpected failure,
+such as a timeout while the leader is blocked. So this module makes each attempt.
 """
 
 import asyncio
@@ -39,7 +39,7 @@ def check_url(url: str) -> None:
 
 
 def is_certificate_problem(problem: str) -> bool:
-    """Whether the problem is a certificate, which does not change by trying again."""
+    """Return whether the problem is a certificate, so that trying again is useless."""
     return "CERTIFICATE" in problem.upper()
 
 
@@ -68,14 +68,14 @@ class LeaderConnection:
     on_broken
         Called with the reason in plain words, whenever the link breaks.
     role, tables
-        For errors: what this side is, and where its keys are.
+        For errors: the role of this side, and the tables of its keys.
     longest_message
-        Bytes of a message beyond which the connection is closed.
+        Longest message (bytes); a longer one closes the connection.
     alternatives
-        Gives further URLs at which the same is to be had, tried in turn after a break, and after a
+        Returns further URLs of the same service, tried in turn after a break and after a
         refusal.
     on_refused
-        Called with what a refusal holds beside its message.
+        Called with the data of a refusal, without its message.
 
     Raises
     ------
@@ -112,7 +112,7 @@ class LeaderConnection:
         self._alternatives = alternatives
         self._take_refusal = on_refused
         self.url = url
-        """Where the connection was made last."""
+        """URL of the newest connection."""
         self._refusal: str | None = None
         self._handlers: dict[str, Callable[..., None]] = {}
         self._frequent: Handlers = {}
@@ -131,7 +131,7 @@ class LeaderConnection:
         handlers
             Handlers by event.
         frequent
-            Handlers of frequent events, which bypass the library where possible.
+            Handlers of frequent events, which bypass the library if possible.
         timeout_s
             How long to wait.
 
@@ -171,7 +171,7 @@ class LeaderConnection:
         Raises
         ------
         ConnectionError
-            It did not answer in time, or there is no connection.
+            The leader did not answer in time, or there is no connection.
         """
         if self.line is None:
             raise ConnectionError
@@ -214,7 +214,7 @@ class LeaderConnection:
             if not self.connected:
                 self.line = None
                 await line.close()
-        if self.connected:  # also where the last of it took too long
+        if self.connected:  # perhaps although the last step timed out
             self.url = url
             return None
         return problem or "the connection was closed"
@@ -228,7 +228,7 @@ class LeaderConnection:
                 return
 
     async def _elsewhere(self, tried: set[str], *first: str) -> bool:
-        """Try each URL that is known once, and those that a refusal names; whether one works."""
+        """Try each known URL, and those that refusals name, once; return whether one works."""
         while True:
             known = (*first, *self._alternatives())
             url = next((url for url in known if url not in tried), None)
@@ -253,7 +253,7 @@ class LeaderConnection:
     def _on_disconnect(self, reason: str) -> None:
         line, self.line = self.line, None
         if line is None or not self.connected:
-            return  # it was closed here, or never open
+            return  # closed by this side, or never open
         self.connected = False
         if reason == line.client.reason.TRANSPORT_ERROR:
             line.drop()
@@ -263,7 +263,7 @@ class LeaderConnection:
 
 
 def _pauses_s() -> Iterator[float]:
-    """Yield the delays after the attempts."""
+    """Yield the delay (s) after each attempt."""
     pause_s = _FIRST_RETRY_S
     while True:
         yield pause_s

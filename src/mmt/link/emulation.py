@@ -1,9 +1,9 @@
 """The emulated network: messages are delayed, lost and repeated before they are sent.
 
-Each side emulates what it sends. What python-socketio sends by itself (connecting, pings,
-acknowledgements) and the events that open and end a session or change the emulation are not
-affected, so that an emulated outage is silence on a link that is up. The settings come from the
-scene and can be changed over HTTP while the link runs.
+Each side emulates the network for its own messages. Messages of python-socketio itself
+(connecting, pings, acknowledgements) and events that open or end a session or change the emulation
+are not affected, so that an emulated outage is silence on a link that is up. The settings come
+from the scene and can be changed over HTTP while the link runs.
 """
 
 import asyncio
@@ -79,7 +79,7 @@ class EmulatedSendQueue(SendQueue):
         self._release()
 
     async def finish(self, timeout_s: float) -> None:
-        """Send what is delayed and queued, within `timeout_s`; then close."""
+        """Send all delayed and queued messages, within `timeout_s`; then close."""
         if self._delayed:
             last_ns = max(arrival_ns for arrival_ns, *_ in self._delayed)
             wait_s = min(max(last_ns - time.monotonic_ns(), 0) / 1e9, timeout_s)
@@ -118,7 +118,7 @@ class EmulatedSendQueue(SendQueue):
 
 
 class _Alarm:
-    """A one-shot timer at a monotonic time: a timerfd, or the loop's timer where there is none."""
+    """A one-shot timer at a monotonic time: a timerfd, or the loop's timer if there is none."""
 
     def __init__(self, callback: Callable[[], None]) -> None:
         self._callback = callback
@@ -147,7 +147,7 @@ class _Alarm:
         self._handle = loop.call_at(loop.time() + wait_s, self._fire)
 
     def close(self) -> None:
-        """Cancel, until it is set again."""
+        """Cancel the timer and release it, until it is set again."""
         if self._timer is not None:
             asyncio.get_running_loop().remove_reader(self._timer.file)
             self._timer.close()
@@ -214,7 +214,7 @@ class EmulatedNetwork:
         Raises
         ------
         InputError
-            They are not a valid table ``[network]`` of a scene.
+            The settings are not a valid table ``[network]`` of a scene.
         """
         settings = table_from(Network, "network", payload)
         if settings == self.settings:

@@ -1,4 +1,4 @@
-"""What both sides of the link share: callbacks, counts, and the messages of one side."""
+"""Shared by both sides of the link: callbacks, counts, and the messages of one side."""
 
 import logging
 import time
@@ -47,7 +47,7 @@ class LeaderEvents:
     on_follower: Callable[[FollowerHello], None] = _nothing
     """A follower is about to be accepted; raising MmtError refuses it with that message."""
     on_event: Callable[[str], None] = _nothing
-    """The follower tells what has happened there, in printable text of bounded length."""
+    """The follower reports what has happened, in printable text of bounded length."""
     on_end: Callable[[str], None] = _nothing
     """The follower ended the session, with this reason."""
     on_lost: Callable[[str], None] = _nothing
@@ -101,13 +101,13 @@ class ExtraEvent:
     Parameters
     ----------
     event
-        Its name, the same on both sides.
+        Name of the event, the same on both sides.
     dtype
         Dtype of its records; see `BlockReader`.
     on_records
         Called with validated records (n,), read-only, in order.
     on_restart
-        Called when a connection begins; the peer may be another process, which counts anew.
+        Called when a connection begins; the peer may be a new process with numbers from 0.
     """
 
     def __init__(
@@ -140,7 +140,7 @@ class ExtraEvent:
         Raises
         ------
         ValueError
-            They are of another dtype.
+            The records are of another dtype.
         """
         if records.dtype != self._dtype:
             message = f"{self.event} records are of dtype {records.dtype}: allowed is {self._dtype}"
@@ -149,11 +149,11 @@ class ExtraEvent:
 
 
 class ForceFeedbackSide(Protocol):
-    """What the link needs of one side of a force-feedback method."""
+    """One side of a force-feedback method, as the link uses it."""
 
     @property
     def event(self) -> str | None:
-        """Name of the further event, None where frames are enough."""
+        """Name of the further event, or None if frames are enough."""
 
     @property
     def dtype(self) -> "np.dtype[np.void] | None":
@@ -201,9 +201,9 @@ class Endpoint:
     on_exceeded
         Called with an error when the peer exceeds the rate limit and is cut off.
     network
-        Emulated on the way to the peer.
+        Network emulated on the way to the peer, or None.
     extra
-        A further event of the scene.
+        The scene's further event, or None.
     """
 
     def __init__(

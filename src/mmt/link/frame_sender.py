@@ -17,7 +17,7 @@ class FrameSender:
     Parameters
     ----------
     hello
-        Its frames' dtype, ``frames_per_message`` and ``keep_frames``.
+        Gives the frames' dtype, ``frames_per_message`` and ``keep_frames``.
     endpoint
         The follower's endpoint.
     """
@@ -53,7 +53,7 @@ class FrameSender:
         Raises
         ------
         ValueError
-            They are of another dtype than the hello's.
+            The frames are of another dtype than the hello's.
         """
         if frames.dtype != self._dtype:
             message = f"frames are of dtype {frames.dtype}: the hello's are of {self._dtype}"
@@ -96,7 +96,7 @@ class FrameSender:
             self._backfiller.request(payload)
 
     async def settle(self, payload: object) -> None:
-        """Send what the leader lacks at the end, without pauses and in bounded time."""
+        """Send the frames that the leader lacks at the end, in bounded time."""
         if self._backfiller is not None:
             self._backfiller.request(payload)
             await self._backfiller.finish(SETTLE_S)

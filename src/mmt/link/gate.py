@@ -1,4 +1,4 @@
-"""Let a connection that has not shown the token send little, and that slowly."""
+"""Let a connection send only little, and slowly, before it has shown the token."""
 
 import asyncio
 from typing import Final
@@ -6,20 +6,20 @@ from typing import Final
 from aiohttp import web
 
 BYTES: Final = 100_000
-"""Bytes that a connection may send before it is admitted; the longest hello has two thirds."""
+"""Most bytes that a connection may send before admission; the longest hello has two thirds."""
 _SLICE: Final = 4096
-"""Bytes handed on at once: aiohttp takes a few tenths of a millisecond for them at most."""
+"""Bytes passed on at once: aiohttp takes at most a few tenths of a millisecond for them."""
 _PERIOD_S: Final = 0.001
 """Time between two slices of a connection."""
 
 
 class Gate(asyncio.Protocol):
-    """Stands before the protocol of a connection until that is admitted.
+    """Passes a connection's data to its protocol slowly, until the connection is admitted.
 
     Parameters
     ----------
     protocol
-        Of the connection.
+        The connection's protocol.
     """
 
     def __init__(self, protocol: web.RequestHandler) -> None:
@@ -30,7 +30,7 @@ class Gate(asyncio.Protocol):
         self._timer: asyncio.TimerHandle | None = None
 
     def open(self) -> None:
-        """Stand no longer before the protocol."""
+        """Give the transport to the protocol itself, and pass on the waiting data."""
         if self._transport is not None and self._transport.get_protocol() is self:
             self._transport.set_protocol(self._protocol)
             self._stop()
@@ -55,19 +55,19 @@ class Gate(asyncio.Protocol):
             self._feed()
 
     def eof_received(self) -> None:
-        """Hand on the end; what waits for its turn is of no use to a client that has left."""
+        """Pass on the end; data that still waits is of no use to a client that has left."""
         self._protocol.eof_received()
 
     def pause_writing(self) -> None:
-        """Hand on."""
+        """Pass on the call."""
         self._protocol.pause_writing()
 
     def resume_writing(self) -> None:
-        """Hand on."""
+        """Pass on the call."""
         self._protocol.resume_writing()
 
     def connection_lost(self, error: Exception | None) -> None:
-        """Hand on."""
+        """Stop feeding the protocol, and pass on the loss."""
         self._stop()
         self._protocol.connection_lost(error)
 

@@ -52,7 +52,7 @@ class FollowerSlot:
         return self.sid is not None and not self._ended
 
     def expects(self, sid: str) -> bool:
-        """Whether this connection is the follower's, and its session goes on."""
+        """Return whether this connection is the follower's and its session goes on."""
         return self.sid == sid and not self._ended
 
     def assign(self, sid: str, hello: FollowerHello) -> None:
@@ -105,16 +105,16 @@ def admit(
     access
         The token that is required.
     channels, rate_hz, samples_per_frame
-        What the leader's scene needs.
+        Values that the leader's scene needs.
     extra
-        The further event that the leader's scene has on the wire, empty for none.
+        Name of the further event of the leader's scene, empty for none.
 
     Raises
     ------
     MmtError
-        The token is wrong, and nothing else is revealed; or another follower is connected.
+        The token is wrong (nothing else is revealed then), or another follower is connected.
     InputError
-        It does not fit the leader's scene; the message is for the follower's user.
+        The follower does not fit the leader's scene; the message is for the follower's user.
     """
     if not access.admits(auth.get("token") if isinstance(auth, Mapping) else None):
         raise MmtError(REFUSED)
@@ -147,7 +147,7 @@ def admit(
 
 
 Admit = Callable[[object, FollowerHello | None], FollowerHello]
-"""Returns the hello of an ``auth``, given the hello of the follower that is connected, or raises
+"""Returns the hello in an ``auth``, given the hello of the connected follower or None, or raises
 MmtError with a message for the follower's user."""
 
 
@@ -167,11 +167,11 @@ class Handshake:
     admit
         Decides whether a follower is admitted.
     frequent
-        Handlers of frequent events, called with the sid; they bypass the library where possible.
+        Handlers of frequent events, called with the sid; they bypass the library if possible.
     session_id
-        Names the session.
+        Identifier of the session.
     network
-        Emulated by both sides.
+        Network emulated by both sides, or None.
     """
 
     def __init__(
@@ -231,7 +231,7 @@ class Handshake:
         self._start(self._send_welcome(sid, hello.protocol, send))
 
     def _log_refusal(self, sentence: str) -> None:
-        """Log a refusal, or once a second how many there were."""
+        """Log at most one refusal a second, with the number since the last line."""
         times = self._refusals.allow("refusal")
         if times:
             more = f" ({times} since the last such line)" if times > 1 else ""

@@ -25,14 +25,14 @@ Page = Callable[[web.Application, Access], None]
 """Adds a page to an application; the access decides what a client may see."""
 
 CLOSE_TIMEOUT_S: Final = 1.0
-"""How long open connections may take to end."""
+"""Longest time for open connections to end."""
 
 _KEEP_ALIVE_S: Final = 10.0
 """How long a connection without a request stays open."""
 _HEALTH_PATH: Final = "/health"
-"""Without the token it reveals only whether all is well."""
+"""Without the token this page reveals only whether all is well."""
 _MONITOR_PATH: Final = "/monitor"
-"""Its files are not secret, and its socket asks for the token itself."""
+"""This page's files are not secret, and its socket asks for the token itself."""
 
 
 def guarded_application(access: Access) -> web.Application:
@@ -58,19 +58,19 @@ def guarded_application(access: Access) -> web.Application:
 def own_pages_only(
     listening: Callable[[], tuple[str, Access]], origins: Sequence[str] = ()
 ) -> Middleware:
-    """Return what refuses every request that comes from another site's page, or could.
+    """Return a middleware that refuses requests which could come from another site's page.
 
-    A browser that shows another site reaches this port too. So a page must have been loaded from
-    here, by its ``Origin``. Its host name may have been pointed here (DNS rebinding): without a
-    token or a certificate a request must name an address, this machine, or the host that is
-    listened on. Where everyone may connect, programs, which send no ``Origin``, may use any name.
+    A browser that shows another site reaches this port too. So the ``Origin`` of a request, if
+    any, must be this server. Another site may also point its host name here (DNS rebinding). So
+    without a token or a certificate a request must name an IP address, this machine, or the host
+    listened on; beyond loopback, programs, which send no ``Origin``, may use any name.
 
     Parameters
     ----------
     listening
-        Gives the host that is listened on and what clients must present.
+        Returns the host that is listened on, and the access that clients need.
     origins
-        Other sites whose pages may connect: they show the token.
+        Other sites whose pages may connect with the token.
     """
 
     @web.middleware
@@ -111,9 +111,9 @@ class Listener:
     entrance
         Who connects, for the errors.
     busy
-        Whether a session is under way that crowds of strangers would disturb.
+        Returns whether a session is under way, which many strangers at once would disturb.
     most
-        Connections at once; see `mmt.link.accepting.Acceptor`.
+        Most connections at once; see `mmt.link.accepting.Acceptor`.
     origins
         Other sites whose pages may connect, see `own_pages_only`.
     """
@@ -140,12 +140,12 @@ class Listener:
         return self._acceptor.port
 
     async def start(self, host: str, port: int, access: Access, *, allowed: bool) -> None:
-        """Listen.
+        """Start to listen.
 
         Parameters
         ----------
         host, port
-            Where; port 0 takes any free one.
+            Where to listen; port 0 takes any free one.
         access
             What clients must present.
         allowed
@@ -174,7 +174,7 @@ class Listener:
             await self._acceptor.start(host, port, runner, context)
         except OSError as error:
             await runner.cleanup()
-            why = str(error.strerror or error).partition(" (while")[0]  # the address is said
+            why = str(error.strerror or error).partition(" (while")[0]  # drops the address
             raise MmtError(
                 f"cannot listen on {host} port {port} ({why}): "
                 f"set {self._entrance.address} to an address of this machine and a free port"
@@ -205,9 +205,9 @@ class LinkServer:
     busy, most
         See `Listener`.
     manager
-        The client manager of the Socket.IO server, None for that of one process.
+        The client manager of the Socket.IO server; None for that of a single process.
     ping_s
-        Time between two pings of a client, and how long it may take to answer; None for those of
+        Time between two pings, and longest time for a client's answer (s); None for those of
         the link.
     """
 
@@ -258,7 +258,7 @@ class LinkServer:
         return self._listener.port
 
     async def start(self) -> None:
-        """Listen.
+        """Start to listen.
 
         Raises
         ------
@@ -281,9 +281,9 @@ class LinkServer:
 
 
 def health_page(read: Callable[[], Mapping[str, Any]]) -> Page:
-    """Return the page ``/health``: 200 where the key ``faults`` is empty, else 503.
+    """Return the page ``/health``: 200 if the key ``faults`` is empty, else 503.
 
-    Where there is a token, clients without it only see whether all is well.
+    If there is a token, clients without it only see whether all is well.
     """
 
     def add(application: web.Application, access: Access) -> None:
@@ -300,9 +300,9 @@ def health_page(read: Callable[[], Mapping[str, Any]]) -> Page:
 
 
 def metrics_page(registry: "CollectorRegistry") -> Page:
-    """Return the page ``/metrics``, in OpenMetrics for who asks for it, else Prometheus' text.
+    """Return the page ``/metrics``, in OpenMetrics if the client accepts it, else Prometheus' text.
 
-    It is generated in a thread, one at a time.
+    A thread generates the page, for one request at a time.
     """
     from prometheus_client.exposition import choose_encoder
 

@@ -1,7 +1,7 @@
 """The model of an emulated network: delay, jitter, loss, repetition, bandwidth, outages.
 
-A pure model: from the times and sizes of the messages sent it computes when they arrive. It reads
-no clock and holds no message; the same seed and the same messages give the same arrivals.
+A pure model, which computes the arrival times of messages from the times and sizes of those sent.
+It reads no clock and holds no message; equal seeds and equal messages give equal arrivals.
 """
 
 import math
@@ -15,18 +15,18 @@ __all__ = ["MessageImpairments"]
 _MS: Final = 1_000_000
 _S: Final = 1_000_000_000
 _DUPLICATES_NS: Final = 3 * _MS
-"""TCP takes a packet for lost once three later ones, at 1 kHz, are acknowledged (RFC 5681), and
-one that was sent again once what was sent after it is (RFC 8985)."""
+"""Time until TCP detects a loss: three later packets, at 1 kHz, are acknowledged (RFC 5681); for a
+retransmission, a packet sent after it is acknowledged (RFC 8985)."""
 _ROOT_HALF: Final = math.sqrt(0.5)
 
 
 class MessageImpairments:
     """Compute the arrivals of one direction's messages, in the order in which they are sent.
 
-    A message sent during an outage is lost. With a limited bandwidth it is queued behind those
-    before it, and lost if the queue is full. It is lost at random with the loss's probability.
-    The rest arrive after their delay, some of them twice. With ``retransmit`` a lost one is sent
-    again as TCP does, and those behind it wait. Takes a few microseconds a message.
+    A message sent during an outage is lost. With a limited bandwidth a message is queued behind
+    earlier ones, and lost if the queue is full. Messages are lost at random with the probability
+    ``loss``. The rest arrive after their delay, some of them twice. With ``retransmit`` a lost one
+    is sent again as by TCP, and later ones wait for it. Takes a few microseconds a message.
 
     Parameters
     ----------
@@ -59,9 +59,9 @@ class MessageImpairments:
         Parameters
         ----------
         send_ns
-            When it is sent; not before the previous message.
+            When the message is sent; not before the previous one.
         size_bytes
-            Its length, for the bandwidth.
+            Length of the message, for the bandwidth.
         """
         if self._is_out(send_ns):
             return ()
@@ -79,11 +79,11 @@ class MessageImpairments:
         return (arrival_ns,)
 
     def is_free(self, now_ns: int) -> bool:
-        """Whether a message sent now would not be queued for the bandwidth."""
+        """Return whether a message sent now would not be queued for the bandwidth."""
         return self._free_ns <= now_ns
 
     def _is_out(self, send_ns: int) -> bool:
-        """Whether there is an outage; each lasts to the end of its interval."""
+        """Return whether there is an outage; each lasts to the end of its interval."""
         settings = self._settings
         if not settings.outage_s:
             return False
@@ -91,7 +91,7 @@ class MessageImpairments:
         return (send_ns - self._start_ns) % every_ns >= every_ns - round(settings.outage_s * _S)
 
     def _departure(self, send_ns: int, size_bytes: int) -> int | None:
-        """Return when the last bit has been sent, None where the queue was full."""
+        """Return when the last bit has been sent, or None if the queue was full."""
         if not self._ns_per_byte:
             return send_ns
         begin_ns = max(send_ns, self._free_ns)
@@ -101,7 +101,7 @@ class MessageImpairments:
         return self._free_ns
 
     def _retransmission_ns(self) -> int:
-        """Return how much later a lost message is sent, for the last time, since that arrives."""
+        """Return the delay of a lost message's last retransmission, which arrives (ns)."""
         times = 1
         while self._random.random() < self._settings.loss:
             times += 1
@@ -125,8 +125,8 @@ class _BurstLosses:
 
     E. O. Elliott: *Estimates of Error Rates for Codes on Burst-Noise Channels*, Bell System
     Technical Journal 42, 1963, with the good state without loss. The share of the bad state
-    follows from the loss; a mean burst of fewer messages than chance alone gives is
-    lengthened to that, so that bursts of 1 are independent losses.
+    follows from the loss. A mean burst shorter than that of independent losses is lengthened
+    to it, so that bursts of 1 are independent losses.
     """
 
     def __init__(self, settings: Network, generator: random.Random) -> None:
@@ -185,7 +185,7 @@ class _Jitter:
         value = decay * ((1.0 + step) * self._value + step * self._slope)
         slope = decay * (-step * self._value + (1.0 - step) * self._slope)
         square = decay * decay
-        # what the transition leaves of the unit variances; rounding may take it below zero
+        # conditional variances after the transition; rounding may make them negative
         of_value = max(0.0, 1.0 - square * ((1.0 + step) ** 2 + step**2))
         common = 2.0 * square * step**2
         of_slope = max(0.0, 1.0 - square * (step**2 + (1.0 - step) ** 2))

@@ -1,4 +1,4 @@
-"""Sockets that listen, and how many a process may have."""
+"""Listening sockets, and the number of descriptors that a process may have."""
 
 import errno
 import socket
@@ -8,18 +8,18 @@ from typing import Any, Final
 _WAITING: Final = 128
 """Connections that the system holds until they are accepted."""
 _NO_SUCH_ADDRESS: Final = {errno.EADDRNOTAVAIL, errno.EAFNOSUPPORT}
-"""A machine without IPv6 may still have a name with such an address, beside one that it has."""
+"""Errors to ignore: a host name may have an IPv6 address although the machine has no IPv6."""
 _FEW: Final = 256
-"""Descriptors that are counted on where the system has no limit of them."""
+"""Number of descriptors to assume if the system sets no limit."""
 
 
 def listening_sockets(addresses: Iterable[tuple[int, Any]]) -> list[socket.socket]:
-    """Return a socket that listens on each address, by family and address, that there is.
+    """Return a listening socket for each address (family, address) that this machine has.
 
     Raises
     ------
     OSError
-        One is taken, or may not be had, or there is none of them.
+        An address is in use or not permitted, or the machine has none of them.
     """
     sockets: list[socket.socket] = []
     problem: OSError | None = None

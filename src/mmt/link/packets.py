@@ -14,10 +14,10 @@ _MOST_OF_STRANGER: Final = 32
 
 
 class Packet(MsgPackPacket):  # type: ignore[misc]  # the library has no types
-    """Socket.IO packet of the library, which decodes no message that is decoded already."""
+    """The library's Socket.IO packet, which does not decode a `DecodedPacket` again."""
 
     def decode(self, encoded_packet: bytes) -> None:
-        """Take what the message says; see the library."""
+        """Set this packet's fields from a message; see the library."""
         packet = (
             encoded_packet.packet
             if isinstance(encoded_packet, DecodedPacket)
@@ -30,7 +30,7 @@ class Packet(MsgPackPacket):  # type: ignore[misc]  # the library has no types
 
 
 class DecodedPacket(bytes):
-    """A message with the packet that it decodes to."""
+    """A message with its decoded packet."""
 
     packet: dict[str, Any]
 
@@ -38,8 +38,8 @@ class DecodedPacket(bytes):
 def decode_packet(message: bytes, *, stranger: bool = False) -> dict[str, Any] | None:
     """Decode a Socket.IO packet, which is not trusted; None if it is malformed.
 
-    A stranger's has as few maps, arrays and items as a hello needs, which is found out while it is
-    decoded: 100 kB of empty maps would take milliseconds.
+    A stranger's packet may have no more maps, arrays and items than a hello needs. This is checked
+    during decoding, because 100 kB of empty maps would take milliseconds.
     """
     limits: dict[str, Any] = {"ext_hook": _octets}
     if stranger:
@@ -65,9 +65,9 @@ def _octets(code: int, data: bytes) -> object:
 
 
 def binary_event(packet: Mapping[str, Any]) -> tuple[str, bytes] | None:
-    """Return name and argument of an event that may bypass the library, None if it is none.
+    """Return name and argument of an event that may bypass the library, else None.
 
-    It is of our namespace, has one binary argument, and asks for no acknowledgement.
+    Such an event has the link's namespace and one binary argument, and asks for no acknowledgement.
     """
     if packet["nsp"] != EVENT_NAMESPACE or packet.get("id") is not None:
         return None
@@ -78,7 +78,7 @@ def binary_event(packet: Mapping[str, Any]) -> tuple[str, bytes] | None:
 
 
 def is_reserved(packet: Mapping[str, Any]) -> bool:
-    """Whether this is an event by a name that the library calls its own handlers by."""
+    """Return whether this is an event with the name of one of the library's own handlers."""
     match packet:
         case {"type": int(kind), "data": [str(name), *_]}:
             return kind == MSGPACK_EVENT and name in _RESERVED

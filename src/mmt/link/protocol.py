@@ -25,7 +25,7 @@ from mmt.core.ranges import Range
 
 PROTOCOL_VERSION: Final = 1
 SEVERAL_SAMPLES_VERSION: Final = 2
-"""The same with several samples of acceleration in a frame, which an earlier leader refuses."""
+"""Version with several samples of acceleration in a frame, which an earlier leader refuses."""
 
 FRAMES: Final = "frames"
 """Follower to leader: bytes, 1 to 100 frames."""
@@ -40,14 +40,14 @@ STOP: Final = "stop"
 """Leader to follower: ``{"reason": str}``; the follower is to end."""
 REJECTED: Final = "rejected"
 """Leader to follower, once a second for each reason: ``{"text": str, "reason": str,
-"times": int}``, why what it sends is not used."""
+"times": int}``, why the follower's records are rejected."""
 CLOCK: Final = "clock"
 """Follower to leader and back: bytes, the time stamps of `mmt.link.clock_exchange`."""
 NETWORK: Final = "network"
 """Leader to follower: the scene's table ``[network]`` as it is now."""
 
 EVENT: Final = "event"
-"""Follower to leader: str, a sentence on what has happened there, for the recording."""
+"""Follower to leader: str, a sentence about an event at the follower, for the recording."""
 
 MISSING: Final = "missing"
 """Leader to follower: ``[[int, int], ...]``, ranges of sequence numbers that did not arrive."""
@@ -104,7 +104,7 @@ class FollowerHello:
     channels
         The channels of each frame, put into the frame's order.
     source
-        Its source: "simulated", "replay", "devices", or another short name.
+        The follower's source: "simulated", "replay", "devices", or another short name.
     rate_hz
         Frames a second.
     frames_per_message
@@ -114,12 +114,12 @@ class FollowerHello:
     extra
         Name of the scene's further event, empty for none.
     clock_id
-        Names the clock of the frames' times; see `mmt.core.process.clock_id`.
+        Identifies the clock of the frames' times; see `mmt.core.process.clock_id`.
     keep_frames
         How many of its newest frames the follower buffers to send again, 0 for none.
     run_id
-        Names the process: one that connects again continues its sequence numbers, another one
-        starts anew. Empty where it is unknown.
+        Identifies the process: the same process continues its sequence numbers when it
+        reconnects, another one starts anew. Empty if unknown.
     samples_per_frame
         Samples of acceleration in a frame, 1 to 10; taken as 1 without that channel.
 
@@ -167,7 +167,7 @@ class FollowerHello:
 
     @property
     def frame_dtype(self) -> np.dtype[np.void]:
-        """Dtype of its frames."""
+        """Dtype of the follower's frames."""
         return frame_dtype(self.channels, self.samples_per_frame)
 
     @property
@@ -199,7 +199,7 @@ class FollowerHello:
         Raises
         ------
         InputError
-            It is not a hello of this protocol version; the message is for the follower's user.
+            The ``auth`` is no hello of a known version; the message is for the follower's user.
         """
         if not isinstance(auth, Mapping):
             raise InputError("the hello is missing: connect with an mmt follower's auth")
@@ -229,7 +229,7 @@ class FollowerHello:
 class LinkStatistics:
     """Counts of one side of the link since it was created, over all connections.
 
-    The latencies are None where they are unknown: one-way latencies need a common clock or the
+    The latencies are None if they are unknown: one-way latencies need a common clock or the
     offset between two clocks, and only the follower measures the round trip.
     """
 
@@ -246,11 +246,11 @@ class LinkStatistics:
     lost: int
     """Sequence numbers that never arrived, or arrived too late."""
     out_of_order: int
-    """Arrived after a newer one, and dropped."""
+    """Frames or commands that arrived after a newer one and were dropped."""
     repeated: int
-    """Arrived twice, and dropped."""
+    """Frames or commands that arrived twice and were dropped."""
     rejected: dict[str, int]
-    """By reason; messages, or single frames or commands for the reason "not finite"."""
+    """Rejected messages by reason; for reasons such as "not finite", single frames or commands."""
     latency_p50_ms: float | None
     """One way, from the time that a frame or command carries to its arrival."""
     latency_p99_ms: float | None
@@ -265,23 +265,23 @@ class LinkStatistics:
 
 
 def encode_event(event: str, payload: object) -> bytes:
-    """Return the Engine.IO message of a Socket.IO event with one argument that msgpack knows."""
+    """Return the Engine.IO message of a Socket.IO event with one argument, packed by msgpack."""
     packet = {"type": MSGPACK_EVENT, "data": [event, payload], "nsp": EVENT_NAMESPACE}
     encoded: bytes = msgpack.packb(packet)
     return encoded
 
 
 def encode_rejection(kind: str, reason: str, times: int, record_bytes: int) -> bytes:
-    """Return the message that tells a peer why what it sends is not used.
+    """Return the message that tells a peer why its records are rejected.
 
     Parameters
     ----------
     kind
-        The event that carries what was rejected.
+        The event with the rejected records.
     reason
-        As the statistics count it.
+        Reason, as in `LinkStatistics.rejected`.
     times
-        Since the last such message.
+        Number of rejections since the last such message.
     record_bytes
         Size of a record.
     """
@@ -294,12 +294,12 @@ def encode_rejection(kind: str, reason: str, times: int, record_bytes: int) -> b
 
 
 def argument_of(arguments: tuple[object, ...]) -> object:
-    """Return the one argument of an event, None where it has none or several."""
+    """Return the one argument of an event, or None if it has none or several."""
     return arguments[0] if len(arguments) == 1 else None
 
 
 def ranges_of_payload(payload: object) -> list[Range] | None:
-    """Return the ranges that a ``missing`` or ``gone`` carries, None where it is malformed."""
+    """Return the ranges in the payload of a ``missing`` or ``gone``, or None if malformed."""
     if not isinstance(payload, list) or len(payload) > MAX_RANGES:
         return None
     ranges: list[Range] = []
@@ -313,7 +313,7 @@ def ranges_of_payload(payload: object) -> list[Range] | None:
 
 
 def reason_of(payload: object) -> str | None:
-    """Return the reason that an ``end`` or ``stop`` carries, None where it carries none."""
+    """Return the reason in the payload of an ``end`` or ``stop``, or None if it has none."""
     if not isinstance(payload, Mapping):
         return None
     reason = payload.get("reason")
@@ -326,7 +326,7 @@ def peer_text(text: str, longest: int = MAX_TEXT) -> str:
 
 
 def loss_of(reason: str) -> str:
-    """Return the library's reason for the end of a connection in plain words."""
+    """Return in plain words the library's reason for the end of a connection."""
     return _LOSSES.get(reason, reason)
 
 

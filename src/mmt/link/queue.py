@@ -1,9 +1,9 @@
 """The bounded send queue between a tick that must not wait and a link that may stall.
 
-The kernel and the event loop each buffer hundreds of kilobytes before a send has to wait: seconds
-of frames, which a network that recovers delivers before the first new one. `UnbufferedSend`
-keeps those buffers short, so that messages wait in the queue instead, where they can be dropped
-for newer ones.
+The kernel and the event loop each buffer hundreds of kilobytes before a send has to wait. These
+are seconds of frames, which a recovering network delivers before the first new one.
+`UnbufferedSend` keeps those buffers short, so that messages wait in the queue instead, which can
+drop them for newer ones.
 """
 
 import asyncio
@@ -98,7 +98,7 @@ class SendQueue:
         return self.idle
 
     async def finish(self, timeout_s: float) -> None:
-        """Send what is queued, for at most `timeout_s`, then close."""
+        """Send all queued messages, for at most `timeout_s`, then close."""
         if self._task is not None:
             self._finishing = True
             self._wake.set()
@@ -106,9 +106,9 @@ class SendQueue:
         self.close()
 
     def close(self) -> None:
-        """Stop sending at once; what is still queued counts as dropped."""
+        """Stop sending at once; messages still queued count as dropped."""
         if self._task is not None:
-            if not self._task.done():  # to cancel one that has failed would hide its error
+            if not self._task.done():  # cancelling a failed task would hide its error
                 self._task.cancel()
             self._task = None
         self.dropped += sum(records for records, _ in self._waiting)
@@ -140,7 +140,7 @@ class SendQueue:
                 try:
                     await self._send_next(send)
                 except ConnectionError:
-                    return  # the reader of the link notices, and reports it
+                    return  # the link's reader notices and reports the break
             if self._finishing:
                 return
             self._stalled = False
@@ -165,8 +165,8 @@ class SendQueue:
 def begin_send(sending: Sending) -> "SuspendedSend | None":
     """Run a send until it first has to wait, without a task.
 
-    Returns the rest of it, for a task to await, and None where nothing is left. An error is raised
-    by the rest.
+    Returns the rest of the send, for a task to await, or None if the send is complete. An error is
+    raised when the rest is awaited.
     """
     try:
         awaited = sending.send(None)
@@ -225,7 +225,7 @@ class _Transport(Protocol):
 
 
 class UnbufferedSend:
-    """Send over a WebSocket, and wait until its bytes have left for the kernel.
+    """Send over a WebSocket, and wait until the kernel has taken the bytes.
 
     Parameters
     ----------
@@ -255,6 +255,6 @@ class UnbufferedSend:
 def _transport_of(
     websocket: ClientWebSocketResponse | web.WebSocketResponse,
 ) -> _Transport | None:
-    """Return the WebSocket's transport, None where this version of aiohttp hides it."""
+    """Return the WebSocket's transport, or None if this version of aiohttp hides it."""
     transport = getattr(getattr(websocket, "_writer", None), "transport", None)
     return transport if isinstance(transport, asyncio.WriteTransport) else None

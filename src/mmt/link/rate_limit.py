@@ -1,4 +1,4 @@
-"""Bound the rate at which a peer may send, by a bucket of time, and thin out what is sent to it."""
+"""Bound the rate at which a peer may send, by a token bucket, and the rate of repeated actions."""
 
 from collections.abc import Callable
 from typing import Final
@@ -6,11 +6,11 @@ from typing import Final
 from mmt.core.errors import MmtError
 
 MESSAGES_PER_PERIOD: Final = 10
-"""Messages that a peer may send for each record that the session's rate expects of it."""
+"""Messages that a peer may send for each record that the session expects at its rate."""
 BYTES_PER_PERIOD: Final = 20_000
-"""Likewise bytes: more than a replay of the largest frames at a hundred times real time sends."""
+"""The same for bytes: more than a replay of the largest frames at 100 times real time sends."""
 BURST_S: Final = 10.0
-"""Size of the token bucket, in time: a network that stalled may deliver this burst at once."""
+"""Size of the token bucket, in time: after a stall a network may deliver this burst at once."""
 GRACE_S: Final = 2.0
 """A peer that exceeds the limit for longer than this is cut off."""
 HANDSHAKE_MESSAGES: Final = 4
@@ -20,8 +20,8 @@ HANDSHAKE_MESSAGES: Final = 4
 class RateLimit:
     """Limit the rate of messages and bytes; a few integer operations a message.
 
-    A token bucket in units of time: each message costs some, the clock refills it, and takes it
-    along where it jumps back. Messages that find it empty are dropped and counted.
+    A token bucket in units of time: each message costs some time, and the clock refills the bucket.
+    If the clock jumps back, the bucket moves with it. Messages that find it empty are dropped.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class RateLimit:
         self._over_since_ns = None
 
     def passes(self, size: int, now_ns: int) -> bool:
-        """Whether a message of `size` bytes that arrives now may pass."""
+        """Return whether a message of `size` bytes that arrives now may pass."""
         if now_ns < self._now_ns:
             self._due_ns -= self._now_ns - now_ns
             self._over_since_ns = None
@@ -90,7 +90,7 @@ class HandshakeLimit:
         self.shut = False
 
     def passes(self, size: int, now_ns: int) -> bool:  # noqa: ARG002 - as in RateLimit
-        """Whether one more may pass."""
+        """Return whether one more message may pass."""
         self._left -= 1
         self.shut = self._left < 0
         return not self.shut
@@ -100,7 +100,7 @@ class HandshakeLimit:
 
 
 class PeriodLimit:
-    """Let something happen once in a period on average, however unevenly it is asked for.
+    """Permit an action once per period on average, however irregular the requests are.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ class PeriodLimit:
         self._due_s = 0.0
 
     def passes(self, now_s: float) -> bool:
-        """Whether it may happen now; half a period early is soon enough."""
+        """Return whether the action is permitted now, which may be half a period early."""
         if now_s < self._due_s - 0.5 * self._period_s:
             return False
         self._due_s = max(self._due_s, now_s - 0.5 * self._period_s) + self._period_s

@@ -19,7 +19,7 @@ LOG: Final = logging.getLogger("mmt.link")
 
 _CODES: Final = {"<u4": "I", "<i8": "q", "<f4": "f", "<f8": "d"}
 _WINDOW: Final = 256
-"""How many sequence numbers back repeated ones are distinguished from late ones."""
+"""Newest sequence numbers among which repeated records are distinguished from late ones."""
 _MASK: Final = (1 << _WINDOW) - 1
 LARGEST_QUANTITY: Final = 1e6
 """Largest norm of a record's quantities: a kilometre (mm), or the weight of a hundred tons (N);
@@ -34,8 +34,8 @@ class BlockReader:
     Malformed messages, and records that are not finite, out of range, repeated or out of order
     are dropped and counted. A jump in ``sequence`` counts as lost records, if it is plausible for
     the time that has passed. Numbers may wrap. A message that begins far behind the newest number
-    but at a later time is of a sender that counts anew: no record comes late from the future. About
-    2 us a message and 1.5 us a record.
+    but at a later time comes from a sender with new numbers: a late record has an earlier time.
+    About 2 us a message and 1.5 us a record.
 
     Parameters
     ----------
@@ -71,13 +71,13 @@ class BlockReader:
         self.lost = self.repeated = self.out_of_order = 0
         self.rejected: dict[str, int] = {}
         self.on_rejected: Callable[[str, int], None] | None = None
-        """Called once a second for each reason, with how many were rejected since the last."""
+        """Called at most once a second for each reason, with the number since the last call."""
 
     def restart(self) -> None:
         """Prepare for a new connection, of the same sender or of another one.
 
-        The same sender goes on counting; a sequence number at or below those seen, or too far
-        ahead, then means a new sender.
+        The same sender continues its numbers; a sequence number at or below those seen, or too
+        far ahead, then means a new sender.
         """
         self._fresh = True
         self._offset_ns = None
@@ -131,12 +131,12 @@ class BlockReader:
                 self.on_rejected(reason, times)
 
     def is_plausible(self, sent: int, arrival_ns: int) -> bool:
-        """Whether the sender can have sent this many records; see `end`."""
+        """Return whether the sender can have sent this many records; see `end`."""
         lost = steps_ahead(sent, self._newest) - 1
         return lost <= 0 or self._bound.permits(lost, arrival_ns)
 
     def end(self, sent: int, arrival_ns: int) -> None:
-        """Count as lost what the sender sent after the last record received.
+        """Count as lost the records that the sender sent after the last one received.
 
         Parameters
         ----------

@@ -65,13 +65,13 @@ class LeaderServer:
         How many times faster than real time a follower may stream, as a replay can; sequence
         numbers beyond that are rejected as implausible.
     network
-        Emulated on the way to the follower; its settings can be changed over HTTP.
+        Network emulated on the way to the follower; its settings can be changed over HTTP.
     session_id
-        Names the session in the logs of both sides.
+        Identifier of the session in the logs of both sides.
     pages
         HTTP pages served beside the link, for clients with the token.
     extra
-        A further event of the scene.
+        The scene's further event, or None.
 
     Raises
     ------
@@ -107,7 +107,7 @@ class LeaderServer:
             network=network,
             extra=extra,
         )
-        """Reader of what comes, and queue of what is sent."""
+        """Reader of received messages, and queue of messages to send."""
         size = dtype.itemsize
         endpoint.reader.on_rejected = lambda reason, times: endpoint.outbox.put(
             0, encode_rejection(FRAMES, reason, times, size)
@@ -148,7 +148,7 @@ class LeaderServer:
 
     @property
     def latency(self) -> TimeHistogram:
-        """One-way latencies of the frames, where the clocks are known."""
+        """One-way latencies of the frames that came while the clock offset was known."""
         return self.endpoint.reader.latency
 
     @property
@@ -162,7 +162,7 @@ class LeaderServer:
         )
 
     async def start(self) -> None:
-        """Listen; see `LinkServer.start` for the errors."""
+        """Start to listen; see `LinkServer.start` for the errors."""
         await self._host.start()
 
     async def request_stop(self, reason: str) -> None:
@@ -198,7 +198,7 @@ class LeaderServer:
         Raises
         ------
         ValueError
-            They are of another dtype.
+            The commands are of another dtype.
         """
         if commands.dtype != COMMAND_DTYPE:
             message = f"commands are of dtype {commands.dtype}: allowed is COMMAND_DTYPE"
@@ -224,7 +224,7 @@ class LeaderServer:
     # --- what the follower sends
 
     def _register(self) -> dict[str, Callable[..., None]]:
-        """Register the handlers at the library; return those of frequent events."""
+        """Register the handlers with the library; return those of frequent events."""
         frequent = {FRAMES: self._on_frames, CLOCK: self._on_clock}
         if self.endpoint.extra is not None:
             frequent[self.endpoint.extra.event] = self._on_extra

@@ -45,7 +45,7 @@ class SocketClient:
     ) -> "SocketClient":
         """Return a client that is not connected, with a handler for each event.
 
-        `direct` handlers bypass the library where possible; `rate_limit` limits the rate of all
+        `direct` handlers bypass the library if possible; `rate_limit` limits the rate of all
         messages. Without `tls` an https URL is verified by the system's authorities.
         """
         tracing = aiohttp.TraceConfig()
@@ -79,7 +79,7 @@ class SocketClient:
                 )
         except (socketio.exceptions.ConnectionError, TimeoutError) as error:
             return _first_cause(error)
-        except Exception as error:  # noqa: BLE001 - the library chokes on what no leader sends
+        except Exception as error:  # noqa: BLE001 - the library's, if another server answers
             return f"no leader's answer: {type(error).__name__}"
         return None
 
@@ -92,7 +92,7 @@ class SocketClient:
             task.add_done_callback(self._dropping.discard)
 
     async def close(self) -> None:
-        """Close what is open, in bounded time."""
+        """Close the client and its HTTP session, in bounded time."""
         try:
             async with asyncio.timeout(ACKNOWLEDGE_S):
                 await self.client.disconnect()
@@ -106,7 +106,7 @@ class SocketClient:
 
 
 async def _refuse_redirect(*_: object) -> None:
-    """Follow no redirect: who is told the token is whom the user named.
+    """Refuse a redirect, so that only the server that the user named gets the token.
 
     Raises
     ------

@@ -1,16 +1,16 @@
 """Send and receive messages on the WebSocket itself, rate-limited, past Socket.IO's own queues.
 
-Sending: python-socketio sends by way of an unbounded queue and two or three tasks, which costs
-about 0.1 ms and hides a link that is stalled. The messages here are whole WebSocket messages, so
-that they may go between those of the library. Where a version of the library does not show its
-WebSocket, they go through the library's queue.
+Sending: python-socketio sends through an unbounded queue and two or three tasks, which costs about
+0.1 ms and hides a stalled link. The messages here are whole WebSocket messages, so that they may
+be mixed with those of the library. If a version of the library hides its WebSocket, they go
+through the library's queue.
 
 Receiving: python-engineio and python-socketio spend one to three tasks, a timer and several turns
-of the event loop on every message. Both ask their WebSocket for the next message by its public
-``receive``; here that method hands frequent events to their handlers and returns only the rest,
-so that connecting, pings, acknowledgements and all other events stay with the library. Pings
-come well within the time that the library waits for a message. Where a version asks its
-WebSocket in another way, every event goes through the library, which has the same handlers.
+of the event loop on every message. Both call the public ``receive`` of their WebSocket. This
+module replaces that method: it passes frequent events to their handlers and returns all other
+messages, so that connecting, pings, acknowledgements and other events stay with the library. Pings
+come often enough for the library's timeout. If a version of the library reads in another way,
+every event goes through the library, which has the same handlers.
 """
 
 import asyncio
@@ -36,30 +36,30 @@ from mmt.link.rate_limit import HandshakeLimit, RateLimit
 LOG: Final = logging.getLogger("mmt.link")
 
 LINK_PATH: Final = "/socket.io/"
-"""Where Socket.IO connections are opened; a follower shows its token in its hello."""
+"""Path of Socket.IO connections; a follower shows its token in its hello."""
 
 Handlers = Mapping[str, Callable[[bytes], None]]
-"""By event; called on the loop with the event's one argument, must return soon and not raise."""
+"""Handlers by event, called on the loop with its one argument; must return soon and not raise."""
 
 Receive = Callable[[], Awaitable[WSMessage]]
 Close = Callable[..., Awaitable[object]]
 AnyRateLimit = RateLimit | HandshakeLimit
 
 _PACKETS: Final = tuple("012356")
-"""What a text of Engine.IO begins with; at any other the library gives up reading, unnoticed."""
+"""First characters of Engine.IO's texts; after any other the library silently stops reading."""
 _SOCKET_IO: Final = "4"
-"""Begins a message of Socket.IO, which is binary where it is encoded by msgpack."""
+"""First character of a text with a Socket.IO message, which msgpack would make binary."""
 _USE_MSGPACK: Final = "44" + json.dumps(
     {
         "message": "this server speaks msgpack: give your client a msgpack parser (in JavaScript "
         "{parser: require('socket.io-msgpack-parser')}, in Python serializer='msgpack')"
     }
 )
-"""A connect error, for a client that can read no other."""
+"""A connect error as text, for a client without msgpack."""
 _BURST: Final = 64
 """Messages handled in a row before the event loop runs its other tasks."""
 _LIMITED: Final = {WSMsgType.BINARY, WSMsgType.TEXT, WSMsgType.PING, WSMsgType.PONG}
-"""What a peer may send too much of."""
+"""Types of messages that the rate limit counts."""
 _CLOSED: Final = WSMessage(WSMsgType.CLOSED, None, None)
 
 
@@ -81,10 +81,10 @@ def receive_directly(
     rate_limit: AnyRateLimit,
     close: Close | None = None,
 ) -> None:
-    """Have a server's WebSocket handle these events itself, rate-limited, from now on.
+    """Make a server's WebSocket handle these events itself, rate-limited, from now on.
 
-    Pings are among what is limited. `close` ends the connection of a client that exceeds the limit,
-    None for a goodbye that it may answer.
+    Pings count too. `close` ends the connection of a client that exceeds the limit; None for a
+    closing handshake, which the client may answer.
     """
     receive = partial(type(websocket).receive, websocket)
 
@@ -99,11 +99,11 @@ def receive_directly(
         close or websocket.close,
         rate_limit,
         handlers,
-        refuse if isinstance(rate_limit, HandshakeLimit) else None,  # who is admitted stays
+        refuse if isinstance(rate_limit, HandshakeLimit) else None,  # admitted clients stay
     )
     try:
         websocket.receive = rest  # type: ignore[method-assign]
-        # engineio makes the socket, and aiohttp takes this at construction alone
+        # engineio makes the socket, and aiohttp takes this option only at construction
         websocket._autoping = False
     except AttributeError:
         LOG.info(
@@ -121,7 +121,7 @@ async def receive_rest(
 ) -> WSMessage:
     """Return the next message within the rate limit that none of the handlers handles.
 
-    All in one coroutine: each further one costs a few microseconds a message.
+    One coroutine does all of this: each further one costs a few microseconds a message.
     """
     turn = 0
     while True:
@@ -130,7 +130,7 @@ async def receive_rest(
         if kind not in _LIMITED:
             return message
         if rate_limit.passes(len(message.data), time.monotonic_ns()):
-            # the library itself rejects what is too long
+            # the library itself rejects messages that are too long
             if len(message.data) > MAX_MESSAGE_BYTES:
                 return message
             if kind is WSMsgType.TEXT:
@@ -154,7 +154,7 @@ async def receive_rest(
 async def _texts(
     text: str, rate_limit: AnyRateLimit, refuse: Callable[[], Awaitable[None]] | None
 ) -> bool | None:
-    """Return whether a text is the library's: False if it ended the connection, None if dropped."""
+    """Return True for a text of the library, False if it ended the connection, None if dropped."""
     if text.startswith(_PACKETS):
         return True
     without = text.startswith(_SOCKET_IO)
@@ -166,7 +166,7 @@ async def _texts(
 
 
 def _dispatch(message: bytes, rate_limit: AnyRateLimit, handlers: Handlers) -> DecodedPacket | None:
-    """Hand an event to its handler; return what is the library's, decoded."""
+    """Pass an event to its handler, or return the decoded packet for the library."""
     packet = decode_packet(message, stranger=isinstance(rate_limit, HandshakeLimit))
     if packet is None:
         rate_limit.drop("malformed packet")
@@ -194,7 +194,7 @@ class ServerSockets:
 
     def __init__(self, server: socketio.AsyncServer, application: web.Application) -> None:
         self._server = server
-        # by the request's id, which lives as long as the response that refers to it
+        # by the id of the request, which lives as long as its response
         self._of_request: weakref.WeakValueDictionary[int, web.WebSocketResponse] = (
             weakref.WeakValueDictionary()
         )
@@ -208,7 +208,7 @@ class ServerSockets:
 
             async def cut(**_: object) -> None:
                 if request.transport is not None:
-                    request.transport.abort()  # what it has sent in the meantime is not read
+                    request.transport.abort()  # data sent in the meantime are not read
 
             receive_directly(response, {}, HandshakeLimit(), cut)
             loop = asyncio.get_running_loop()
@@ -228,7 +228,7 @@ class ServerSockets:
         closing.add_done_callback(self._closing.discard)
 
     async def close(self, timeout_s: float) -> None:
-        """Close all that are open, within `timeout_s`."""
+        """Close all open WebSockets, within `timeout_s`."""
         closing = [
             asyncio.ensure_future(websocket.close(code=WSCloseCode.GOING_AWAY))
             for websocket in self._of_request.values()
@@ -272,11 +272,11 @@ def client_send(client: socketio.AsyncClient) -> Send:
 
 
 class _RepeatFilter(logging.Filter):
-    """Suppress what strangers could fill a log with.
+    """Suppress lines with which strangers could fill a log.
 
-    The libraries log a line for each connection that breaks, which is reported here anyway, and a
-    traceback for each malformed request or packet: of these one of a kind a second passes, a
-    malformed request as a sentence.
+    The libraries log a line for each broken connection, which the link reports anyway, and a
+    traceback for each malformed request or packet. Of the tracebacks, one of each kind passes per
+    second; that of a malformed request becomes a sentence.
     """
 
     def __init__(self) -> None:
@@ -294,7 +294,7 @@ class _RepeatFilter(logging.Filter):
 
 
 def wire_logger() -> logging.Logger:
-    """Return the logger handed to the libraries: errors alone, one of a kind a second."""
+    """Return the logger for the libraries, which logs only errors, one of each kind a second."""
     logger = logging.getLogger("mmt.link.wire")
     if not logger.filters:
         logger.addFilter(_RepeatFilter())

@@ -19,12 +19,12 @@ def shipped_models() -> dict[str, Path]:
 
 
 def find_model(path: str | Path) -> Path:
-    """Return the file, or that of the shipped model of this name.
+    """Return the path of a file, or of the shipped model of this name.
 
     Raises
     ------
     InputError
-        It is the name of neither.
+        The path is a bare name, but neither that of a file nor of a shipped model.
     """
     path = Path(path)
     if path.exists() or path.suffix or path.name != str(path):

@@ -8,8 +8,6 @@
     touch(textures, 0, velocity_x_mm_s=100.0, force_n=1.0)
     vibration_m_s2 = render(textures, 2000)
     close(textures)
-
-Beside it, models of other programs are read and written, and vibration is written as sound.
 """
 
 from mmt.rendering.calls import Textures, close, open_textures, render, touch

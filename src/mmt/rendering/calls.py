@@ -26,7 +26,7 @@ _JOIN_S: Final = 2.0
 
 
 class Textures:
-    """What `open_textures` returns; to be given to the other three calls."""
+    """Open textures: result of `open_textures` and argument of the other three calls."""
 
     def __init__(
         self,
@@ -71,22 +71,22 @@ class Textures:
         return np.concatenate(blocks) if blocks else np.zeros(0)
 
     def use(self, models: Sequence[TextureModel]) -> None:
-        """Go over to other states of the models, as many and of the same rates as before.
+        """Replace the models by other states of them, as many and of the same rates.
 
         Raises
         ------
         InputError
-            They are more or fewer.
+            The number of models is another one.
         """
         self.estimator.use(models)
 
     @property
     def running(self) -> bool:
-        """Whether nothing has ended the threads."""
+        """Whether the textures are not closed and no thread has failed."""
         return not self._ending.is_set()
 
     def check(self) -> None:
-        """Raise what ended one of the threads."""
+        """Raise `MmtError` if the textures are closed or a thread has failed."""
         if not self.running and self._failure is None:
             raise MmtError("these textures have been closed: open them again")
         if self._failure is not None:
@@ -107,7 +107,7 @@ class Textures:
         thread.start()
 
     def _run(self, period_s: float, work: Callable[[], object]) -> None:
-        """Work once a period, by deadlines that do not drift; what is late is made up for."""
+        """Call `work` once a period, by deadlines that do not drift; late calls are caught up."""
         due_s = time.monotonic()
         try:
             while not self._ending.wait(max(0.0, due_s - time.monotonic())):
@@ -138,7 +138,7 @@ def open_textures(
     output_hz
         Rate of what `render` returns. A model is rendered at its own rate, and converted.
     estimate_hz
-        How often the filter follows what the hand does.
+        Rate at which the filter follows the hand.
     seed
         Seed of the excitation. Without threads, the same seed and the same calls give the same
         samples, whatever the size of the blocks.
@@ -148,8 +148,8 @@ def open_textures(
         Whether estimates are made in a thread of their own, by the clock, rather than in
         `render`, by the samples it gives.
     sink
-        Where there is one, samples are generated in a thread of their own, by the clock, and
-        handed to it in blocks of 5 ms; `render` is then not to be called.
+        Called with samples in blocks of 5 ms, which a thread of its own generates by the clock;
+        do not call `render` then. None for no such thread.
 
     Raises
     ------
@@ -190,9 +190,9 @@ def touch(
     Parameters
     ----------
     textures
-        What `open_textures` returned.
+        Result of `open_textures`.
     texture
-        Which one is touched, None for none.
+        Number of the texture that is touched, None for none.
     velocity_x_mm_s, velocity_y_mm_s
         Velocity of the tool over the surface. A model of speed takes its magnitude.
     force_n
@@ -203,7 +203,7 @@ def touch(
     InputError
         There is no such texture.
     MmtError
-        They are closed, or a thread has failed.
+        The textures are closed, or a thread has failed.
     """
     textures.check()
     textures.estimator.touch(
@@ -217,12 +217,12 @@ def render(textures: Textures, count: int) -> FloatArray:
     Raises
     ------
     MmtError
-        They are closed, or a thread has failed.
+        The textures are closed, or a thread has failed.
     """
     textures.check()
     return textures.render(count)
 
 
 def close(textures: Textures) -> None:
-    """End the threads, if there are any; what was closed can only be closed again."""
+    """End the threads, if there are any. Closed textures can only be closed again."""
     textures.close()

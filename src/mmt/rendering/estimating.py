@@ -1,4 +1,4 @@
-"""The second part of rendering: from what a hand does to the filter that vibrates."""
+"""The second part of rendering: the filter of the vibration, from the hand's motion."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from mmt.texture.synthesis.generation import VibrationFilter, estimate
 
 @dataclass(frozen=True)
 class Touch:
-    """What the hand does: on which texture it moves, how fast, and how hard it presses."""
+    """Motion of the hand: texture that is touched, velocity, and normal force."""
 
     texture: int
     velocity_x_mm_s: float
@@ -20,9 +20,9 @@ class Touch:
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """What to generate: a filter, and the sampling rate that it is valid at.
+    """Filter by which to generate, and the sampling rate that it is valid at.
 
-    The generator's buffer is one of these, replaced by one assignment, so that the two may run in
+    The newest estimate is replaced by one assignment, so that estimator and generator may run in
     threads of their own without a lock.
     """
 
@@ -43,22 +43,22 @@ class Estimator:
         self._models = tuple(models)
         self._touch: Touch | None = None
         self.newest: Estimate | None = None
-        """None before the first touch, and where nothing is touched."""
+        """The newest estimate; None before the first touch, and while nothing is touched."""
 
     def use(self, models: Sequence[TextureModel]) -> None:
-        """Go on with other models, as many as before.
+        """Replace the models by others, as many as before.
 
         Raises
         ------
         InputError
-            They are more or fewer.
+            The number of models is another one.
         """
         if len(models) != len(self._models):
             raise InputError(f"{len(models)} models in place of {len(self._models)}")
         self._models = tuple(models)
 
     def touch(self, touch: Touch | None) -> None:
-        """Take note of what the hand does now; None where it touches nothing.
+        """Set the present motion of the hand; None if it touches nothing.
 
         Raises
         ------
@@ -71,7 +71,7 @@ class Estimator:
         self._touch = touch
 
     def estimate(self) -> None:
-        """Bring `newest` up to date; some 50 us by triangles."""
+        """Update `newest`; takes some 50 us with a triangulation."""
         touch = self._touch
         if touch is None:
             self.newest = None

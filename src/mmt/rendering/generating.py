@@ -11,10 +11,10 @@ from mmt.texture.synthesis.generation import Generator
 
 
 class OutputGenerator:
-    """Generate at the rates of the models, each converted to the device's, and add them up.
+    """Generate at the rates of the models, convert each to the device's, and add them up.
 
-    One rate has one filter at a time, whose memory is carried over from estimate to estimate.
-    What is of another rate than the newest estimate falls silent by itself.
+    Each rate has one filter at a time, whose memory is carried over from estimate to estimate.
+    Rates other than that of the newest estimate decay to silence.
 
     Parameters
     ----------
@@ -46,11 +46,11 @@ class OutputGenerator:
 
     @property
     def delay_s(self) -> float:
-        """The longest that the conversion of a rate delays."""
+        """Largest delay of the conversion of a rate."""
         return max(converter.delay_s for _, converter in self._lanes.values())
 
     def use(self, estimate: Estimate | None) -> None:
-        """Go on with another estimate, or fall silent."""
+        """Use another estimate; None decays to silence."""
         for rate_hz, (generator, _) in self._lanes.items():
             wanted = estimate is not None and estimate.rate_hz == rate_hz
             generator.use(estimate.filter if wanted and estimate is not None else None)

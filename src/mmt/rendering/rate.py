@@ -1,10 +1,10 @@
 """From a model's sampling rate to a device's, as a stream.
 
-A model is valid at one rate, 1 kHz as a rule; sound cards want 44.1 or 48 kHz, others 2 kHz.
+A model is valid at one rate, 1 kHz as a rule; sound cards take 44.1 or 48 kHz, other devices 2 kHz.
 The filter is a Kaiser-windowed sinc in polyphase form, 16 samples of the slower of the two rates
 long, which delays by half of that. Below 0.39 of the slower rate it is flat within 0.05 dB,
-above 0.61 of it at least 53 dB down. Cost: 16 multiplications a sample, or as many more as the
-device is slower.
+above 0.61 of it at least 53 dB down. Cost: 16 multiplications a sample, and for a slower device
+more in proportion.
 """
 
 from fractions import Fraction
@@ -53,11 +53,11 @@ class RateConverter:
 
     @property
     def delay_s(self) -> float:
-        """How long the filter delays, 0 where the rates are the same."""
+        """Delay of the filter, 0 if the rates are the same."""
         return self._delay_s
 
     def needed(self, count: int) -> int:
-        """Return how many samples must be put in before `count` more can be had."""
+        """Return how many samples must be put in before `count` more can be returned."""
         if count <= 0:
             return 0
         return max(0, (self._given + count - 1) * self._down // self._up + 1 - self._taken)
@@ -70,8 +70,8 @@ class RateConverter:
         samples
             Shape (n,).
         count
-            How many to return, by default all that there can be; n must then be
-            ``needed(count)``, and what there is beyond comes next time.
+            Number of samples to return; n must then be ``needed(count)``, and any further
+            samples come next time. None returns all that there can be.
         """
         line = np.concatenate([self._history, samples])
         first = self._taken - len(self._history)  # the number of the line's first sample

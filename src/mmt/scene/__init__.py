@@ -1,7 +1,7 @@
-"""Scenes: what one run needs, read from TOML and checked.
+"""Scenes: settings of one run, read from TOML and validated.
 
-The scene itself is imported when it is first asked for: its tables are also those of added parts,
-whose modules import the bases of tables from here.
+`Scene` is imported on first access: its class has the tables of added parts, and the modules of
+those parts import the base classes of tables from this package.
 """
 
 from typing import TYPE_CHECKING, Any

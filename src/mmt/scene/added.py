@@ -1,9 +1,8 @@
 """Parts that other packages add to the leader, and the tables that they add to a scene.
 
-A package names each part as an entry point of the group ``mmt.parts``: an `AddedPart`, in a module
-that imports nothing of `mmt` but bases of tables (this one, `mmt.scene.table`,
-`mmt.scene.secured_table`), since a scene's tables are made from it. The part's name is that of its
-table, if it has one.
+A package offers each part as an entry point of the group ``mmt.parts``, which names an
+`AddedPart`. `Scene` is built from these objects, so their modules import from `mmt` only this
+module, `mmt.scene.table` and `mmt.scene.secured_table`. A part with a table has the table's name.
 """
 
 from collections.abc import Iterable, Mapping
@@ -17,24 +16,24 @@ from mmt.scene.table import PartTable
 
 
 class PassingTable(PartTable):
-    """Base of the tables of parts that pass a follower's frames on."""
+    """Base class for tables of parts that forward the follower's frames."""
 
     channels: Literal["all", "needed"] = "all"
 
 
 class Flag(NamedTuple):
-    """An option of a command, without a value, that gives a scene tables."""
+    """A command-line flag that adds tables to the scene."""
 
     name: str
     """Such as ``--share``."""
     help: str
     tables: tuple[str, ...]
-    """Tables that the scene has then, empty if its file has none."""
+    """Tables that the flag adds, with default values, if the scene's file lacks them."""
     command: Literal["leader", "demo"] = "leader"
     guest: str = ""
-    """The module and the function that makes an `mmt.cli.guests.Guest` of the scene, "" for none.
+    """``module:function`` that makes an `mmt.cli.guests.Guest` from the scene, or "" for none.
 
-    The demo has it also without the option, in a scene that has the tables.
+    The demo also makes the guest without the flag if the scene has the tables.
     """
 
 
@@ -42,38 +41,38 @@ class AddedPart(NamedTuple):
     """A part of the leader from another package."""
 
     home: str
-    """The module and the class, which has `build(session, parts)`: the part, or None for none."""
+    """``module:class``; the class's `build(session, parts)` returns the part, or None for none."""
     before: str
-    """The part before whose verbs this one's are called."""
+    """Name of the part before which this one is built and called."""
     table: type[PartTable] | None = None
     """The table that the part adds to a scene, or None if it adds none."""
     key: str = ""
-    """Key of another table that asks for a part without one, such as ``rendering.generator``."""
+    """For a part without a table: the key that enables it, such as ``rendering.generator``."""
     tasks: tuple[str, ...] = ()
-    """Names of the tasks that it runs beside the ticks."""
+    """Names of the tasks that the part runs beside the ticks."""
     rules: str = ""
-    """The module and the function that, given a scene with the table, returns what it may not be.
+    """``module:function`` that returns the `mmt.scene.scene.Rules` for a scene with the table.
 
-    It returns `mmt.scene.scene.Rules`, and "" is for none.
+    "" if there are no rules.
     """
     flags: tuple[Flag, ...] = ()
-    """Options that it adds to commands."""
+    """Flags that the part adds to commands."""
     secrets: tuple[str, ...] = ()
     """Environment variables with secrets that a scene with the table cannot run without."""
     foreign: tuple[str, ...] = ()
-    """Tables of the package's other commands, whose variables a scene passes over."""
+    """Tables of the package's other commands; a scene ignores environment variables for them."""
 
 
 @cache
 def added_parts() -> Mapping[str, AddedPart]:
     """Return the added parts of installed packages, by name.
 
-    One that cannot be loaded is left out; `problem_of` tells why.
+    A part that cannot be loaded is left out; `problem_of` returns the reason.
 
     Raises
     ------
     InputError
-        One of the product's own cannot be loaded.
+        A part of this distribution cannot be loaded.
     """
     found = {}
     for name, entry in offered("mmt.parts").items():
@@ -92,18 +91,18 @@ def added_parts() -> Mapping[str, AddedPart]:
 
 
 def added_flags(command: str) -> list[Flag]:
-    """Return the options that added parts give a command."""
+    """Return the flags that added parts give a command."""
     flags = (flag for part in added_parts().values() for flag in part.flags)
     return [flag for flag in flags if flag.command == command]
 
 
 def tables_of(flags: Iterable[Flag]) -> list[str]:
-    """Return the names of the tables that a scene has by these options."""
+    """Return the names of the tables that these flags add."""
     return [name for flag in flags for name in flag.tables]
 
 
 def imported(home: str) -> Any:
-    """Return what a home, ``module:name``, holds."""
+    """Import the object that ``module:name`` names."""
     module, _, name = home.partition(":")
     return getattr(import_module(module), name)
 

@@ -1,4 +1,4 @@
-"""The scene's tables that name drivers."""
+"""Tables of a scene that name drivers."""
 
 from typing import Annotated, Any, ClassVar, Final, Literal, Self
 
@@ -12,7 +12,7 @@ DRIVER_PATTERN: Final = r"^([\w-]+|[\w.]+:\w+)$"
 
 
 class Driver(Table):
-    """A driver and its options, which the driver itself checks; a name alone is short for it."""
+    """A driver and its options, which the driver validates; a string is short for the driver."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -25,7 +25,7 @@ class Driver(Table):
 
     @property
     def options(self) -> dict[str, Any]:
-        """The keys beside ``driver``, as the scene gives them."""
+        """The keys other than ``driver``, unvalidated."""
         return dict(self.model_extra or {})
 
 
@@ -40,7 +40,7 @@ class Handle(Driver, PartTable):
 
 
 class Actuator(PartTable):
-    """``[actuator]``: what the vibration is written to; without a driver a simulated one."""
+    """``[actuator]``: the device that plays the vibration; without a driver a simulated one."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -50,7 +50,7 @@ class Actuator(PartTable):
 
     @property
     def options(self) -> dict[str, Any]:
-        """The driver's own keys."""
+        """Keys that the driver defines."""
         return dict(self.model_extra or {})
 
     @model_validator(mode="after")

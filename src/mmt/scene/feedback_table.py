@@ -12,7 +12,7 @@ _KEYS: Final[dict[str, tuple[str, ...]]] = {
     "passive": (*_PORT, "largest_drift_mm"),
     "model": (*_PORT, "largest_stiffness_n_mm", "contact_n", "forgetting_s"),
 }
-"""The keys that a method has beside those that all have."""
+"""Keys that only some methods have, by method."""
 
 
 class ForceFeedback(PartTable):
@@ -44,5 +44,5 @@ class ForceFeedback(PartTable):
 
     @property
     def services(self) -> tuple[Service, ...]:
-        """The services in which it runs: the follower has a part in every method but one."""
+        """The leader; with every method but ``streamed`` also the follower."""
         return self.runs_in if self.method == "streamed" else ("leader", "follower")

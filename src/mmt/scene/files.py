@@ -1,4 +1,4 @@
-"""Read scenes from files: TOML, then the environment, then the command line's flags."""
+"""Read scenes from TOML files; environment variables override keys, and options override both."""
 
 import os
 import tomllib
@@ -20,15 +20,15 @@ ENVIRONMENT_PREFIX = "MMT_"
 
 _READ: Final = (("rendering", "model"), ("replay", "file"))
 _SECURING: Final = ("token_file", "certificate", "key", "authority")
-"""Keys that name files which a scene reads: of these tables, and of any table."""
+"""Keys that name input files: `_READ` by table and key, `_SECURING` in any table."""
 
 
 class Overrides(NamedTuple):
-    """What takes precedence over a file, by ``"table.key"``."""
+    """Values that take precedence over a scene's file, by ``"table.key"``."""
 
     values: dict[str, Any]
     names: dict[str, str]
-    """What messages call each."""
+    """Name of each value's source for error messages, such as ``--port``."""
 
     @classmethod
     def of(
@@ -37,16 +37,16 @@ class Overrides(NamedTuple):
         options: Mapping[str, str] | None,
         concerns: Callable[[str], bool],
     ) -> Self:
-        """Return the environment's, and the flags over them.
+        """Return the overrides from environment variables and from flags, which win.
 
         Parameters
         ----------
         flags
             Values by ``"table.key"``; a value of None changes nothing.
         options
-            What messages call a flag, by ``"table.key"``, such as ``--port``.
+            Names of the flags for error messages, by ``"table.key"``, such as ``--port``.
         concerns
-            Whether variables of this table are meant.
+            Returns whether to use the environment variables for a table.
         """
         given = {key: value for key, value in flags.items() if value is not None}
         variables = {
@@ -77,29 +77,29 @@ def load_scene(
     Parameters
     ----------
     path
-        A TOML file, or the name of an example scene such as ``demo``. Files that it reads
-        are looked for in the current directory, then beside the scene; what it writes is
-        relative to the current directory.
+        A TOML file, or the name of an example scene such as ``demo``. Input files that the
+        scene names are looked for in the current directory, then beside the scene; output
+        files are relative to the current directory.
     overrides
         Values by ``"table.key"``; a value of None changes nothing.
     replay
-        A recorded session that takes the place of the scene's own follower; without a
-        follower that obeys commands there is no hand, and no force to feed back to it.
+        A recorded session to send instead of the scene's own source. A replay follows no
+        commands, so the hand, the handle and the force feedback are removed as well.
     record
-        Where to record. A scene that records nothing by itself has its wire as it is
-        recorded, since its follower knows nothing of it. A file that exists is refused.
+        File to record into; an existing file is an error. If the scene has no
+        ``[recording]``, only the channels that other parts need are sent and recorded.
     force
-        Whether a recording may replace a file that exists.
+        Whether a recording may replace an existing file.
     tables
-        Names of tables that the scene has, empty if its file has none, such as ``monitor``.
+        Names of tables to add, with default values, if the file lacks them, such as ``monitor``.
     options
-        What messages call an override, by ``"table.key"``, such as ``--port``.
+        Names of the overrides for error messages, by ``"table.key"``, such as ``--port``.
 
     Raises
     ------
     InputError
-        The file is missing or no TOML, or a key, a value or a combination is not allowed;
-        the message names the key, the value and what is allowed.
+        The file is missing or not valid TOML, or a key, a value or a combination is not
+        allowed. The message names the key, the value and the allowed values.
     """
     path = find_scene(Path(path))
     found = read_tables(path)
@@ -118,7 +118,7 @@ def load_scene(
 def validated(
     model: type[AnyTable], origin: str, tables: Mapping[str, Any], given: Overrides
 ) -> AnyTable:
-    """Validate tables with what takes precedence; `origin` is what messages call the tables.
+    """Validate tables with their overrides; `origin` names the tables in error messages.
 
     Raises
     ------
@@ -133,12 +133,12 @@ def validated(
 
 
 def read_tables(path: Path) -> dict[str, Any]:
-    """Return the tables of a TOML file, unchecked.
+    """Return the tables of a TOML file, unvalidated.
 
     Raises
     ------
     InputError
-        It is missing or no TOML.
+        The file is missing or not valid TOML.
     """
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
@@ -155,7 +155,7 @@ def read_tables(path: Path) -> dict[str, Any]:
 def _change_parts(
     tables: dict[str, Any], replay: str | Path | None, record: str | Path | None
 ) -> None:
-    """Put a recording in the follower's place, and say where to record."""
+    """Replace the follower's source by a recording, and set the file to record into."""
     if replay is not None:
         for name in ("simulated", "devices", "hand", "handle", "force_feedback"):
             tables.pop(name, None)
@@ -170,7 +170,7 @@ def _change_parts(
 def _origin(
     error: ValidationError, path: str, tables: Mapping[str, Any], names: Mapping[str, str]
 ) -> str:
-    """Return what the problems come from: the file with these tables, or overrides by name."""
+    """Return the sources of the invalid values: the file, the names of overrides, or both."""
     found: set[str] = set()
     for problem in error.errors():
         place = ".".join(map(str, problem["loc"][:2]))
@@ -182,7 +182,7 @@ def _origin(
 
 
 def example_scenes() -> dict[str, Path]:
-    """Return the example scenes by name: of the installed package, or of the checkout."""
+    """Return the example scenes of the installed package, or of the checkout, by name."""
     package = Path(__file__).parents[1]
     for directory in (package / "configs", package.parents[1] / "configs"):
         if directory.is_dir():
@@ -191,12 +191,12 @@ def example_scenes() -> dict[str, Path]:
 
 
 def find_scene(path: Path) -> Path:
-    """Return the file, or the example scene of that name.
+    """Return the path if the file exists, else the path of the example scene of that name.
 
     Raises
     ------
     InputError
-        There is neither.
+        There is no such file and no such example.
     """
     if path.exists() and not path.is_dir():
         return path
@@ -209,7 +209,7 @@ def find_scene(path: Path) -> Path:
 
 
 def look_beside(path: Path, tables: dict[str, Any]) -> None:
-    """Let files that tables name, and a scene reads, stand beside it."""
+    """Resolve input files that the tables name: in the current directory, else beside `path`."""
     for name, table in tables.items():
         for key in table if isinstance(table, dict) else ():
             read = (name, key) in _READ or key in _SECURING
@@ -218,7 +218,7 @@ def look_beside(path: Path, tables: dict[str, Any]) -> None:
 
 
 def _beside(path: Path, file: str) -> str:
-    """Return a file that stands beside a scene and not here as such, others as they are."""
+    """Return the path beside the scene if the file exists only there, else `file` unchanged."""
     beside = path.parent / file
     return str(beside) if not Path(file).exists() and beside.exists() else file
 
@@ -226,7 +226,7 @@ def _beside(path: Path, file: str) -> str:
 def scene_from_tables(
     tables: Mapping[str, Any], overrides: Mapping[str, Any] | None = None, *, origin: str = "scene"
 ) -> Scene:
-    """Validate tables that are already parsed; see `load_scene`.
+    """Return the scene of parsed tables; see `load_scene`.
 
     Raises
     ------
@@ -237,7 +237,7 @@ def scene_from_tables(
 
 
 def _resolved(tables: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
-    """Return tables with what takes precedence, by ``"table.key"``."""
+    """Return a copy of the tables with overrides, by ``"table.key"``, applied."""
     resolved: dict[str, Any] = {
         name: dict(table) if isinstance(table, Mapping) else table for name, table in tables.items()
     }
@@ -252,7 +252,7 @@ def _resolved(tables: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[s
 
 
 def environment_overrides(environment: Mapping[str, str]) -> dict[str, Any]:
-    """Return the overrides that ``MMT_TABLE__KEY`` variables ask for; a list is one of TOML."""
+    """Return the overrides from ``MMT_TABLE__KEY`` variables; lists are in TOML syntax."""
     overrides: dict[str, Any] = {}
     for name, value in environment.items():
         if name.startswith(ENVIRONMENT_PREFIX) and "__" in name:
@@ -262,7 +262,7 @@ def environment_overrides(environment: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _value(text: str) -> Any:
-    """Return the list that a text is in TOML, else the text, such as the host ``[::1]``."""
+    """Return a list if the text is a TOML list, else the text, such as the host ``[::1]``."""
     try:
         return tomllib.loads(f"it = {text}")["it"] if text.startswith("[") else text
     except (tomllib.TOMLDecodeError, RecursionError):
@@ -270,7 +270,7 @@ def _value(text: str) -> Any:
 
 
 def table_from(model: type[AnyTable], name: str, payload: object) -> AnyTable:
-    """Validate one table by itself, as it comes from the other side or a program.
+    """Validate one table by itself, received from the other service or given by a program.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The scene's table ``[link]``: who listens, who may connect, and what silence means."""
+"""The scene's table ``[link]``: address and security of the link, and time-outs."""
 
 from typing import ClassVar, Final, Literal, Self
 
@@ -39,7 +39,7 @@ class Link(ServedTable):
 
     @property
     def longest_wait_ms(self) -> float:
-        """``longest_silence_ms``, or else a ``silence_ms`` that is given, or else 250."""
+        """``longest_silence_ms`` if given, else ``silence_ms`` if given, else 250."""
         if self.longest_silence_ms is not None:
             return self.longest_silence_ms
         return self.silence_ms if "silence_ms" in self.model_fields_set else _LONGEST_SILENCE_MS

@@ -1,4 +1,4 @@
-"""The tables of what is shown while a run lasts: for Prometheus, and on a page."""
+"""The tables of metrics for Prometheus and of the monitor page."""
 
 from typing import ClassVar
 
@@ -8,7 +8,7 @@ from mmt.scene.table import PartTable, Service
 
 
 class Metrics(PartTable):
-    """``[metrics]``: figures for Prometheus, at the leader's port and one of the follower's."""
+    """``[metrics]``: serve metrics for Prometheus at the leader's and the follower's ports."""
 
     runs_in: ClassVar[tuple[Service, ...]] = ("leader", "follower")
 
@@ -16,6 +16,6 @@ class Metrics(PartTable):
 
 
 class Monitor(PartTable):
-    """``[monitor]``: the leader serves a page that shows the run while it lasts."""
+    """``[monitor]``: the leader serves a live page of the run."""
 
     updates_hz: float = Field(25.0, ge=1, le=60)

@@ -1,4 +1,4 @@
-"""Where the follower's robot may go, and how hard it may be accelerated."""
+"""Workspace and acceleration limit of the follower's robot."""
 
 from typing import Annotated, Literal, Self, TypeAlias
 
@@ -14,9 +14,9 @@ Box: TypeAlias = tuple[Corner, Corner]
 
 
 class MotionLimits(PartTable):
-    """Limits of the robot's position, in the table of the follower that has one.
+    """Base class for the tables of sources that move a robot: workspace and acceleration limit.
 
-    The workspace is a box, by its lowest and its highest corner.
+    The workspace is a box, given by its lowest and its highest corner.
     """
 
     workspace_mm: Box | Literal["off"] = ((-1000.0, -1000.0, -1000.0), (1000.0, 1000.0, 1000.0))
@@ -24,7 +24,7 @@ class MotionLimits(PartTable):
 
     @property
     def box_mm(self) -> Box | None:
-        """The workspace's corners, None where it is off."""
+        """Corners of the workspace, or None if it is unlimited."""
         return None if self.workspace_mm == "off" else self.workspace_mm
 
     @model_validator(mode="after")

@@ -19,11 +19,11 @@ PROFILES: Final[dict[str, dict[str, float]]] = {
     },
     "outage": {"delay_ms": 3.0, "jitter_ms": 2.0, "jitter_time_ms": 5.0, "outage_s": 2.0},
 }
-"""What each profile sets; a key that is given beside the profile has its own value."""
+"""Values that each profile sets; keys given beside ``profile`` take precedence."""
 
 
 class Network(PartTable):
-    """``[network]``: what the services do to each other's messages before they are sent."""
+    """``[network]``: emulated network; each service treats its messages before it sends them."""
 
     runs_in: ClassVar[tuple[Service, ...]] = ("leader", "follower")
 
@@ -47,7 +47,7 @@ class Network(PartTable):
     @model_validator(mode="before")
     @classmethod
     def _of_profile(cls, given: Any) -> Any:
-        """Fill in what the profile sets; what is no profile is refused with the other keys."""
+        """Fill in the profile's values; an unknown profile fails with the other keys."""
         profile = given.get("profile") if isinstance(given, dict) else None
         return {**PROFILES.get(profile, {}), **given} if isinstance(profile, str) else given
 
@@ -69,11 +69,11 @@ class Network(PartTable):
         return self
 
     def concerns(self, direction: Literal["up", "down"]) -> bool:
-        """Return whether messages of this direction are to be changed."""
+        """Return whether the emulation treats messages of this direction."""
         return self.direction in {"both", direction}
 
     def describe(self) -> str:
-        """Return a sentence's worth of what is emulated."""
+        """Return a one-line summary of the emulation."""
         ways = "" if self.direction == "both" else f" {self.direction} alone"
         bandwidth = self.bandwidth_kbit_s
         said = [

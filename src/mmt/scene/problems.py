@@ -1,4 +1,4 @@
-"""What is wrong with a table, as sentences that name the key, the value and what is allowed."""
+"""Error messages for an invalid table, which name the key, the value and the allowed values."""
 
 import re
 from dataclasses import fields, is_dataclass
@@ -9,13 +9,13 @@ from pydantic import BaseModel, ValidationError
 from mmt.core.printable import without_secrets
 
 _UNKNOWN_KEY: Final = ("extra_forbidden", "unexpected_keyword_argument")
-"""Pydantic's type of the error for a table that is a model, and for one that is a dataclass."""
+"""Pydantic's error types for an unknown key: in a model, and in a dataclass."""
 _ALTERNATIVE: Final = re.compile(r"int|float|constrained-\w+|\w+\[.*\]")
-"""What Pydantic puts into a place for each type that a key may have."""
+"""Matches the elements that Pydantic adds to an error's location for the members of a union."""
 
 
 def explain_problems(error: ValidationError, model: type[BaseModel] | None = None) -> str:
-    """Return a sentence for each problem; `model` is what was validated, where it is known."""
+    """Return a sentence for each problem; `model` is the validated model, or None if unknown."""
     sentences = []
     for problem in error.errors(include_url=False):
         place = ".".join(p for p in map(str, problem["loc"]) if not _ALTERNATIVE.fullmatch(p))
@@ -30,7 +30,7 @@ def explain_problems(error: ValidationError, model: type[BaseModel] | None = Non
         else:
             where = f"{place} is " if place else ""
             value, message = f"{where}{problem['input']!r}: ", problem["msg"]
-            if sentences and sentences[-1].startswith(value):  # another alternative for it
+            if sentences and sentences[-1].startswith(value):  # another member of the union
                 sentences[-1] += f", or {message.removeprefix('Input should be ')}"
             else:
                 sentences.append(value + message)
@@ -47,7 +47,7 @@ def _allowed(location: tuple[int | str, ...], model: type[BaseModel]) -> str:
 
 
 def _annotations(table: type[Any]) -> dict[str, Any]:
-    """Return the keys of a table and what each is annotated with; none where it is no table."""
+    """Return the annotation of each key of a table, or {} if the class is not a table."""
     if issubclass(table, BaseModel):
         return {name: field.annotation for name, field in table.model_fields.items()}
     return {field.name: field.type for field in fields(table)} if is_dataclass(table) else {}

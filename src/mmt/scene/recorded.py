@@ -1,4 +1,4 @@
-"""The scene of a recorded session, also of one that an earlier version recorded."""
+"""The scene of a recorded session, including sessions recorded by earlier versions."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -15,7 +15,7 @@ def scene_of_recording(tables: Mapping[str, Any], origin: str) -> Scene:
     Raises
     ------
     InputError
-        The recorded scene is not valid; `origin` is what the message calls it.
+        The recorded scene is not valid; `origin` names it in the message.
     """
     if isinstance(tables.get("texture"), Mapping):
         tables = {**tables, "texture": by_method(tables["texture"])}

@@ -8,7 +8,7 @@ from pydantic import Field
 from mmt.scene.table import PartTable, Service
 
 LARGEST_SPEED: Final = 100.0
-"""Largest speed of a replay, over real time."""
+"""Largest speed of a replay, relative to real time."""
 
 
 class Replay(PartTable):

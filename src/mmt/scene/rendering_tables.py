@@ -1,4 +1,4 @@
-"""The tables of the vibration that is played: from the model, and from the stream."""
+"""The tables of vibration rendered from the model and of vibration played from the stream."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -34,11 +34,11 @@ _FORMER: Final = {
     "render earlier write start_share = 0.5 in [texture]",
     "update_fade_ms": "each state of the model is rendered at once: leave it out",
 }
-"""Keys of earlier versions, and what to do instead."""
+"""Keys of earlier versions, with what to write instead."""
 
 
 def without_former(table: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a table without what earlier versions alone had."""
+    """Return a table without keys and values that only earlier versions had."""
     kept = {key: value for key, value in table.items() if key not in _FORMER}
     if kept.get("before") == "warm":
         del kept["before"]
@@ -46,7 +46,7 @@ def without_former(table: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class Playout(PartTable):
-    """``[playout]``: streamed vibration through a buffer that bridges jitter."""
+    """``[playout]``: play streamed vibration through a jitter buffer."""
 
     delay_ms: Annotated[float, Field(ge=0, le=1000)] | Literal["auto"] = "auto"
     longest_delay_ms: float = Field(100.0, gt=0, le=1000)

@@ -1,7 +1,7 @@
-"""What one run needs: the tables of a scene and what each may hold.
+"""The scene: settings of one run, a table for each part, and the checks across tables.
 
-A table that is absent is a part that does not exist in that run. Both services read the
-same file. Every key is documented in ``docs/reference/scene.md``.
+A part whose table is absent does not exist in that run. Both services read the same file.
+Every key is documented in ``docs/reference/scene.md``.
 """
 
 from typing import TYPE_CHECKING, Any, Final, Literal, Self, TypeVar, get_args
@@ -32,7 +32,7 @@ _Added = TypeVar("_Added", bound=PartTable)
 
 
 class SessionTable(Table):
-    """``[session]``: what every run has."""
+    """``[session]``: settings that every run has."""
 
     name: str = Field("session", min_length=1, max_length=64, pattern=r"^[\w.-]+$")
     duration_s: float = Field(18.0, gt=0, le=86_400)
@@ -42,12 +42,12 @@ class SessionTable(Table):
 
     @property
     def samples_per_frame(self) -> int:
-        """Samples of acceleration in a frame, and of vibration in a tick."""
+        """Samples of acceleration per frame, and of vibration per tick."""
         return self.acceleration_rate_hz // self.rate_hz
 
 
 class SceneTables(Table):
-    """The tables of the product's own parts; `Scene` has those of added parts as well."""
+    """Tables of the built-in parts; the subclass `Scene` also has those of added parts."""
 
     session: SessionTable = SessionTable()
     link: Link | None = None
@@ -92,12 +92,12 @@ class SceneTables(Table):
         return next((table for table in self.added.values() if isinstance(table, kind)), None)
 
     def is_given(self, what: Literal["model", "force"]) -> bool:
-        """Return whether it comes from another machine."""
+        """Return whether an added part receives the model or the force from another machine."""
         return any(what in table.gives for table in self.added.values())
 
     @property
     def source(self) -> Literal["simulated", "replay", "devices"] | None:
-        """The follower's source, None where the scene has no follower."""
+        """Table of the follower's source, or None if the scene has no follower."""
         for name in ("simulated", "replay", "devices"):
             if getattr(self, name) is not None:
                 return name
@@ -105,18 +105,18 @@ class SceneTables(Table):
 
     @property
     def motion_limits(self) -> MotionLimits | None:
-        """The limits of the follower's robot, None where no robot is moved."""
+        """Limits of the follower's robot, or None if the run moves no robot."""
         return (self.simulated or self.devices) if self.commands else None
 
     def describe_motion_limits(self) -> str | None:
-        """Return where, how fast and how hard the robot may be moved; None where none is."""
+        """Return workspace, speed and acceleration limit in words, or None without a robot."""
         if self.motion_limits is None:
             return None
         where, how = self.motion_limits.describe()
         return f"{where}; {(self.link or Link()).limit_mm_s:g} mm/s; {how}"
 
     def describe_acceleration(self) -> str | None:
-        """Return what a frame has of acceleration; None where that is one sample, or none."""
+        """Describe the acceleration in a frame; None for at most one sample per frame."""
         session = self.session
         if session.samples_per_frame == 1 or "acceleration" not in self.channels():
             return None
@@ -132,9 +132,9 @@ class SceneTables(Table):
         return f"{said}; {sensor.driver} {band}" if band else said
 
     def describe_hand_force(self) -> str | None:
-        """Return where the force of a handle's hand comes from, and how late; None for no handle.
+        """Describe the source and the delay of the hand's force at a real handle.
 
-        It drives the vibration that is rendered from a model, beside the hand's motion.
+        With the hand's motion it drives the rendered vibration. None without handle or rendering.
         """
         handle = self.handle
         if handle is None or self.rendering is None:
@@ -160,7 +160,7 @@ class SceneTables(Table):
 
     @property
     def commands(self) -> bool:
-        """Whether somebody at the leader, real or simulated, moves and feels."""
+        """Whether the leader has an interface: a real handle or a simulated hand."""
         return self.hand is not None or self.handle is not None
 
     @property
@@ -171,11 +171,11 @@ class SceneTables(Table):
 
     @property
     def reports_contact(self) -> bool:
-        """Whether the follower tells command, place and force of each tick beside its frames.
+        """Whether the follower sends command, position and force of each tick beside its frames.
 
-        So that the leader has a model of the contact: for force feedback of the method ``model``,
-        or for the force of a hand whose handle measures none. The method ``passive`` tells
-        energies in its place.
+        The leader builds its model of the contact from these reports: for force feedback of the
+        method ``model``, or for the hand's force if the handle measures none. With the method
+        ``passive`` the follower sends energies instead.
         """
         feedback, handle = self.force_feedback, self.handle
         if feedback is not None and feedback.method != "streamed":
@@ -185,7 +185,7 @@ class SceneTables(Table):
 
     @property
     def concealment(self) -> Literal["model", "repetition", "silence"]:
-        """How gaps in the stream are concealed; a model needs the compiled numerics."""
+        """How gaps in the stream are concealed; ``model`` needs the compiled numerics."""
         if self.playout is None:
             return "silence"
         if self.playout.conceal != "auto":
@@ -199,7 +199,7 @@ class SceneTables(Table):
         return modelled or self.concealment == "model"
 
     def channels(self) -> tuple[Channel, ...]:
-        """Return the channels that this scene needs on the wire, in the frame's order."""
+        """Return the channels that the follower sends in this scene, in the frame's order."""
         wanted: set[Channel] = set()
         if self.texture is not None:
             wanted |= {"position", "force", "acceleration"}
@@ -218,11 +218,11 @@ class SceneTables(Table):
         return ordered_channels(wanted) if wanted else ()
 
     def keep_frames(self) -> int:
-        """Return how many frames the follower keeps for a leader that lacks some."""
+        """Return how many frames the follower keeps, to send lost ones again."""
         return round(self.link.keep_s * self.session.rate_hz) if self.link is not None else 0
 
     def parts(self, service: Service | None = None) -> dict[str, bool]:
-        """Return every part, or those of one service, by its table's name and whether it runs."""
+        """Return by table name whether each part runs, of all parts or those of one service."""
         parts = {}
         for name, kind in PART_TABLES.items():
             table = getattr(self, name)
@@ -232,7 +232,7 @@ class SceneTables(Table):
         return parts
 
     def dump(self) -> dict[str, Any]:
-        """Return the resolved scene as JSON-ready tables, absent ones left out."""
+        """Return the resolved scene as JSON-serializable tables, without absent ones."""
         return self.model_dump(mode="json", exclude_none=True)
 
 
@@ -257,7 +257,7 @@ PART_TABLES: Final[dict[str, type[OptionalTable]]] = {
 """The class of every part's table, by the table's name."""
 
 Rules = list[tuple[bool, str]]
-"""Whether an invalid combination is given, and the message about it."""
+"""For each invalid combination: whether the scene has it, and the error message."""
 
 
 def _impossible(scene: SceneTables) -> list[str]:

@@ -1,4 +1,4 @@
-"""What the tables of connections have in common: who may connect, and where to."""
+"""Base classes for the tables of connections: token, certificates and address."""
 
 import re
 from pathlib import Path
@@ -10,7 +10,7 @@ from mmt.scene.table import PartTable
 
 
 class SecuredTable(PartTable):
-    """A table of one side of a connection: what it presents to the other, and requires of it."""
+    """Base class: token, certificate, key and authority of one side of a connection."""
 
     token_file: Path | None = None
     certificate: Path | None = None
@@ -25,7 +25,7 @@ class SecuredTable(PartTable):
 
 
 class ServedTable(SecuredTable):
-    """A table of the side that listens."""
+    """Base class for tables of the side that listens."""
 
     host: str = "127.0.0.1"
     port: int = Field(0, ge=0, le=65_535)
@@ -44,7 +44,7 @@ class ServedTable(SecuredTable):
         return origins
 
     def url(self, port: int | None = None) -> str:
-        """Return the address for the other side; `port` where it is not the table's own."""
+        """Return the URL for the other side, with `port`, or the table's port if None."""
         secure = self.certificate is not None or self.authority is not None
         host = f"[{self.host}]" if ":" in self.host else self.host
         return f"{'https' if secure else 'http'}://{host}:{self.port if port is None else port}"

@@ -9,7 +9,7 @@ from mmt.scene.table import PartTable, Service, Table
 
 
 class Course(Table):
-    """``[simulated.course]``: the tool goes over several known surfaces."""
+    """``[simulated.course]``: the tool moves over several known surfaces in turn."""
 
     surfaces: tuple[str, ...] = Field(min_length=1, max_length=5)
     stay_s: float = Field(8.0, ge=0.5, le=3600)
@@ -17,7 +17,7 @@ class Course(Table):
 
 
 class Simulated(MotionLimits):
-    """``[simulated]``: a robot, a surface of known texture and noisy sensors."""
+    """``[simulated]``: simulated robot, surface of known texture and noisy sensors."""
 
     runs_in: ClassVar[tuple[Service, ...]] = ("follower",)
 
@@ -30,7 +30,7 @@ class Simulated(MotionLimits):
 
 
 HAND_KINDS: Final = ("strokes", "quick", "circles", "taps", "scratching", "pauses")
-"""Kinds of simulated hands, see `mmt.testing.simulation.motions`."""
+"""Kinds of simulated hands; see `mmt.testing.simulation.motions`."""
 
 
 class Hand(PartTable):

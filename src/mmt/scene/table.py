@@ -1,4 +1,4 @@
-"""What the tables of a scene have in common."""
+"""Base classes for the tables of a scene."""
 
 from typing import ClassVar, Literal
 
@@ -8,13 +8,13 @@ Service = Literal["leader", "follower"]
 
 
 class Table(BaseModel):
-    """A table of a scene: unknown keys are errors, and its values do not change."""
+    """Immutable table of a scene; unknown keys are errors."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class OptionalTable:
-    """Base of the tables of a scene: the settings of a part that may be left out."""
+    """Base class for the settings of a part that a scene may leave out."""
 
     runs_in: ClassVar[tuple[Service, ...]] = ("leader",)
     """The services in which the part runs, unless `services` depends on the table's values."""
@@ -26,7 +26,7 @@ class OptionalTable:
 
 
 class PartTable(OptionalTable, Table):
-    """The table of a part."""
+    """The table of a part, as a pydantic model."""
 
     gives: ClassVar[tuple[Literal["model", "force"], ...]] = ()
-    """What the part brings from another machine, which needs no follower here then."""
+    """Data that the part receives from another machine, so that no follower has to send it."""

@@ -1,7 +1,7 @@
-"""The scene's table ``[texture]``: settings of the numerics, and how often a model is updated.
+"""The scene's table ``[texture]``: settings of the numerics, and the model's update period.
 
-Its keys are the fields of `mmt.texture.settings.TextureSettings`, which pydantic validates by
-their annotations.
+Its keys are the fields of the dataclass `mmt.texture.settings.TextureSettings`; pydantic
+validates them by their annotations.
 """
 
 from collections.abc import Mapping
@@ -15,7 +15,7 @@ from mmt.scene.table import OptionalTable
 from mmt.texture.settings import THRESHOLDS, Method, ModellingSettings, TextureSettings
 
 _PARTS: Final = ("interpolate", "interpolator", "level", "shape", "criterion")
-"""Keys of which earlier versions put a method together."""
+"""Keys with which scenes of earlier versions composed a method."""
 
 _OF_FIELD: Final = {
     "level": "gaussian_process",
@@ -27,7 +27,7 @@ _OF_FIELD: Final = {
 
 @dataclass(frozen=True)
 class Texture(TextureSettings, OptionalTable):
-    """``[texture]``: segment the stream, fit, and build the model."""
+    """``[texture]``: segment the stream, fit filters and build the model."""
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid", allow_inf_nan=False)
 
@@ -52,19 +52,19 @@ class Texture(TextureSettings, OptionalTable):
         return table
 
     def settings(self, samples_per_frame: int = 1) -> ModellingSettings:
-        """Return the settings of the numerics for a stream."""
+        """Return the settings of the numerics for a stream of so many samples per frame."""
         keys = {field.name: getattr(self, field.name) for field in fields(TextureSettings)}
         return ModellingSettings(**keys, samples_per_frame=samples_per_frame)
 
 
 TEXTURE_TABLE: Final = TypeAdapter(Texture)
-"""Validates and dumps the table by itself."""
+"""Validates and serializes the table by itself."""
 
 
 def by_method(table: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return a table that names a method, of one that may name its parts as in earlier versions.
+    """Convert a table of an earlier version, which may compose its method from parts.
 
-    The method is the one that comes nearest, with its own thresholds; samples are not selected.
+    The result names the nearest method and keeps its thresholds; ``selection`` is dropped.
     """
     table = {k: v for k, v in table.items() if k != "selection" and (k, v) != ("order", "auto")}
     if not _former(table):
@@ -76,13 +76,13 @@ def by_method(table: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def _former(table: Mapping[str, Any]) -> list[str]:
-    """Return what of a table earlier versions alone have, as sentences name it."""
+    """Return the settings that only earlier versions had, as text for a message."""
     former = [f'{key} = "{table[key]}"' for key in _PARTS if key in table]
     return [*former, *(['method = "custom"'] if table.get("method") == "custom" else [])]
 
 
 def _nearest(table: Mapping[str, Any]) -> Method:
-    """Return the method that comes nearest to parts: what the level is decides first."""
+    """Return the method nearest to a table of parts; the first of `_OF_FIELD`'s keys decides."""
     if table.get("method") == "published":
         return "published"
     for key, value in _OF_FIELD.items():

@@ -1,7 +1,7 @@
 """Recorded sessions: write, read, replay, import, export and recover them.
 
-`mmt.session.recorder` records while a session runs and `mmt.session.replay` sends a recorded
-one again; the services that need them import them.
+`mmt.session.recorder` records a running session and `mmt.session.replay` sends a recorded one
+again; neither is imported here.
 """
 
 from mmt.session.data import OutputBlock, RecordedSession

@@ -1,4 +1,4 @@
-"""Join single frames and samples into the blocks that a session file holds."""
+"""Join single frames and samples into the blocks of a session file."""
 
 from collections.abc import Callable
 from typing import Any
@@ -12,7 +12,7 @@ _SAMPLE_BYTES = 4
 
 
 class BlockAssembler:
-    """Join frames into blocks of 20; `write` gets each with its first frame's log time."""
+    """Join frames into blocks of 20; `write` gets each block and its first frame's log time."""
 
     def __init__(self, dtype: np.dtype[Any], write: Callable[[RecordArray, int], None]) -> None:
         self._dtype = dtype
@@ -22,7 +22,7 @@ class BlockAssembler:
         self._log_time_ns = 0
 
     def add(self, log_time_ns: int, data: bytes) -> None:
-        """Append frames as bytes and write every block that is full."""
+        """Append frames as bytes and write every full block."""
         if not self._waiting:
             self._log_time_ns = log_time_ns
         self._waiting += data
@@ -31,7 +31,7 @@ class BlockAssembler:
             self._log_time_ns = log_time_ns
 
     def flush(self) -> None:
-        """Write the rest as a block that is not full."""
+        """Write the remaining frames as a shorter block."""
         if self._waiting:
             self._write_block(len(self._waiting))
 
@@ -42,7 +42,7 @@ class BlockAssembler:
 
 
 class OutputAssembler:
-    """Join output samples of one mode into blocks of the time of 20 frames or a little more."""
+    """Join output samples of one mode into blocks as long as 20 frames, or slightly longer."""
 
     def __init__(
         self, write: Callable[[int, str, FloatArray], None], samples_per_frame: int = 1
@@ -64,7 +64,7 @@ class OutputAssembler:
             self.flush()
 
     def flush(self) -> None:
-        """Write the rest."""
+        """Write the remaining samples."""
         if self._waiting:
             samples = np.frombuffer(bytes(self._waiting), dtype="<f4").astype(np.float64)
             self._waiting.clear()

@@ -1,4 +1,4 @@
-"""A recorded session in memory, as every reader returns it and every writer expects it."""
+"""A recorded session in memory: the type that readers return and writers take."""
 
 import json
 import math
@@ -27,7 +27,7 @@ FRAME_PERIOD_S = 1e-3
 _Times = TypeVar("_Times", IntArray, FloatArray)
 
 JsonObject = Mapping[str, Any]
-"""A JSON object; only the program that wrote it knows its keys."""
+"""A JSON object whose keys depend on the program that wrote it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,15 +37,15 @@ class OutputBlock:
     time_s: float
     """Session time of the first sample."""
     mode: str
-    """Where the vibration came from, as the leader names it."""
+    """The leader's name for the source of the vibration."""
     vibration_m_s2: FloatArray
     """Shape (n,), stored in single precision."""
     samples_per_frame: int = 1
-    """Samples in a frame's time, as of the session's acceleration."""
+    """Samples per frame, as many as the session has of acceleration."""
 
     @property
     def rate_hz(self) -> float:
-        """Samples a second."""
+        """Sample rate (Hz)."""
         return FRAMES_HZ * self.samples_per_frame
 
     @property
@@ -56,7 +56,7 @@ class OutputBlock:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RecordedSession(Drawn):
-    """One session, whole in memory.
+    """One recorded session in memory.
 
     Session time, ``time_s`` below, is zero at the first frame.
 
@@ -69,28 +69,28 @@ class RecordedSession(Drawn):
     """
 
     frames: RecordArray
-    """Shape (n,), the dtype of `mmt.core.frames.frame_dtype`: ``sequence``, ``time_ns`` and,
-    of the channels that were recorded, ``position_mm``, ``force_n`` and
-    ``acceleration_m_s2``, (3,) each, or (k, 3) where a frame has k samples of acceleration.
-    Missing frames are jumps in ``sequence``."""
+    """Shape (n,), with the dtype of `mmt.core.frames.frame_dtype`: ``sequence``, ``time_ns`` and,
+    for the recorded channels, ``position_mm``, ``force_n`` and ``acceleration_m_s2``, (3,) each.
+    The acceleration is (k, 3) if a frame has k samples of it. Missing frames are jumps in
+    ``sequence``."""
     scene: JsonObject | None = None
-    """The resolved scene, None where the file holds none."""
+    """The resolved scene, or None if the file holds none."""
     annotations: bytes = b""
-    """What the follower attached to the session, such as the simulated truth."""
+    """Data that the follower attached to the session, such as the simulated truth."""
     models: Sequence[tuple[float, bytes]] = ()
     """Texture models (bytes of a ``.npz``) with the session time of each, in order."""
     events: Sequence[JsonObject] = ()
-    """What happened, in order, each with its ``time_s``."""
+    """Events in order, each with its ``time_s``."""
     outputs: Sequence[OutputBlock] = ()
-    """The leader's rendered vibration."""
+    """Vibration that the leader wrote to its actuator."""
     path: Path = field(default=Path())
-    """The file it was read from."""
+    """File from which the session was read."""
     session_id: str | None = None
-    """Names the session in the logs and summaries of both services; None where unknown."""
+    """Identifies the session in the logs and summaries of both services; None if unknown."""
     began_utc_ns: int | None = None
-    """UTC of session time zero since 1970, None where unknown."""
+    """UTC of session time zero, in ns since 1970, or None if unknown."""
     complete: bool = True
-    """False where the file was cut off and then recovered."""
+    """False if the file was cut off or damaged, also if it was then recovered."""
 
     @property
     def channels(self) -> tuple[Channel, ...]:
@@ -99,7 +99,7 @@ class RecordedSession(Drawn):
 
     @property
     def samples_per_frame(self) -> int:
-        """Samples of acceleration in a frame."""
+        """Samples of acceleration per frame."""
         return samples_per_frame(self.frames.dtype)
 
     @property
@@ -115,14 +115,14 @@ class RecordedSession(Drawn):
 
     @property
     def duration_s(self) -> float:
-        """Time from the first frame to the end of the last one's period."""
+        """Time from the first frame to the end of the last frame's period."""
         return duration_s(self.frames)
 
     def vectors(self) -> dict[str, np.ndarray[Any, np.dtype[Any]]]:
-        """Return each channel's vectors (n, 3), those of the acceleration sample by sample.
+        """Return each channel's vectors, shape (n, 3), by field name.
 
-        These are (n k, 3); with k > 1 samples a frame their times, ``acceleration_time_s``
-        (n k,), stand beside them.
+        With k > 1 samples of acceleration per frame, the acceleration has the shape (n k, 3), and
+        ``acceleration_time_s`` (n k,) has the time of each sample.
         """
         vectors = {
             FIELD_OF_CHANNEL[channel]: self.frames[FIELD_OF_CHANNEL[channel]]
@@ -136,10 +136,10 @@ class RecordedSession(Drawn):
     def columns(self) -> dict[str, np.ndarray[Any, np.dtype[Any]]]:
         """Return ``sequence``, ``time_s`` and each axis of each channel, of shape (n,) each.
 
-        The names are those of the ``.csv`` and ``.parquet`` files (``position_x_mm``), so
-        that ``pandas.DataFrame(session.columns())`` is the table that these hold. Where a frame
-        has k > 1 samples of acceleration, each is a column: ``acceleration_x_m_s2[0]``, the
-        oldest, and on; `vectors` has them one after the other.
+        ``pandas.DataFrame(session.columns())`` is the table of the ``.csv`` and ``.parquet``
+        files, with their column names (``position_x_mm``). If a frame has k > 1 samples of
+        acceleration, each sample has its own columns, from ``acceleration_x_m_s2[0]``, the
+        oldest. `vectors` returns these samples one after the other.
         """
         columns: dict[str, np.ndarray[Any, np.dtype[Any]]] = {
             "sequence": self.frames["sequence"],
@@ -164,16 +164,16 @@ class RecordedSession(Drawn):
 
 
 def missing_frames(frames: RecordArray) -> int:
-    """Return how many frames are missing inside a session: the jumps in ``sequence``.
+    """Return how many frames are missing within a session, by the jumps in ``sequence``.
 
-    A sequence that falls (the follower started again) is not a gap.
+    A decrease of ``sequence`` (the follower restarted) does not count as missing frames.
     """
     jumps = np.diff(frames["sequence"].astype(np.int64))
     return int(np.sum(jumps[jumps > 1] - 1))
 
 
 def duration_s(frames: RecordArray) -> float:
-    """Return the time from the first frame to the end of the last one's period."""
+    """Return the time from the first frame to the end of the last frame's period."""
     if len(frames) == 0:
         return 0.0
     span_ns = int(frames["time_ns"][-1]) - int(frames["time_ns"][0])
@@ -181,10 +181,10 @@ def duration_s(frames: RecordArray) -> float:
 
 
 def sample_times(times: _Times, samples_per_frame: int, period: float) -> _Times:
-    """Return the times (n k,) of k samples a frame, the last of each at its frame's time (n,).
+    """Return the times (n k,) of k samples per frame from the times (n,) of the frames.
 
-    The others are evenly spaced before it: over a period, or since the frame before if its time
-    is closer. Whole numbers, as of nanoseconds, stay whole.
+    The last sample of a frame has the frame's time. The others are evenly spaced before it, over
+    `period`, or since the previous frame if that is closer. Integer times give integers.
     """
     before = np.full_like(times, period)
     before[1:] = np.diff(times).clip(0, period)
@@ -197,14 +197,14 @@ def sample_times(times: _Times, samples_per_frame: int, period: float) -> _Times
 def sampled_parts(
     channels: Sequence[Channel], samples_per_frame: int
 ) -> list[tuple[Sequence[Channel], int]]:
-    """Return the channels of one sample a frame, then those of several, with how many."""
+    """Group channels by samples per frame: those with one, then those with several."""
     fast = [each for each in channels if each == "acceleration" and samples_per_frame > 1]
     slow = [each for each in channels if each not in fast]
     return [(part, k) for part, k in ((slow, 1), (fast, samples_per_frame)) if part]
 
 
 def event_time_s(event: JsonObject) -> float:
-    """Return an event's session time, 0 where it has none."""
+    """Return an event's session time, or 0 if the event has none."""
     time_s = event.get("time_s")
     if isinstance(time_s, int | float) and math.isfinite(time_s):
         return float(time_s)
@@ -218,7 +218,7 @@ def axis_columns(channel: Channel) -> tuple[str, str, str]:
 
 
 def field_columns(channel: Channel, samples_per_frame: int) -> tuple[str, ...]:
-    """Return the names of what a frame holds of a channel, in the order in which it holds it."""
+    """Return the column names of a channel's values, in their order within a frame."""
     names = axis_columns(channel)
     if channel != "acceleration" or samples_per_frame == 1:
         return names
@@ -226,10 +226,10 @@ def field_columns(channel: Channel, samples_per_frame: int) -> tuple[str, ...]:
 
 
 def to_json(value: object) -> str:
-    """Return a value as JSON text that every reader accepts.
+    """Return a value as standard JSON text.
 
-    NumPy scalars and arrays become numbers and lists, sets and tuples lists, numbers that
-    JSON lacks (NaN, infinity) null, and every other object its text.
+    NumPy scalars become numbers, arrays, sets and tuples become lists, NaN and infinity become
+    null, and any other object becomes its `str`.
     """
     return json.dumps(_plain(value), allow_nan=False)
 

@@ -1,6 +1,6 @@
 """Export sessions as text, NumPy archives, Parquet (pandas, Polars, DuckDB), HDF5 and MATLAB files.
 
-What belongs to the frames has the same name in each format, as far as it has room for it.
+Data stored beside the frames has the same name in every format that can hold it.
 """
 
 import io
@@ -25,10 +25,10 @@ _UNITS: Final = {
 
 
 def write_csv(path: Path, session: RecordedSession) -> None:
-    """Write the frames; single precision needs nine digits.
+    """Write the frames, single-precision values with nine digits.
 
-    A known date of the first frame is a column of its own, ``began_utc_ns``, the same in each row:
-    text has no other place that every reader of tables takes.
+    The date of the first frame, if known, is the same in each row of the column ``began_utc_ns``:
+    a CSV file has no other place for it that every reader accepts.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def write_npz(path: Path, session: RecordedSession) -> None:
 
 
 def write_mat(path: Path, session: RecordedSession) -> None:
-    """Write what a ``.npz`` holds as variables of a MATLAB file (version 5), arrays upright.
+    """Write the arrays of `write_npz` as variables of a MATLAB file (version 5), 1-D as columns.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def write_mat(path: Path, session: RecordedSession) -> None:
 
 
 def _arrays(session: RecordedSession) -> dict[str, Any]:
-    """Return frames and what belongs to them, texts as JSON."""
+    """Return frames, scene, annotations, events and date as arrays; scene and events as JSON."""
     arrays: dict[str, Any] = {"sequence": session.frames["sequence"], "time_s": session.time_s}
     arrays |= session.vectors()
     if session.scene is not None:
@@ -96,7 +96,7 @@ def write_parquet(path: Path, session: RecordedSession) -> None:
     """Write the frames as flat columns; scene, annotations, events, date as the file's metadata.
 
     The metadata's keys are ``mmt.scene`` and ``mmt.events`` (JSON), ``mmt.annotations``
-    (bytes), ``mmt.began_utc_ns`` (digits).
+    (bytes) and ``mmt.began_utc_ns`` (decimal digits).
 
     Raises
     ------
@@ -125,14 +125,14 @@ def write_parquet(path: Path, session: RecordedSession) -> None:
 
 
 def write_hdf5(path: Path, session: RecordedSession) -> None:
-    """Write each field of the frames as a data set, and everything that belongs to them.
+    """Write each field of the frames, scene, annotations, events and models as data sets.
 
-    Data sets: ``sequence``, ``time_ns``, ``time_s`` (n,), the channels as of
-    `RecordedSession.vectors`, each with the attribute ``units``;
-    ``annotations`` (bytes as uint8); ``models/0001`` and on (``.npz`` bytes as uint8, with the
-    attribute ``time_s``); ``scene`` and ``events`` (JSON text of fixed length: Octave's ``load``
-    stops at any other). Attributes of the file: ``rate_hz``, ``acceleration_rate_hz``, and if the
-    date is known ``began_utc`` (text) and ``began_utc_ns``.
+    Data sets: ``sequence``, ``time_ns``, ``time_s`` (n,); the channels as in
+    `RecordedSession.vectors`, each with the attribute ``units``; ``annotations`` (uint8);
+    ``models/0001`` and on (``.npz`` bytes as uint8, with the attribute ``time_s``); ``scene`` and
+    ``events`` (JSON text of fixed length, the only text that Octave's ``load`` accepts). Attributes
+    of the file: ``rate_hz``, ``acceleration_rate_hz`` and, if the date is known, ``began_utc``
+    (text) and ``began_utc_ns``.
 
     Raises
     ------
@@ -145,7 +145,7 @@ def write_hdf5(path: Path, session: RecordedSession) -> None:
     import h5py
 
     frames = session.frames
-    image = io.BytesIO()  # on a full disk, the library brings the whole process down
+    image = io.BytesIO()  # written to a full disk, h5py would crash the whole process
     with h5py.File(image, "w") as file:
         times = {"sequence": frames["sequence"], "time_ns": frames["time_ns"]}
         for name, data in {**times, **session.vectors(), "time_s": session.time_s}.items():

@@ -1,7 +1,7 @@
-"""Read, import, write and export session files; the suffix chooses the format.
+"""Read, import, write and export session files; the suffix selects the format.
 
-The formats are entry points, see `mmt.session.formats`; a module is imported when a file of its
-format is met.
+The formats are entry points, see `mmt.session.formats`; the module of a format is imported on
+first use.
 """
 
 import logging
@@ -20,12 +20,12 @@ _log = logging.getLogger(__name__)
 def read_session(path: str | Path) -> RecordedSession:
     """Read a session from a file of any readable format.
 
-    Every other than ``.mcap`` is imported, see `import_session`, and what looks wrong is logged.
+    Files of formats other than ``.mcap`` are read by `import_session`, which logs warnings.
 
     Raises
     ------
     InputError
-        The file is missing, of another format, not valid, or was cut off.
+        The file is missing, of an unknown format, not valid, or was cut off.
 
     Examples
     --------
@@ -56,27 +56,27 @@ def import_session(
     units: Mapping[str, str] | None = None,
     **options: Any,
 ) -> RecordedSession:
-    """Read a recording of another program; resample it to 1 kHz, acceleration to what is asked.
+    """Read another program's recording and resample it to 1 kHz.
 
-    What looks wrong in it, such as a unit, the sign of the force or jittered stamps, is logged
-    as a warning.
+    Suspicious data, such as an unlikely unit, a wrong sign of the force or jittered time stamps,
+    is logged as a warning. The option ``acceleration_rate_hz`` sets the acceleration's rate.
 
     Parameters
     ----------
     path
         A ``.npz`` or ``.mat`` with the arrays ``time_s`` (n,), ``position_mm``, ``force_n`` and
         ``acceleration_m_s2`` (n, 3), a table (``.csv``, ``.txt``, ``.xlsx``, ``.parquet``) with
-        the same as columns (``time_s``, ``position_x_mm``, ...), a ROS bag, or a LeRobot data
-        set. Channels may be left out, and each may have times of its own
-        (``acceleration_time_s``). Or several files of one recording, as
+        these as columns (``time_s``, ``position_x_mm``, ...), a ROS bag, or a LeRobot data
+        set. Channels may be missing, and each may have its own times
+        (``acceleration_time_s``). Or several files of one recording, such as
         ``["pose.csv", "acc.wav"]``.
     columns
-        The names of columns that are called otherwise, as ``{"force_z": "Fz"}``; of several files
-        ``{"acceleration": "acc.wav:1*50"}``.
+        The file's names of columns, if they differ, such as ``{"force_z": "Fz"}``; with several
+        files ``{"acceleration": "acc.wav:1*50"}``.
     units
-        Their units, in place of what the file says, as ``{"acceleration": "g"}``.
+        Units that override those in the file, such as ``{"acceleration": "g"}``.
     **options
-        Whatever else the command ``mmt session import`` has, by the names of
+        Other options of the command ``mmt session import``, by the names of
         `mmt.session.importing.options.ImportOptions`: ``rate_hz``, ``acceleration_rate_hz``,
         ``blanks_as_gaps``, ``longest_gap_s``, ``stamps``, ``episode``, ``header``, ``sheet``,
         ``separator``, ``decimal``, ``missing``, ``offsets``.
@@ -84,8 +84,8 @@ def import_session(
     Raises
     ------
     InputError
-        The file is missing or not valid, a column or its unit is not known; the message names
-        the array or column and the row.
+        The file is missing or not valid, or a column or its unit is not known; the message names
+        the array or the column and row.
     """
     from mmt.session.importing.options import ImportOptions
     from mmt.session.importing.recording import import_recording
@@ -97,19 +97,19 @@ def import_session(
 
 
 def export_session(session: RecordedSession, path: str | Path, *, scalars: bool = False) -> None:
-    """Write a session to a file of the format that the suffix names.
+    """Write a session to a file; the suffix selects the format.
 
-    MCAP holds everything, with `scalars` each frame and each sample of the output also as a
-    message of its own, for tools that plot numbers; ``.npz``, ``.mat``, ``.parquet``, ``.h5``
-    hold frames, scene, annotations and events (HDF5 the models too), ``.csv`` the frames alone,
-    ``.wav`` the acceleration. A name without suffix becomes a folder with a ROS 2 bag: frames,
-    scene and events. All hold the date.
+    MCAP holds everything; with `scalars` also a message for each frame and each sample of the
+    output, for tools that plot numbers. ``.npz``, ``.mat``, ``.parquet`` and ``.h5`` hold frames,
+    scene, annotations and events (HDF5 also the models), ``.csv`` only the frames, ``.wav`` only
+    the acceleration. A path without suffix becomes a folder with a ROS 2 bag: frames, scene and
+    events. All formats hold the date.
 
     Raises
     ------
     InputError
         The suffix is not known, the folder does not exist, the package that writes the
-        format is not installed, or `scalars` are wanted of another format.
+        format is not installed, or `scalars` is given with a format other than MCAP.
     MmtError
         Writing failed.
     """
@@ -137,7 +137,7 @@ def write_session(
     events: Sequence[JsonObject] = (),
     outputs: Sequence[OutputBlock] = (),
 ) -> None:
-    """Write frames (n,) and what belongs to them as a session; see `RecordedSession`.
+    """Write frames (n,) and other data as a session; see `RecordedSession` and `export_session`.
 
     Raises
     ------

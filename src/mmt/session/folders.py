@@ -1,4 +1,4 @@
-"""Folders that are written whole, or not at all."""
+"""Write folders atomically."""
 
 import shutil
 import tempfile
@@ -11,17 +11,17 @@ from mmt.core.errors import InputError, MmtError
 
 @contextmanager
 def replacing_folder(path: Path) -> Iterator[Path]:
-    """Give a name of a folder to make; it takes the place of `path` when the block succeeds.
+    """Yield the path of a folder to create; it replaces `path` when the block succeeds.
 
-    Whether what is at `path` may be replaced, the caller has asked.
+    The caller must have checked that an existing folder may be replaced.
 
     Raises
     ------
     InputError
-        The folder above `path` does not exist, or may not be written to.
+        The parent folder of `path` does not exist or is not writable.
     MmtError
-        Writing failed, for instance because the disk is full; nothing is left behind, and what
-        was at `path` stays.
+        Writing failed, for instance because the disk is full; a folder at `path` is kept, and
+        nothing else is left behind.
     """
     try:
         beside = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
@@ -35,7 +35,7 @@ def replacing_folder(path: Path) -> Iterator[Path]:
         try:
             made.rename(path)
         except OSError:
-            if before.is_dir():  # what was there stays
+            if before.is_dir():
                 before.rename(path)
             raise
     except OSError as error:

@@ -1,16 +1,16 @@
 """The formats of session files, by suffix: entry points of the group ``mmt.files``.
 
-Their names are ``read`` (a whole session), ``write`` and ``import`` (a recording of any program),
-followed by the suffix, as ``import.csv``; ``write`` alone and ``import`` alone are of folders. A
-kind of folder that a file in it tells has that file's path: ``import/meta/info.json``.
+Their names are ``read`` (a whole session), ``write`` or ``import`` (another program's recording)
+and the suffix, such as ``import.csv``. ``write`` and ``import`` without a suffix are for folders;
+a folder recognized by a file in it has that file's path, as in ``import/meta/info.json``.
 
-- a reader is called with the path and returns a `RecordedSession`;
-- a writer with the path and the session;
-- an importer with the path, whether a column of a name is wanted, and the `ImportOptions`, and
-  returns `SourceColumns`.
+- A reader is called with the path and returns a `RecordedSession`.
+- A writer is called with the path and the session.
+- An importer is called with the path, a function that tells whether a column of a given name is
+  wanted, and the `ImportOptions`; it returns `SourceColumns`.
 
-``join`` and a name, as ``join.lerobot``, is a function of sessions and a folder that makes a data
-set of them (keywords ``fps``, ``task``, ``replace``); ``model`` and a suffix one that reads a
+``join.NAME``, such as ``join.lerobot``, is a function of sessions and a folder that makes a data
+set of them (keywords ``fps``, ``task``, ``replace``). ``model.SUFFIX`` is a function that reads a
 texture model of another program.
 """
 
@@ -26,18 +26,18 @@ Verb = Literal["read", "write", "import", "join", "model"]
 
 
 def suffixes(verb: Verb) -> list[str]:
-    """Return the suffixes, and of data sets the names behind a dot, that there is something for."""
+    """Return the suffixes that a verb supports, or for ``join`` the names, each with its dot."""
     names = sorted(name for name in offered(GROUP) if name.startswith(f"{verb}."))
     return [name.removeprefix(verb) for name in names]
 
 
 def find_format(verb: Verb, path: Path) -> Callable[..., Any] | None:
-    """Import what reads, writes or imports a file of this suffix or this folder, None if nothing.
+    """Import the function for a verb and the suffix, or folder, of a path; None if there is none.
 
     Raises
     ------
     InputError
-        It cannot be imported.
+        The function cannot be imported.
     """
     files = offered(GROUP)
     name = f"{verb}{path.suffix.lower()}"

@@ -1,4 +1,4 @@
-"""Describe what a session file holds."""
+"""Summarize a session file."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from mmt.texture.signals.faults import SignalFaults
 
 _FILTERED_AT_ONCE: Final = 60_000
-"""Frames, a minute of them: memory is that of a minute however long the session is."""
+"""Frames per call of the filter, one minute: bounds memory for long sessions."""
 
 
 @dataclass(frozen=True)
@@ -32,43 +32,43 @@ class SessionInfo:
     frames: int
     missing_frames: int
     faults: "SignalFaults | None"
-    """What of the signals was no measurement. None without position, force or acceleration, where
-    the recorded scene is not valid, and where the numerics are not installed."""
+    """Invalid samples in the signals. None if one of position, force and acceleration is missing,
+    the recorded scene is not valid, or the numerics are not installed."""
     rate_hz: float | None
-    """Frames a second by the recorded times, gaps counted as frames; None below two."""
+    """Frame rate by the recorded times, counting missing frames; None for less than two frames."""
     acceleration_rate_hz: float | None
-    """Samples of acceleration a second, likewise; None without acceleration."""
+    """Rate of acceleration, computed likewise; None without acceleration."""
     channels: tuple[Channel, ...]
     scene: str | None
-    """The scene's name, None where the file holds no scene."""
+    """The scene's name, or None if the file holds no scene."""
     session_id: str | None
-    """Names the session in the logs of both services, None where the file holds none."""
+    """Identifies the session in the logs of both services; None if the file holds no id."""
     truth: bool
     """Whether the follower attached annotations, such as the simulated truth."""
     models: int
     events: int
     control: tuple[ControlPeriod, ...]
-    """Who moved the robot when, empty where control was never handed over."""
+    """Periods with the operator in control of the robot; empty if control never changed hands."""
     hand_overs: tuple[str, ...]
-    """What happened to the control of the robot, a sentence each with its session time."""
+    """Events that concern control of the robot: session time and a sentence each."""
     outputs: int
     """Samples of the leader's output."""
     output_rate_hz: float | None
-    """Its samples a second; None without output."""
+    """Sample rate of the output (Hz); None without output."""
     listeners: tuple[JsonObject, ...]
-    """What is known of each that listened to the shared model, in the order in which they left;
-    only its ``id`` and ``name`` where its leaving was not recorded."""
+    """Listeners to the shared model, in the order in which they left, then those whose departure
+    was not recorded, with only ``id`` and ``name``."""
     complete: bool
-    """False for a file that was cut off, recovered or not."""
+    """False if the file was cut off, also if it was then recovered."""
 
 
 def info(path: str | Path) -> SessionInfo:
-    """Return what a session file of any readable format holds, a cut-off MCAP file included.
+    """Summarize a session file of any readable format; an MCAP file may be cut off.
 
     Raises
     ------
     InputError
-        The file is missing, of another format or not valid.
+        The file is missing, of an unknown format or not valid.
     """
     path = Path(path)
     is_mcap = path.suffix.lower() == ".mcap"
@@ -108,7 +108,7 @@ def _size_bytes(path: Path) -> int:
 
 
 def _faults(session: RecordedSession) -> "SignalFaults | None":
-    """Pass the frames through the filter of the modelling; about 1 us each."""
+    """Count faults with the filter of the modelling, about 1 us per frame."""
     if not set(FIELD_OF_CHANNEL) <= set(session.channels):
         return None
     from mmt.scene import Scene, Texture

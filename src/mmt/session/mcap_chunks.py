@@ -1,4 +1,4 @@
-"""The frames of an MCAP session file in the order of its chunks, without its index in memory."""
+"""Stream the frames of an MCAP session file in the order of its chunks."""
 
 import struct
 from collections.abc import Iterator, Sequence
@@ -30,14 +30,14 @@ from mmt.session.mcap_writer import (
 from mmt.session.messages import FrameCodec
 
 _CHUNKS_TOGETHER: Final = 8
-"""Chunks that are decoded at once, some seconds of a session."""
+"""Chunks whose messages are yielded together, a few seconds of a session."""
 _CHANNEL_ID: Final = struct.Struct("<H")
 _MESSAGE_HEAD: Final = 22
-"""Bytes of a message's channel, number and times, before its data."""
+"""Bytes of a message before its data: channel, sequence and two times."""
 
 
 class InOrder(NamedTuple):
-    """What a session file holds beside its frames; events only where control could change hands."""
+    """Content of a session file beside its frames; events only if the scene has ``[control]``."""
 
     codec: FrameCodec
     scene: JsonObject | None
@@ -47,15 +47,15 @@ class InOrder(NamedTuple):
 
 
 def open_in_order(path: Path) -> InOrder | None:
-    """Return what a file says of its session, None where it must be read whole.
+    """Return a file's content beside its frames, or None if the file must be read whole.
 
-    That is one that was cut off, unpacks to too much, or is not a session, and where frames came
-    late.
+    That is the case if the file was cut off, is damaged, unpacks to too much, or has back-filled
+    frames.
 
     Raises
     ------
     InputError
-        The file is a session of a newer version, or its scene is not valid.
+        The file is not a session, or of a newer version, or its scene is not valid.
     """
     try:
         with path.open("rb") as stream:
@@ -98,7 +98,7 @@ def _events(path: Path, stream: BinaryIO, summary: Any) -> list[JsonObject]:
 
 
 def frame_payloads(path: Path) -> Iterator[list[bytes]]:
-    """Yield the messages with frames, those of some chunks at a time.
+    """Yield the messages with frames, a few chunks at a time.
 
     Raises
     ------
@@ -119,10 +119,10 @@ def frame_payloads(path: Path) -> Iterator[list[bytes]]:
 
 
 def _payloads(path: Path, records: RecordWalk) -> Iterator[list[bytes]]:
-    """Yield the messages; the indexes of a chunk's messages are not looked at.
+    """Yield the messages, without using the message indexes.
 
-    Below, a chunk's records are taken apart by their lengths: the library reads each number by
-    number, which takes as long as much of what is done with a session.
+    `_frame_messages` splits a chunk into records by their lengths: the MCAP library reads each
+    record field by field, which would take much of the time of processing a session.
     """
     ids: set[int] = set()
     payloads: list[bytes] = []
@@ -142,7 +142,7 @@ def _payloads(path: Path, records: RecordWalk) -> Iterator[list[bytes]]:
 
 
 def _frame_messages(chunk: Chunk, ids: set[int]) -> Iterator[bytes]:
-    """Yield an unpacked chunk's messages with frames; note the channels that it declares."""
+    """Yield an unpacked chunk's messages with frames; add its channels of frames to `ids`."""
     reader, length = get_chunk_data_stream(chunk, validate_crc=True)
     data, at = reader.read(length), 0
     while at < length:

@@ -1,4 +1,4 @@
-"""Read a session out of a scanned MCAP file, whole, cut off or damaged."""
+"""Decode the session in a scanned MCAP file, which may be cut off or damaged."""
 
 import json
 import re
@@ -36,15 +36,13 @@ from mmt.session.messages import FRAME_BLOCK, FrameCodec, OutputCodec, event_cod
 
 
 def read_mcap(path: Path) -> RecordedSession:
-    """Read a session file.
-
-    18 s of frames take about 30 ms.
+    """Read a session file; 18 s of frames take about 30 ms.
 
     Raises
     ------
     InputError
-        The file is missing, of another kind, of a newer version, or was cut off or
-        damaged; then the message says how to recover it.
+        The file is missing, not a session, of a newer version, cut off or damaged. In the last
+        two cases the message says how to recover it.
     """
     scan = scan_mcap(path)
     if not scan.whole:
@@ -56,7 +54,7 @@ def read_mcap(path: Path) -> RecordedSession:
 
 
 def scanned_session(scan: Scan) -> RecordedSession:
-    """Return the session that a scan holds, whether the file was whole or not.
+    """Return the session in a scan, also if the file was cut off or damaged.
 
     Raises
     ------
@@ -84,7 +82,7 @@ def scanned_session(scan: Scan) -> RecordedSession:
 
 
 def scanned_frames(scan: Scan) -> RecordArray:
-    """Return the frames (n,) that a scan holds, back-filled ones included, by sequence.
+    """Return the frames (n,) in a scan; back-filled ones are sorted in by sequence.
 
     Raises
     ------
@@ -109,7 +107,7 @@ def _event(scan: Scan, message: Message, start_ns: int) -> JsonObject:
 
 
 def utc_offset_ns(metadata: Mapping[str, str]) -> int | None:
-    """Return UTC minus the recording machine's clock, None in a file that has no date."""
+    """Return UTC minus the recording machine's clock, or None if the file has no date."""
     text = metadata.get(UTC_OFFSET, "")
     return int(text) if re.fullmatch(r"-?[0-9]{1,20}", text) else None
 
@@ -129,12 +127,12 @@ def _outputs(scan: Scan, start_ns: int) -> list[OutputBlock]:
 def output_block(
     path: Path, codec: OutputCodec, message: Message, channel: Channel, start_ns: int
 ) -> OutputBlock:
-    """Return a message with the leader's output; `start_ns` is session time zero.
+    """Decode a message with the leader's output; `start_ns` is session time zero.
 
     Raises
     ------
     InputError
-        It does not parse, or its channel has a rate that there is not.
+        The message does not parse, or its channel has an invalid rate.
     """
     mode, vibration_m_s2 = codec.decode(message.data)
     time_s = (message.log_time - start_ns) / 1e9
@@ -147,7 +145,7 @@ def frame_codec(
     schemas: Mapping[int, Schema],
     metadata: Mapping[str, str],
 ) -> FrameCodec:
-    """Return the codec of a file's frames, from its channels, schemas and session's metadata.
+    """Return the codec for a file's frames, from its channels, schemas and session metadata.
 
     Raises
     ------
@@ -172,7 +170,7 @@ def frame_codec(
 
 
 def _samples_per_frame(path: Path, channel: Channel) -> int:
-    """Return the samples of acceleration, or of the output, in a frame's time."""
+    """Return the samples of acceleration, or of the output, per frame."""
     text = channel.metadata.get(ACCELERATION_RATE, "1000")
     if not re.fullmatch(r"([1-9]|10)000", text):
         raise InputError(
@@ -183,19 +181,19 @@ def _samples_per_frame(path: Path, channel: Channel) -> int:
 
 
 def parse_event(path: Path, data: bytes, channel: Channel) -> dict[str, Any]:
-    """Return an event of any version: JSON, or a Protobuf message that holds it.
+    """Decode an event of any format version: JSON, or a Protobuf message that holds JSON.
 
     Raises
     ------
     InputError
-        It cannot be read.
+        The event does not parse.
     """
     json_encoded = channel.message_encoding == MessageEncoding.JSON
     return parse_json(path, data if json_encoded else event_codec().decode(data), "an event")
 
 
 def parse_json(path: Path, text: str | bytes, what: str) -> dict[str, Any]:
-    """Return a JSON object out of a file.
+    """Parse a JSON object from a file; `what` names it in messages.
 
     Raises
     ------

@@ -1,8 +1,8 @@
-"""The records of an MCAP file one after the other, past what is damaged.
+"""Iterate over the records of an MCAP file, skipping damaged ones.
 
-A record whose head or lengths do not fit is skipped: with the index at the end of the file to the
-next record that it knows, else to the next bytes that are a record in all their lengths. What
-the index says of a record counts before the record's own head, if the index has its checksum.
+A record with an inconsistent head or length is skipped. The walk continues at the next record in
+the index at the end of the file, or, without one, at the next bytes whose lengths form a record.
+If the index's checksum is right, its opcodes and lengths override those in the records' heads.
 """
 
 import mmap
@@ -25,7 +25,7 @@ HEAD: Final = struct.Struct("<BQ")
 """Opcode and length of a record."""
 
 INDEX_DAMAGED: Final = "its index is damaged"
-"""The problem of a file whose index is of no use; files of other programs may have none."""
+"""The problem of a file whose index is unusable; files of other programs may have no index."""
 
 _CHECKSUM: Final = struct.Struct("<I")
 _FOOTER: Final = struct.Struct("<QQI")
@@ -48,18 +48,18 @@ _LAYOUTS: Final = {
     Opcode.SUMMARY_OFFSET: "BQQ",
     Opcode.DATA_END: "I",
 }
-"""Fields of a record: numbers, what a length of four (s) or eight bytes (S) stands before, and
-all else (*)."""
+"""Fields of each record: numbers, bytes after a length of four (s) or eight bytes (S), and the
+rest of the record (*)."""
 _PRIVATE: Final = 0x80
-"""The first opcode of records that other programs define."""
+"""First opcode of records that other programs define."""
 _MAY_BEGIN: Final = re.compile(rb"(?=[\x01-\x0f].{4}\0{4})", re.DOTALL)
-"""Where a record of less than 4 GB may begin."""
+"""Matches the possible beginning of a record of less than 4 GB."""
 _AT_ONCE: Final = 1 << 24
-"""Bytes of which a part of a checksum is taken."""
+"""Bytes per step of a checksum."""
 
 
 class McapRecord(NamedTuple):
-    """A record, and where it begins."""
+    """A record and its offset in the file."""
 
     opcode: int
     content: bytes
@@ -67,7 +67,7 @@ class McapRecord(NamedTuple):
 
 
 class RecordWalk:
-    """Walk through the records of an MCAP file.
+    """Iterates over the records of an MCAP file.
 
     Parameters
     ----------
@@ -77,9 +77,9 @@ class RecordWalk:
     Attributes
     ----------
     statistics
-        How many records the file has by its index, None if that cannot be read.
+        Counts of records from the file's index, or None if the index cannot be read.
     problems
-        What is wrong with the file, once all records were walked through.
+        Problems of the file, complete after the iteration.
     """
 
     def __init__(self, data: memoryview) -> None:
@@ -118,7 +118,7 @@ class RecordWalk:
         return opcode, length
 
     def _record(self, at: int) -> McapRecord | None:
-        """Return the record that begins there, None if none does."""
+        """Return the record at an offset, or None if there is no valid one."""
         opcode, length = self._known.get(at) or self._head(at)
         begin = at + HEAD.size
         after = bisect_left(self._places, begin)
@@ -129,13 +129,13 @@ class RecordWalk:
         return McapRecord(opcode, bytes(content), at) if _fits(opcode, content) else None
 
     def _next(self, at: int) -> int:
-        """Return where the next record begins, the file's length if there is none."""
+        """Return the offset of the next record, or the file's length if there is none."""
         after = bisect_left(self._places, at)
         if after < len(self._places):
             return self._places[after]
         for found in _MAY_BEGIN.finditer(self._data, at):
             place = found.start()
-            # of other records too many bytes would do
+            # almost any bytes would pass as a message
             if self._data[place] != Opcode.MESSAGE and self._record(place) is not None:
                 return place
         return len(self._data)
@@ -151,13 +151,13 @@ class RecordWalk:
             self.problems.append("its checksum does not fit")
 
     def _leave(self) -> None:
-        """Let the pages of a mapped file go, which would count as memory of this process."""
+        """Release the pages of a mapped file, which count as memory of this process."""
         mapped = self._data.obj
         if isinstance(mapped, mmap.mmap) and hasattr(mapped, "madvise"):
             mapped.madvise(mmap.MADV_DONTNEED)
 
     def _index(self) -> dict[int, tuple[int, int]]:
-        """Return opcode and length by place of all that the index knows; empty if it is damaged."""
+        """Return opcode and length of each record in the index, by offset; {} if damaged."""
         footer = len(self._data) - MAGIC_SIZE - _FOOTER_BYTES
         if footer < MAGIC_SIZE or self._head(footer) != (Opcode.FOOTER, _FOOTER.size):
             return {}
@@ -190,7 +190,7 @@ class RecordWalk:
 
 @contextmanager
 def open_records(stream: BinaryIO) -> Iterator[RecordWalk]:
-    """Map a file that is not empty into memory, for its records, during the block."""
+    """Map a non-empty file into memory for the block, and yield its records."""
     with (
         mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as mapped,
         memoryview(mapped) as data,
@@ -199,16 +199,16 @@ def open_records(stream: BinaryIO) -> Iterator[RecordWalk]:
 
 
 def intact(attachment: bytes) -> bool:
-    """Whether the content of an attachment fits its checksum, which recordings always have.
+    """Return whether an attachment's checksum is right.
 
-    In other files 0 stands for none; here that is damage by zeros.
+    MCAP allows 0 for no checksum. Session files always have one, so 0 counts as damage.
     """
     (checksum,) = _CHECKSUM.unpack(attachment[-_CHECKSUM.size :])
     return bool(checksum == zlib.crc32(attachment[: -_CHECKSUM.size]))
 
 
 def _fits(opcode: int, content: memoryview) -> bool:
-    """Whether the lengths of a record's fields add up to that of the record."""
+    """Return whether the lengths of a record's fields add up to the record's length."""
     if opcode not in _LAYOUTS:
         return opcode >= _PRIVATE
     at = 0

@@ -1,7 +1,6 @@
-"""Everything that can be read from an MCAP file, whole, cut off or damaged.
+"""Read everything that is readable in an MCAP file, which may be cut off or damaged.
 
-Reading does not need the index at the end of the file, so a file that lacks it, or is damaged, is
-read as far as it goes: `scan_mcap` says what is wrong.
+Reading does not need the index at the end of the file. `Scan.problem` says what is wrong.
 """
 
 import os
@@ -35,8 +34,8 @@ from mmt.core.errors import InputError
 from mmt.session.mcap_records import HEAD, INDEX_DAMAGED, RecordWalk, intact, open_records
 
 MOST_MIB: Final = "MMT_MOST_MIB"
-"""The environment variable with what a file may unpack to, in MiB, where that is more than
-`_MOST_RATIO` times its size."""
+"""Environment variable: size to which a file may unpack, in MiB. `_MOST_RATIO` times the file's
+size is always allowed."""
 _MOST_MIB: Final = 64
 _MOST_RATIO: Final = 50
 
@@ -49,12 +48,12 @@ DAMAGE: Final = (
     zstandard.ZstdError,
     RuntimeError,
 )
-"""What is raised on damaged bytes; the MCAP library's CRC and Unicode errors are ValueErrors, those
-of lz4 RuntimeErrors."""
+"""Exceptions that damaged bytes raise. The MCAP library's CRC and Unicode errors are ValueErrors,
+those of lz4 are RuntimeErrors."""
 
 
-class TooLarge(McapError):  # noqa: N818 - it is what the chunk is
-    """A chunk that would unpack to more than is allowed."""
+class TooLarge(McapError):  # noqa: N818 - the name describes the chunk
+    """Raised for a chunk that would unpack to more than is allowed."""
 
 
 @dataclass
@@ -68,15 +67,15 @@ class Scan:
     attachments: list[Attachment] = field(default_factory=list)
     metadata: list[Metadata] = field(default_factory=list)
     chunks: int = 0
-    """Chunks that were read."""
+    """Number of readable chunks."""
     damaged: int = 0
-    """Chunks that cannot be read."""
+    """Number of unreadable chunks."""
     left_bytes: int = field(init=False)
-    """Bytes that further chunks may unpack to."""
+    """Number of bytes to which further chunks may unpack."""
     too_large: int = 0
-    """Of the damaged chunks, those that would unpack to more than is allowed."""
+    """Number of damaged chunks that would unpack to more than is allowed."""
     damaged_records: int = 0
-    """Attachments and other records that are damaged."""
+    """Number of damaged attachments and other records."""
     problem: str = ""
     """What is wrong with the file; empty if nothing is."""
 
@@ -85,23 +84,23 @@ class Scan:
 
     @property
     def whole(self) -> bool:
-        """Whether nothing is missing."""
+        """Whether the file has no problem."""
         return not self.problem
 
     def on_topic(self, topic: str) -> list[Message]:
-        """Return the messages of a topic, in the order in which they were written."""
+        """Return the messages of a topic, in the order of the file."""
         ids = {channel.id for channel in self.channels.values() if channel.topic == topic}
         return [message for message in self.messages if message.channel_id in ids]
 
     def schema_of(self, topic: str) -> Schema | None:
-        """Return the schema of a topic, None where the file has no such topic."""
+        """Return the schema of a topic, or None if the file has no such topic."""
         for channel in self.channels.values():
             if channel.topic == topic:
                 return self.schemas.get(channel.schema_id)
         return None
 
     def metadata_of(self, name: str) -> dict[str, str]:
-        """Return the last metadata record of a name, empty where there is none."""
+        """Return the last metadata record of a name, or {} if there is none."""
         found: dict[str, str] = {}
         for record in self.metadata:
             if record.name == name:
@@ -129,14 +128,14 @@ def scan_mcap(path: Path) -> Scan:
 def iterate_mcap(
     path: Path, problems: list[str]
 ) -> Iterator[tuple[Schema | None, Channel, Message]]:
-    """Yield what is readable of the messages of any MCAP file, in the order of the file.
+    """Yield the readable messages of any MCAP file, in the order of the file.
 
-    What is wrong with them is added to the problems at the end.
+    At the end, problems of the file are appended to `problems`.
 
     Raises
     ------
     InputError
-        The file is missing, empty, not an MCAP file, or much larger than it says.
+        The file is missing, empty or not an MCAP file.
     """
     try:
         with path.open("rb") as stream:
@@ -161,12 +160,12 @@ def _taken(scan: Scan) -> Iterator[tuple[Schema | None, Channel, Message]]:
 
 
 def check_start(path: Path, stream: BinaryIO) -> None:
-    """Refuse what is no MCAP file: one begins or ends with its magic bytes.
+    """Check that a file begins or ends with the magic bytes of MCAP.
 
     Raises
     ------
     InputError
-        It is none, or empty.
+        The file does neither, or is empty.
     """
     size = os.fstat(stream.fileno()).st_size
     if size == 0:
@@ -221,7 +220,7 @@ def _add_content(scan: Scan, opcode: int, content: bytes) -> None:
 
 
 def most_bytes(path: Path) -> int:
-    """Return how many bytes the chunks of a file may unpack to: far more than of any recording.
+    """Return to how many bytes a file's chunks may unpack, far more than any recording needs.
 
     Raises
     ------
@@ -235,10 +234,9 @@ def most_bytes(path: Path) -> int:
 
 
 def read_index(path: Path, stream: BinaryIO) -> tuple[Any, Any] | None:
-    """Return the library's reader of a file, and its summary.
+    """Return the MCAP library's reader of a file, and the file's summary.
 
-    None for a file that has no index, or would unpack to more than is allowed: `scan_mcap` says
-    which.
+    None if the file has no index or would unpack to more than is allowed.
     """
     reader = make_reader(stream)
     summary = reader.get_summary()
@@ -248,12 +246,12 @@ def read_index(path: Path, stream: BinaryIO) -> tuple[Any, Any] | None:
 
 
 def chunk_messages(stream: BinaryIO, index: ChunkIndex) -> list[Message]:
-    """Return the messages of a chunk that a file's index knows.
+    """Return the messages of a chunk, given its entry in the file's index.
 
     Raises
     ------
     Exception
-        As of `unpacked`; a chunk larger than the index says is damaged.
+        As in `unpacked`; also if the chunk is larger than its entry says.
     """
     stream.seek(index.chunk_start_offset + HEAD.size)
     chunk = Chunk.read(ReadDataStream(stream))
@@ -262,14 +260,14 @@ def chunk_messages(stream: BinaryIO, index: ChunkIndex) -> list[Message]:
 
 
 def unpacked(chunk: Chunk, most: int) -> Chunk:
-    """Return a chunk as it was before it was compressed.
+    """Return a chunk, decompressed.
 
     Raises
     ------
     TooLarge
-        It would be more than `most` bytes, whatever it says itself.
+        The data, or the size that the chunk declares, exceed `most` bytes.
     Exception
-        It is damaged; see `DAMAGE`.
+        The chunk is damaged; see `DAMAGE`.
     """
     data, size = chunk.data, chunk.uncompressed_size
     if chunk.compression == "zstd":
@@ -312,8 +310,8 @@ _READERS: Final[Mapping[int, Callable[[bytes], McapRecord]]] = {
 
 
 def _add_record(scan: Scan, record: McapRecord) -> None:
-    # Schemas and channels stand in a chunk, under its checksum, and again in the index at the
-    # end, under none: the first counts.
+    # Schemas and channels are in a chunk, which has a checksum, and again in the index at the end
+    # of the file, where nothing may protect them: keep the first.
     if isinstance(record, Message):
         scan.messages.append(record)
     elif isinstance(record, Channel):

@@ -1,4 +1,4 @@
-"""Windows of a session file by its index: a chunk is read when a window needs it."""
+"""Windows of an indexed session file: each chunk is read when a window needs it."""
 
 from collections import OrderedDict
 from collections.abc import Sequence
@@ -35,7 +35,7 @@ from mmt.session.messages import OutputCodec
 from mmt.session.windows import MemoryWindows, SessionWindows, Window, overlapping
 
 _CHUNKS_KEPT: Final = 64
-"""Decoded chunks kept, some 100 KB each: half a minute or more, so playing reads each once."""
+"""Size of the cache of decoded chunks: 30 s or more, some 100 KB each; playback reads each once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ class _Part:
 
 
 class McapWindows:
-    """A session file with an index; see `mmt.session.windows.SessionWindows`."""
+    """Windows of a session file with an index; see `mmt.session.windows.SessionWindows`."""
 
     in_memory = False
 
@@ -86,14 +86,14 @@ class McapWindows:
                 [index.message_end_time for index in self._chunks],
             )
         )
-        # a message's time is that of its beginning, and it lasts 20 ms or little more
+        # a message has the time of its first sample, and lasts 20 ms or slightly longer
         self.duration_s = float(self._ends_s.max()) + 0.02
         self.has_output = self._output_codec is not None
         self.events: Sequence[JsonObject] = self._read_events()
 
     @classmethod
     def open(cls, path: Path) -> Self | None:
-        """Open a file; None if it must be scanned, such as one that was cut off: see `read_index`.
+        """Open a file; None if it must be scanned, such as a cut-off one; see `read_index`.
 
         Raises
         ------
@@ -120,12 +120,11 @@ class McapWindows:
     def window(self, begin_s: float, end_s: float) -> Window:
         """See `mmt.session.windows.SessionWindows.window`.
 
-        Costs a few milliseconds for each chunk, half a second or a second of the session,
-        that was not looked at lately.
+        Takes a few milliseconds for each chunk (0.5 to 1 s of the session) that is not cached.
         """
         near = (self._begins_s < end_s) & (self._ends_s >= begin_s)
-        # the index knows a message by the time of its first sample: the last one before the
-        # window may reach into it, across a gap from any time
+        # the index has the time of a message's first sample: the last message before the window
+        # may reach into the window, from any earlier time if it spans a gap
         before = np.flatnonzero(self._ends_s < begin_s)
         if len(before):
             near[before[np.argmax(self._ends_s[before])]] = True
@@ -166,12 +165,12 @@ class McapWindows:
         raise InputError(f"session {self.path}: it holds no frames")
 
     def _chunks_with(self, topic: str) -> list[ChunkIndex]:
-        """Return the chunks that hold a topic, in the order of the file."""
+        """Return the chunks with messages of a topic, in the order of the file."""
         ids = {number for number, name in self._topics.items() if name == topic}
         return [index for index in self._chunks if ids & index.message_index_offsets.keys()]
 
     def _messages(self, index: ChunkIndex) -> list[Message]:
-        """Return the messages of a chunk, none where it is damaged."""
+        """Return the messages of a chunk, or none if the chunk is damaged."""
         try:
             return chunk_messages(self._stream, index)
         except DAMAGE:
@@ -190,7 +189,7 @@ class McapWindows:
         return sorted(events, key=lambda event: float(event["at_s"]))
 
     def _part(self, number: int) -> _Part:
-        """Return the content of a chunk, cached for those used last."""
+        """Return the content of a chunk, from the cache if possible."""
         part = self._parts.get(number)
         if part is None:
             part = self._decode(self._messages(self._chunks[number]))
@@ -219,10 +218,10 @@ class McapWindows:
         )
 
     def _frames(self, messages: list[Message]) -> tuple[RecordArray, FloatArray]:
-        """Return the frames (n,) of blocks, and the recording time (n,) of each.
+        """Return the frames (n,) of blocks, and the recording time (n,) of each by arrival.
 
-        All blocks are parsed in one call, 50 times faster than one by one; the sequence of
-        its first frame tells where each begins.
+        One call parses all blocks, 50 times faster than one by one. The sequence of a block's
+        first frame marks its beginning.
         """
         frames = self._codec.decode([message.data for message in messages])
         firsts = np.array([message.sequence for message in messages], dtype=np.int64)
@@ -233,7 +232,7 @@ class McapWindows:
             frames, time_s = (np.concatenate(columns) for columns in zip(*pieces, strict=True))
             return frames, time_s
         arrived_ns = np.array([message.log_time for message in messages], dtype=np.int64)
-        # a single block of another program may be numbered otherwise
+        # a single block from another program may have a different message sequence
         begins = np.searchsorted(numbers, firsts) if len(messages) > 1 else np.array([0])
         block = np.searchsorted(begins, np.arange(len(frames)), side="right") - 1
         since_ns = frames["time_ns"] - frames["time_ns"][begins[block]]
@@ -248,13 +247,13 @@ class McapWindows:
 def open_windows(path: str | Path) -> SessionWindows:
     """Open a session file of any readable format.
 
-    A whole ``.mcap`` file is read by its index, a few chunks for a window. One that was cut
-    off has no index, nor have other formats: they are read whole.
+    An ``.mcap`` file is read by its index, a few chunks for each window. A cut-off file and
+    files of other formats have no index and are read into memory.
 
     Raises
     ------
     InputError
-        The file is missing, of another format, not valid, or holds no frames.
+        The file is missing, of an unknown format, not valid, or holds no frames.
     """
     from mmt.session.files import read_session
 

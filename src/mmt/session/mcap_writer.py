@@ -1,7 +1,7 @@
-"""Write a session file: MCAP, zstd, 64 KiB chunks; no thread, no clock.
+"""Write a session file: MCAP, zstd, 64 KiB chunks.
 
-`mmt.session.recorder` uses it while a session runs, `write_mcap` for a whole session.
-The layout is in ``docs/reference/session-file.md``.
+`mmt.session.recorder` uses `SessionWriter` while a session runs, `write_mcap` writes a whole
+session. ``docs/reference/session-file.md`` describes the layout.
 """
 
 import json
@@ -56,10 +56,10 @@ from mmt.session.plot_messages import (
 )
 
 FORMAT_VERSION: Final = 3
-"""That of files with several samples of acceleration a frame."""
+"""Version of files with several samples of acceleration per frame."""
 VERSION_AT_1_KHZ: Final = 2
-"""That of all others, which older programs read. Version 1, whose events are JSON messages and
-whose times have no date, is read too."""
+"""Version of all other files, which older programs can read. Readers also accept version 1, with
+events as JSON messages and without a date."""
 FRAMES_PER_BLOCK: Final = 20
 CHUNK_BYTES: Final = 64 * 1024
 PROFILE: Final = "mmt"
@@ -80,7 +80,7 @@ SCENE_METADATA: Final = "mmt.scene"
 UTC_OFFSET: Final = "utc_offset_ns"
 """Key of `SESSION_METADATA`: UTC minus the clock of the machine that recorded."""
 ACCELERATION_RATE: Final = "acceleration_rate_hz"
-"""Key of the metadata of topics, where a frame has several samples of acceleration."""
+"""Key of the metadata of topics, present if a frame has several samples of acceleration."""
 RECOVERY_METADATA: Final = "mmt.recovery"
 
 ANNOTATIONS_ATTACHMENT: Final = "annotations"
@@ -89,26 +89,26 @@ MODEL_MEDIA_TYPE: Final = "application/x-npz"
 
 
 class SessionWriter:
-    """Write one session file to an open stream, in the order of the calls.
+    """Writes one session file to an open stream, in the order of the calls.
 
-    A file that lacks `finish` is readable up to its last `flush` by ``mmt session recover``.
+    Without `finish`, ``mmt session recover`` can read the file up to the last `flush`.
 
     Parameters
     ----------
     stream
-        The file, which stays open.
+        The file. It is not closed.
     channels
-        What the frames carry.
+        Channels of the frames.
     scene, session_id
         See `RecordedSession`.
     utc_offset_ns
-        UTC minus the clock of the times given to the calls, ``log_time_ns``: the clock of
-        the machine that records. The file's log times are UTC.
+        UTC minus the clock of the recording machine, which the methods' ``log_time_ns`` uses.
+        The file's log times are UTC.
     scalars
-        Write each frame and each sample of the output as a message of its own as well, for
-        tools that plot numbers.
+        Also write each frame and each sample of the output as its own message, for tools that
+        plot numbers.
     samples_per_frame
-        Samples of acceleration in a frame, and of the output in its time.
+        Samples of acceleration, and of the output, per frame.
     """
 
     def __init__(
@@ -178,7 +178,7 @@ class SessionWriter:
     def _add(
         self, topic: str, data: bytes, log_time_ns: int, time_ns: int, sequence: int = 0
     ) -> None:
-        """Write a message; its topic is registered with its first."""
+        """Write a message; register its topic before the first."""
         if topic not in self._channels:
             self._channels[topic] = self._register(topic)
         self._writer.add_message(
@@ -189,11 +189,11 @@ class SessionWriter:
         return max(0, max(0, log_time_ns) + self._utc_offset_ns)
 
     def write_frames(self, frames: RecordArray, log_time_ns: int) -> None:
-        """Write a block of frames (n,), n >= 1, as one message, and its plot sample."""
+        """Write a block of frames (n,), n >= 1, as one message, and one message for plots."""
         self._write_block(FRAMES_TOPIC, frames, log_time_ns)
 
     def write_backfill(self, frames: RecordArray, log_time_ns: int) -> None:
-        """Write a block of frames (n,), n >= 1, that came late, as `write_frames`."""
+        """Write a block of frames (n,), n >= 1, that arrived late, as `write_frames` does."""
         self._write_block(BACKFILL_TOPIC, frames, log_time_ns)
 
     def _write_block(self, topic: str, frames: RecordArray, log_time_ns: int) -> None:
@@ -218,7 +218,7 @@ class SessionWriter:
                 self._add(VIBRATION_TOPIC, self._vibration.encode(at_ns, value), at_ns, at_ns)
 
     def write_event(self, event: str, log_time_ns: int) -> None:
-        """Write an event, a JSON object as text, and its sentence as a line of the log."""
+        """Write an event, the text of a JSON object, and its sentence as a log message."""
         self._add(EVENTS_TOPIC, self._event.encode(event), log_time_ns, log_time_ns)
         sentence = json.loads(event).get("event")
         if isinstance(sentence, str):
@@ -233,23 +233,23 @@ class SessionWriter:
         self._writer.add_attachment(utc_ns, utc_ns, name, MODEL_MEDIA_TYPE, data)
 
     def write_annotations(self, data: bytes, log_time_ns: int) -> None:
-        """Attach the follower's annotations, bytes that are stored and never opened."""
+        """Attach the follower's annotations, as bytes that are never parsed."""
         utc_ns = self._utc_ns(log_time_ns)
         self._writer.add_attachment(
             utc_ns, utc_ns, ANNOTATIONS_ATTACHMENT, "application/octet-stream", data
         )
 
     def flush(self) -> None:
-        """End the chunk in progress and hand everything to the operating system."""
+        """End the current chunk and flush it to the operating system."""
         self._writer.flush()  # type: ignore[no-untyped-call]
 
     def finish(self) -> None:
-        """Write the rest and the index; the stream stays open."""
+        """Write the remaining data and the index; the stream is not closed."""
         self._writer.finish()  # type: ignore[no-untyped-call]
 
 
 def open_writer(stream: BinaryIO) -> Writer:
-    """Return a started MCAP writer with the chunk size and compression of session files."""
+    """Return an MCAP writer with the chunk size and compression of session files, started."""
     writer = Writer(
         stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD, enable_data_crcs=True
     )
@@ -259,14 +259,14 @@ def open_writer(stream: BinaryIO) -> Writer:
 
 
 def write_mcap(path: Path, session: RecordedSession, *, scalars: bool = False) -> None:
-    """Write a whole session; an existing file is replaced, but only by a finished one.
+    """Write a whole session; an existing file is replaced when writing has succeeded.
 
-    A session that does not know when it began begins now. For `scalars` see `SessionWriter`.
+    If `began_utc_ns` is None, the session is dated now. For `scalars` see `SessionWriter`.
 
     Raises
     ------
     InputError
-        The folder does not exist or may not be written, or acceleration and output differ in rate.
+        The folder is missing or not writable, or acceleration and output differ in rate.
     MmtError
         Writing failed, for instance because the disk is full.
     """

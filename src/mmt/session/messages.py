@@ -1,7 +1,7 @@
 """Messages of a session file: Protobuf schemas, encoding and decoding.
 
-The schemas travel inside the file, so that any MCAP tool decodes it; they are built here
-from the channels of the session. The layout is in ``docs/reference/session-file.md``.
+The schemas are built from the session's channels and stored in the file, so that any MCAP tool
+can decode it. ``docs/reference/session-file.md`` describes the layout.
 """
 
 import json
@@ -25,14 +25,14 @@ EVENT: Final = "mmt.Event"
 
 Field: Final = descriptor_pb2.FieldDescriptorProto
 _MISFITS = (DecodeError, AttributeError, TypeError, ValueError)
-"""What decoding raises on fields that are absent, of another type or of another length."""
+"""Exceptions that decoding raises if a field is absent or has another type or length."""
 
 _MERGED_MESSAGES = 4096
-"""Messages parsed in one call; limits the bytes that are joined at a time (4 MB)."""
+"""Messages parsed in one call; limits the bytes that are joined (4 MB)."""
 
 
 def message_schema(message: str, fields: Sequence[tuple[str, int, bool]]) -> bytes:
-    """Return a serialized FileDescriptorSet with one message of (name, type, repeated)."""
+    """Return a serialized FileDescriptorSet of one message; a field is (name, type, repeated)."""
     package, _, name = message.partition(".")
     described = descriptor_pb2.FileDescriptorProto(
         name=f"{package}/{name}.proto", package=package, syntax="proto3"
@@ -64,7 +64,7 @@ def output_schema() -> bytes:
 
 
 def event_schema() -> bytes:
-    """Return the schema of ``mmt.Event``: all of an event as JSON, and what most have."""
+    """Return the schema of ``mmt.Event``: the event as JSON, and fields that most events have."""
     return message_schema(
         EVENT,
         [
@@ -77,7 +77,7 @@ def event_schema() -> bytes:
 
 
 def message_class(schema: bytes, name: str) -> Any:
-    """Return the Protobuf class of a message that a serialized FileDescriptorSet describes.
+    """Return the Protobuf class of a message in a serialized FileDescriptorSet.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def message_class(schema: bytes, name: str) -> Any:
         files = {
             file.name: file for file in descriptor_pb2.FileDescriptorSet.FromString(schema).file
         }
-        # many writers put a file before those that it needs
+        # many writers put a file before its dependencies
         for each in TopologicalSorter({n: f.dependency for n, f in files.items()}).static_order():
             if each in files:
                 pool.Add(files[each])
@@ -104,9 +104,9 @@ class FrameCodec:
     Parameters
     ----------
     schema
-        That of the messages; it says which channels frames have.
+        Schema of the messages, which defines the channels.
     samples_per_frame
-        Samples of acceleration in a frame, and of the leader's output in its time.
+        Samples of acceleration, and of the leader's output, per frame.
     """
 
     def __init__(self, schema: bytes, samples_per_frame: int = 1) -> None:
@@ -118,19 +118,19 @@ class FrameCodec:
 
     @classmethod
     def of_channels(cls, channels: Sequence[Channel], samples_per_frame: int = 1) -> Self:
-        """Return the codec of the current layout for these channels."""
+        """Return the codec for these channels, in the current layout."""
         return cls(frame_schema(channels), samples_per_frame)
 
     def encode(self, frames: RecordArray) -> bytes:
-        """Return a block of frames (n,) as one message; about 12 us for n = 20."""
+        """Encode a block of frames (n,) as one message; about 12 us for n = 20."""
         values = {name: frames[name].ravel().tolist() for name in self.dtype.names or ()}
         return bytes(self._message(**values).SerializeToString())
 
     def decode(self, payloads: Sequence[bytes]) -> RecordArray:
-        """Return the frames (n,) of many messages, in their order.
+        """Decode many messages and return their frames (n,), in order.
 
-        Protobuf merges messages that are joined end to end by joining their repeated
-        fields, so that thousands of blocks are parsed in one call.
+        Protobuf parses concatenated messages as one message with concatenated repeated fields,
+        so one call parses thousands of blocks.
 
         Raises
         ------
@@ -162,12 +162,12 @@ class OutputCodec:
         self._message = message_class(schema or output_schema(), OUTPUT_BLOCK)
 
     def encode(self, time_ns: int, mode: str, vibration_m_s2: FloatArray) -> bytes:
-        """Return samples (n,) that begin at `time_ns` as one message."""
+        """Encode samples (n,), the first at `time_ns`, as one message."""
         message = self._message(time_ns=time_ns, mode=mode, vibration_m_s2=vibration_m_s2.tolist())
         return bytes(message.SerializeToString())
 
     def decode(self, payload: bytes) -> tuple[str, FloatArray]:
-        """Return the mode and the samples (n,) of one message.
+        """Decode one message; return its mode and samples (n,).
 
         Raises
         ------
@@ -188,7 +188,7 @@ def event_codec() -> "EventCodec":
 
 
 class EventCodec:
-    """Turn events, JSON objects as text, into ``mmt.Event`` messages and back."""
+    """Turn events, as JSON text, into ``mmt.Event`` messages and back."""
 
     def __init__(self) -> None:
         self._message = message_class(event_schema(), EVENT)

@@ -1,4 +1,4 @@
-"""Who moved the robot of a recorded session, and when, from the events of handing over control."""
+"""Periods of control of the robot in a recorded session, from its events about control."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -8,7 +8,7 @@ from mmt.core.printable import printable
 from mmt.session.data import JsonObject
 
 Control = Literal["own", "held", "given"]
-"""The leader's own hand moves the robot; nobody does; a listener's hand does."""
+"""The leader's own hand moves the robot ("own"), no hand ("held"), a listener's hand ("given")."""
 
 _LEADS_TO: Final[dict[str, Control]] = {
     "giving": "held",
@@ -20,9 +20,9 @@ _LEADS_TO: Final[dict[str, Control]] = {
 
 @dataclass(frozen=True)
 class ControlPeriod:
-    """A time during which one hand, or none, moved the robot.
+    """A period during which one hand, or none, moved the robot.
 
-    ``state``: `Control`. ``operator``: the listener's name, None unless it is "given".
+    ``state``: `Control`. ``operator``: the listener's name, or None unless the state is "given".
     ``from_s`` and ``to_s``: session times.
     """
 
@@ -33,31 +33,31 @@ class ControlPeriod:
 
     @property
     def hand(self) -> str:
-        """What a person calls the hand."""
+        """Description of the hand for people."""
         if self.state == "given":
             return f"listener {self.operator}" if self.operator else "a listener"
         return "the leader's" if self.state == "own" else "none"
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it for a program."""
+        """Return the period as JSON-serializable values, times rounded to 1 ms."""
         times = {"from_s": round(self.from_s, 3), "to_s": round(self.to_s, 3)}
         return {"state": self.state, "operator": self.operator, **times}
 
 
 def control_periods(events: Iterable[JsonObject], duration_s: float) -> tuple[ControlPeriod, ...]:
-    """Return who moved the robot from the beginning to the end of a session.
+    """Divide a session into periods of control of the robot.
 
     Parameters
     ----------
     events
-        Those of the session, in order.
+        Events of the session, in order.
     duration_s
         Length of the session.
 
     Returns
     -------
     tuple
-        Periods that follow each other; empty where control was never handed over.
+        Consecutive periods; empty if control never changed hands.
     """
     periods = [ControlPeriod("own", None, 0.0, duration_s)]
     for event in events:
@@ -65,7 +65,7 @@ def control_periods(events: Iterable[JsonObject], duration_s: float) -> tuple[Co
         last = periods[-1]
         if state is None or state == last.state or not isinstance(at_s, int | float):
             continue
-        at_s = min(max(last.from_s, float(at_s)), duration_s)  # also what is not a number
+        at_s = min(max(last.from_s, float(at_s)), duration_s)  # NaN becomes last.from_s
         operator = printable(str(event.get("operator", ""))) if state == "given" else None
         periods[-1] = replace(last, to_s=at_s)
         periods.append(ControlPeriod(state, operator, at_s, duration_s))
@@ -73,7 +73,7 @@ def control_periods(events: Iterable[JsonObject], duration_s: float) -> tuple[Co
 
 
 def control_sentence(periods: Iterable[ControlPeriod]) -> str:
-    """Return who moved the robot for how long; empty where control was never handed over."""
+    """Return a sentence with the time for which each hand moved the robot; "" without periods."""
     lengths: dict[str, float] = {}
     for period in periods:
         lengths[period.hand] = lengths.get(period.hand, 0.0) + period.to_s - period.from_s

@@ -1,4 +1,4 @@
-"""The index of an MCAP file's chunks, held small until the end of the file."""
+"""Compressed index of an MCAP file's chunks, to save memory while the file is written."""
 
 import zlib
 from collections.abc import Iterator
@@ -9,25 +9,25 @@ from mcap.records import ChunkIndex
 from mcap.writer import Writer
 
 _TOGETHER: Final = 128
-"""Chunks whose records are compressed together; some 0.3 ms."""
+"""Number of index records that are compressed together, in about 0.3 ms."""
 _OF_WRITER: Final = "_Writer__chunk_indices"
 
 
 class _Records:
-    """Records that are written as they are."""
+    """Compressed index records."""
 
     def __init__(self, packed: bytes) -> None:
         self._packed = packed
 
     def write(self, builder: RecordBuilder) -> None:
-        """Append the records to what is built."""
+        """Append the decompressed records to the builder."""
         builder.write(zlib.decompress(self._packed))
 
 
 class PackedIndex:
-    """What the writer keeps of each chunk: 40 bytes in place of the 600 of an object.
+    """List of index records for the MCAP writer: 40 bytes per chunk instead of 600 for an object.
 
-    A recording ends a chunk two or three times a second, so that in an hour it is 5 MB less.
+    A recording ends two or three chunks a second, so this saves 5 MB per hour.
     """
 
     def __init__(self) -> None:
@@ -35,7 +35,7 @@ class PackedIndex:
         self._newest: list[ChunkIndex] = []
 
     def append(self, index: ChunkIndex) -> None:
-        """Keep the record of a chunk."""
+        """Add the index record of a chunk."""
         self._newest.append(index)
         if len(self._newest) < _TOGETHER:
             return
@@ -52,10 +52,10 @@ class PackedIndex:
 
 
 def pack_index(writer: Writer) -> None:
-    """Have a new writer hold its index packed.
+    """Make a new MCAP writer compress its index.
 
-    The library has no setting for it; its list is replaced by name, and kept where a version has
-    another name for it.
+    The library has no setting for this, so its private list is replaced. If a version of the
+    library names the list differently, nothing is changed.
     """
     if getattr(writer, _OF_WRITER, None) == []:
         setattr(writer, _OF_WRITER, PackedIndex())

@@ -1,6 +1,6 @@
-"""Messages of a session file that tools show: numbers to plot, and lines of a log.
+"""Messages of a session file for plotting tools: numbers and log messages.
 
-mmt writes them and reads none of them; the layout is in ``docs/reference/session-file.md``.
+mmt only writes these messages. ``docs/reference/session-file.md`` describes the layout.
 """
 
 from collections.abc import Iterator, Sequence
@@ -21,11 +21,11 @@ ACCELERATION_SAMPLE: Final = "mmt.AccelerationSample"
 VIBRATION_SAMPLE: Final = "mmt.VibrationSample"
 
 _MEANS: Final[tuple[Channel, ...]] = ("position", "force")
-"""Channels whose mean a plot sample has; of the acceleration it has the vibration's level."""
+"""Channels whose mean is in a plot sample; of acceleration it has the RMS of the vibration."""
 
 
 def plot_schema(channels: Sequence[Channel]) -> bytes:
-    """Return the schema of ``mmt.PlotSample``: scalars, which every plotting tool reads."""
+    """Return the schema of ``mmt.PlotSample``, whose fields are scalars for plotting tools."""
     names = [name for channel in _MEANS if channel in channels for name in axis_columns(channel)]
     if "acceleration" in channels:
         names.append("vibration_rms_m_s2")
@@ -38,7 +38,7 @@ def plot_schema(channels: Sequence[Channel]) -> bytes:
 def log_schema() -> bytes:
     """Return the schema of ``foxglove.Log``, which log panels show.
 
-    It is that of https://docs.foxglove.dev/docs/visualization/message-schemas/log.
+    Source: https://docs.foxglove.dev/docs/visualization/message-schemas/log.
     """
     timestamp = descriptor_pb2.FileDescriptorProto()
     timestamp_pb2.DESCRIPTOR.CopyToProto(timestamp)
@@ -66,7 +66,7 @@ def log_schema() -> bytes:
 
 
 def scalars_schema(message: str, channels: Sequence[Channel]) -> bytes:
-    """Return the schema of one sample of channels: a field for each axis of each."""
+    """Return the schema of a message with one sample: a field for each axis of each channel."""
     names = [name for channel in channels for name in axis_columns(channel)]
     fields = [("time_ns", Field.TYPE_SFIXED64, False)]
     return message_schema(message, fields + [(name, Field.TYPE_FLOAT, False) for name in names])
@@ -85,9 +85,9 @@ class PlotCodec:
         self._message = message_class(plot_schema(channels), PLOT_SAMPLE)
 
     def encode(self, frames: RecordArray) -> bytes:
-        """Return the block's means and the root mean square of its vibration.
+        """Encode a block's means and the RMS of its vibration, at the first frame's time.
 
-        Vibration is the acceleration without the block's mean, all axes together.
+        Vibration is the acceleration without the block's mean, over all axes together.
         """
         channels = channels_of(frames.dtype)
         values: dict[str, float] = {"time_ns": int(frames["time_ns"][0])}
@@ -111,21 +111,21 @@ class LogCodec:
         self._message = message_class(log_schema(), LOG)
 
     def encode(self, utc_ns: int, sentence: str) -> bytes:
-        """Return a sentence, said at a time since 1970, as a message of level INFO."""
+        """Encode a sentence as a message of level INFO at `utc_ns`, in ns since 1970."""
         message = self._message(level=2, message=sentence, name="mmt")
         message.timestamp.seconds, message.timestamp.nanos = divmod(utc_ns, 1_000_000_000)
         return bytes(message.SerializeToString())
 
 
 class ScalarCodec:
-    """Turn the samples of channels into messages of `scalars_schema`, one each."""
+    """Turn each sample of channels into a message of `scalars_schema`."""
 
     def __init__(self, message: str, channels: Sequence[Channel]) -> None:
         self._message = message_class(scalars_schema(message, channels), message)
         self._fields = {FIELD_OF_CHANNEL[channel]: axis_columns(channel) for channel in channels}
 
     def encode(self, frames: RecordArray) -> Iterator[tuple[int, int, bytes]]:
-        """Yield each sample of frames (n,): its frame's sequence, its time (ns), its message."""
+        """Yield sequence of the frame, time (ns) and message for each sample of frames (n,)."""
         columns = [frames[field].reshape(-1, 3).tolist() for field in self._fields]
         several = len(columns[0]) // len(frames)
         times_ns = sample_times(frames["time_ns"], several, FRAME_PERIOD_NS).tolist()
@@ -139,7 +139,7 @@ class ScalarCodec:
 
 
 class VibrationCodec:
-    """Turn samples of the leader's output into ``mmt.VibrationSample`` messages, one each."""
+    """Turn each sample of the leader's output into a ``mmt.VibrationSample`` message."""
 
     def __init__(self) -> None:
         self._message = message_class(vibration_sample_schema(), VIBRATION_SAMPLE)

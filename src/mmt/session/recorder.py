@@ -1,7 +1,7 @@
-"""Record a session while it runs, from a thread of its own.
+"""Record a running session from a separate thread.
 
-The caller, an event loop at 1 kHz, only puts bytes into a queue (under a microsecond a
-frame) and is neither blocked by a slow disk nor stopped by a full one.
+The caller, an event loop at 1 kHz, only puts bytes into a queue (under a microsecond per
+frame). A slow disk does not block it, and a full disk does not stop it.
 """
 
 import errno
@@ -33,10 +33,10 @@ fcntl: Final[Any] = importlib.import_module("fcntl") if find_spec("fcntl") else 
 """None on Windows, which locks open files by itself."""
 
 QUEUE_LIMIT: Final = 10_000
-"""Records that may wait for the disk: 10 s at one frame a message."""
+"""Largest number of records in the queue: 10 s at one frame per message."""
 
 Existing: TypeAlias = Literal["number", "refuse", "replace"]
-"""What happens where the file exists: another name with a number, an error, or a new file."""
+"""If the file exists: append a number to the name, raise an error, or replace the file."""
 
 _POLL_S = 0.1
 _POLLS_PER_FLUSH = 4
@@ -52,44 +52,44 @@ class _Record(NamedTuple):
 
 
 class McapRecorder:
-    """Write a running session to an MCAP file.
+    """Writes a running session to an MCAP file.
 
-    All calls come from one thread. After a clean `close` everything recorded is in the
-    file; after a crash all but the last 0.5 s is, by ``mmt session recover``. Times in the
-    file are those of the call, by this machine's clock, also for frames from another; they are
-    written as UTC.
+    All calls must come from one thread. After a clean `close` everything recorded is in the
+    file; after a crash ``mmt session recover`` saves all but the last 0.5 s. The file's log times
+    are the times of the calls by this machine's clock, converted to UTC, also for frames from
+    another machine.
 
     Parameters
     ----------
     path
-        Missing folders are made.
+        The file; missing folders are made.
     channels
-        What the frames carry.
+        Channels of the frames.
     scene
         The resolved scene.
     session_id
-        Names the session in the logs and summaries of both services.
+        Identifies the session in the logs and summaries of both services.
     on_error
         Called once, from the recorder's thread, with the reason why recording stopped.
     queue_limit
-        Records that may wait; when there are more, the oldest are dropped and counted.
+        Largest number of records in the queue; beyond it, the oldest are dropped and counted.
     clock
         The monotonic clock (ns).
     begins_s
-        Session time of the first frame, where the session has begun before its recording.
+        Session time of the first recorded frame, above 0 if recording starts in mid-session.
     existing
         "refuse" an existing file, "replace" it, or "number" the new one, as ``run-2.mcap``;
-        the attribute `path` is the name that was taken. A file that another recorder writes
+        the attribute `path` is the resulting name. A file to which another recorder writes
         is never replaced.
     scalars
-        Write each frame as a message of plain numbers as well, see `SessionWriter`.
+        Also write each frame as a message of plain numbers; see `SessionWriter`.
     samples_per_frame
-        Samples of acceleration in a frame, and of the output in its time.
+        Samples of acceleration, and of the output, per frame.
 
     Raises
     ------
     InputError
-        The file cannot be made, it exists and is refused, or another recorder writes it.
+        The file cannot be made, exists and is refused, or another recorder writes to it.
     """
 
     def __init__(
@@ -108,9 +108,9 @@ class McapRecorder:
         samples_per_frame: int = 1,
     ) -> None:
         self.frames = 0
-        """Frames that are in the file, up to the last flush."""
+        """Number of frames in the file at the last flush."""
         self.error: str | None = None
-        """Why recording stopped, None while it runs."""
+        """Why recording failed, or None."""
         self._dtype = frame_dtype(ordered_channels(channels), samples_per_frame)
         self._on_error = on_error
         self._clock = clock
@@ -134,14 +134,14 @@ class McapRecorder:
                 scalars=scalars,
                 samples_per_frame=samples_per_frame,
             )
-        except OSError as error:  # the scene alone may fill what is left of a disk
+        except OSError as error:  # such as a full disk: the scene is written here
             with suppress(OSError):
                 self._stream.close()
             raise InputError(f"recording {self.path}: {error.strerror or error}") from error
         self._frame_assembler = BlockAssembler(self._dtype, self._write_frames)
         self._backfill_assembler = BlockAssembler(self._dtype, self._write_backfill)
         self._output_assembler = OutputAssembler(self._writer.write_output, samples_per_frame)
-        # A daemon, so that a program that dies without `close` is not held back.
+        # A daemon thread does not keep a program alive that ends without `close`.
         self._thread = threading.Thread(target=self._run, name="mmt-recorder", daemon=True)
         self._thread.start()
 
@@ -153,7 +153,7 @@ class McapRecorder:
 
     @property
     def dropped(self) -> int:
-        """Frames that are not in the file: dropped from a full queue, or lost to an error."""
+        """Number of frames missing in the file: dropped from a full queue, or lost by an error."""
         if self._thread.is_alive():
             return self._overflowed_frames
         return self._recorded_frames - self.frames
@@ -164,7 +164,7 @@ class McapRecorder:
         Raises
         ------
         InputError
-            The frames carry other channels.
+            The frames have other channels.
         """
         if len(frames) == 0:
             return
@@ -174,12 +174,12 @@ class McapRecorder:
         self._record("frames", frames, now_ns)
 
     def record_backfill(self, frames: RecordArray, log_time_ns: int) -> None:
-        """Record frames (n,) that came late, ascending, at the time at which they were due.
+        """Record frames (n,) that arrived late, ascending, with the log time of timely arrival.
 
         Raises
         ------
         InputError
-            The frames carry other channels.
+            The frames have other channels.
         """
         if len(frames):
             self._record("backfill", frames, log_time_ns)
@@ -198,7 +198,7 @@ class McapRecorder:
     def record_output(
         self, time_ns: int, mode: str, vibration_m_s2: npt.ArrayLike | Sequence[float]
     ) -> None:
-        """Record samples (n,) written to the actuator, the first at `time_ns` of this clock."""
+        """Record samples (n,) written to the actuator, the first at `time_ns` of `clock`."""
         data = np.asarray(vibration_m_s2, dtype="<f4").tobytes()
         if data:
             self._put(_Record("output", time_ns, data, mode=mode))
@@ -219,9 +219,9 @@ class McapRecorder:
         self._put_rare(_Record("annotations", self._clock(), data))
 
     def close(self, timeout_s: float = 10.0) -> None:
-        """Write everything that waits, end the file and wait for that.
+        """Write all queued records, finish the file and wait for the recorder's thread.
 
-        `error` says afterwards whether it went well. Calling it twice is harmless.
+        Afterwards `error` is None if the file is complete. A second call does nothing.
         """
         self._closing.set()
         self._thread.join(timeout_s)
@@ -237,7 +237,7 @@ class McapRecorder:
         if self.error is not None:
             return
         if len(self._stream_queue) >= self._limit:
-            with suppress(IndexError):  # the writer may have emptied it just now
+            with suppress(IndexError):  # the recorder's thread may just have emptied it
                 oldest = self._stream_queue.popleft()
                 self._overflowed_frames += oldest.frames
         self._stream_queue.append(record)
@@ -261,11 +261,11 @@ class McapRecorder:
             self._writer.finish()
             self._stream.close()
             self.frames = self._written_frames
-        except Exception as error:  # noqa: BLE001 - whatever stops a recording is reported
+        except Exception as error:  # noqa: BLE001 - any error ends the recording and is reported
             reason = error.strerror if isinstance(error, OSError) else None
             self._fail(reason or f"{type(error).__name__}: {error}")
         finally:
-            with suppress(OSError):  # what is left in the buffer of a full disk
+            with suppress(OSError):  # on a full disk, closing cannot write the buffer
                 self._stream.close()
 
     def _write_waiting(self) -> None:
@@ -273,7 +273,7 @@ class McapRecorder:
             for _ in range(len(queue)):
                 try:
                     record = queue.popleft()
-                except IndexError:  # the caller dropped the rest to make room
+                except IndexError:  # the caller dropped records to make room
                     break
                 self._write(record)
 
@@ -318,11 +318,11 @@ def _described(dtype: np.dtype[Any]) -> str:
 
 
 class _TakenError(Exception):
-    """A file may not be written to; its text says why."""
+    """The file may not be written to; the text says why."""
 
 
 def _create(path: Path, existing: Existing) -> tuple[Path, BinaryIO]:
-    """Return the name that was taken and its locked, empty file."""
+    """Create a locked, empty file; return its name and the file."""
     names = numbered(path) if existing == "number" else iter([path])
     for name in names:
         try:
@@ -336,7 +336,7 @@ def _create(path: Path, existing: Existing) -> tuple[Path, BinaryIO]:
 
 
 def _claim(path: Path, *, replace: bool) -> BinaryIO:
-    """Open and lock a file; raise `_TakenError` where it may not be replaced."""
+    """Open and lock a file; raise `_TakenError` if the file may not be replaced."""
     path.parent.mkdir(parents=True, exist_ok=True)
     stream = path.open("ab")  # truncated only once it is locked
     locked = _lock(stream)
@@ -348,14 +348,14 @@ def _claim(path: Path, *, replace: bool) -> BinaryIO:
         raise _TakenError(exists_error(path) if locked else busy)
     if regular:
         stream.truncate(0)
-        stream.seek(0)  # the index counts from here, not from the end of what was there
+        stream.seek(0)  # the writer takes offsets from here, not from the old end
     return stream
 
 
 def _lock(stream: BinaryIO) -> bool:
-    """Lock an open file until it is closed; False where another process has locked it.
+    """Lock an open file until it is closed; return False if another process has locked it.
 
-    On a file system without locks, as some on a network, this always succeeds.
+    On a file system without locks, such as some network file systems, this always succeeds.
     """
     if fcntl is None:
         return True

@@ -1,4 +1,4 @@
-"""Save what is readable of a session file that was cut off or damaged."""
+"""Recover the readable part of a session file that was cut off or damaged."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,31 +16,31 @@ from mmt.session.mcap_writer import EVENTS_TOPIC, RECOVERY_METADATA, SCENE_METAD
 
 @dataclass(frozen=True)
 class Recovery:
-    """What was saved."""
+    """Result of `recover`."""
 
     path: Path
-    """The file that was written."""
+    """The new file."""
     frames: int
     missing_frames: int
-    """Jumps in the sequence of what was saved: lost on the way, or with a damaged chunk."""
+    """Frames missing in the new file: lost in transmission, or with a damaged chunk."""
     duration_s: float
     chunks: int
     damaged_chunks: int
     problem: str
-    """What was wrong with the file; empty where nothing was."""
+    """Problem of the original file; empty if there was none."""
 
 
 def recover(path: str | Path, out: str | Path) -> Recovery:
-    """Write every readable record of a session file into a whole one.
+    """Write every readable record of a session file into a new, complete file.
 
-    Whole chunks are saved; one that was cut off or damaged is lost, since it is compressed as one
-    block. A recorder ends its chunk every 0.5 s or less, so a crash costs at most that
-    much. The file that is read is not changed.
+    A chunk that was cut off or damaged is lost, since it is compressed as one block. A recorder
+    ends a chunk every 0.5 s or less, so a crash loses at most that much. The original file is not
+    changed.
 
     Raises
     ------
     InputError
-        The file is missing, of another format, or holds nothing to save, or `out` is the
+        The file is missing, of another format, or has nothing readable, or `out` is the
         same file or cannot be made.
     MmtError
         Writing failed.
@@ -95,7 +95,7 @@ def _copy(scan: Scan, recovery: Recovery, stream: BinaryIO) -> None:
     for message in scan.messages:
         topic = scan.channels[message.channel_id].topic if message.channel_id in channels else ""
         if topic == EVENTS_TOPIC and not _is_event(scan, message):
-            continue  # another record whose kind was damaged
+            continue  # another record with a damaged channel
         if topic:
             writer.add_message(
                 channels[message.channel_id],

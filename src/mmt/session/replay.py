@@ -11,46 +11,46 @@ from mmt.core.frames import FIELD_OF_CHANNEL, SEQUENCES, Channel, frame_dtype, o
 from mmt.session.data import FRAME_PERIOD_NS, RecordedSession, duration_s, missing_frames
 
 JOINT_STEP: Final = 2
-"""Step of the sequence across a joint of frames that were not neighbours. One frame is
-missing there, so that a receiver does not read the two sides as one stroke."""
+"""Step of the sequence across a joint of frames that were not consecutive. One frame is
+missing there, so that a receiver does not take the two sides for one stroke."""
 
 
 class ReplaySource:
     """A `FollowerSource` that sends a recorded session.
 
-    A frame is due at the start plus its session time divided by `speed`, an absolute
-    deadline, so that no error accumulates; each step returns every frame that is due.
+    A frame is due at the start time plus its session time divided by `speed`. Deadlines are
+    absolute, so no error accumulates. Each step returns every frame that is due.
 
-    Frames are numbered from 0 and stamped with the start plus their session time. At speed 1
-    the stamp is the deadline itself, so that a receiver's latency (arrival minus stamp) is
-    true. At any other speed stamps stay 1 ms apart, so that speeds and spectra are those
-    that were recorded, and a latency has no meaning.
+    Frames are numbered from 0 and stamped with the start time plus their session time. At speed
+    1 the stamp is the deadline, so a receiver's latency (arrival minus stamp) is right. At any
+    other speed the stamps stay 1 ms apart, which keeps the recorded speeds and spectra; a latency
+    then has no meaning.
 
-    No sample is invented. Where the recording lacks frames, the sequence and the time jump
-    as they were recorded ("keep", silence while the gap lasts) or by one missing frame and
-    2 ms ("skip", the gap is closed up). Loops join in the latter way, and so does a
-    recording in which sequence or time falls back because its follower started again.
+    Missing frames are not filled in. With gaps = "keep" the sequence and the time jump as
+    recorded, and nothing is sent during the gap. With "skip" the gap is closed up to one missing
+    frame and 2 ms. Loops are joined in the same way, and so is a recording in which sequence or
+    time decreases because its follower restarted.
 
     Parameters
     ----------
     session
-        What to send.
+        The session to send.
     channels
         The channels to send; the session must have them.
     speed
-        Session time passes this many times faster.
+        Factor by which session time passes faster.
     loop
         Start again at the end, endlessly.
     gaps
         "keep" or "skip", see above.
     samples_per_frame
-        Samples of acceleration in a frame, where it is sent; the session must have as many.
+        Samples of acceleration per frame. If acceleration is sent, the session must have as many.
 
     Raises
     ------
     InputError
-        The session holds no frames, lacks a channel or has another rate of acceleration, or the
-        speed is not above zero.
+        The session has no frames, lacks a channel or has another rate of acceleration, or the
+        speed is not above zero or not finite.
     """
 
     def __init__(
@@ -79,7 +79,7 @@ class ReplaySource:
         self._closed = False
 
     def start(self, start_time_ns: int) -> None:
-        """Begin; the first frame is due at this time of the follower's clock."""
+        """Start; the first frame is due at this time of the follower's clock."""
         self._start_ns = start_time_ns
         self._next = 0
         self._loops = 0
@@ -90,7 +90,7 @@ class ReplaySource:
         now_ns: int,
         command_position_mm: tuple[float, float, float] | None = None,  # noqa: ARG002
     ) -> RecordArray:
-        """Return the frames (n,) that have become due; n is 0 in a gap and after the end."""
+        """Return the frames (n,) that are due; n is 0 in a gap and after the end."""
         session_ns = int((now_ns - self._start_ns) * self._speed)
         blocks = []
         while not self.finished:
@@ -115,14 +115,14 @@ class ReplaySource:
         block = self._frames[begin:end].copy()
         sequence_base = self._loops * (int(self._sequence[-1]) + JOINT_STEP)
         time_base_ns = self._start_ns + self._loops * self._loop_ns
-        # An endless loop exceeds 32 bits of sequence after 49 days and wraps.
+        # In an endless loop the 32-bit sequence wraps after 49 days.
         block["sequence"] = (self._sequence[begin:end] + sequence_base) % SEQUENCES
         block["time_ns"] = self._time_ns[begin:end] + time_base_ns
         return block
 
     @property
     def finished(self) -> bool:
-        """Whether the last frame was sent; never where the session is looped."""
+        """Whether the last frame was sent, or the source was closed; a loop has no last frame."""
         return self._closed or (self._next >= len(self._frames) and not self._loop)
 
     @property
@@ -131,7 +131,7 @@ class ReplaySource:
         return self._session.annotations
 
     def describe(self) -> str:
-        """Return one line that says what is replayed, and how."""
+        """Describe the replay in one line."""
         frames = self._session.frames
         words = [f"replay of {self._session.path.name or 'a session'}"]
         words.append(f"{duration_s(frames):.1f} s, {len(frames)} frames")
@@ -146,7 +146,7 @@ class ReplaySource:
         return ", ".join(words)
 
     def close(self) -> None:
-        """Send nothing more."""
+        """Stop sending."""
         self._closed = True
 
 

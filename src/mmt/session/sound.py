@@ -15,21 +15,21 @@ from mmt.core.frames import FRAMES_HZ, acceleration_samples
 from mmt.session.data import RecordedSession
 
 _LARGEST_BYTES: Final = 1 << 32
-"""A ``.wav`` tells its length in 32 bits."""
+"""A ``.wav`` stores its length in 32 bits."""
 _BYTES: Final = 3 * 4
 
 
 def write_wav(path: Path, session: RecordedSession) -> None:
-    """Write the acceleration, x y z as three channels of single precision.
+    """Write the acceleration, x y z as three channels in single precision.
 
-    1.0 stands for the full scale, the power of two (m/s2) above the largest value, so that
-    nothing is rounded. The comment (``ICMT``) is a JSON object with ``full_scale_m_s2`` and, if it
-    is known, ``began_utc_ns``. Sound has no gaps: missing frames hold the one before.
+    1.0 is the full scale: the power of two (m/s2) at or above the largest value, so that scaling
+    does not round. The comment (``ICMT``) is a JSON object with ``full_scale_m_s2`` and, if known,
+    ``began_utc_ns``. Sound has no gaps: the last sample is repeated for missing frames.
 
     Raises
     ------
     InputError
-        The session has no acceleration, or is too long, scipy is not installed, or see
+        The session has no acceleration or is too long, scipy is not installed, or see
         `mmt.session.export_session`.
     MmtError
         Writing failed.
@@ -41,7 +41,7 @@ def write_wav(path: Path, session: RecordedSession) -> None:
         raise InputError(f"session {path}: sound is made of acceleration, and there is none")
     several, frames = session.samples_per_frame, session.frames
     steps = np.ones(len(frames), dtype=np.int64)
-    steps[:-1] = np.maximum(np.diff(frames["sequence"].astype(np.int64)), 1)  # it may begin anew
+    steps[:-1] = np.maximum(np.diff(frames["sequence"].astype(np.int64)), 1)  # 1 after a restart
     if steps.sum() * several * _BYTES >= _LARGEST_BYTES:
         raise InputError(f"session {path}: it is longer than the 4 GiB of a .wav; write an .h5")
     samples = acceleration_samples(frames)
@@ -67,7 +67,7 @@ def write_wav(path: Path, session: RecordedSession) -> None:
 
 
 def told_by(path: Path) -> dict[str, Any]:
-    """Return what the comment of a ``.wav`` says, if it is one of `write_wav`, else {}."""
+    """Return the comment of a ``.wav`` by `write_wav` as a dict; {} for other files."""
     with path.open("rb") as stream:
         stream.seek(12)
         while len(head := stream.read(8)) == 8:

@@ -1,4 +1,4 @@
-"""A session file read from its beginning to its end, a chunk at a time: hours need no memory."""
+"""Read a session file from beginning to end, a few chunks at a time, to bound memory."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -19,24 +19,24 @@ _MCAP: Final = ".mcap"
 
 @dataclass(frozen=True, eq=False)
 class SessionStream:
-    """A session whose frames stay in its file; the rest is as of `RecordedSession`."""
+    """A session whose frames stay in its file; for other fields see `RecordedSession`."""
 
     path: Path
     codec: "FrameCodec" = field(repr=False)
-    """That of its messages with frames."""
+    """Codec of the messages with frames."""
     scene: JsonObject | None = None
     annotations: bytes = b""
     complete: bool = True
     events: Sequence[JsonObject] = ()
-    """Only where control of the robot could change hands."""
+    """The events if the scene has ``[control]``, else empty."""
 
     @property
     def samples_per_frame(self) -> int:
-        """Samples of acceleration in a frame."""
+        """Samples of acceleration per frame."""
         return samples_per_frame(self.codec.dtype)
 
     def blocks(self) -> Iterator[RecordArray]:
-        """Yield the frames (n,) of one chunk after the other; every call begins anew.
+        """Yield the frames (n,) of a few chunks at a time; each call starts at the beginning.
 
         Raises
         ------
@@ -58,12 +58,12 @@ Recording = RecordedSession | SessionStream
 
 
 def common_samples_per_frame(sessions: Sequence[Recording]) -> int:
-    """Return how many samples of acceleration the frames of sessions, at least one, have.
+    """Return the samples of acceleration per frame that sessions, at least one, have in common.
 
     Raises
     ------
     InputError
-        They have not the same number.
+        The numbers differ.
     """
     first = sessions[0]
     for other in sessions[1:]:
@@ -77,14 +77,14 @@ def common_samples_per_frame(sessions: Sequence[Recording]) -> int:
 
 
 def open_recording(path: Path) -> Recording:
-    """Open a session file of any readable format for one reading after the other.
+    """Open a session file of any readable format for sequential reading.
 
-    An ``.mcap`` file that holds its frames in order stays where it is; all else is read whole.
+    The frames of an ``.mcap`` file stay on disk if they are in order. Other files are read whole.
 
     Raises
     ------
     InputError
-        As of `mmt.read_session`.
+        See `mmt.read_session`.
     """
     if path.suffix.lower() == _MCAP:
         from mmt.session.mcap_chunks import open_in_order
@@ -96,16 +96,16 @@ def open_recording(path: Path) -> Recording:
 
 
 def blocks_of(recording: Recording) -> Iterator[RecordArray]:
-    """Return a recording's frames in parts of shape (n,)."""
+    """Return an iterator over a recording's frames, in blocks (n,)."""
     return recording.blocks() if isinstance(recording, SessionStream) else iter([recording.frames])
 
 
 def in_memory(recording: Recording) -> RecordedSession:
-    """Return a recording with all its frames.
+    """Return a recording with all its frames in memory.
 
     Raises
     ------
     InputError
-        As of `mmt.read_session`.
+        See `mmt.read_session`.
     """
     return recording.whole() if isinstance(recording, SessionStream) else recording

@@ -1,7 +1,7 @@
-"""Read windows of a recorded session, without reading the rest of it.
+"""Read windows of a recorded session without reading the whole file.
 
-*Recording time* counts seconds from the first frame; in a recording that began in mid-session
-it is less than the session time that its events carry.
+*Recording time* is in seconds from the first frame. If recording began in mid-session, it is
+less than the session time in the events' ``time_s``.
 """
 
 from collections.abc import Sequence
@@ -26,9 +26,9 @@ class Window:
     """The content of a recording between two times.
 
     ``frames`` (n,) are in order of sequence, ``time_s`` (n,) is the recording time of each.
-    ``outputs`` are the leader's blocks that overlap the window, with their recording time.
-    ``arrivals`` (m, 2) are, for each block of frames, the leader's clock (ns) when it arrived
-    and the follower's when it was measured; without rows where that was not recorded.
+    ``outputs`` are the leader's blocks that overlap the window, in recording time.
+    ``arrivals`` (m, 2) are the leader's clock (ns) at the arrival of each block of frames, and
+    the follower's clock at its measurement; m = 0 if these were not recorded.
     """
 
     time_s: FloatArray
@@ -38,24 +38,24 @@ class Window:
 
 
 class SessionWindows(Protocol):
-    """A recording that is read window by window; not thread-safe, see `reopen`."""
+    """A recording that is read in windows; not thread-safe, see `reopen`."""
 
     path: Path
     scene: JsonObject | None
     session_id: str | None
     channels: tuple[Channel, ...]
     samples_per_frame: int
-    """Samples of acceleration in a frame, and of the output in its time."""
+    """Samples of acceleration, and of the output, per frame."""
     duration_s: float
     events: Sequence[JsonObject]
     """In order, each with its recording time as ``at_s``."""
     has_output: bool
-    """Whether it holds what the leader wrote to its actuator."""
+    """Whether the leader's output was recorded."""
     in_memory: bool
-    """Whether the whole session is held in memory."""
+    """Whether the whole session is in memory."""
 
     def window(self, begin_s: float, end_s: float) -> Window:
-        """Return what lies from `begin_s` up to before `end_s`, in recording time."""
+        """Return the content from `begin_s` up to before `end_s`, in recording time."""
 
     def reopen(self) -> Self:
         """Return another view of the same recording, for another thread."""
@@ -70,12 +70,12 @@ def overlapping(outputs: Sequence[OutputBlock], begin_s: float, end_s: float) ->
 
 
 class MemoryWindows:
-    """Windows of a session that is held in memory.
+    """Windows of a session in memory.
 
     Raises
     ------
     InputError
-        It holds no frames.
+        The session has no frames.
     """
 
     in_memory = True
@@ -106,7 +106,7 @@ class MemoryWindows:
         return Window(self._time_s[first:stop], self._frames[first:stop], outputs)
 
     def reopen(self) -> Self:
-        """Return itself: it does not change."""
+        """Return this object, which is immutable."""
         return self
 
     def close(self) -> None:

@@ -1,18 +1,17 @@
 """Cholesky factors, triangular systems, products of small matrices, and nearest points.
 
-A linear algebra library that is threaded divides matrices from some 64 rows on among its threads,
-and waits for them. Where the other processors are busy, as those of a teleoperation machine are,
-a factor that takes 0.1 ms in one thread has been seen to take 500 ms in two. How many threads the
-library has is for the program to say, not for `mmt`: what modelling repeats in every update is
-computed here instead.
+A threaded linear algebra library splits matrices of some 64 rows or more among its threads, and
+waits for all of them. While other processors are busy, as on a teleoperation machine, a factor
+that takes 0.1 ms in one thread has taken 500 ms in two. The number of threads is the program's
+choice, not that of `mmt`, so this module computes what modelling repeats in every update.
 
 The algorithms are those of LAPACK's ``potrf`` and ``trtrs`` (Golub and Van Loan, Matrix
 Computations, 2013, sections 3.1 and 4.2.6), in blocks of `_BLOCK` rows: the rows of a block stay
 in the processor's nearest cache while they are subtracted from all others.
 
-A call computes for long without the interpreter lock. Code that gives the lock up often and briefly
-(trees of scipy, sorting by numpy) starves other threads: who waits for the lock is woken each time,
-finds it taken again, and a 1 kHz tick is 1 to 5 ms late.
+A call releases the interpreter lock for its whole computation. Code that releases the lock often
+and briefly (trees of scipy, sorting by numpy) starves other threads: a waiting thread wakes up each
+time, finds the lock taken again, and a 1 kHz tick is 1 to 5 ms late.
 """
 
 from typing import Final
@@ -30,8 +29,8 @@ _1, _2, _3, _4 = (np.uint64(step) for step in range(1, 5))
 def cholesky(matrix: FloatArray) -> FloatArray:
     """Return the Cholesky factor of a symmetric, positive definite matrix (n, n).
 
-    Only its upper triangle is read. The factor has the upper one, U with ``U.T @ U = matrix``,
-    and its mirror image below, so that it is symmetric: for `solve_forward` and `solve_backward`.
+    Only the upper triangle is read. The result has U with ``U.T @ U = matrix`` in its upper
+    triangle and mirrors it in the lower one, as `solve_forward` and `solve_backward` need.
 
     Raises
     ------
@@ -50,7 +49,7 @@ def solve_forward(factor: FloatArray, rows: FloatArray) -> FloatArray:
     Parameters
     ----------
     factor
-        Of `cholesky`, shape (n, n).
+        Result of `cholesky`, shape (n, n).
     rows
         Right-hand sides, shape (n,) or (m, n).
     """
@@ -60,17 +59,17 @@ def solve_forward(factor: FloatArray, rows: FloatArray) -> FloatArray:
 
 
 def log_evidence(priors: FloatArray, errors: FloatArray, rest: FloatArray) -> FloatArray:
-    """Return the logarithm of the probability density of observations, but for a constant, (s,).
+    """Return the log probability density (s,) of observations, up to a constant.
 
     Parameters
     ----------
     priors, errors, rest
-        As of `condition`.
+        See `condition`.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        As of `cholesky`.
+        A matrix of `condition` is not positive definite.
     """
     evidence, nothing = np.empty(len(priors)), np.empty((len(priors), 0))
     if not condition(priors, errors, rest, False, evidence, nothing, nothing):
@@ -81,7 +80,7 @@ def log_evidence(priors: FloatArray, errors: FloatArray, rest: FloatArray) -> Fl
 def solve_backward(factor: FloatArray, rows: FloatArray) -> FloatArray:
     """Return ``x`` with ``x @ U.T = rows``, each row ``U @ x[i] = rows[i]``; see `solve_forward`.
 
-    Both, one after the other, solve ``matrix @ x[i] = rows[i]``.
+    After `solve_forward`, it gives the solution of ``matrix @ x[i] = rows[i]``.
     """
     solved = np.array(np.atleast_2d(rows), np.float64, order="C")
     backward(factor, solved)
@@ -90,7 +89,7 @@ def solve_backward(factor: FloatArray, rows: FloatArray) -> FloatArray:
 
 @kernel("i8[::1](f8[:, :], f8[:, :])")
 def nearest_rows(among: FloatArray, points: FloatArray) -> IntArray:
-    """Return which of n points (n, d), at least one, lies nearest to each of k, (k, d); (k,)."""
+    """Return the index (k,) of the nearest of n >= 1 points (n, d) to each of k points (k, d)."""
     nearest = np.zeros(len(points), np.int64)
     for i in range(len(points)):
         least = np.inf
@@ -114,10 +113,10 @@ def _subtract(
     rows: FloatArray,
     first: int,
 ) -> None:
-    """Subtract weighted rows, `count` from the row `first` on, from a row, between two columns.
+    """Subtract `count` weighted rows, from `first` on, from a row of `out`, between two columns.
 
-    Indices are unsigned: of signed ones each would be tested for counting from the end, and the
-    loop would not be vectorised.
+    Indices are unsigned: signed ones would be tested for negative values, which prevents
+    vectorisation of the loop.
     """
     if count == _BLOCK:
         s, t, u, v = weights[0], weights[1], weights[2], weights[3]
@@ -137,7 +136,7 @@ def _subtract(
 
 @kernel("b1(f8[:, ::1])")
 def factorise(matrix: FloatArray) -> bool:
-    """Overwrite a matrix by its factor; returns whether it is positive definite."""
+    """Overwrite a matrix by its factor; return whether it is positive definite."""
     size = len(matrix)
     weights = np.empty(_BLOCK)
     for begin in range(0, size, _BLOCK):
@@ -162,7 +161,7 @@ def factorise(matrix: FloatArray) -> bool:
 
 @kernel("void(f8[:, ::1], f8[:, ::1], b1)")
 def forward(factor: FloatArray, rows: FloatArray, upper: bool) -> None:
-    """Solve for rows in place; ``upper`` says that row i has nothing before column i."""
+    """Solve for rows in place; with ``upper``, row i is zero before column i."""
     size = len(factor)
     weights = np.empty(_BLOCK)
     for begin in range(0, size, _BLOCK):
@@ -217,23 +216,22 @@ def condition(
     gains: FloatArray,
     precision: FloatArray,
 ) -> bool:
-    """Set what observations say of each of s normal distributions that they may come from.
+    """Condition each of s normal distributions on the same observations y.
 
-    Of ``C = prior + diag(errors)``, with the observations y. Returns whether every C is positive
-    definite.
+    Uses ``C = prior + diag(errors)`` of each. Returns whether every C is positive definite.
 
     Parameters
     ----------
     priors : (s, n, n)
-        Covariances of what is observed; only upper triangles are read.
+        Prior covariances of the observed values; only upper triangles are read.
     errors : (n,)
         Variances of the observations' errors, positive.
     rest : (n,)
-        Observations less their prior mean.
+        Observations y, minus their prior mean.
     left_out
-        Whether to compute what predicts each observation from the others: gains, precision.
+        Whether to compute `gains` and `precision`, which predict each observation from the others.
     evidence : (s,)
-        Receives the logarithm of the probability density of y, but for a constant.
+        Receives the log probability density of y, up to a constant.
     gains, precision : (s, n)
         Receive ``inverse(C) y`` and the diagonal of ``inverse(C)``.
     """

@@ -1,4 +1,4 @@
-"""Makes the modeller that settings ask for: of one model, or of one for each surface."""
+"""Factory of modellers: of one model, or of one model for each surface."""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
@@ -13,12 +13,12 @@ if TYPE_CHECKING:
 
 
 class ModellerFactory:
-    """Makes modellers: of one model, or of one for each surface.
+    """Makes modellers of one model, or of one model for each surface.
 
     Parameters
     ----------
     settings
-        Settings of the modelling; with ``surfaces`` a model is kept for each surface.
+        Settings of the modelling; if ``surfaces`` is set, each surface has a model of its own.
     period_s
         Time between two updates of a model.
     """
@@ -27,7 +27,7 @@ class ModellerFactory:
         self._settings = settings
         self._update_frames = max(1, round(period_s * settings.rate_hz))
         self.frames_at_once = self._update_frames
-        """How many frames a modeller wants at a time."""
+        """Number of frames to give a modeller at a time."""
         if settings.surfaces is not None:
             check_frames = surface_check_frames(settings.rate_hz)
             self.frames_at_once = min(self._update_frames, check_frames)
@@ -40,12 +40,12 @@ class ModellerFactory:
         return [modeller, *(["mmt.texture.completion.uncertainty"] if field else [])]
 
     def make(self, said: "Iterable[SaidSurface]" = ()) -> "OnlineModeller | SurfaceModeller":
-        """Return one that has seen nothing yet.
+        """Return a new modeller.
 
         Parameters
         ----------
         said
-            What persons say of the surface, if several are told apart.
+            Statements of persons on the surface; not used for a single model.
         """
         if self._settings.surfaces is None:
             from mmt.texture.online.modeller import OnlineModeller
@@ -60,9 +60,9 @@ class ModellerFactory:
 
     @property
     def in_step(self) -> bool:
-        """Whether a modeller must see what came of each update before it goes on."""
+        """Whether each update must be carried out before the modeller continues."""
         return self._settings.surfaces is not None
 
     def done(self, update: "ModelUpdate") -> bool:
-        """Say whether no update will follow: another surface may always come."""
+        """Return whether no update will follow; with several surfaces one always may."""
         return update.stopped and self._settings.surfaces is None

@@ -1,7 +1,7 @@
 """Settings of texture modelling: plain values, with nothing compiled and no validation library.
 
-A key of a scene's ``[texture]`` is one field here, with its default, its bounds (see
-`mmt.core.bounds`) and its meaning, and one line in ``docs/reference/scene.md``.
+Each key of a scene's ``[texture]`` is one field here, with default, bounds (see
+`mmt.core.bounds`) and meaning. ``docs/reference/scene.md`` has one line for each key.
 """
 
 import math
@@ -22,10 +22,10 @@ Inputs = Literal["isotropic", "anisotropic"]
 Criterion = Literal["distance", "uncertainty"]
 
 ORDER_AT_1_KHZ: Final = 16
-"""Filters of rates up to 4 kHz remember as long, 16 ms; from there on 64 samples."""
+"""Order up to 1 kHz. It rises with the rate (a memory of 16 ms) to 64 at 4 kHz and above."""
 
 LONGEST_BRIDGED: Final = 5
-"""Missing frames in a row that are filled."""
+"""Largest number of missing frames in a row that are filled."""
 
 CHANNELS: Final[dict[Inputs, tuple[str, ...]]] = {
     "isotropic": ("speed_mm_s", "force_n"),
@@ -35,10 +35,10 @@ CHANNELS: Final[dict[Inputs, tuple[str, ...]]] = {
 two axes other than the surface's normal, in the order of the axes."""
 
 MAXIMUM_SPEED_MM_S = 300.0
-"""Paper A, section V.B: the plane ends here; faster strokes count as this fast."""
+"""Largest speed of the plane (paper A, section V.B); faster strokes count as this fast."""
 
 MAXIMUM_FORCE_N = 3.0
-"""Paper A, section V.B: the plane ends here; stronger forces count as this strong."""
+"""Largest force of the plane (paper A, section V.B); stronger forces count as this strong."""
 
 
 class StartStop(NamedTuple):
@@ -52,30 +52,29 @@ DISTANCES: Final[dict[Inputs, StartStop]] = {
     "isotropic": StartStop(7.5, 4.243),
     "anisotropic": StartStop(52.63, 36.0),
 }
-"""Defaults for each kind of inputs; how they are derived is in
-`mmt.texture.completion.distance`."""
+"""Default distances for each kind of inputs, derived in `mmt.texture.completion.distance`."""
 
 THRESHOLDS: Final[dict[Method, tuple[str, str]]] = {
     "field": ("start_share", "stop_share"),
     "published": ("start_distance", "stop_distance"),
 }
-"""The keys of each method's own."""
+"""Keys of the start and stop thresholds of each method."""
 
 Distance = Annotated[float, Gt(0)] | Literal["auto"]
-"""A completion distance, or that of `DISTANCES` for the inputs."""
+"""A completion distance; ``"auto"`` takes the default of `DISTANCES` for the inputs."""
 
 Share = Annotated[float, Gt(0), Lt(1)] | Literal["auto"]
-"""An expected share, or `START_SHARE` or `STOP_SHARE`."""
+"""An expected share; ``"auto"`` takes `START_SHARE` or `STOP_SHARE`."""
 
 JND_DB: Final = 20.0 * math.log10(1.17)
 """Just noticeable difference of vibration, 17 % in amplitude (Awan et al., section VII.A)."""
 
 START_SHARE: Final = 0.65
-"""Expected share at which rendering starts: two strokes of three, which is early enough for the
-person who waits (decision 55 has what other values would give)."""
+"""Expected share at which rendering starts: about two strokes in three, early enough for a person
+who waits for it. Decision 55 compares other values."""
 
 STOP_SHARE: Final = 0.86
-"""Expected share at which modelling ends: what most textures come to within half a minute."""
+"""Expected share at which modelling ends; most textures reach it within half a minute."""
 
 
 @dataclass(frozen=True)
@@ -93,17 +92,17 @@ class CriterionScale:
     rises: bool
 
     def meets(self, value: float, threshold: float) -> bool:
-        """Say whether a value is as good as a threshold, or better."""
+        """Return whether a value is as good as a threshold, or better."""
         return value >= threshold if self.rises else value <= threshold
 
 
 def usual_order(rate_hz: float) -> int:
-    """Return the order of filters at a sampling rate, if it is not chosen."""
+    """Return the default order of filters at a sampling rate."""
     return min(LARGEST_ORDER, round(ORDER_AT_1_KHZ * max(1.0, rate_hz / 1e3)))
 
 
 def surface_check_frames(rate_hz: float) -> int:
-    """Return the frames between two checks of the stream for another surface, 50 ms."""
+    """Return the number of frames (50 ms) between two checks for a change of surface."""
     return max(1, round(0.05 * rate_hz))
 
 
@@ -115,7 +114,7 @@ class SurfaceSettings:
     """Expected false alarms of the change-point detection in an hour of stroking."""
 
     most: Annotated[int, Ge(2), Le(100)] = 20
-    """Largest number of surfaces; the one left longest ago is dropped for a new one."""
+    """Largest number of surfaces. Beyond it, a new one replaces the one left longest ago."""
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -132,20 +131,20 @@ class TextureSettings:
     """
 
     method: Method = "field"
-    """How a texture is modelled: by a field of its level with an expected share, or as published
-    (Awan et al.; over velocity and force Abdulali and Jeon)."""
+    """Method of modelling: ``"field"`` models the level as a field with a known error,
+    ``"published"`` follows Awan et al., or Abdulali and Jeon over velocity and force."""
 
     axis: VibrationAxis = "z"
-    """The acceleration that is modelled: one axis, or all three joined by DFT321."""
+    """Axis of the modelled acceleration; ``"dft321"`` combines all three."""
 
     normal: Axis = "z"
-    """The surface's normal axis; speed is taken in the plane across it, force along it."""
+    """Normal axis of the surface. Force is taken along it, speed in the plane across it."""
 
     order: Order | Literal["auto"] = "auto"
-    """Order of all autoregressive filters, 1 to 64, or `usual_order` of the rate."""
+    """Order of all autoregressive filters, 1 to 64; ``"auto"`` takes `usual_order` of the rate."""
 
     overlap_samples: Annotated[int, Ge(0), Le(2000)] = 200
-    """Newest samples into which a segment must not reach to be final."""
+    """Number of newest samples; a segment that reaches into them is not final yet."""
 
     straightness_mm: Annotated[float, Gt(0), Le(50)] = 1.0
     """Largest distance of the path from its chord inside a segment (tau_1)."""
@@ -160,7 +159,7 @@ class TextureSettings:
     """Longest segment; at least twice the shortest."""
 
     longest_bridged_samples: Annotated[int, Ge(0), Le(10)] = LONGEST_BRIDGED
-    """Missing frames in a row that are filled and not counted; more end a segment."""
+    """Longest gap in frames that is filled, not counted as measured; longer ones end a segment."""
 
     least_speed_mm_s: Annotated[float, Gt(0), Le(300)] = 10.0
     """Slower motion is not modelled."""
@@ -169,16 +168,16 @@ class TextureSettings:
     """Lighter contact is not modelled."""
 
     inputs: Inputs = "isotropic"
-    """What the texture is a function of: speed and force, or velocity vector and force."""
+    """Inputs of the model: speed and force, or velocity vector and force."""
 
     start_distance: Distance = "auto"
-    """Completion sum at which rendering starts, of the method ``"published"``."""
+    """Completion sum at which rendering starts (method ``"published"``)."""
 
     stop_distance: Distance = "auto"
     """Completion sum at which modelling ends; not above `start_distance`."""
 
     start_share: Share = "auto"
-    """Expected share at which rendering starts, of the method ``"field"``."""
+    """Expected share at which rendering starts (method ``"field"``)."""
 
     stop_share: Share = "auto"
     """Expected share at which modelling ends; not below `start_share`."""
@@ -210,7 +209,7 @@ class TextureSettings:
 
     @property
     def distances(self) -> StartStop:
-        """The completion distances, those of the inputs in place of ``"auto"``."""
+        """Completion distances; the defaults of the inputs replace ``"auto"``."""
         usual = DISTANCES[self.inputs]
         return StartStop(
             usual.start if self.start_distance == "auto" else self.start_distance,
@@ -219,7 +218,7 @@ class TextureSettings:
 
     @property
     def scale(self) -> CriterionScale:
-        """What tells how complete a model is, and its thresholds."""
+        """Completion criterion of the method, with its thresholds."""
         if self.method == "published":
             return CriterionScale("distance", "completion sum", *self.distances, rises=False)
         start = START_SHARE if self.start_share == "auto" else self.start_share
@@ -244,7 +243,7 @@ class ModellingSettings(TextureSettings):
 
     @property
     def filter_order(self) -> int:
-        """The order of the filters, a number in place of ``"auto"``."""
+        """Order of the filters, with ``"auto"`` resolved."""
         if self.order != "auto":
             return self.order
         return usual_order(self.vibration_rate_hz)

@@ -1,9 +1,9 @@
-"""Binary messages for a browser: a JSON header, then arrays that it reads in place.
+"""Binary messages for a browser: a JSON header, then arrays that the page reads in place.
 
-A message is the header's length (uint32), the header padded with spaces to a multiple of
-four bytes, and the arrays one after the other, all little-endian float32. ``arrays`` in the
-header lists name and shape of each. Encoding arrays as JSON text would take a service's event
-loop some ten times as long.
+A message consists of the header's length (uint32), the header padded with spaces to a multiple
+of four bytes, and the arrays in sequence; all numbers are little-endian, the arrays float32.
+``arrays`` in the header lists name and shape of each. Encoding arrays as JSON text would take
+about ten times as long.
 """
 
 import json
@@ -16,16 +16,16 @@ import numpy.typing as npt
 
 
 def pack(kind: str, header: Mapping[str, Any], arrays: Mapping[str, npt.ArrayLike]) -> bytes:
-    """Return one message.
+    """Encode one message.
 
     Parameters
     ----------
     kind
         Kind of message, for the page.
     header
-        Plain values; numbers that are not finite become null.
+        JSON values; numbers that are not finite become null.
     arrays
-        By name, of any shape; values become float32.
+        Arrays of any shape, by name; values become float32.
     """
     packed = {name: np.ascontiguousarray(values, dtype="<f4") for name, values in arrays.items()}
     table = {
@@ -45,7 +45,7 @@ def pack(kind: str, header: Mapping[str, Any], arrays: Mapping[str, npt.ArrayLik
 
 
 def _finite(value: Any) -> Any:
-    """Return the value with None where a number is not finite, which JSON cannot say."""
+    """Replace numbers that are not finite, which JSON lacks, by None."""
     if isinstance(value, float):
         return value if np.isfinite(value) else None
     if isinstance(value, Mapping):
@@ -61,6 +61,6 @@ def header_of(message: bytes) -> Any:
     Raises
     ------
     ValueError
-        It is no such message.
+        The bytes are not such a message.
     """
     return json.loads(message[4 : 4 + int.from_bytes(message[:4], "little")])

@@ -1,12 +1,12 @@
-"""Serve pages to a browser, and open their WebSockets for authorized pages only.
+"""Serve pages to a browser, and open WebSockets for authorized pages only.
 
-The pages are static files that a browser runs as they are; the libraries under ``pages/vendor``
-are copies of published releases, each beside its licence, so that the pages work without a
-network. The files hold nothing secret and are served to everyone who reaches the port.
+The pages are static files without a build step. ``pages/vendor`` has copies of published
+libraries, each with its licence, so that the pages work without internet access. The files hold
+no secrets and are served without authorization.
 
-A WebSocket is protected as the link is: where there is a token, the page sends it in the first
-message, since a browser cannot set a header there. Pages of other sites in the same browser are
-refused before any of this, by `mmt.link.http.own_pages_only`.
+A WebSocket is protected like the link: if there is a token, the page sends it in the first
+message, since a browser cannot set a header for WebSockets. `mmt.link.http.own_pages_only` has
+already refused requests from pages of other sites.
 """
 
 import json
@@ -39,37 +39,37 @@ _VENDORED: Final = {
 
 @dataclass(frozen=True)
 class PageFile:
-    """A file with its content type."""
+    """A file's content and its content type."""
 
     body: bytes
     content_type: str
 
 
 MAIN: Final = "main.js"
-"""The module with which the monitor's page starts: one for a run, another for a recording."""
+"""Name under which the page loads its main module, which differs between run and recording."""
 
 
 def monitor_files(main: str = "monitor.js") -> dict[str, PageFile]:
-    """Return the monitor's files by their names in its page; some 200 KB.
+    """Return the files of the monitor's page by name, about 200 KB.
 
     Parameters
     ----------
     main
-        The module to start with: ``monitor.js`` for a run, ``recording.js`` for a recording.
+        The main module: ``monitor.js`` for a run, ``recording.js`` for a recording.
     """
     files = page_files(_FOLDER / "monitor", _VENDORED)
     return {**files, MAIN: files[main]}
 
 
 def page_files(folder: Path, vendored: Mapping[str, str]) -> dict[str, PageFile]:
-    """Return a page's own files, those that pages share, and libraries by the names given.
+    """Return a page's own files, the shared files and libraries, by their names in the page.
 
     Parameters
     ----------
     folder
-        Holds the page's own files.
+        Folder with the page's own files.
     vendored
-        Libraries below ``pages``, by their names in the page.
+        Paths of libraries below ``pages``, by name.
     """
     paths = {
         path.name: path
@@ -113,12 +113,12 @@ def add_page(application: web.Application, path: str, files: Mapping[str, PageFi
 
 
 class _PageSocket(web.WebSocketResponse):
-    """A WebSocket without ``autoping``: a stranger's pings are not answered."""
+    """A WebSocket that answers pings only after the client is authorized."""
 
     answers_pings = False
 
     async def receive(self, timeout: float | None = None) -> WSMessage:
-        """Return the next message; once admitted, pings are answered and pongs left out."""
+        """Return the next message; once `answers_pings` is set, handle pings and pongs here."""
         while True:
             message = await super().receive(timeout)
             if not self.answers_pings or message.type not in {WSMsgType.PING, WSMsgType.PONG}:
@@ -130,9 +130,9 @@ class _PageSocket(web.WebSocketResponse):
 async def open_socket(
     request: web.Request, access: Access, most_bytes: int = _MOST_BYTES
 ) -> tuple[web.WebSocketResponse, bool]:
-    """Open a WebSocket and read its first message; return it, and whether it has the token.
+    """Open a WebSocket and check the token in its first message; return socket and result.
 
-    Without the token it is closed. `most_bytes` is the largest message that it accepts.
+    A socket without the token is closed. `most_bytes` is the largest accepted message.
     """
     socket = _PageSocket(
         timeout=1.0, heartbeat=_HEARTBEAT_S, compress=False, max_msg_size=most_bytes, autoping=False
@@ -148,7 +148,7 @@ async def open_socket(
 
 
 async def _token(socket: web.WebSocketResponse) -> Any:
-    """Return the token of the first message, None where it has none."""
+    """Return the token in the first message, or None if there is none."""
     with suppress(TimeoutError, ValueError, TypeError, AttributeError):
         return json.loads(await socket.receive_str(timeout=HANDSHAKE_S)).get("token")
     return None

@@ -1,7 +1,7 @@
-"""The texture page as one file: models, module, styles; it opens from disk, without a network.
+"""The texture page as one file with models, module and styles, which works offline from disk.
 
-Its Content-Security-Policy allows the page's own script and style alone, by their hashes, and
-modules that this script makes of the page's text (``data:``); nothing is fetched from anywhere.
+Its Content-Security-Policy allows only the page's own script and style, by their hashes, and
+modules that the script makes from the page's text (``data:``). The page fetches nothing.
 """
 
 import base64
@@ -22,10 +22,10 @@ _FOLDER: Final = _PAGES / "texture"
 _BASE: Final = _PAGES / "shared" / "base.css"
 
 MODULE: Final = _FOLDER / "mmt-texture.js"
-"""The renderer."""
+"""JavaScript module that renders textures."""
 
 MOST_BYTES: Final = 500_000
-"""Largest page: what a mail or a paper's supplement takes."""
+"""Largest page, small enough for an e-mail or a paper's supplement."""
 
 _ELEMENT_PX: Final = 640
 
@@ -75,7 +75,7 @@ def playing_element(model: TextureModel) -> str | None:
 
 
 def _inert(form: str) -> str:
-    """Return a script element that holds a model and cannot be left."""
+    """Return a script element with a model, escaped so that the model cannot end the element."""
     text = form.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
     return f'<script type="application/json" class="model">{text}</script>'
 

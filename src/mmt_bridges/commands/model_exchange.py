@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 _LONGEST_S = 3600.0
 _VIBRATION = {".wav": 44_100, ".hjif": 8_000, ".ahap": 44_100}
-"""Files of vibration, and their samples a second by default."""
+"""Default sampling rate in Hz of each kind of vibration file."""
 _OF_PAGES = (".html", ".json")
 _OF_XML = ("material", "friction")
 _OF_A_STEADY_MOTION = ("speed", "heading", "normal_force", "seconds")
@@ -31,7 +31,7 @@ def import_model(
     json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
     force: Force = False,
 ) -> None:
-    """Make a model of one that the Penn Haptic Texture Toolkit stored as XML."""
+    """Import a model from an XML file of the Penn Haptic Texture Toolkit."""
     from mmt_bridges.hatt.models import import_hatt
 
     if target.suffix.lower() != SUFFIX:
@@ -103,7 +103,7 @@ def export_model(
     seed: Annotated[int, typer.Option(min=0, help="Vibration: its seed.")] = 0,
     force: Force = False,
 ) -> None:
-    """Write a playable page (.html), .json, for the Penn toolkit (.xml), or .wav, .hjif, .ahap."""
+    """Write a model as .html (page), .json or .xml (HaTT), or vibration as .wav, .hjif or .ahap."""
     from mmt.models import find_model
     from mmt.texture.model.texture_model import TextureModel
 
@@ -146,7 +146,7 @@ def export_model(
 
 
 def _refuse(context: typer.Context, options: tuple[str, ...], why: str) -> None:
-    """Raise `InputError` for an option that was given in vain."""
+    """Raise `InputError` if one of these options was given on the command line."""
     for name in options:
         source = context.get_parameter_source(name)
         if source is not None and source.name == "COMMANDLINE":
@@ -221,7 +221,7 @@ def _constant(
 
 
 def _recorded(path: Path) -> "tuple[FloatArray, FloatArray, float]":
-    """Return velocity and force as the model of that session would be asked with."""
+    """Return velocity and normal force of a session, filtered as for modelling, and their rate."""
     from mmt.cli.reporting import scene_of
     from mmt.scene import Texture
     from mmt.session import read_session

@@ -1,8 +1,8 @@
 """Vibration as an Apple Haptic and Audio Pattern (.ahap): strength and sharpness over time.
 
 After Apple's "Representing haptic patterns in AHAP files" (Core Haptics). A pattern holds no
-waveform for the actuator: what is written is the level and the mean frequency of each moment.
-A sound file can be named beside them, which is heard and not felt.
+waveform for the actuator, but the level and the mean frequency at each moment. It can also name a
+sound file, which is heard and not felt.
 """
 
 import json
@@ -18,13 +18,13 @@ from mmt.core.existing_files import write_file
 from mmt_bridges.haptics.effects import EffectFile, checked_full_scale
 
 _STEP_S: Final = 0.02
-_LONGEST_EVENT_S: Final = 30.0  # of a continuous event, says Apple
+_LONGEST_EVENT_S: Final = 30.0  # of a continuous event, by Apple's text
 _MOST_POINTS: Final = 16
-"""Of one curve: players leave out those behind the sixteenth."""
+"""Most points of one curve: players ignore points after the sixteenth."""
 
 _DULLEST_HZ: Final = 65.0
-"""Apple gives no frequencies for sharpness; 0 and 1 are taken for those of the encoder of MPEG's
-reference software for haptics."""
+"""Frequency of sharpness 0; `_SHARPEST_HZ` is that of sharpness 1. Apple gives none: both are from
+the encoder of MPEG's reference software for haptics."""
 
 _SHARPEST_HZ: Final = 300.0
 
@@ -37,26 +37,26 @@ def write_ahap(
     *,
     sound: str | None = None,
 ) -> EffectFile:
-    """Write the level and mean frequency of vibration, each 20 ms, as a pattern.
+    """Write the level and mean frequency of vibration, every 20 ms, as a pattern.
 
     Parameters
     ----------
     path
-        Replaced where it is there.
+        The file; replaced if it exists.
     samples_m_s2
         Shape (n,), finite, n at least 1.
     rate_hz
-        Its sampling rate.
+        Sampling rate.
     full_scale_m_s2
-        The amplitude of the sine that an intensity of 1 stands for, beyond which it is clipped;
-        by default the largest.
+        Amplitude of the sine that an intensity of 1 stands for; larger ones are clipped. By
+        default the largest amplitude.
     sound
         Name of a sound file beside the pattern, to be played with it.
 
     Raises
     ------
     InputError
-        No samples, a full scale that is not positive, or the file cannot be written.
+        There are no samples, the full scale is not positive, or the file cannot be written.
     """
     if not len(samples_m_s2):
         raise InputError("no vibration to write: the motion is too short")
@@ -78,11 +78,11 @@ def write_ahap(
 
 
 def moments(samples: FloatArray, rate_hz: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the level and the mean frequency of a waveform, each 20 ms and at its end.
+    """Return the level and the mean frequency of a waveform, every 20 ms and at its end.
 
-    Times in s, amplitudes of the sine of the same power, and mean frequencies of the power
-    spectrum in Hz, 0 for silence: of windows (Hann) of 40 ms, at the ends of what there is of
-    them; shapes (k,), k at least 2.
+    These are times in s, amplitudes of the sine of the same power, and mean frequencies of the
+    power spectrum in Hz (0 for silence); shapes (k,), k at least 2. The windows are Hann windows
+    of 40 ms, cut off at the ends of the waveform.
     """
     step = max(1, round(_STEP_S * rate_hz))
     centres = [*range(0, len(samples), step), len(samples)]
@@ -115,10 +115,10 @@ def _event(kind: str, time_s: float, **parameters: float) -> dict[str, Any]:
 
 
 def _curves(parameter: str, times_s: FloatArray, values: FloatArray) -> list[dict[str, Any]]:
-    """Return curves through the values, each within 0 and 1; one begins where another ends.
+    """Return curves through the values, clipped to 0 and 1; each begins where the last one ends.
 
-    A curve of intensity multiplies the event's, which is 1; one of sharpness is added to the
-    event's, which is 0.
+    A curve of intensity multiplies the intensity of the event, which is 1. A curve of sharpness is
+    added to the sharpness of the event, which is 0.
     """
     clipped = np.clip(values, 0.0, 1.0).tolist()
     points = [

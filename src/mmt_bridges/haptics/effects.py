@@ -1,4 +1,4 @@
-"""The vibration of a whole motion over a texture, as an array, and as files of other programs."""
+"""The vibration of a whole motion over a texture, as an array or as a sound file."""
 
 import io
 from pathlib import Path
@@ -25,7 +25,7 @@ def effect(
     output_hz: float,
     seed: int = 0,
 ) -> FloatArray:
-    """Render a motion in m/s2, as `open_textures` would in real time; shape (k,).
+    """Render the vibration of a motion (m/s2, shape (k,)), as `open_textures` does in real time.
 
     Parameters
     ----------
@@ -34,9 +34,9 @@ def effect(
     velocity_mm_s
         Velocity of the tool over the surface, shape (n, 2).
     force_n
-        Along its normal, shape (n,).
+        Force along its normal, shape (n,).
     motion_hz
-        Rate of these.
+        Sampling rate of velocity and force.
     output_hz
         Rate of the result.
     seed
@@ -67,7 +67,7 @@ def effect(
 
 
 class EffectFile(NamedTuple):
-    """What was written."""
+    """Duration and full scale of a written file."""
 
     seconds: float
     full_scale_m_s2: float
@@ -77,19 +77,19 @@ class EffectFile(NamedTuple):
 def write_wav(
     path: Path | str, samples_m_s2: FloatArray, rate_hz: int, full_scale_m_s2: float | None = None
 ) -> EffectFile:
-    """Write vibration as 16 bit samples.
+    """Write vibration as a sound file with 16-bit samples.
 
     Parameters
     ----------
     path
-        Replaced where it is there.
+        The file; replaced if it exists.
     samples_m_s2
         Shape (n,), finite.
     rate_hz
-        Its sampling rate.
+        Sampling rate.
     full_scale_m_s2
-        The acceleration that the largest number stands for, beyond which samples are clipped;
-        by default the largest of the samples, so that nothing is.
+        Acceleration that the largest number stands for; larger samples are clipped. By default
+        the largest sample, so that none is clipped.
 
     Raises
     ------
@@ -106,12 +106,12 @@ def write_wav(
 
 
 def checked_full_scale(full_scale_m_s2: float | None, largest_m_s2: float) -> float:
-    """Return what stands for full scale in a file: as given, or the largest that there is.
+    """Return the full scale of a file: the given one, or if None the largest value.
 
     Raises
     ------
     InputError
-        It is given and not positive.
+        The given full scale is not positive and finite.
     """
     full_scale = (largest_m_s2 or 1.0) if full_scale_m_s2 is None else full_scale_m_s2
     if not (np.isfinite(full_scale) and full_scale > 0):

@@ -1,8 +1,8 @@
 """Vibration as an MPEG haptics file: the interchange format (.hjif) of ISO/IEC 23090-31.
 
-The file holds the waveform itself, in one wavelet band: the standard's other kinds of band
-hold keyframes, which take fifty times the room for as little error, and which its binary form
-rounds to 8 bits. What the reference software makes of each kind is in the how-to.
+The file holds the waveform itself, in one wavelet band. The standard's other kinds of band hold
+keyframes, which need fifty times the space for the same error, and which the binary form rounds to
+8 bits. The how-to tells what the reference software renders from each kind.
 """
 
 import json
@@ -19,11 +19,11 @@ from mmt_bridges.haptics.effects import EffectFile, checked_full_scale
 from mmt_bridges.haptics.wavelets import wavelet_streams
 
 RATES_HZ: Final = (1000, 2000, 4000, 8000)
-"""Sampling rates with blocks of 2^n samples; a band's frequency ends at 10 kHz."""
+"""Sampling rates that give blocks of 2^n samples; the frequency limit of a band is 10 kHz."""
 
 _TICKS_A_SECOND: Final = 1000
 _BLOCK_TICKS: Final = 128
-"""As long as a packet of the binary form by default: the reference encoder takes no other."""
+"""Default length of a packet of the binary form: the reference encoder accepts no other."""
 
 
 def write_hjif(
@@ -39,22 +39,22 @@ def write_hjif(
     Parameters
     ----------
     path
-        Replaced where it is there.
+        The file; replaced if it exists.
     samples_m_s2
         Shape (n,), finite, n at least 1.
     rate_hz
-        Its sampling rate, one of `RATES_HZ`.
+        Sampling rate, one of `RATES_HZ`.
     full_scale_m_s2
-        The acceleration that an amplitude of 1 stands for, beyond which samples are clipped; by
-        default the largest of the samples. The file has it as its device's maximum amplitude.
+        Acceleration that an amplitude of 1 stands for; larger samples are clipped. By default the
+        largest sample. The file states it as the maximum amplitude of its device.
     description
-        What the vibration is, for people.
+        Description for people.
 
     Raises
     ------
     InputError
-        Another rate, no samples, a full scale that is not positive, or the file cannot be
-        written.
+        The rate is not allowed, there are no samples, the full scale is not positive, or the file
+        cannot be written.
     """
     if rate_hz not in RATES_HZ:
         allowed = ", ".join(map(str, RATES_HZ))
@@ -97,7 +97,7 @@ def _channel(amplitude: FloatArray, rate_hz: int) -> dict[str, Any]:
         "band_type": "WaveletWave",
         "block_length": _BLOCK_TICKS,
         "lower_frequency_limit": 0,
-        "upper_frequency_limit": rate_hz,  # a wavelet band's is its sampling rate
+        "upper_frequency_limit": rate_hz,  # for a wavelet band the sampling rate
         "effects": [
             {"effect_type": "Basis", "position": index * _BLOCK_TICKS, "wavelet_stream": stream}
             for index, stream in enumerate(streams)

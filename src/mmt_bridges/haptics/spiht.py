@@ -1,4 +1,4 @@
-"""SPIHT of wavelet coefficients with arithmetic coding, as wavelet bands of MPEG haptics have it.
+"""SPIHT coding of wavelet coefficients, with arithmetic coding, for wavelet bands of MPEG haptics.
 
 Set partitioning in hierarchical trees: A. Said, W. A. Pearlman, "A new, fast, and efficient
 image codec based on set partitioning in hierarchical trees", IEEE Trans. Circuits Syst. Video
@@ -17,7 +17,7 @@ import numpy.typing as npt
 from mmt.core.compiled import kernel
 
 MOST_PLANES: Final = 15
-"""Most bit planes that a block can have: its header counts them by four bits."""
+"""Most bit planes that a block can have: its header has four bits for their number."""
 
 _COUNT_BITS: Final = 4
 _SCALE_BITS: Final = 8
@@ -31,9 +31,9 @@ _GRANDCHILDREN: Final = 5
 _REFINEMENT: Final = 6
 _CONTEXTS: Final = 7
 
-_ROOTS: Final = 4  # coefficients of the coarsest band; as many are the first sets
+_ROOTS: Final = 4  # coefficients of the coarsest band, and initial sets
 
-_PIXELS: Final = 0  # places in `sizes`
+_PIXELS: Final = 0  # indices into `sizes`
 _SETS: Final = 1
 _SIGNIFICANT: Final = 2
 _SYMBOLS: Final = 3
@@ -47,7 +47,7 @@ Array = npt.NDArray[Any]
 
 
 def encode_block(values: npt.NDArray[np.int64], planes: int, scale_code: int) -> bytes:
-    """Return the coded coefficients of one block, eight bits a byte, the first the highest.
+    """Return the coded coefficients of one block, eight bits in a byte, the highest bit first.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def encode_block(values: npt.NDArray[np.int64], planes: int, scale_code: int) ->
     planes
         Bit planes, 1 to 15.
     scale_code
-        What the header says of the scale, 8 bits, the lowest first.
+        The 8 bits of the header for the scale, written lowest bit first.
     """
     return np.packbits(_encode(np.ascontiguousarray(values), planes, scale_code)).tobytes()
 
@@ -116,7 +116,7 @@ def _sort_sets(
     sizes: Array,
     symbols: Array,
 ) -> None:
-    """Code which sets of descendants are significant; those that are get parted, in this pass."""
+    """Code which sets of descendants are significant, and split these sets in the same pass."""
     kept = read = 0
     while read < sizes[_SETS]:
         place, is_beyond = sets[read, 0], sets[read, 1]
@@ -164,7 +164,7 @@ def _symbols(values: Array, planes: int, scale_code: int) -> Array:
         threshold, found, tried = 1 << plane, sizes[_SIGNIFICANT], sizes[_PIXELS]
         sizes[_PIXELS] = 0
         for index in range(tried):
-            place = pixels[index]  # read before the list, rewritten from its start, comes there
+            place = pixels[index]  # read before `_test` overwrites it: the list is rebuilt
             _test(values, threshold, place, _PIXEL, pixels, significant, sizes, symbols)
         _sort_sets(
             values, threshold, descendants, beyond, sets, pixels, significant, sizes, symbols
@@ -177,7 +177,7 @@ def _symbols(values: Array, planes: int, scale_code: int) -> Array:
 
 @kernel("u1[::1](u1[:,::1])")
 def _code(symbols: Array) -> Array:
-    """Return the arithmetic code of symbols with contexts, its last zeros left out."""
+    """Return the arithmetic code of symbols with contexts, without trailing zeros."""
     zeros, totals = np.full(_CONTEXTS, 8), np.full(_CONTEXTS, 16)
     bits = np.zeros(_LONGEST * len(symbols) + 16, np.uint8)
     size = pending = lower = 0
@@ -204,7 +204,7 @@ def _code(symbols: Array) -> Array:
             else:
                 break
             lower, upper = 2 * (lower - offset), 2 * (upper - offset)
-    value, step = 0, _HALF  # the shortest number within what is left; a reader goes on with zeros
+    value, step = 0, _HALF  # the shortest number in the interval; a reader appends zeros
     while value < lower or (pending and not value):
         if value + step < upper:
             bits[size], value = 1, value + step

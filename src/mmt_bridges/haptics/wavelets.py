@@ -20,14 +20,14 @@ _LOW: Final = (
     -0.023849465019380,
     0.037828455506995,
 )
-"""The low-pass filter from its middle outwards."""
+"""The symmetric low-pass filter, from its middle outwards."""
 
 _HIGH: Final = (-0.788485616405665, 0.418092273222212, 0.040689417609559, -0.064538882628938)
 
 _COARSEST: Final = 4  # coefficients of the coarsest band
-_FINEST_STEP: Final = 2.0**-15  # of full scale, as 16 bit sound has it
-_SMALL_SCALE: Final = 128  # parts of one, of a scale up to 127/128
-_LARGE_SCALE: Final = 8  # parts of one, of a scale from 1
+_FINEST_STEP: Final = 2.0**-15  # of full scale, as in 16-bit sound
+_SMALL_SCALE: Final = 128  # steps per unit, for a scale up to 127/128
+_LARGE_SCALE: Final = 8  # steps per unit, for a scale from 1
 
 
 def wavelet_streams(samples: FloatArray, block: int) -> list[str]:
@@ -75,7 +75,7 @@ def _stream(coefficients: FloatArray) -> str:
     largest = float(np.abs(coefficients).max())
     planes, code, scale = _scaling(largest)
     if largest < scale * 2.0 ** (-1 - planes):
-        return ""  # nothing is left of it: silence
+        return ""  # all would round to zero: silence
     most = (1 << planes) - 1
     values = np.clip(np.rint(coefficients / scale * 2.0**planes), -most, most).astype(np.int64)
     # Without the padding of base 64: the reference decoder takes it for bits.

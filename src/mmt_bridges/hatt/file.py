@@ -1,9 +1,8 @@
-"""The XML files of the Penn Haptic Texture Toolkit (HaTT): their schema, and nothing else.
+"""Read and write the XML files of the Penn Haptic Texture Toolkit (HaTT).
 
-A file of that toolkit is a ``modelSet``: filters at points of speed and force, the vertices of
-a triangulation, and its triangles. At 10 kHz the filters have poles alone, at 1 kHz poles and
-zeros. The toolkit's files may not be passed on, so that none comes with this package; this
-reads and writes what a user has.
+A file is a ``modelSet``: filters at points of speed and force, which are the vertices of a
+triangulation, and its triangles. At 10 kHz the filters have only poles, at 1 kHz poles and zeros.
+The toolkit's files may not be passed on, so none comes with this package.
 """
 
 import xml.etree.ElementTree as ET
@@ -27,7 +26,7 @@ _FORCE: Final = {"n": 1.0, "mn": 1e-3}
 
 @dataclass(frozen=True, eq=False)
 class HattModelSet:
-    """What a file says, in mm/s, N and m/s2.
+    """Content of a file, in mm/s, N and m/s2.
 
     Attributes
     ----------
@@ -36,16 +35,16 @@ class HattModelSet:
     rate_hz
         Sampling rate of the filters.
     friction
-        Coefficient of kinetic friction, None where the file has none.
+        Coefficient of kinetic friction, or None if the file has none.
     maximum_speed_mm_s, maximum_force_n
-        Where the plane ends.
+        Limits of the plane of speed and force.
     speed_mm_s, force_n
         Speed and force of each vertex, shape (n,).
     lsf
         Line spectral frequencies of its poles in radians, shape (n, p).
     zeros
         Coefficients c[0] ... c[q] of the numerator, its gain included, shape (n, q + 1);
-        (n, 1) where there are poles alone.
+        (n, 1) if there are only poles.
     variance
         Variance of the excitation in (m/s2)^2, shape (n,).
     triangles
@@ -71,7 +70,7 @@ def read_hatt(path: Path) -> HattModelSet:
     Raises
     ------
     InputError
-        It cannot be read, is no such file, or holds bad numbers; the message says which.
+        The file cannot be read, is not of HaTT, or holds bad numbers; the message says which.
     """
     try:
         with path.open("rb") as file:
@@ -118,7 +117,7 @@ def parse_hatt(content: bytes) -> HattModelSet:
 
 
 def _zeros(models: list[ET.Element]) -> FloatArray:
-    """Return the numerators, (n, q + 1), their gain multiplied in."""
+    """Return the numerators (n, q + 1), multiplied by their gains."""
     coefficients = _rows(models, "MAcoeff/value")
     if coefficients.shape[1] == 0:
         coefficients = np.ones((len(models), 1))
@@ -195,7 +194,7 @@ def _compare(root: ET.Element, tag: str, count: int) -> None:
 
 
 def _unit(root: ET.Element, tag: str, known: dict[str, float]) -> float:
-    """Return what a value in the file's unit is multiplied by."""
+    """Return the factor that converts a value from the file's unit."""
     text = root.findtext(tag)
     if text is None:
         return 1.0
@@ -206,7 +205,7 @@ def _unit(root: ET.Element, tag: str, known: dict[str, float]) -> float:
 
 
 def format_hatt(content: HattModelSet) -> bytes:
-    """Return a file of poles alone.
+    """Return the XML file of filters that have only poles.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Texture models from files of the Penn Haptic Texture Toolkit (HaTT), and to such files."""
+"""Convert texture models from and to files of the Penn Haptic Texture Toolkit (HaTT)."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,25 +21,24 @@ from mmt_bridges.hatt.file import HattModelSet, format_hatt, read_hatt
 
 @dataclass(frozen=True)
 class Imported:
-    """A model and what became of the file's content.
+    """An imported model, and how it differs from the file.
 
     Attributes
     ----------
     model
-        To render.
+        The imported model.
     material
-        Its name in the file.
+        Name of the texture in the file.
     friction
-        Coefficient of kinetic friction, None where the file has none; the model has no place
-        for it.
+        Coefficient of kinetic friction, or None if the file has none; the model does not use it.
     zeros
-        How many zeros the file's filters had, which the model's all-pole filters stand for.
+        Number of zeros of each filter in the file, which all-pole filters approximate here.
     spectrum_error_db
-        The largest difference of a filter's spectrum that this made, root mean square over
+        Error of this approximation: the largest of all filters, as the root mean square over
         frequency in dB; 0 without zeros.
     same_triangles
-        The share of the file's triangles that the model's triangulation has too, None where
-        the file names no triangles.
+        Share of the file's triangles that the model's triangulation has too, or None if the file
+        has no triangles.
     """
 
     model: TextureModel
@@ -51,7 +50,7 @@ class Imported:
 
 
 def import_hatt(path: Path) -> Imported:
-    """Read a model of the user's own toolkit.
+    """Import a model from a file of HaTT.
 
     Every vertex of the file, its boundary points included, becomes a sample. The plane is
     triangulated again, on axes divided by the file's maxima. Filters with zeros are replaced by
@@ -84,9 +83,9 @@ def import_hatt(path: Path) -> Imported:
 
 
 def export_hatt(model: TextureModel, material: str, friction: float | None = None) -> bytes:
-    """Return the XML file of a model, for the toolkit's own programs.
+    """Return a model as an XML file, for the toolkit's own programs.
 
-    Its vertices are the model's samples and boundary points, its triangles the model's.
+    The vertices are the model's samples and boundary points; the triangles are the model's.
 
     Parameters
     ----------
@@ -95,12 +94,12 @@ def export_hatt(model: TextureModel, material: str, friction: float | None = Non
     material
         The texture's name.
     friction
-        Coefficient of kinetic friction, left out where it is None.
+        Coefficient of kinetic friction, left out if None.
 
     Raises
     ------
     InputError
-        The model depends on the heading, for which the toolkit has no place.
+        The model depends on the heading, which the toolkit's files cannot hold.
     """
     space = model.space
     if space.directed:

@@ -1,7 +1,7 @@
 """Sessions as a LeRobot data set of format v3.0, with their 1 kHz frames beside it.
 
-The files are those that LeRobot's own writer leaves (lerobot 0.6, `lerobot.datasets`): rows in
-``data``, a row an episode in ``meta/episodes``, ``meta/tasks.parquet``, ``meta/stats.json`` and
+The files are those of LeRobot's own writer (lerobot 0.6, `lerobot.datasets`): rows in ``data``, one
+row for each episode in ``meta/episodes``, ``meta/tasks.parquet``, ``meta/stats.json`` and
 ``meta/info.json``. LeRobot reads nothing else, so the folder ``mmt`` may hold the frames.
 """
 
@@ -53,23 +53,23 @@ def export_lerobot(
 ) -> int:
     """Write sessions as the episodes of a LeRobot data set, and return its number of rows.
 
-    A row stands for a period of 1 / `fps` s. Its ``observation.state`` has position and force
-    of the newest frame in it and the root mean square of the acceleration over it, its
-    ``observation.environment_state`` all of that but the position, its
-    ``action`` the position of the next row. What is missing in the session is held, and
-    ``mmt.frames`` counts the frames of each row. The frames themselves are in
-    ``mmt/episode-000000.parquet`` and on, as `mmt.export_session` writes them.
+    A row stands for a period of 1 / `fps` s. Its ``observation.state`` has position and force of
+    the newest frame in the period, and the root mean square of the acceleration over the period.
+    Its ``observation.environment_state`` has the same without the position. Its ``action`` is the
+    position of the next row. If frames are missing, the last values are held; ``mmt.frames`` counts
+    the frames of each row. The frames themselves are in ``mmt/episode-000000.parquet`` and so on,
+    as `mmt.export_session` writes them.
 
     Parameters
     ----------
     sessions
-        Sessions with the same channels, one at least.
+        Sessions with the same channels, at least one.
     folder
-        Is made; may exist where it is empty, or with `replace` where it is a LeRobot data set.
+        Created. It may exist if it is empty or, with `replace`, if it is a LeRobot data set.
     fps
         Rows a second, 1 to 1000.
     task
-        What is done in the sessions, for policies that are told.
+        What is done in the sessions, for policies that take a task.
     replace
         Replace a LeRobot data set.
 

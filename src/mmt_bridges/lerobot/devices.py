@@ -30,14 +30,14 @@ ACTION_NAMES: Final = axis_columns("position")
 _OWN_NAMES: Final = frozenset(state_names(CHANNELS))
 
 _SAME_MM: Final = 1e-3
-"""An action that went through LeRobot's processors is the same to this; they may round it."""
+"""Tolerance by which two actions are the same: LeRobot's processors may round them."""
 
 
 def _with_what_is_felt(made: Callable[..., dict[str, Any]]) -> Callable[..., dict[str, Any]]:
-    """Have a data set of mmt's states force and vibration as the environment's state as well.
+    """Add force and vibration as the environment's state to the features of a data set of mmt.
 
-    LeRobot puts every number of a robot into its own state, and policies without pictures ask for
-    the environment's. It has no other place to say so.
+    LeRobot puts every number of a robot into the robot's state, but policies without pictures need
+    an environment's state. LeRobot offers no other way to declare one.
     """
 
     @wraps(made)
@@ -70,7 +70,7 @@ class _SessionDevice:
 
     _session: SharedSession
     _title: str
-    """What messages call it."""
+    """Name of the device in messages."""
     _used = False
 
     @property
@@ -79,12 +79,12 @@ class _SessionDevice:
         return self._used and self._session.running
 
     def connect(self, calibrate: bool = True) -> None:  # noqa: ARG002 - the session does it
-        """Start the session unless the other device has, and wait for the first frame.
+        """Start the session, unless the other device has started it, and wait for the first frame.
 
         Raises
         ------
         DeviceNotConnectedError
-            It cannot begin; the message says why.
+            The session cannot begin; the message says why.
         """
         if self.is_connected:
             raise DeviceAlreadyConnectedError(f"{self._title} is already connected")
@@ -94,7 +94,7 @@ class _SessionDevice:
 
     @property
     def is_calibrated(self) -> bool:
-        """Always: leader and follower calibrate their devices at each start."""
+        """Always True: leader and follower calibrate their devices at each start."""
         return True
 
     def calibrate(self) -> None:
@@ -123,9 +123,9 @@ class _SessionDevice:
 class MmtRobot(_SessionDevice, Robot):
     """The follower's robot: its measured state, and the command that it follows.
 
-    With ``moved_by="hand"`` the leader commands it at 1 kHz as the scene's hand moves, and
-    `send_action` returns the command in force. With ``moved_by="actions"`` it goes where the
-    actions say, in straight lines between them.
+    With ``moved_by="hand"`` the leader commands the robot at 1 kHz by the scene's hand, and
+    `send_action` returns the current command. With ``moved_by="actions"`` the robot moves from
+    action to action in straight lines.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ class MmtRobot(_SessionDevice, Robot):
         super().__init__(config)
         self.config = config
         self.cameras: dict[str, Any] = make_cameras_from_configs(config.cameras)
-        """Those of a LeRobot set-up, whose pictures are passed on."""
+        """Cameras of a LeRobot set-up, whose pictures are passed on."""
         moved_by = cast("MovedBy", config.moved_by)  # the settings check it
         settings = Settings(config.scene, config.follower, moved_by, config.wait_s)
         self._session = shared_session(config.scene, settings)
@@ -154,7 +154,7 @@ class MmtRobot(_SessionDevice, Robot):
 
     @property
     def observation_features(self) -> dict[str, Any]:
-        """Position (mm), force (N), level of vibration (m/s2) as in the scene; cameras' shapes."""
+        """Position (mm), force (N), level of vibration (m/s2) if in the scene; cameras' shapes."""
         pictures = {name: (c.height, c.width, 3) for name, c in self.config.cameras.items()}
         return dict.fromkeys(self._names, float) | pictures
 
@@ -164,7 +164,7 @@ class MmtRobot(_SessionDevice, Robot):
         return dict.fromkeys(ACTION_NAMES, float)
 
     def connect(self, calibrate: bool = True) -> None:
-        """Start the session unless the teleoperator has, and the cameras.
+        """Start the session, unless the teleoperator has started it, and the cameras.
 
         Raises
         ------
@@ -180,7 +180,7 @@ class MmtRobot(_SessionDevice, Robot):
             raise
 
     def disconnect(self) -> None:
-        """End the cameras, and the session, unless the teleoperator still uses it.
+        """Disconnect the cameras; end the session, unless the teleoperator still uses it.
 
         Raises
         ------
@@ -206,12 +206,12 @@ class MmtRobot(_SessionDevice, Robot):
         return state | {name: camera.async_read() for name, camera in self.cameras.items()}
 
     def send_action(self, action: Mapping[str, Any]) -> dict[str, float]:
-        """Return the command that is in force, or with ``moved_by="actions"`` set it.
+        """Return the current command; with ``moved_by="actions"``, first set it to the action.
 
         Raises
         ------
         ValueError
-            The action lacks a component, is not finite, or is not of the hand that moves the robot.
+            The action lacks a component, is not finite, or did not come from the scene's hand.
         DeviceNotConnectedError
             The robot is not connected, or the follower was lost.
         """
@@ -259,18 +259,18 @@ class MmtTeleoperator(_SessionDevice, Teleoperator):
 
     @property
     def feedback_features(self) -> dict[str, type]:
-        """None: LeRobot gives the hand nothing to feel."""
+        """Empty: LeRobot gives the hand nothing to feel."""
         return {}
 
     def connect(self, calibrate: bool = True) -> None:
-        """Start the session unless the robot has, and wait for the first frame.
+        """Start the session, unless the robot has started it, and wait for the first frame.
 
         Raises
         ------
         ValueError
             Actions move the robot, not a hand.
         DeviceNotConnectedError
-            It cannot begin; the message says why.
+            The session cannot begin; the message says why.
         """
         if self._session.settings.moved_by == "actions":
             raise ValueError(
@@ -293,12 +293,12 @@ class MmtTeleoperator(_SessionDevice, Teleoperator):
         return _action(given)
 
     def send_feedback(self, feedback: Mapping[str, Any]) -> None:
-        """Take no feedback.
+        """Accept only empty feedback.
 
         Raises
         ------
         ValueError
-            There is some.
+            The feedback is not empty.
         DeviceNotConnectedError
             The teleoperator is not connected.
         """

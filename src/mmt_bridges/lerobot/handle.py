@@ -1,4 +1,4 @@
-"""A handle that nobody holds: it goes where actions say, at the leader's rate."""
+"""A handle without a hand: it moves from action to action, at the leader's rate."""
 
 from typing import Final
 
@@ -8,25 +8,25 @@ from mmt.devices.protocols import InterfaceState, Vector
 _TICK_S: Final = 1e-3
 _AT_REST: Final[Vector] = (0.0, 0.0, 0.0)
 _LONGEST_PERIOD: Final = 200
-"""Ticks: an action that comes later begins a motion anew."""
+"""Longest time between two actions in ticks; a later action begins a new motion."""
 _CONTACT_N: Final = 0.05
 
 
 class ActionHandle:
     """Go from action to action in straight lines; implements `LeaderInterface`.
 
-    An action is reached as long after it has come as it came after the one before, so that the
-    motion is continuous, and a period late. The first one, and one after a pause of over 0.2 s, is
-    neared at a bounded speed. Before the first there is no state, and nothing is commanded.
+    The time to reach an action is the time between this action and the one before, so that the
+    motion is continuous, and one period late. The first action, and one after a pause of over
+    0.2 s, is approached at a bounded speed. Before the first there is no state and no command.
 
-    The hand's normal force is the one that is displayed, as that of a real handle at rest.
+    The hand's normal force is the displayed force, as with a real handle at rest.
 
     Parameters
     ----------
     recovery_mm_s
-        Bound of the speed at the beginning.
+        Largest speed towards the first action, and after a pause.
     box_mm
-        Actions are clipped to this box, by its lowest and its highest corner; None for none.
+        Lowest and highest corner of a box to which actions are clipped, or None.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class ActionHandle:
         Parameters
         ----------
         start_mm
-            Where the robot is, the first time; None where that is not known.
+            Position of the robot, used at the first action; None if it is not known.
         """
         self._target = action_mm if self._box is None else clipped(action_mm, *self._box)
         if self._position is None:
@@ -71,7 +71,7 @@ class ActionHandle:
         return self._target
 
     def read(self, elapsed_ticks: int) -> InterfaceState | None:
-        """Let the ticks pass and return the state after them; None before the first action."""
+        """Advance by the ticks and return the state, or None before the first action."""
         self._since = min(self._since + elapsed_ticks, _LONGEST_PERIOD + 1)
         if self._position is None:
             return None

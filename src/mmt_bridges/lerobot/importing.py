@@ -1,7 +1,7 @@
-"""LeRobot data sets of format v3.0: features as columns, an episode at a time.
+"""Import LeRobot data sets of format v3.0: features as columns, one episode at a time.
 
-Frames that mmt left beside an episode are taken if the rows are theirs: other tools delete, merge
-and number episodes and know nothing of these files.
+Frames that mmt left beside an episode are used only if its rows match them: other tools delete,
+merge and renumber episodes without these files.
 """
 
 import json
@@ -34,16 +34,16 @@ _PICTURES: Final = ("image", "video", "string", "language")
 """Kinds of features without numbers."""
 _SHOWN_RANGES: Final = 8
 _OFF_THE_GRID_S: Final = 1e-3
-"""How far a time, which is in single precision, may lie off its frame's number by the rate."""
+"""Largest difference of a row's time, in single precision, from its frame number / rate."""
 
 
 def read_lerobot(
     folder: Path, wanted: Callable[[str], bool], options: ImportOptions
 ) -> SourceColumns:
-    """Read an episode: the 1 kHz frames that mmt left beside it if they are its own, else its rows.
+    """Read an episode: the 1 kHz frames that mmt left beside it if they match, else its rows.
 
-    Of the rows, features (n,) and (n, k) have their own names, and each named component that of
-    the feature with its own behind a dot.
+    Of the rows, features (n,) and (n, k) have their own names, and named components the names
+    ``FEATURE.COMPONENT``.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def read_lerobot(
     wanted
         Whether a column is read.
     options
-        With the episode's number, None for the first; if they map columns, the rows are meant.
+        With the episode's number, None for the first; if they map columns, the rows are read.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def read_lerobot(
 
 
 def _whole_files(folder: Path, origin: str) -> tuple[list[Path], list[str]]:
-    """Return the files with rows that can be read, and a note for each other."""
+    """Return the files with rows that can be read, and a note for each of the others."""
     files = sorted((folder / DATA_FOLDER).glob("*/[!.]*.parquet"))
     if not files:
         raise InputError(f"{origin}: there is no file in {folder / DATA_FOLDER}")
@@ -121,7 +121,7 @@ def _ranges(numbers: Sequence[int]) -> str:
 
 
 def _differ(frames: RecordArray, rows: "_Rows") -> str | None:
-    """Return what the rows that frames (n,) make have otherwise than the rows, None for nothing."""
+    """Return how the rows made from frames (n,) differ from `rows`, or None if they do not."""
     fps = rows.info["fps"]
     names = {STATE, "action"} & rows.features.keys()
     if not names or fps not in range(1, FRAMES_HZ + 1):
@@ -165,13 +165,13 @@ class _Rows:
     Parameters
     ----------
     files
-        Where they are among others.
+        Files that hold these rows, among others.
     info
-        What the data set says of itself.
+        Rate and features of the data set.
     episode
-        Its number.
+        Number of the episode.
     origin
-        What is read, for errors.
+        Name of the source, for errors.
     """
 
     def __init__(
@@ -214,7 +214,7 @@ class _Rows:
 
 
 def _times(frame_index: npt.NDArray[Any], timestamp: npt.NDArray[Any], fps: float) -> FloatArray:
-    """Return the rows' times (n,), by their numbers where these are meant."""
+    """Return the rows' times (n,): frame number / rate, if the stored times agree with that."""
     time_s = timestamp.astype(np.float64)
     by_number: FloatArray = frame_index / fps
     off_s = np.abs((time_s - time_s[:1]) - (by_number - by_number[:1]))
@@ -229,9 +229,9 @@ def _component(values: FloatArray, place: int, column: str, origin: str) -> Floa
 
 
 def _component_names(names: Any) -> Sequence[str]:
-    """Return the names of a feature's components; some writers nest them under what they are.
+    """Return the names of a feature's components, which some writers nest in maps.
 
-    Components of one name are numbered: each can be reached.
+    Components of the same name are numbered, so that each can be mapped.
     """
     return distinct([re.sub(r"[\[\]]", "_", name) for name in _texts(names)])[0]
 

@@ -1,4 +1,4 @@
-"""Where a LeRobot data set of format v3.0 keeps what, for its writer and its reader."""
+"""Layout of a LeRobot data set of format v3.0, for its writer and its reader."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any, Final
 
 FORMAT: Final = "v3.0"
-"""What the data set says of its format, and the one that is read."""
+"""The format that is written, and the only one that is read."""
 INFO_FILE: Final = Path("meta", "info.json")
-"""Makes a folder a LeRobot data set."""
+"""The file that marks a folder as a LeRobot data set."""
 DATA_FOLDER: Final = "data"
 
 
@@ -20,7 +20,7 @@ class Feature:
     names: Sequence[str] | None = None
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as ``meta/info.json`` has it."""
+        """Return the feature as in ``meta/info.json``."""
         return {"dtype": self.dtype, "shape": [len(self.names or "1")], "names": self.names}
 
 

@@ -1,4 +1,4 @@
-"""The part of the leader that answers what LeRobot asks for."""
+"""The part of the leader that answers LeRobot's requests."""
 
 from collections import deque
 from typing import TYPE_CHECKING, Any, Final
@@ -18,22 +18,22 @@ if TYPE_CHECKING:
     from mmt.leader.motion.hand import HandPart
 
 LONGEST_FRAMES: Final = 100
-"""The vibration's level is that since the last observation, of so many frames at most."""
+"""The level of vibration is taken since the last observation, over at most this many frames."""
 
 
 class ObservingPart(Part):
     """Keep the newest frame, the acceleration since the last observation, and the command.
 
-    About 1 us a tick.
+    Cost: about 1 us a tick.
 
     Parameters
     ----------
     session
         Session of the run.
     hand
-        Moves the robot.
+        Commands the robot.
     ready
-        Is set once there are a frame and, where the scene's hand moves the robot, a command.
+        Set when there is a frame and, if the scene's hand moves the robot, a command.
     """
 
     def __init__(self, session: Session, hand: "HandPart", ready: "asyncio.Event") -> None:
@@ -52,14 +52,14 @@ class ObservingPart(Part):
         self._level_m_s2 = 0.0
 
     def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
-        """Keep what an observation needs of frames (n,), n >= 1."""
+        """Keep the newest of the frames (n,), n >= 1, and their acceleration."""
         _ = arrival_ns
         self._newest = frames[-1]
         if self._vibrates:
             self._accelerations.extend(acceleration_samples(frames).tolist())
 
     def tick(self, tick: Tick) -> None:
-        """Say once that there is something to observe."""
+        """Set `ready` when there is something to observe."""
         _ = tick
         if self._newest is None or self._ready.is_set():
             return
@@ -85,12 +85,12 @@ class ObservingPart(Part):
         return state
 
     def command(self) -> Vector:
-        """Return the position (mm) that the follower was asked last to take.
+        """Return the position (mm) that the follower was commanded last.
 
         Raises
         ------
         InputError
-            It was asked for nothing yet.
+            Nothing was commanded yet.
         DeviceLost
             The follower is not connected.
         """

@@ -1,10 +1,10 @@
-"""The process beside LeRobot that runs the leader, and where it is wanted the follower.
+"""The process beside LeRobot that runs the leader and, if wanted, the follower.
 
-``python -m mmt_bridges.lerobot.process SETTINGS`` takes `Settings` as JSON. On standard input come
-requests as JSON lines, ``{"ask": "observe"}``, ``{"ask": "command"}`` or ``{"ask": "follow", "mm":
-[x, y, z]}``, and each is answered by one line on standard output, ``{"values": [...]}`` or
-``{"error": "why"}``. ``{"ready": true}`` comes before them, ``{"event": "..."}`` at any time,
-``{"ended": "why"}`` last. Where standard input ends, as with LeRobot itself, the session does.
+``python -m mmt_bridges.lerobot.process SETTINGS`` takes `Settings` as JSON. Standard input takes
+requests as JSON lines: ``{"ask": "observe"}``, ``{"ask": "command"}`` or ``{"ask": "follow", "mm":
+[x, y, z]}``. Each is answered by one line on standard output, ``{"values": [...]}`` or ``{"error":
+"why"}``. The process writes ``{"ready": true}`` before the answers, ``{"event": "..."}`` at any
+time, and ``{"ended": "why"}`` last. The session ends when standard input is closed.
 """
 
 import asyncio
@@ -44,7 +44,7 @@ def run(settings: Settings) -> str:
     Raises
     ------
     MmtError
-        It cannot begin, or has failed.
+        The session cannot begin, or has failed.
     """
     from mmt.core.extras import requiring
     from mmt.core.kernel_cache import compile_kernels
@@ -118,7 +118,7 @@ class _Run:
 
 
 async def _answer(leader: "Leader", part: "ObservingPart", ready: asyncio.Event) -> None:
-    """Say when LeRobot may ask, and answer it until it asks no more."""
+    """Tell LeRobot when it may send requests, and answer them until the input ends."""
     lines: asyncio.Queue[bytes] = asyncio.Queue()
     loop = asyncio.get_running_loop()
 
@@ -127,7 +127,7 @@ async def _answer(leader: "Leader", part: "ObservingPart", ready: asyncio.Event)
             loop.call_soon_threadsafe(lines.put_nowait, line)
 
     threading.Thread(target=_read, args=(put,), name="requests", daemon=True).start()
-    ended = asyncio.create_task(lines.get())  # nothing is asked before it is ready
+    ended = asyncio.create_task(lines.get())  # before `ready` only the end can come
     waiting = asyncio.create_task(ready.wait())
     try:
         await asyncio.wait([ended, waiting], return_when=asyncio.FIRST_COMPLETED)
@@ -167,7 +167,7 @@ def _read(put: "Callable[[bytes], None]") -> None:
 
 
 def main() -> None:
-    """Run the session of the settings that are given."""
+    """Run the session of the settings in the first argument."""
     queue_output()
     try:
         ended = run(Settings(**json.loads(sys.argv[1])))

@@ -16,8 +16,8 @@ Column: TypeAlias = npt.NDArray[Any]
 
 STATE: Final = "observation.state"
 FELT: Final = "observation.environment_state"
-"""Force and vibration once more: LeRobot's policies without pictures ask for what is around the
-robot under this name."""
+"""Force and vibration once more: LeRobot's policies without pictures need an environment's state,
+which has this name."""
 
 _LONGEST_GAP_S: Final = 600
 _FIGURES: Final[Mapping[str, Callable[..., Any]]] = {
@@ -33,8 +33,8 @@ def low_rate_rows(session: RecordedSession, fps: int) -> dict[str, Column]:
     """Return the rows of a session, by feature, see `export_lerobot`.
 
     Row k stands for the frames whose number, counted from the first, is at least k / `fps` and
-    below (k + 1) / `fps` seconds; the frames of an unfinished period at the end have none. Where
-    the numbers fall (the follower began anew) they are counted on.
+    below (k + 1) / `fps` seconds; the frames of an unfinished period at the end have none. If the
+    numbers fall, because the follower was started anew, counting goes on.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def _column(values: npt.NDArray[np.float32]) -> Column:
 def _vibration(
     acceleration_m_s2: npt.NDArray[np.float32], row_of_sample: IntArray, count: int
 ) -> npt.NDArray[np.float32]:
-    """Return the rms (n, 1) over each row, its mean removed, of the three axes together."""
+    """Return the rms (n, 1) of each row's acceleration, mean removed, all three axes together."""
     row = row_of_sample[row_of_sample < count]
     samples = np.bincount(row, minlength=count)
     filled = np.maximum(samples, 1)
@@ -104,7 +104,7 @@ def _vibration(
 
 
 def statistics(rows: Mapping[str, Column]) -> dict[str, dict[str, list[Any]]]:
-    """Return what LeRobot normalises by: the figures of each component of each feature.
+    """Return the figures of each component of each feature, by which LeRobot normalises.
 
     Quantiles are exact; LeRobot's own writer estimates them by histograms.
     """

@@ -28,12 +28,12 @@ _ENDED: Final = "ended"
 
 
 class SharedSession:
-    """Run `mmt_bridges.lerobot.process` while anybody uses it, and ask it.
+    """Run `mmt_bridges.lerobot.process` while a device uses it, and send it requests.
 
     Parameters
     ----------
     settings
-        What it is made of; may be replaced while nobody uses it.
+        Settings of the session; may be replaced while it does not run.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -45,11 +45,11 @@ class SharedSession:
         self._reading: threading.Thread | None = None
         self._lines: queue.Queue[dict[str, Any]] = queue.Queue()
         self.given: Vector | None = None
-        """The action that the teleoperator gave last."""
+        """Last action of the teleoperator."""
 
     @property
     def settings(self) -> Settings:
-        """What it is made of."""
+        """Settings of the session; an `InputError` if they are changed while it runs."""
         return self._settings
 
     @settings.setter
@@ -64,12 +64,12 @@ class SharedSession:
 
     @property
     def scene(self) -> Scene:
-        """What the leader runs.
+        """The scene that the leader runs.
 
         Raises
         ------
         InputError
-            It cannot be used.
+            The scene cannot be used.
         """
         if self._scene is None:
             self._scene = session_scene(self._settings)
@@ -77,16 +77,16 @@ class SharedSession:
 
     @property
     def running(self) -> bool:
-        """Whether the process is there."""
+        """Whether the process runs."""
         return self._process is not None and self._process.poll() is None
 
     def acquire(self, user: object) -> None:
-        """Use it; who comes first waits until it is ready.
+        """Add a user; the first one starts the session and waits until it is ready.
 
         Raises
         ------
         MmtError
-            It cannot begin; the message says why.
+            The session cannot begin; the message says why.
         """
         if not self.running:
             self._close()
@@ -94,7 +94,7 @@ class SharedSession:
         self._users.add(user)
 
     def release(self, user: object) -> None:
-        """Use it no more; who goes last ends it."""
+        """Remove a user; the last one ends the session."""
         self._users.discard(user)
         if not self._users:
             self._close()
@@ -110,7 +110,7 @@ class SharedSession:
         return self._ask({"ask": "observe"})
 
     def command(self) -> Vector:
-        """Return the position (mm) that the follower was asked last to take.
+        """Return the position (mm) that the follower was commanded last.
 
         Raises
         ------
@@ -132,7 +132,7 @@ class SharedSession:
     # --- the process
 
     def _start(self) -> None:
-        _ = self.scene  # what it lacks is said here
+        _ = self.scene  # raises if it cannot be used
         self.given, self._lines = None, queue.Queue()
         self._process = subprocess.Popen(  # noqa: S603 - this interpreter, and settings
             python_command("-m", "mmt_bridges.lerobot.process", json.dumps(asdict(self._settings))),
@@ -160,7 +160,7 @@ class SharedSession:
             process = self._process
             if process is None or process.stdin is None:
                 raise DeviceLost("the session of mmt has ended")
-            with suppress(OSError):  # it has ended, and has said why
+            with suppress(OSError):  # it has ended, and has written why
                 process.stdin.write(json.dumps(request).encode() + b"\n")
                 process.stdin.flush()
             try:
@@ -168,9 +168,9 @@ class SharedSession:
             except queue.Empty:
                 process.kill()
                 reply = {_ENDED: f"no answer within {_REPLY_S:g} s: the session is ended"}
-                self._lines = queue.Queue()  # a late answer would be taken for the next one
+                self._lines = queue.Queue()  # a late answer must not answer the next request
         if _ENDED in reply:
-            self._lines.put(reply)  # for whoever asks next
+            self._lines.put(reply)  # for the next request
             raise DeviceLost(reply[_ENDED])
         if "error" in reply:
             raise DeviceLost(reply["error"])
@@ -178,7 +178,7 @@ class SharedSession:
         return values
 
     def _read(self, process: "subprocess.Popen[bytes]") -> None:
-        """Pass on what the process writes; its events, and what a driver prints, are logged."""
+        """Queue the answers of the process; log its events, and what drivers print."""
         assert process.stdout is not None  # noqa: S101 - it was asked for
         lines, why = self._lines, "the process of mmt has ended unexpectedly"
         for raw in process.stdout:
@@ -198,7 +198,7 @@ class SharedSession:
         if process is None or reading is None:
             return
         assert process.stdin is not None and process.stdout is not None  # noqa: S101, PT018
-        with suppress(OSError):  # what was asked last cannot be sent any more
+        with suppress(OSError):  # the last request cannot be sent any more
             process.stdin.close()
         try:
             process.wait(_END_S)
@@ -226,14 +226,14 @@ _SESSIONS: Final[dict[Path, SharedSession]] = {}
 
 
 def shared_session(scene: str, settings: Settings | None = None) -> SharedSession:
-    """Return the session of a scene, the same one for everybody in this process.
+    """Return the session of a scene, which all devices in this process share.
 
     Parameters
     ----------
     scene
         A TOML file, or an example's name.
     settings
-        Those of the robot; None takes what there is.
+        Settings of the robot; None keeps those of the session.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What a session under LeRobot is made of, and the scene that comes of it."""
+"""Settings of a session under LeRobot, and the scene that is made from them."""
 
 from dataclasses import dataclass
 from typing import Any, Final, Literal, TypeAlias, get_args
@@ -16,18 +16,18 @@ _ACTION_HANDLE: Final = "mmt_bridges.lerobot.handle:ActionHandle"
 
 @dataclass(frozen=True)
 class Settings:
-    """What a session is made of.
+    """Settings of a session.
 
     Attributes
     ----------
     scene
         A TOML file, or an example's name.
     follower
-        Whether the follower runs here too; else one is waited for at the scene's port.
+        Whether the follower runs here, too; if not, one is waited for at the scene's port.
     moved_by
-        The scene's hand or handle, or LeRobot's actions in its place.
+        What moves the robot: the scene's hand or handle, or LeRobot's actions in its place.
     wait_s
-        Seconds in which the first frame must come.
+        Time (s) within which the first frame must come.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def session_scene(settings: Settings) -> Scene:
     Raises
     ------
     InputError
-        The scene cannot be read, or has no robot that is moved.
+        The scene cannot be read, or moves no robot.
     """
     scene = load_scene(settings.scene, {"session.duration_s": _LONGEST_S})
     if scene.link is None or not scene.commands:

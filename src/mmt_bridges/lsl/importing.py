@@ -1,6 +1,6 @@
 """XDF files, as LabRecorder writes them: the channels of each stream as ``STREAM.LABEL``.
 
-The streams of `mmt_bridges.lsl.streams` have the names of an exported session as well.
+The streams of `mmt_bridges.lsl.streams` also have the names of an exported session.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -26,14 +26,14 @@ _STANDARD = frozenset(STANDARD_NAMES.values())
 
 
 def read_xdf(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> SourceColumns:
-    """Read the wanted channels (n,) of the streams, and the events of mmt's.
+    """Read the wanted channels (n,) of the streams, and the events of mmt's streams.
 
-    Times are the stamps by the clock of the recording computer, as they are, from the earliest on.
+    Times are the stamps by the clock of the recording computer, not smoothed, from the earliest on.
 
     Raises
     ------
     InputError
-        pyxdf is not installed, or the file is missing or no XDF file.
+        pyxdf is not installed, or the file is missing or not an XDF file.
     """
     origin = f"import {path}"
     require("pyxdf")
@@ -51,7 +51,7 @@ def read_xdf(path: Path, wanted: Callable[[str], bool], _options: ImportOptions)
         for stream in sampled:
             time_s = stream.stamps_s - begin_s
             for name, unit, column in stream.channels():
-                if name not in times:  # a second leader's keep the names with the stream's
+                if name not in times:  # a second leader's only have their stream's name
                     times[name] = time_s
                     units |= {name: unit} if unit else {}
                     values |= {name: column.astype(np.float64)} if wanted(name) else {}
@@ -68,7 +68,7 @@ def read_xdf(path: Path, wanted: Callable[[str], bool], _options: ImportOptions)
 
 
 class _Stream:
-    """A stream as pyxdf gives it, whose XML has a list for each element."""
+    """A stream as pyxdf returns it, with a list for each element of its XML."""
 
     def __init__(self, name: str, stream: Mapping[str, Any]) -> None:
         self._name, self._stream = name, stream
@@ -91,12 +91,12 @@ class _Stream:
                 yield label, unit, column
 
     def events(self) -> Iterator[JsonObject]:
-        """Yield the events of a leader."""
+        """Yield the events, if this is a leader's stream of events."""
         if self._of_mmt and not self.numeric:
             texts = ", ".join(sample[0] for sample in self._stream["time_series"])
             yield from parsed_events(f"[{texts}]", self._name, "its events")
 
     def utc_ns(self, time_s: float) -> int:
-        """Return UTC since 1970 of a time by the recording computer's clock."""
+        """Convert a time by the recording computer's clock to UTC since 1970."""
         corrected_s = float(np.median(self._stream["clock_values"] or [0.0]))
         return round((time_s - corrected_s) * 1e9) + int(self._told[UTC_AHEAD][0])

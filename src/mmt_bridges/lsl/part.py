@@ -11,7 +11,7 @@ from mmt_bridges.lsl.streams import Streams
 from mmt_bridges.lsl.table import Lsl
 
 _LINGER_S: Final = 0.5
-"""Time in which recipients fetch the last samples: liblsl drops them with the outlet."""
+"""Time that recipients have to fetch the last samples, which liblsl drops with the outlet."""
 
 
 class LslPart(PublishingPart[Streams]):
@@ -34,7 +34,7 @@ class LslPart(PublishingPart[Streams]):
 
     @classmethod
     def build(cls, session: Session, parts: LeaderParts) -> "LslPart | None":
-        """Return the part.
+        """Return the part, or None if the scene has no ``[lsl]``.
 
         Raises
         ------
@@ -71,7 +71,7 @@ class LslPart(PublishingPart[Streams]):
         return self._outlet.clock_s()
 
     async def stop(self) -> None:
-        """Pass on what waits, and give recipients time to fetch it."""
+        """Pass on what is queued, and give recipients time to fetch it."""
         await super().stop()
         if self._outlet is not None and self.error is None and self._outlet.have_recipients:
             await asyncio.sleep(_LINGER_S)

@@ -1,8 +1,8 @@
-"""Streams of the Lab Streaming Layer (LSL), by pylsl: of frames and of events.
+"""Streams of frames and of events for the Lab Streaming Layer (LSL), by pylsl.
 
-Where a frame has several samples of acceleration, these have a stream of their own.
+If a frame has several samples of acceleration, these have a stream of their own.
 
-They are described as in https://github.com/sccn/xdf/wiki/Meta-Data.
+The streams are described as in https://github.com/sccn/xdf/wiki/Meta-Data.
 """
 
 import socket
@@ -21,9 +21,9 @@ from mmt.session.data import FRAME_PERIOD_NS, axis_columns, sample_times, sample
 _UNITS: Final[dict[Channel, str]] = {"position": "mm", "force": "N", "acceleration": "m/s2"}
 MANUFACTURER: Final = "mmt"
 UTC_AHEAD: Final = "utc_ahead_ns"
-"""UTC since 1970 minus LSL's clock, by which a recording of the streams has a date."""
+"""UTC since 1970 minus LSL's clock, from which a reader knows the date of a recording."""
 _BUFFERED_S: Final = 60
-"""What liblsl keeps for a recipient that does not fetch it."""
+"""Seconds of samples that liblsl keeps for a recipient that does not fetch them."""
 
 
 class Streams:
@@ -32,15 +32,15 @@ class Streams:
     Parameters
     ----------
     name
-        The streams' names are this with ``-frames``, ``-acceleration`` and ``-events`` behind it.
+        Beginning of the streams' names; ``-frames``, ``-acceleration`` or ``-events`` follows.
     channels
-        What the frames carry.
+        Channels of the frames.
     rate_hz
         Nominal rate of the frames.
     samples_per_frame
         Samples of acceleration in a frame.
     session_id
-        Stands in the description of each.
+        Identifier of the session, for the description of each stream.
 
     Raises
     ------
@@ -79,7 +79,7 @@ class Streams:
 
     @property
     def have_recipients(self) -> bool:
-        """Whether somebody receives one of them."""
+        """Whether any of the streams has a recipient."""
         outlets = [self._events, *(outlet for outlet, _, _ in self._sampled)]
         return any(outlet.have_consumers() for outlet in outlets)
 
@@ -100,7 +100,7 @@ class Streams:
 
 
 def _describe(info: Any, channels: Sequence[Channel]) -> None:
-    """Describe the channels, and say that frames may be missing: importers keep the stamps then."""
+    """Describe the channels, and that samples may be missing, so that importers keep the stamps."""
     described = info.desc().append_child("channels")
     for channel in channels:
         for axis, label in zip("XYZ", axis_columns(channel), strict=True):
@@ -117,7 +117,7 @@ def load_pylsl() -> Any:
     Raises
     ------
     InputError
-        It, or the library liblsl, is not installed.
+        pylsl, or the library liblsl, is not installed.
     """
     require("pylsl")
     try:

@@ -1,4 +1,4 @@
-"""The table and the part of the Lab Streaming Layer, as the leader finds them."""
+"""The scene's table and the leader's part for the Lab Streaming Layer."""
 
 from typing import Final
 

@@ -1,7 +1,7 @@
-"""The messages of recordings: ROS bags, and MCAP files with CDR, JSON or Protobuf.
+"""Read the messages of ROS bags, and of MCAP files with CDR, JSON or Protobuf.
 
-Each topic is decoded by the definition that the file has of it; what cannot be decoded costs its
-own topic. MCAP files are read as far as they go, with their index or without.
+Each topic is decoded by its definition in the file; messages that cannot be decoded are left out.
+MCAP files are read as far as they are whole, with their index or without.
 """
 
 import json
@@ -15,19 +15,19 @@ from mmt.session.mcap_writer import FRAMES_TOPIC
 from mmt.session.messages import message_class
 
 _LARGE_BYTES: Final = 1 << 16
-"""Of pictures and point clouds the first message alone is decoded, for the names."""
+"""Of larger messages (pictures, point clouds) only the first is decoded, for the names."""
 
 Decode = Callable[[bytes], Any]
 
 
 class DecodedMessage(NamedTuple):
-    """A message: numbers, texts, lists, and what has members (`dict` or dataclass)."""
+    """A message; `message` consists of numbers, texts, lists, dictionaries and dataclasses."""
 
     topic: str
     source: object
-    """Who published it, as far as the file tells publishers apart."""
+    """The publisher, as far as the file tells publishers apart."""
     kind: str
-    """Name of its type."""
+    """Name of the message's type."""
     in_si_units: bool
     """Whether the type is one of those whose positions are in metres."""
     received_ns: int
@@ -45,7 +45,7 @@ class _Raw(NamedTuple):
 
 
 def decoded_messages(path: Path, notes: list[str]) -> Iterator[DecodedMessage]:
-    """Yield the messages of a bag or an MCAP file; what is left out is added to the notes."""
+    """Yield the messages of a bag or an MCAP file; add a note for each topic with lost messages."""
     decoders: dict[tuple[object, str], Decode | None] = {}
     lost: dict[str, list[Any]] = {}
     for raw in _raw_messages(path, notes):
@@ -121,7 +121,7 @@ def _of_bag(path: Path) -> Iterator[_Raw]:
 
 
 def _decoder(raw: _Raw) -> Decode:
-    """Return what decodes a topic's messages, by the definition in the file."""
+    """Return the decoder of a topic's messages, by the definition in the file."""
     if raw.encoding == "json":
         return json.loads
     if raw.encoding == "protobuf":

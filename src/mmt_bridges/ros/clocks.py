@@ -1,8 +1,8 @@
-"""The clock of a recording's messages: that of their headers, or that of their receipt.
+"""Choose the clock of a recording's messages: their header stamps, or their times of receipt.
 
-Times of several topics can be compared only if all are of one clock. A header's stamp is nearer
-to the measurement; but drivers leave it zero, take the time since the machine was started, or
-that of another machine, and some messages have no header.
+Times of several topics can be compared only if all are by one clock. A header's stamp is nearer
+to the measurement. But some drivers leave it zero, or take the time since the machine was started,
+or that of another machine; and some messages have no header.
 """
 
 from collections.abc import Sequence
@@ -15,9 +15,9 @@ from mmt.core.errors import InputError
 from mmt.session.importing.stamps import StampChoice
 
 _ONE_CLOCK_NS: Final = 1_000_000_000
-"""Headers of two topics that are behind receipt by times that differ more have two clocks."""
+"""If the delays from header to receipt of two topics differ by more, they have two clocks."""
 _JUMP_NS: Final = 60_000_000_000
-"""A step of the header against receipt, from message to message, beyond which clocks mix."""
+"""If this delay changes by more between two messages, the topic's headers mix several clocks."""
 
 
 class Stamped:
@@ -26,7 +26,7 @@ class Stamped:
     Attributes
     ----------
     topic
-        What messages call it.
+        Name of the topic, for notes and errors.
     """
 
     def __init__(self, topic: str) -> None:
@@ -35,7 +35,7 @@ class Stamped:
         self._header_ns: list[int] = []
 
     def stamp(self, received_ns: int, header_ns: int) -> int:
-        """Add a message, with 0 for a header that says nothing; return its row."""
+        """Add a message, with a header stamp of 0 if it has none; return its row."""
         self._received_ns.append(received_ns)
         self._header_ns.append(header_ns)
         return len(self._received_ns) - 1
@@ -45,15 +45,15 @@ class Stamped:
         return np.array(self._received_ns if receipt else self._header_ns, dtype=np.int64)
 
     def first_ns(self, *, receipt: bool) -> int:
-        """Return the earliest of them."""
+        """Return the earliest time by one of the clocks."""
         return min(self._received_ns if receipt else self._header_ns)
 
     def behind_ns(self) -> IntArray:
-        """Return by how much the headers (n,) are behind receipt."""
+        """Return the delays (n,) from header to receipt."""
         return self.times_ns(receipt=True) - self.times_ns(receipt=False)
 
     def has_two(self) -> bool:
-        """Return whether a header says another time than that of receipt."""
+        """Return whether any header stamp differs from the time of receipt."""
         return bool(np.any((self.times_ns(receipt=False) != 0) & (self.behind_ns() != 0)))
 
     def problem(self) -> str:
@@ -71,14 +71,14 @@ class Stamped:
 def choose_clock(
     sources: Sequence[Stamped], choice: StampChoice, origin: str
 ) -> tuple[bool, list[str]]:
-    """Return whether the times are those of receipt, and a sentence that names the clock.
+    """Return whether to use the times of receipt, and notes on this choice.
 
-    That of the headers is taken if every source has it and all agree; a person may choose either.
+    Header stamps are used if every source has them and all agree, unless `choice` names a clock.
 
     Raises
     ------
     InputError
-        The headers were chosen, and cannot be a clock.
+        Header stamps were chosen, but cannot be used.
     """
     problems = [problem for source in sources if (problem := source.problem())]
     stamped = [source for source in sources if not source.problem()]

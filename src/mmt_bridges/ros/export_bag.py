@@ -18,16 +18,16 @@ _FRAMES_PER_BLOCK: Final = 4096
 
 
 def write_bag(path: Path, session: RecordedSession) -> None:
-    """Write frames, scene and events; another bag of this name is replaced.
+    """Write frames, scene and events; an existing bag of this name is replaced.
 
-    Stamps are UTC: the session's date and the follower's time. A session that does not know when
-    it began begins now.
+    Stamps are UTC: the beginning of the session plus the follower's time. If the session does not
+    know its beginning, the present time is used.
 
     Raises
     ------
     InputError
-        rosbags is not installed, or the name is that of a folder with something else in it, or
-        see `mmt.session.export_session`.
+        rosbags is not installed, the folder exists and holds something else than a bag, or see
+        `mmt.session.export_session`.
     MmtError
         Writing failed.
     """
@@ -64,7 +64,7 @@ def _messages(session: RecordedSession, messages: Messages) -> Iterator[Message]
 
 
 def _frames(session: RecordedSession, messages: Messages, began_ns: int) -> Iterator[Message]:
-    """Yield the messages of the frames; numbers of Python take ten times the room, so in blocks."""
+    """Yield the messages of the frames, made in blocks: Python numbers take ten times the room."""
     frames = session.frames
     since_ns = began_ns - int(frames["time_ns"][0]) if len(frames) else 0
     for first in range(0, len(frames), _FRAMES_PER_BLOCK):
@@ -78,7 +78,7 @@ def _events(session: RecordedSession, messages: Messages, began_ns: int) -> Iter
 
 
 def _require_replaceable(path: Path) -> None:
-    """Refuse what is there already unless it is a bag and nothing else."""
+    """Raise `InputError` if the path exists, unless it is a bag and nothing else."""
     if not path.exists():
         return
     if not path.is_dir():

@@ -1,6 +1,6 @@
 """ROS bags (folders, ``.db3``, ``.mcap``, ``.bag``) and MCAP files: fields as ``topic.field``.
 
-What `mmt_bridges.ros.export_bag` has written has the names of an exported session as well.
+Bags that `mmt_bridges.ros.export_bag` has written also have the names of an exported session.
 """
 
 import json
@@ -23,7 +23,7 @@ from mmt_bridges.ros.clocks import Stamped, choose_clock
 from mmt_bridges.ros.messages import CHANNEL_TOPICS, EVENTS, SCENE, SEQUENCE
 
 _METRES: Final = {"position", "translation", "point"}
-"""The last part of a name whose vectors ROS gives in metres (REP 103); else it uses SI."""
+"""Last parts of the names of vectors that ROS gives in metres (REP 103)."""
 
 _STANDARD_NAMES: Final = {
     f"{SEQUENCE.name}.{SEQUENCE.field}": "sequence",
@@ -32,25 +32,25 @@ _STANDARD_NAMES: Final = {
         for channel, topic in CHANNEL_TOPICS.items()
     },
 }
-"""The fields that mmt has written, and what they are called in an exported session."""
+"""Names in an exported session, by the fields that mmt writes."""
 
 _NUMBER: Final = (bool, int, float, np.number, np.bool_)
 _EARLIEST_DATE_NS: Final = 946_684_800_000_000_000
 """The year 2000: earlier stamps are those of a simulation, which begins at zero."""
 _LONGEST_LIST: Final = 256
 _MOST_SOURCES: Final = 16
-"""Of one topic, by which numbers columns are looked for."""
+"""Most sources of one topic whose columns can be asked for by number."""
 
 
 def read_bag(path: Path, wanted: Callable[[str], bool], options: ImportOptions) -> SourceColumns:
     """Read the wanted fields of the messages, each with the times of its topic.
 
     Fields with x, y and z, such as ``/sensor.wrench.force``, are arrays (n, 3), lists of k numbers
-    are (n, k) and numbers (n,); what a message names, as the joints of a ``JointState``, is
-    ``/joint_states.position.JOINT``. If a topic has several publishers, or messages of several
-    frames of reference, each is a source of its own, ``/imu@FRAME``. Times are those of one clock,
-    see `mmt_bridges.ros.clocks.choose_clock`. A bag of mmt has its scene and events, and its fields
-    under their standard names too.
+    are (n, k) and numbers (n,). Values that the message names, such as the joints of a
+    ``JointState``, are ``/joint_states.position.JOINT``. If a topic has several publishers or
+    frames of reference, each is a source of its own, ``/imu@FRAME``. All times are by one clock,
+    see `mmt_bridges.ros.clocks.choose_clock`. A bag of mmt also has its scene and events, and its
+    fields have their standard names, too.
 
     Raises
     ------
@@ -85,7 +85,7 @@ class _Source(Stamped):
 
 
 class _Gathered:
-    """What was read of the messages, by source."""
+    """The values read from the messages, by source."""
 
     def __init__(self, wanted: Callable[[str], bool]) -> None:
         self._wanted = wanted
@@ -94,11 +94,11 @@ class _Gathered:
 
     @property
     def names(self) -> bool:
-        """Whether there is anything."""
+        """Whether any field was found."""
         return any(source.names for source in self._sources.values())
 
     def add(self, decoded: Any) -> None:
-        """Take a message."""
+        """Add the wanted fields of a message."""
         topic, message = decoded.topic, decoded.message
         if topic in self._texts and decoded.kind == EVENTS.kind:
             self._texts[topic].append(_json_object(message.data))
@@ -117,7 +117,7 @@ class _Gathered:
                 source.rows.setdefault(field, []).append(row)
 
     def _keeps(self, source: _Source, field: str) -> bool:
-        """Whether a field is wanted by one of the names that its source may come to have."""
+        """Whether a field is wanted, by any of the names that its source may get."""
         if field not in source.keeps:
             labels = ("", f"@{source.frame}", *(f"@{n}" for n in range(1, _MOST_SOURCES)))
             names = [f"{source.topic}{label}{field}" for label in labels]
@@ -164,7 +164,7 @@ class _Gathered:
 
 
 def _labels(sources: list[_Source]) -> dict[_Source, str]:
-    """Return what each source is called: its topic, with its frame or number if there are more."""
+    """Return each source's name: its topic, with its frame or number if the topic has several."""
     labels = {}
     for source in sources:
         same = [each for each in sources if each.topic == source.topic]
@@ -191,7 +191,7 @@ def _json_object(text: str) -> JsonObject:
 
 
 def _members(message: Any) -> Mapping[str, Any]:
-    """Return the members of a message by name, none of what is no message."""
+    """Return the members of a message by name; none if the value is not a message."""
     if isinstance(message, dict):
         return message
     return {name: getattr(message, name) for name in _names_in(message.__class__)}
@@ -199,13 +199,13 @@ def _members(message: Any) -> Mapping[str, Any]:
 
 @lru_cache
 def _names_in(kind: type) -> list[str]:
-    """Return the names of a type's members; a bag has few types, and many messages."""
+    """Return the names of a type's members; cached, as a bag has few types and many messages."""
     found = fields(kind) if is_dataclass(kind) else ()
     return [field.name for field in found if not field.name.startswith("_")]
 
 
 def _stamp_ns(members: Mapping[str, Any]) -> int:
-    """Return the stamp of a header, or of a message that has it itself; 0 if there is none."""
+    """Return the stamp among the members of a header or of a message; 0 if there is none."""
     stamp = _members(members.get("stamp", members.get("timestamp")))
     seconds = stamp.get("sec", stamp.get("seconds"))
     if seconds is None:

@@ -1,9 +1,9 @@
-"""Messages of ROS 2 that carry a session: in a bag, and live.
+"""The ROS 2 messages of a session, in a bag and live.
 
 Units are those of REP 103: metres, newtons, metres per second squared. Millimetres are divided by
-1000 in double precision, so that metres times 1000, rounded to single precision, are the frame's
-millimetres to the bit: both roundings together are off by less than 2**-51 of the value, half a
-step of single precision is no less than 2**-25 of it.
+1000 in double precision. Then metres times 1000, rounded to single precision, are the frame's
+millimetres to the bit: the two roundings together change the value by less than 2**-51 of it, and
+half a step of single precision is at least 2**-25 of it.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -24,9 +24,9 @@ class Topic(NamedTuple):
     kind: str
     """Type of its messages."""
     field: str
-    """Where the value is in a message."""
+    """Field of the message that holds the value."""
     frame_id: str = ""
-    """Of the header, where the message has one."""
+    """Frame of the header, if the message has one."""
 
 
 CHANNEL_TOPICS: Final[dict[Channel, Topic]] = {
@@ -43,7 +43,7 @@ CHANNEL_TOPICS: Final[dict[Channel, Topic]] = {
 """The topics of the channels. The frame ``mmt_tool`` has the axes of ``mmt_surface``."""
 
 SEQUENCE: Final = Topic("/mmt/sequence", "std_msgs/msg/UInt32", "data")
-"""Numbers of the frames; a header of ROS 2 has none."""
+"""Sequence numbers of the frames, for which headers of ROS 2 have no field."""
 EVENTS: Final = Topic("/mmt/events", "std_msgs/msg/String", "data")
 """Events, a JSON object each."""
 SCENE: Final = Topic("/mmt/scene", "std_msgs/msg/String", "data")
@@ -51,14 +51,14 @@ SCENE: Final = Topic("/mmt/scene", "std_msgs/msg/String", "data")
 LOG: Final = Topic("/mmt/log", "rcl_interfaces/msg/Log", "msg")
 """The sentence of each event, for log viewers."""
 MODEL: Final = Topic("/mmt/model", "std_msgs/msg/UInt8MultiArray", "data")
-"""The texture model as a file, live alone: a bag has none."""
+"""The texture model as a file; only live, bags have none."""
 
 Message = tuple[int, Topic, Any]
 """UTC (ns), topic and message."""
 
 
 class Messages:
-    """Makes messages of a rosbags type store's types."""
+    """Make messages by the types of a rosbags type store."""
 
     def __init__(self, types: Mapping[str, Any]) -> None:
         self._of = types
@@ -75,9 +75,9 @@ class Messages:
     def frames(
         self, frames: RecordArray, channels: Iterable[Channel], since_ns: int
     ) -> Iterator[Message]:
-        """Yield the messages of frames (n,) by time; these are UTC less `since_ns`.
+        """Yield the messages of frames (n,) by time; a frame's time plus `since_ns` is UTC.
 
-        Each sample of acceleration has one, with a stamp of its own.
+        Each sample of acceleration has a message of its own, with its own stamp.
         """
         made = []
         for channel in channels:

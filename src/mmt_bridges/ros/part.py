@@ -1,6 +1,6 @@
 """The part that publishes frames, events and the model on topics of ROS 2.
 
-They go to a process, `mmt_bridges.ros.process`, which has a node. Stamps are UTC.
+A process with a node, `mmt_bridges.ros.process`, publishes them. Stamps are UTC.
 """
 
 import asyncio
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from mmt.texture.model.texture_model import TextureModel
 
 _LEAVE_S: Final = 3.0
-"""How long what waits may take to be passed on at the end."""
+"""How long it may take to pass on queued messages at the end."""
 
 
 class RosPart(PublishingPart["RosProcess"]):
@@ -44,7 +44,7 @@ class RosPart(PublishingPart["RosProcess"]):
     table
         The scene's ``[ros]``.
     completing
-        Has the model.
+        Provides the model.
     """
 
     table = "ros"
@@ -60,7 +60,7 @@ class RosPart(PublishingPart["RosProcess"]):
 
     @classmethod
     def build(cls, session: Session, parts: "LeaderParts") -> "RosPart | None":
-        """Return the part.
+        """Return the part, or None if the scene has no ``[ros]``.
 
         Raises
         ------
@@ -80,12 +80,12 @@ class RosPart(PublishingPart["RosProcess"]):
         return cls(session, table, parts.completing)
 
     def connect(self) -> None:
-        """Start the process, which makes the topics.
+        """Start the process, which creates the topics.
 
         Raises
         ------
         InputError
-            It cannot make them, such as for a domain that is none.
+            The process cannot create them, for example because of an invalid domain.
         """
         scene = self._session.scene
         self._outlet = RosProcess(
@@ -102,7 +102,7 @@ class RosPart(PublishingPart["RosProcess"]):
         return time.time()
 
     def look(self) -> None:
-        """Queue the model where it is another one; tell once that the process has failed."""
+        """Queue the model if it is new; report once if the process has failed."""
         super().look()
         newest = self._completing.newest
         if newest is not None and newest is not self._model:
@@ -110,7 +110,7 @@ class RosPart(PublishingPart["RosProcess"]):
             self._models.append(newest)
 
     async def stop(self) -> None:
-        """Pass on what waits, as long as that takes no longer than it may."""
+        """Pass on what is queued, for at most `_LEAVE_S`."""
         self.look()
         process = self._outlet
         ending = asyncio.create_task(asyncio.to_thread(self._leave))
@@ -141,17 +141,17 @@ class RosPart(PublishingPart["RosProcess"]):
 
 
 class RosProcess:
-    """The process that publishes; methods raise `MmtError` where it has ended.
+    """The process that publishes; methods raise `MmtError` if the process has ended.
 
     Parameters
     ----------
     settings
-        As `mmt_bridges.ros.process.Publisher` takes them.
+        Arguments of `mmt_bridges.ros.process.Publisher`.
 
     Raises
     ------
     InputError
-        It cannot make the topics.
+        The process cannot create the topics.
     """
 
     def __init__(self, settings: Mapping[str, Any]) -> None:
@@ -161,7 +161,7 @@ class RosProcess:
             stdout=subprocess.PIPE,
             start_new_session=sys.platform != "win32",
         )
-        with suppress(OSError):  # it has ended by now, and has said why
+        with suppress(OSError):  # it has ended already, and has written why
             self._send(settings)
         said = self._said()
         if "problem" in said:
@@ -170,7 +170,7 @@ class RosProcess:
             raise InputError(f"[ros] cannot publish: {said['problem']}")
 
     def push_frames(self, blocks: Sequence[Block]) -> None:
-        """Push blocks of frames, with their times by UTC."""
+        """Push blocks of frames, with their times converted to UTC."""
         frames = np.concatenate([block.frames for block in blocks])
         ahead_ns = [block.ahead_ns for block in blocks]
         frames["time_ns"] += np.repeat(ahead_ns, [len(block.frames) for block in blocks])
@@ -185,22 +185,22 @@ class RosProcess:
         self._write({"model": model})
 
     def end(self) -> None:
-        """Let it publish what it has, and wait until it has ended."""
+        """Close the process's input; wait until it has published all it has, and ended."""
         assert self.process.stdin is not None  # noqa: S101 - it was asked for
         with suppress(OSError):  # it has ended by itself
             self.process.stdin.close()
         self.process.wait()
 
     def kill(self) -> None:
-        """End it at once."""
+        """Kill the process, and wait until it has ended."""
         self.process.kill()
         self.process.wait()
 
     def release(self) -> None:
-        """Close what led to it; it has ended, and so has the thread that wrote to it."""
+        """Close the pipes, after the process and the thread that wrote to it have ended."""
         for pipe in (self.process.stdin, self.process.stdout):
             assert pipe is not None  # noqa: S101 - it was asked for
-            with suppress(OSError):  # what it no longer takes
+            with suppress(OSError):  # unsent bytes
                 pipe.close()
 
     def _write(self, message: object) -> None:
@@ -215,7 +215,7 @@ class RosProcess:
         self.process.stdin.flush()
 
     def _said(self) -> dict[str, Any]:
-        """Return the next line that it says, a problem where it has ended without one."""
+        """Return the next line that the process writes, or a problem if it has ended without."""
         assert self.process.stdout is not None  # noqa: S101 - it was asked for
         line = self.process.stdout.readline()
         return json.loads(line) if line else {"problem": "the process that publishes has ended"}

@@ -1,9 +1,9 @@
 """The process that publishes on topics of ROS 2, by rclpy.
 
-It is a child of the leader, whose ticks do not wait for what rclpy takes. From standard input come
+It is a child of the leader, so that rclpy does not delay the leader's ticks. Standard input takes
 msgpack maps: first the settings of `Publisher`, then ``{"frames": bytes}``, ``{"event": [UTC in ns,
-JSON]}`` and ``{"model": bytes}``; it ends with that input. To standard output it writes one JSON
-line once the topics are made, or with the ``problem`` that ends it.
+JSON]}`` and ``{"model": bytes}``. The process ends when this input is closed. To standard output it
+writes a JSON line when the topics exist, and one with a ``problem`` if it fails.
 """
 
 import json
@@ -37,9 +37,9 @@ from mmt_bridges.ros.messages import (
 _CHUNK: Final = 65_536
 _LONGEST: Final = 1 << 30
 _KEPT_FRAMES: Final = 1000
-"""What is sent again to a subscriber that has lost some: a second."""
+"""Frames that can be sent again to a subscriber that has lost some: one second."""
 _KEPT: Final[dict[Topic, int]] = {EVENTS: 100, LOG: 100, SCENE: 1, MODEL: 1}
-"""Of these topics so many last messages are kept for subscribers that come later."""
+"""How many of the last messages are kept for later subscribers, by topic."""
 _LINGER_S: Final = 0.5
 """How long a subscriber may take to confirm the last messages of a topic."""
 
@@ -52,7 +52,7 @@ class Publisher:
     namespace
         First part of the topics' names.
     channels
-        What the frames carry.
+        Channels of the frames.
     scene
         The resolved scene as JSON, which is published at once.
     samples_per_frame
@@ -68,7 +68,7 @@ class Publisher:
         self._kept = _KEPT | {acceleration: _KEPT_FRAMES * samples_per_frame}
         self._store = get_typestore(Stores.LATEST)
         self._messages = Messages(self._store.types)
-        import rclpy  # here, as that of another Python's ROS fails, which is to be told
+        import rclpy  # here: the rclpy of another Python fails, which is reported
         from rclpy.signals import SignalHandlerOptions
 
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
@@ -80,12 +80,12 @@ class Publisher:
         self._publish(SCENE, self._messages.text(scene))
 
     def take(self, message: Mapping[str, Any]) -> None:
-        """Publish what a message from the leader holds."""
+        """Publish the content of a message from the leader."""
         for _, topic, made in self._made(message):
             self._publish(topic, made)
 
     def close(self) -> None:
-        """Wait until subscribers have what was published, no longer than `_LINGER_S` a topic."""
+        """Wait until subscribers have received everything, at most `_LINGER_S` for each topic."""
         import rclpy
         from rclpy.duration import Duration
 
@@ -120,7 +120,7 @@ class Publisher:
 
 
 def _input() -> Iterator[Any]:
-    """Yield what comes on standard input, until it is closed."""
+    """Yield the messages on standard input until it is closed."""
     unpacker = msgpack.Unpacker(max_buffer_size=_LONGEST)
     while chunk := os.read(sys.stdin.fileno(), _CHUNK):
         unpacker.feed(chunk)
@@ -130,14 +130,14 @@ def _input() -> Iterator[Any]:
 def main() -> None:
     """Run the process."""
     handle_end_signals(signal.SIG_IGN)  # the leader says when it ends
-    step_back()  # the leader's ticks do not wait for what subscribers take
+    step_back()  # so that subscribers do not delay the leader's ticks
     with os.fdopen(os.dup(sys.stdout.fileno()), "w") as leader:
-        os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a middleware prints is no answer
+        os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # keeps a middleware's prints apart
         _publish(leader)
 
 
 def _publish(leader: TextIO) -> None:
-    """Publish until the input ends; tell the leader once the topics are made, or what is wrong."""
+    """Publish until the input ends; tell the leader when the topics exist, or the problem."""
     messages = _input()
     try:
         publisher = Publisher(**next(messages))

@@ -1,4 +1,4 @@
-"""The table and the part of ROS 2, as the leader finds them."""
+"""The scene's table and the leader's part for ROS 2."""
 
 from typing import Final
 

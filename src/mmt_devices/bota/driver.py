@@ -1,4 +1,4 @@
-"""``bota-serial``: force through a sensor by Bota Systems on a serial line."""
+"""``bota-serial``: a force sensor by Bota Systems on a serial line."""
 
 import time
 from typing import Any, Final, Literal
@@ -45,13 +45,13 @@ class BotaOptions(WrenchOptions):
     baud: Literal[460_800, 230_400, 115_200, 57_600, 9600] = 460_800
     """Bits a second that the sensor is set to."""
     configure: bool = True
-    """Whether to set filter, calibrated forces and binary frames; else they stay as they are."""
+    """Whether to set filter, calibrated forces and binary frames; if not, they stay as they are."""
     sinc_length: int = Field(default=51, ge=51, le=512)
     """Length of its sinc filter: 51200 / length frames a second."""
     fir: bool = False
-    """Whether the sensor's FIR filter follows, at 252 Hz for a length of 51."""
+    """Whether the sensor's FIR filter follows the sinc filter, at 252 Hz for a length of 51."""
     range_n: tuple[Positive, Positive, Positive] = (100.0, 100.0, 100.0)
-    """Range of Fx, Fy, Fz (N), of the model's data sheet."""
+    """Range of Fx, Fy, Fz (N), from the model's data sheet."""
     range_n_m: tuple[Positive, Positive, Positive] = (10.0, 10.0, 10.0)
     """Range of Tx, Ty, Tz (N m), likewise."""
     start_s: float = Field(default=2.0, ge=0.2, le=30.0)
@@ -64,7 +64,7 @@ def bota_serial(**options: Any) -> "BotaSerial":
     Raises
     ------
     InputError
-        An option is not allowed, or the line does not carry so many frames.
+        An option is not allowed, or the line is too slow for the frame rate.
     """
     read = read_options(BotaOptions, DRIVER, options)
     if read.configure and frame_rate_hz(read.sinc_length) > most_frames_hz(read.baud):
@@ -78,7 +78,7 @@ def bota_serial(**options: Any) -> "BotaSerial":
 
 
 class BotaSerial(WrenchSensor):
-    """A `SampledSensor` of forces, stamped by the sensor's own microseconds."""
+    """`SampledSensor` of forces, stamped by the sensor's own clock."""
 
     def __init__(self, options: BotaOptions) -> None:
         super().__init__(f"Bota sensor at {options.port}", options)
@@ -86,7 +86,7 @@ class BotaSerial(WrenchSensor):
         self._line: BotaLine | None = None
         self._stream = FrameStream()
         self._clock = StampClock()
-        self._heard_ns = 0  # when bytes came, usable or not
+        self._heard_ns = 0  # when any bytes came
         self._usable_ns = 0
         self._status = 0  # of the newest frame that could not be used
         delay_ms = options.latency_ms
@@ -94,7 +94,7 @@ class BotaSerial(WrenchSensor):
             1e9 * _FRAME_BITS / options.baud if delay_ms is None else 1e6 * delay_ms
         )
         self.temperature_c: float | None = None
-        """Of the newest frame."""
+        """Temperature of the newest usable frame, None before the first."""
         x, y, z = options.range_n_m
         self._set_converter(
             WrenchConverter(
@@ -106,7 +106,7 @@ class BotaSerial(WrenchSensor):
         )
 
     def connect(self) -> None:
-        """Open the port, set the filter where the options say so, and await the first frame.
+        """Open the port, set the sensor up if the options say so, and await the first frame.
 
         Raises
         ------
@@ -130,7 +130,7 @@ class BotaSerial(WrenchSensor):
             self._line = None
 
     def _set_up(self, line: BotaLine) -> None:
-        """Set communication and filter until its power is switched off: nothing is stored."""
+        """Set communication and filter; the sensor loses both when it is switched off."""
         options = self._options
         if not options.configure:
             return
@@ -146,7 +146,7 @@ class BotaSerial(WrenchSensor):
         self._stream.reset()
         self._clock.interrupt()
         start_s = self._options.start_s
-        self._usable_ns = time.monotonic_ns() + round(1e9 * start_s)  # no judgement yet
+        self._usable_ns = time.monotonic_ns() + round(1e9 * start_s)  # not judged before
         self._status = 0
         line.received.clear()
         if self._await_record(start_s):
@@ -158,7 +158,7 @@ class BotaSerial(WrenchSensor):
         )
 
     def _explain(self, line: BotaLine) -> str:
-        """Say what came instead of what was expected, and what to do."""
+        """Return what came instead of frames, and what to do."""
         received = bytes(line.received)
         if not received:
             return f"nothing comes; {self._where()}"
@@ -202,7 +202,7 @@ class BotaSerial(WrenchSensor):
         return records
 
     def _is_usable(self, status: int) -> bool:
-        """Count what the sensor reports of a frame."""
+        """Count the faults in a frame's status; return whether the frame is usable."""
         if status & SKIPPED:
             self._counts["skipped measurements"] += 1
         if status & OVERRANGE:
@@ -218,7 +218,7 @@ class BotaSerial(WrenchSensor):
         return True
 
     def complaint(self) -> str:
-        """Return what is wrong with the frames, where they have come but could not be used."""
+        """Return why frames that arrive cannot be used; empty if they can, or none arrive."""
         return self._explain_unusable() if self._heard_ns > self._usable_ns else ""
 
     def _explain_unusable(self) -> str:
@@ -240,7 +240,7 @@ class BotaSerial(WrenchSensor):
 
     @property
     def faults(self) -> dict[str, int]:
-        """Counts by what was survived."""
+        """Counts of survived faults, by kind."""
         counts = {
             **super().faults,
             "broken frame": self._stream.broken,

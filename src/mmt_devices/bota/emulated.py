@@ -1,4 +1,4 @@
-"""A force sensor by Bota Systems in software, on a pseudo terminal."""
+"""Emulated force sensor by Bota Systems, on a pseudo terminal."""
 
 import random
 import re
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from mmt.testing.emulated.world import World
 
 _TIMER_NS: Final = 1_000_000
-"""An adapter of USB to serial hands on what is there after a millisecond."""
+"""A USB-to-serial adapter passes bytes on once a millisecond."""
 _SHIPPED_FILTER: Final = (512, 0, 0, 1)
 _GREETING: Final = b"App Init\r\nname: BFT-SENS-SER-M8\r\nS/N: 1234\r\nFW version: 1.5.0\r\n"
 _COMMAND: Final = re.compile(rb"[CRI]|c,(\d),(\d),(\d),(\d)|f,(\d+),(\d),(\d),(\d)")
@@ -27,18 +27,18 @@ class EmulatedBota:
     Parameters
     ----------
     truth
-        The force at a time: N at ns of the host's monotonic clock.
+        Gives the force (N) at a time (ns) of the host's monotonic clock.
     baud
-        Bits a second that it is set to; a program that opens the port with another reads garbage,
-        and is not understood.
+        Baud rate of the sensor. A program that opens the port at another rate reads garbage, and
+        its commands are ignored.
     clock_ppm, start_us
-        How much too fast its clock runs, and where it begins.
+        By how much the sensor's clock runs too fast, in ppm, and its initial time.
     noise_n
-        Standard deviation of a force.
+        Standard deviation of the noise on a force.
     seed
         Seed of the noise and the faults.
     clockwork
-        Whose thread it runs in; None for one of its own.
+        Clockwork whose thread runs the sensor; None for one of its own.
     """
 
     def __init__(
@@ -56,16 +56,16 @@ class EmulatedBota:
         """Sinc length, chop, fast, FIR disabled."""
         self.calibrated = True
         self.text = False
-        """Send lines of text in the place of frames."""
+        """Whether lines of text are sent instead of frames."""
         self.header = HEADER
-        """Change it to be a model with another protocol."""
+        """Header of a frame; another value emulates a model with another protocol."""
         self.status = 0
-        """Bits that the status of the frames that follow has."""
+        """Status bits of the frames from now on."""
         self.refusal = 0
-        """Code with which commands are answered."""
+        """Return code of answers; 0 accepts a command."""
         self.stuck = False
         self.deaf = False
-        """Hear no command."""
+        """Whether commands are ignored."""
         self.truth = truth
         self._baud = baud
         self._speed = 1.0 + 1e-6 * clock_ppm
@@ -74,7 +74,7 @@ class EmulatedBota:
         self._random = random.Random(seed)  # noqa: S311 - noise, no secret
         self._on_line_ns = round(10 * SIZE * 1e9 / baud)
         self._booted_ns = 0
-        self._running_ns: int | None = None  # since when it streams
+        self._running_ns: int | None = None  # when the stream began
         self._sent = 0
         self._received = b""
         self._values = (0.0, 0.0, 0.0)
@@ -88,11 +88,11 @@ class EmulatedBota:
 
     @property
     def options(self) -> dict[str, Any]:
-        """Options by which the driver finds it."""
+        """Options by which the driver finds the sensor."""
         return {"port": self.port.path, "baud": self._baud}
 
     def start(self) -> None:
-        """Plug it in; it begins to stream."""
+        """Plug the sensor in; it begins to stream."""
         self._boot()
         self.port.start()
 
@@ -101,19 +101,19 @@ class EmulatedBota:
         self.port.stop()
 
     def unplug(self) -> None:
-        """Have the port vanish, and the power with it."""
+        """Make the port vanish, and cut the power."""
         self.port.unplug()
         self._running_ns = None
 
     def plug(self) -> None:
-        """Have the port appear again; it starts as it was shipped, which is what it has stored."""
+        """Make the port appear again; the sensor starts with its stored factory settings."""
         self._start_us = 0
         self.filter, self.text, self.calibrated = _SHIPPED_FILTER, False, True
         self._boot()
         self.port.plug()
 
     def restart(self) -> None:
-        """Count time from the beginning, but keep the settings."""
+        """Restart the sensor's clock at 0, but keep the settings."""
         self._start_us = 0
         self._booted_ns = time.monotonic_ns()
 
@@ -126,7 +126,7 @@ class EmulatedBota:
         self._flips += frames
 
     def repeat(self, frames: int = 1) -> None:
-        """Send the last frame again in the place of each of the next."""
+        """Send the last frame again instead of each of the next ones."""
         self._repeats += frames
 
     def cut(self, *lengths: int) -> None:
@@ -162,7 +162,7 @@ class EmulatedBota:
         if name in "CI":
             self._running_ns = None
         elif name != "R" and self._running_ns is not None:
-            code = 1  # settings are for the configuration mode
+            code = 1  # settings need the configuration mode
         elif not code and name == "c":
             self.calibrated, self.text = command[2] == b"1", command[3] == b"1"
         elif not code and name == "f":

@@ -1,10 +1,10 @@
-"""Bytes of Bota Systems' serial protocol: the frames of a stream, commands and their answers.
+"""Bota Systems' serial protocol: frames of the stream, commands and their answers.
 
-After the vendor's public ROS driver (bota_driver, package rokubimini_serial: RokubiminiSerialImpl
+Source: the vendor's public ROS driver (bota_driver, package rokubimini_serial: RokubiminiSerialImpl
 and RokubiminiSerialCommunication) and its Python example for serial sensors. All numbers are
 little-endian. A frame is the header 0xAA, then status (u16), Fx, Fy, Fz (N) and Tx, Ty, Tz (N m) as
 float32, the sensor's time (u32, us), its temperature (float32, degree Celsius), and the CRC-16/X.25
-of what lies between header and CRC.
+of the bytes between header and CRC.
 """
 
 import re
@@ -23,25 +23,25 @@ SKIPPED: Final = 0x01
 OVERRANGE: Final = 0x02
 INVALID: Final = 0x04
 RAW: Final = 0x08
-"""Bits of the status: it left measurements out; beyond its range; saturation, a short or an open
-circuit; values of the gauges in the place of forces."""
+"""Bits of the status, in this order: measurements were skipped; a force is beyond its range; a
+gauge is in saturation, short or open; the values are those of gauges instead of forces."""
 
 _MIRRORED: Final = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 """Each byte with its bits in the reverse order."""
 
 BAUD_CODES: Final = {9600: 0, 57_600: 1, 115_200: 2, 230_400: 3, 460_800: 4}
-"""Bits a second -> their number in the communication setup."""
+"""Bits a second -> their code in the communication setup."""
 
 _SINC_HZ: Final = 51_200.0
 
 CONFIGURE: Final = "C"
 RUN: Final = "R"
 ANSWER: Final = re.compile(rb"r,\d,(\w),(\d)")
-"""Command and return code of an answer; 0 is done."""
+"""Answer with its command and return code; code 0 is success."""
 
 
 class BotaFrame(NamedTuple):
-    """What one frame holds."""
+    """Content of one frame."""
 
     status: int
     wrench: Six
@@ -62,20 +62,20 @@ def most_frames_hz(baud: int) -> float:
 
 
 def setup_command(baud: int) -> str:
-    """Return the communication setup: no compensation of temperature, calibrated, binary."""
+    """Return the communication setup: no temperature compensation, calibrated, binary."""
     return f"c,0,1,0,{BAUD_CODES[baud]}"
 
 
 def filter_command(sinc_length: int, *, fir: bool) -> str:
-    """Return the setup of the filter; neither chopped nor fast, as the vendor's example has it."""
+    """Return the setup of the filter, with chop and fast off as in the vendor's example."""
     return f"f,{sinc_length},0,0,{0 if fir else 1}"
 
 
 def checksum(content: bytes) -> int:
     """Return the CRC-16/X.25.
 
-    Python has the CRC of the same polynomial that takes the highest bit first; this one takes the
-    lowest first, so that the bits of each byte, and of the result, are mirrored.
+    Python's `crc_hqx` has the same polynomial, but takes the highest bit first. This CRC takes the
+    lowest bit first, so the bits of each byte and of the result are mirrored.
     """
     crc = crc_hqx(content.translate(_MIRRORED), 0xFFFF) ^ 0xFFFF
     return _MIRRORED[crc & 0xFF] << 8 | _MIRRORED[crc >> 8]
@@ -88,11 +88,11 @@ def pack_frame(frame: BotaFrame, header: int = HEADER) -> bytes:
 
 
 class FrameStream:
-    """Find frames among bytes, and their place again after garbage."""
+    """Find frames in a stream of bytes, also again after garbage."""
 
     def __init__(self) -> None:
         self.broken = 0
-        """Frames with a wrong header or CRC; of garbage, as many as would have its length."""
+        """Frames with a wrong header or CRC; garbage counts as frames of the same length."""
         self.reset()
 
     def reset(self) -> None:
@@ -101,7 +101,7 @@ class FrameStream:
         self._skipped = 0
 
     def feed(self, received: bytes) -> list[BotaFrame]:
-        """Take bytes and return the frames that are whole and right."""
+        """Take bytes and return the frames that are complete and valid."""
         content = self._rest + received if self._rest else received
         frames: list[BotaFrame] = []
         start, end = 0, len(content)
@@ -120,7 +120,7 @@ class FrameStream:
         return frames
 
     def _skip(self, number: int) -> None:
-        """Count bytes that belong to no frame: each 37 of them in a row, or fewer, as one."""
+        """Count bytes outside frames: each 37 in a row, or a shorter rest, as one broken frame."""
         counted = -(-self._skipped // SIZE)
         self._skipped += number
         self.broken += -(-self._skipped // SIZE) - counted

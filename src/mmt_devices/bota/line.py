@@ -1,4 +1,4 @@
-"""The serial line to a sensor by Bota Systems: commands and answers, then bytes as they come."""
+"""Serial line to a sensor by Bota Systems: commands, answers, and bytes of the stream."""
 
 import time
 from typing import Final
@@ -9,9 +9,9 @@ from mmt_devices.bota.frames import ANSWER
 
 _ANSWER_S: Final = 0.5
 _ATTEMPTS: Final = 4
-"""So long that a sensor which has just got its power has started in between."""
+"""Number of attempts, enough for a sensor that was just switched on to start up."""
 _BETWEEN_BYTES_S: Final = 0.005
-"""The vendor's driver sends commands no faster; they have no end mark."""
+"""Pause between bytes of a command, as in the vendor's driver; commands have no end mark."""
 _KEPT: Final = 8192
 
 
@@ -20,27 +20,27 @@ class NoAnswer(MmtError):  # noqa: N818 - its message names what came
 
 
 class BotaLine(SensorLine):
-    """The line, once it is open; see `SensorLine`."""
+    """Open line to a sensor; see `SensorLine`."""
 
     def __init__(self, port: str, baud: int, name: str) -> None:
         super().__init__(port, baud, name)
         self.received = bytearray()
-        """The newest bytes that came, for saying what is wrong."""
+        """Newest bytes received, for explaining faults."""
 
     def note(self, content: bytes) -> None:
-        """Keep bytes for saying what is wrong, the newest of them."""
+        """Add bytes to `received`, of which the newest are kept."""
         self.received += content
         del self.received[:-_KEPT]
 
     def command(self, command: str) -> None:
-        """Send a command and await its answer; frames that come meanwhile are thrown away.
+        """Send a command and await its answer; frames that arrive meanwhile are discarded.
 
         Raises
         ------
         NoAnswer
-            None came after four attempts.
+            No answer came in four attempts.
         MmtError
-            The sensor refuses.
+            The sensor refuses the command.
         """
         for _ in range(_ATTEMPTS):
             self.note(self.read())
@@ -61,7 +61,7 @@ class BotaLine(SensorLine):
             time.sleep(_BETWEEN_BYTES_S)
 
     def _await_answer(self, command: str) -> str:
-        """Return the code of the answer to a command, empty where none came."""
+        """Return the code of the answer to a command, empty if none came."""
         received = b""
         end = time.monotonic() + _ANSWER_S
         while time.monotonic() < end:

@@ -1,1 +1,1 @@
-"""Franka arms (FR3, Panda) through the library franky: a robot that follows, and its own force."""
+"""Franka arms (FR3, Panda) through the library franky: robot and force sensor."""

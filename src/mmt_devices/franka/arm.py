@@ -1,8 +1,8 @@
-"""One Franka arm: its connection, in a thread that reads and commands it beside the ticks.
+"""Connection to one Franka arm, in a thread that reads and commands the arm.
 
-Follows the Python interface of franky 2.0 (github.com/TimSchneider42/franky) and, for what the
-fields of a state mean, libfranka's `RobotState`. A connection can be shared: the arm and its
-force sensor are one machine, which takes one connection.
+The arm takes one connection, which the drivers of robot and force sensor share. The code follows
+the Python interface of franky 2.0 (github.com/TimSchneider42/franky); libfranka's `RobotState`
+defines the fields of a state.
 """
 
 import atexit
@@ -23,11 +23,11 @@ LOG: Final = logging.getLogger("mmt_devices.franka")
 
 _PERIOD_NS: Final = 1_000_000
 _SILENT_NS: Final = 500_000_000
-"""No new state for so long: a robot sends a thousand a second."""
+"""Longest time without a new state; a robot sends 1000 states a second."""
 _SILENT_TURNS: Final = 20
-"""Turns that a loss takes too: a thread that was held up is no lost robot."""
+"""A loss also takes this many turns, since this thread may have been held up."""
 _STUCK_NS: Final = 1_500_000_000
-"""The library does not return: it gives up a connection after a second."""
+"""Longest time of a call; the library gives up a connection after a second."""
 _CONNECT_S: Final = 10.0
 _END_S: Final = 5.0
 _SHORT_S: Final = 2e-5
@@ -35,23 +35,23 @@ _TURN_S: Final = 0.02
 
 
 class ArmState(NamedTuple):
-    """What the newest state of the robot says, in its base frame."""
+    """Newest state of the robot, in its base frame."""
 
     time_ms: int
     """By the robot's own clock."""
     position_mm: Vector
     """Of the end effector."""
     force_n: Vector
-    """Of what it touches, on the tool; all zero near a singularity."""
+    """Force of the touched surface on the tool; all zero near a singularity."""
 
 
 class FrankaArm(threading.Thread):
-    """A connection; it ends by itself when the arm is lost, and another is made then.
+    """Connection to an arm; ends by itself when the arm is lost, and is not used again.
 
     Parameters
     ----------
     options
-        Where it is.
+        Address of the arm, and whether real time is enforced.
     franky
         The library.
     """
@@ -61,12 +61,12 @@ class FrankaArm(threading.Thread):
         self.options = options
         self.franky = franky
         self.ended = threading.Event()
-        """Set when nobody uses it any more."""
+        """Set when no driver uses the connection any more."""
         self.users = 0
         self.ready = threading.Event()
-        """Set when it is connected or could not be."""
+        """Set when the arm is connected, or connecting has failed."""
         self.loss: str | None = None
-        """Why it is not there."""
+        """Why the arm is lost, None while it is not."""
         self._failure: Exception | None = None
         self.state = ArmState(0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         self.control: PositionControl | None = None
@@ -76,7 +76,7 @@ class FrankaArm(threading.Thread):
         self._fresh_ns, self._silent = 0, 0
 
     def run(self) -> None:
-        """Connect, then read and command the arm until it is lost or not used any more."""
+        """Connect, then read and command the arm until it is lost or no longer used."""
         robot = None
         try:
             follow_real_time()
@@ -92,7 +92,7 @@ class FrankaArm(threading.Thread):
             else:
                 self._failure = error
         finally:
-            del robot  # which stops what still moves, and disconnects
+            del robot  # stops a motion that still runs, and disconnects
             self.ready.set()
 
     def _open(self) -> Any:
@@ -115,7 +115,7 @@ class FrankaArm(threading.Thread):
         now_ns = time.monotonic_ns()
         self._due_ns = max(self._due_ns + _PERIOD_NS, now_ns)
         time.sleep((self._due_ns - now_ns) / 1e9)
-        state = robot.state  # waits for the next one where nothing moves
+        state = robot.state  # waits for the next state if nothing moves
         now_ns = time.monotonic_ns()
         if self.control is not None and self.control.turn(robot, state, now_ns):
             self.control = None
@@ -129,7 +129,7 @@ class FrankaArm(threading.Thread):
         if problem is not None:
             raise ArmProblem(problem)
         x, y, z = state.O_T_EE.translation.tolist()
-        u, v, w = state.O_F_ext_hat_K.tolist()[:3]  # of the robot on what it touches
+        u, v, w = state.O_F_ext_hat_K.tolist()[:3]  # force of the robot on what it touches
         time_ms = state.time.to_msec()
         if time_ms != self.state.time_ms:
             self._fresh_ns, self._silent = now_ns, 0
@@ -140,12 +140,12 @@ class FrankaArm(threading.Thread):
         self.state = ArmState(time_ms, (1e3 * x, 1e3 * y, 1e3 * z), (0.0 - u, 0.0 - v, 0.0 - w))
 
     def check(self) -> ArmState:
-        """Return the newest state of an arm that is there.
+        """Return the newest state.
 
         Raises
         ------
         DeviceLost
-            It is not; `enter` connects it again.
+            The arm is lost; `enter` connects it again.
         MmtError
             The driver itself failed.
         """
@@ -164,7 +164,7 @@ class FrankaArm(threading.Thread):
             time.sleep(_SHORT_S)
 
     def release(self) -> None:
-        """Bring it to rest and take no commands any more."""
+        """Bring the arm to rest, and take no more commands."""
         control = self.control
         if control is not None:
             control.left = True
@@ -173,7 +173,7 @@ class FrankaArm(threading.Thread):
             time.sleep(0.001)
 
     def end(self) -> None:
-        """Bring it to rest and disconnect it."""
+        """Bring the arm to rest and disconnect it."""
         self.ended.set()
         self.release()
         self.join(_END_S)
@@ -184,12 +184,12 @@ _LOCK: Final = threading.Lock()
 
 
 def enter(options: ArmOptions) -> FrankaArm:
-    """Connect an arm, or share the connection that there is; a lost one is made anew.
+    """Connect an arm, or share its connection; a lost connection is made anew.
 
     Raises
     ------
     InputError
-        The drivers of one arm do not agree.
+        The drivers of one arm differ in `realtime`.
     MmtError
         The arm cannot be used; the message says why.
     """
@@ -212,7 +212,7 @@ def enter(options: ArmOptions) -> FrankaArm:
 
 
 def _take_part(options: ArmOptions, franky: Any) -> FrankaArm:
-    """Return the arm at that address with one user more, being connected where it is not."""
+    """Add a user to the arm at this address; start the connection if there is none."""
     with _LOCK:
         arm = _ARMS.get(options.host)
         if arm is not None and (arm.loss is not None or arm.ended.is_set() or not arm.is_alive()):
@@ -229,7 +229,7 @@ def _take_part(options: ArmOptions, franky: Any) -> FrankaArm:
 
 
 def leave(arm: FrankaArm) -> None:
-    """Use it no more; the last one to leave disconnects it."""
+    """Remove a user; the last one to leave disconnects the arm."""
     with _LOCK:
         arm.users -= 1
     if arm.ready.is_set() and _end_if_unused(arm):
@@ -238,7 +238,7 @@ def leave(arm: FrankaArm) -> None:
 
 
 def _end_if_unused(arm: FrankaArm) -> bool:
-    """Tell an arm to end that nobody uses: all have left, perhaps while it was connecting."""
+    """Set `ended` if all users have left, perhaps during connecting; return whether so."""
     with _LOCK:
         if arm.users == 0:
             arm.ended.set()

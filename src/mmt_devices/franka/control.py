@@ -1,4 +1,4 @@
-"""How the arm is held at commanded positions."""
+"""Position control of the arm."""
 
 from typing import Any, Final
 
@@ -9,16 +9,16 @@ from mmt_devices.franka.problems import ArmProblem
 
 _LONGEST_STEP_S: Final = 0.005
 _SMOOTHING_S: Final = 0.01
-"""Time constant of the point's velocity, which is a difference of positions."""
+"""Time constant that smooths the point's velocity, a difference of positions."""
 
 
 class PositionControl:
-    """A spring and a damper to a point that moves towards the target at a bounded speed.
+    """Holds the tip by a spring and a damper at a point that moves towards the target.
 
-    The library closes the loop, a thousand times a second in a thread of its own that runs no
-    Python (`CartesianImpedanceTrackingMotion` of franky, on libfranka's torque interface); this
-    moves the point. Nothing moves before the first command. The damper acts on the velocity
-    relative to the point's, so that a stroke does not lag behind by it.
+    This class moves the point, at a bounded speed. The library closes the loop, 1000 times a second
+    in a thread that runs no Python (`CartesianImpedanceTrackingMotion` of franky, on libfranka's
+    torque interface). Nothing moves before the first command. The damper acts on the tip's velocity
+    relative to the point, so that damping does not make the tip lag behind.
 
     Parameters
     ----------
@@ -30,9 +30,9 @@ class PositionControl:
     Attributes
     ----------
     target_mm
-        Where the tip is to be, in the robot's base frame; None before the first command.
+        Commanded position of the tip, in the robot's base frame; None before the first command.
     left
-        Set to bring the arm to rest, and to end the control.
+        Set to True to bring the arm to rest, and to end the control.
     """
 
     def __init__(self, franky: Any, options: FrankaRobotOptions) -> None:
@@ -47,12 +47,12 @@ class PositionControl:
         self._moved_ns = 0
 
     def turn(self, robot: Any, state: Any, now_ns: int) -> bool:
-        """Begin once there is a command, then move the point on; return whether it has ended.
+        """Begin once there is a command, then advance the point; return whether control has ended.
 
         Raises
         ------
         Exception
-            What the library raises where the arm has stopped.
+            Any exception of the library, if the arm has stopped.
         """
         target = self.target_mm
         if self.left:
@@ -71,7 +71,7 @@ class PositionControl:
         return False
 
     def _rest(self, robot: Any) -> bool:
-        """Have the library bring the arm to rest, where it was moved; return whether it is."""
+        """Bring the arm to rest if it was moved; return whether it is at rest."""
         if self._motion is None:
             return True
         if not self._resting:
@@ -102,7 +102,7 @@ class PositionControl:
         robot.move(motion, asynchronous=True)
 
     def _move(self, target: Vector, passed_s: float) -> None:
-        """Move the point towards the target (mm), and follow its velocity (mm/s)."""
+        """Move the point towards the target (mm), and update its smoothed velocity (mm/s)."""
         step_s = min(max(passed_s, 1e-6), _LONGEST_STEP_S)
         point = towards(self._point, target, self._options.speed_limit_mm_s * step_s)
         (x, y, z), self._point = difference(point, self._point), point

@@ -31,7 +31,7 @@ def missing() -> str:
 
 
 class _ArmDriver(Generic[AnyOptions]):
-    """What both drivers share: their part in the connection."""
+    """Base of both drivers, with their share in the connection."""
 
     def __init__(self, options: AnyOptions) -> None:
         require("franky")
@@ -40,25 +40,25 @@ class _ArmDriver(Generic[AnyOptions]):
         self._counts: Counter[str] = Counter()
 
     def connect(self) -> None:
-        """Connect it; it is recovered where it had stopped by a reflex, and nothing moves.
+        """Connect the arm, and recover it if a reflex has stopped it; nothing moves.
 
         Raises
         ------
         MmtError
-            It cannot be used; the message says what to do.
+            The arm cannot be used; the message says what to do.
         """
         self.close()
         self.arm = enter(self._options)
 
     def close(self) -> None:
-        """Bring it to rest and disconnect it, where nothing else uses it."""
+        """Bring the arm to rest and disconnect it, unless the other driver uses it."""
         arm, self.arm = self.arm, None
         if arm is not None:
             leave(arm)
 
     @property
     def faults(self) -> Mapping[str, int]:
-        """Counts by what went wrong and was survived."""
+        """Counts of survived faults, by kind."""
         return self._counts
 
     def await_turn(self) -> None:
@@ -91,7 +91,7 @@ class FrankaRobot(_ArmDriver[FrankaRobotOptions]):
         self._control: PositionControl | None = None
 
     def connect(self) -> None:
-        """Connect it; see `_ArmDriver`."""
+        """Connect the arm; see `_ArmDriver`."""
         super().connect()
         arm = self._connected()
         if arm.control is not None:
@@ -100,14 +100,14 @@ class FrankaRobot(_ArmDriver[FrankaRobotOptions]):
         self._control = arm.control = PositionControl(arm.franky, self._options)
 
     def close(self) -> None:
-        """Bring it to rest, and disconnect it where it is not read as a force sensor as well."""
+        """Bring the arm to rest, and disconnect it unless it is also a force sensor in use."""
         control, self._control = self._control, None
         if self.arm is not None and control is not None:
             self.arm.release()
         super().close()
 
     def calibrate(self) -> None:
-        """Do nothing: it is calibrated, and the scene's zero is the option `origin_mm`."""
+        """Do nothing: the arm is calibrated, and the scene's zero is the option `origin_mm`."""
 
     def read(self) -> Vector:
         """Return the end effector's position (mm), about a tick old.
@@ -115,17 +115,17 @@ class FrankaRobot(_ArmDriver[FrankaRobotOptions]):
         Raises
         ------
         DeviceLost
-            It is not there any more, or has stopped; the message says why.
+            The arm is lost, or has stopped; the message says why.
         """
         return self._axes.place_in_scene(self._connected().check().position_mm)
 
     def write(self, position_mm: Vector) -> None:
-        """Command a position (mm); one that is not finite is counted and not obeyed.
+        """Command a position (mm); count and ignore one that is not finite.
 
         Raises
         ------
         DeviceLost
-            As with `read`.
+            The arm is lost, or has stopped; the message says why.
         """
         self._connected().check()
         if not math.isfinite(sum(position_mm)):
@@ -159,7 +159,7 @@ class FrankaForce(_ArmDriver[ArmOptions]):
         Raises
         ------
         DeviceLost
-            The arm is not there any more.
+            The arm is lost.
         """
         arm = self._connected()
         states: dict[int, ArmState] = {}
@@ -172,12 +172,12 @@ class FrankaForce(_ArmDriver[ArmOptions]):
         self._bias_n = (x, y, z)
 
     def read(self) -> Vector:
-        """Return the force of what the tip touches on the tool (N), the bias removed.
+        """Return the force (N) of the touched surface on the tool, without the bias.
 
         Raises
         ------
         DeviceLost
-            The arm is not there any more, or has stopped.
+            The arm is lost, or has stopped.
         """
         x, y, z = self._connected().check().force_n
         if x == y == z == 0.0:

@@ -1,8 +1,8 @@
-"""A Franka arm in software, behind the part of franky's interface that the driver uses.
+"""Emulated Franka arm, behind the part of franky's interface that the driver uses.
 
-It is a stand-in for the library and the robot together, for the driver's own logic: the tip
-follows its reference with a lag, and stops on demand. What the library makes of a robot is tried
-with a simulator that speaks the robot's protocol (`docs/how-to/franka.md`).
+It stands in for library and robot together, to test the driver's own logic: the tip follows its
+reference with a lag, and stops on demand. The real library is tested with a simulator that speaks
+the robot's protocol (`docs/how-to/franka.md`).
 """
 
 import importlib.machinery
@@ -71,7 +71,7 @@ class Twist:
 
 @dataclass
 class CartesianReference:
-    """What the tip is to follow."""
+    """Pose and velocity that the tip is to follow."""
 
     target: Affine
     target_twist: Twist | None = None
@@ -79,7 +79,7 @@ class CartesianReference:
 
 @dataclass
 class PostureTask:
-    """What the elbow is held at."""
+    """Joint angles at which the posture is held, and the stiffness."""
 
     target: Any
     stiffness: float
@@ -96,17 +96,17 @@ class CartesianImpedanceTrackingMotion:
     reference: CartesianReference | None = None
 
     def set_reference(self, reference: CartesianReference) -> None:
-        """Set where the tip is to be."""
+        """Set the newest reference."""
         self.reference = reference
 
 
 class TorqueStopMotion:
-    """A motion that comes to rest."""
+    """A motion that brings the arm to rest."""
 
 
 @dataclass
 class RobotState:
-    """What a state has of the library's."""
+    """The fields of the library's state that the driver uses."""
 
     O_T_EE: Affine
     O_F_ext_hat_K: FloatArray
@@ -118,31 +118,31 @@ class RobotState:
 
 @dataclass
 class Milliseconds:
-    """The robot's clock."""
+    """A time of the robot's clock."""
 
     value: int
 
     def to_msec(self) -> int:
-        """Return it."""
+        """Return the time in ms."""
         return self.value
 
 
 @dataclass
 class EmulatedFranka:
-    """The arm: what it measures, and what befalls it.
+    """The arm: its measurements, and its faults on demand.
 
     Attributes
     ----------
     position_m, pushes_n
-        Where its tip is, and with what force it pushes what it touches; its base frame.
+        Position of the tip, and force (N) of the tip on what it touches, in the base frame.
     mode, errors
-        What it is in, and why.
+        Mode of the robot, and its errors.
     powered, answering
-        Whether it has power, and whether its states go on.
+        Whether the arm has power, and whether its states advance.
     recoverable
-        Whether a recovery helps.
+        Whether a recovery succeeds.
     motions
-        Those that were begun.
+        All motions begun so far.
     """
 
     position_m: FloatArray = field(default_factory=lambda: np.array([0.5, 0.0, 0.3]))
@@ -158,7 +158,7 @@ class EmulatedFranka:
     realtime: RealtimeConfig | None = None
     motions: list[Any] = field(default_factory=list)
     end: str = ""
-    """Why the newest motion has ended."""
+    """Why the newest motion was ended, empty if it was not."""
     _moving: Any = None
     _moved_s: float = 0.0
     _began_s: float = field(default_factory=time.monotonic)
@@ -172,7 +172,7 @@ class EmulatedFranka:
                 self._moving, self.end = None, text
 
     def state(self) -> RobotState:
-        """Return a state; where nothing moves the next one is waited for."""
+        """Return the newest state; if nothing moves, wait 1 ms for it."""
         if not self.moving:
             time.sleep(0.001)
         with self.lock:
@@ -202,7 +202,7 @@ class EmulatedFranka:
             self.position_m += share * (target - self.position_m)
 
     def begin(self, motion: Any) -> None:
-        """Take a motion in the place of the one that runs."""
+        """Begin a motion in place of the running one."""
         with self.lock:
             self.motions.append(motion)
             self._moving, self.end = motion, ""
@@ -214,20 +214,20 @@ class EmulatedFranka:
         return self._moving is not None
 
     def recover(self) -> bool:
-        """Recover it from its errors; return whether that has helped."""
+        """Recover from errors; return whether that succeeded."""
         self.recoveries += 1
         if self.recoverable:
             self.mode, self.errors = RobotMode.Idle, []
         return self.recoverable
 
     def disconnect(self) -> None:
-        """Give the connection back, and stop what moves."""
+        """Free the connection, and stop a running motion."""
         self.connections -= 1
         self._moving = None
 
     @contextmanager
     def library(self) -> Iterator[None]:
-        """Have ``import franky`` give the stand-in meanwhile."""
+        """Make ``import franky`` give the stand-in within the context."""
         before = sys.modules.get("franky")
         sys.modules["franky"] = self._module()
         try:
@@ -271,16 +271,16 @@ class Robot:
         return bool(self._arm.errors)
 
     def recover_from_errors(self) -> bool:
-        """Recover, and return whether that has helped."""
+        """Recover from errors; return whether that succeeded."""
         return self._arm.recover()
 
     def set_collision_behavior(self, torque_nm: float, force_n: float) -> None:
-        """Set what is taken for a collision."""
+        """Set the torque and force that count as a collision."""
         self._arm.collisions = (torque_nm, force_n)
 
     def move(self, motion: Any, *, asynchronous: bool) -> None:
-        """Begin a motion, which goes on by itself."""
-        assert asynchronous  # noqa: S101 - what the driver must not wait for
+        """Begin a motion, which runs on without the caller."""
+        assert asynchronous  # noqa: S101 - the driver must not wait for a motion
         self._arm.begin(motion)
 
     @property
@@ -289,7 +289,7 @@ class Robot:
         return self._arm.moving
 
     def join_motion(self) -> None:
-        """Raise why the motion has ended, where it has not come to its end."""
+        """Raise an exception with the reason if the motion was ended early."""
         end, self._arm.end = self._arm.end, ""
         if end:
             raise ControlException(end)

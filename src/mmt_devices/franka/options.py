@@ -8,7 +8,7 @@ from mmt.devices.axes import Axes, Millimetres
 
 
 class ArmOptions(BaseModel):
-    """What the arm and its force sensor share: the connection, and the axes."""
+    """Options that robot and force sensor share: the connection, and the axes."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -23,7 +23,7 @@ class ArmOptions(BaseModel):
 
 
 class FrankaRobotOptions(ArmOptions):
-    """Options of the robot: the position controller and what makes the arm stop."""
+    """Options of the robot: position controller, limits and thresholds of a collision."""
 
     origin_mm: tuple[Millimetres, Millimetres, Millimetres] = (0.0, 0.0, 0.0)
     stiffness_n_mm: float = Field(1.0, ge=0.05, le=3)

@@ -1,4 +1,4 @@
-"""What a Franka arm or its library reports, as sentences that say what to do."""
+"""Turn reports of a Franka arm or its library into sentences that say what to do."""
 
 from typing import Final
 
@@ -6,7 +6,7 @@ from mmt.core.errors import brief
 
 
 class ArmProblem(Exception):  # noqa: N818 - a state of the arm, as a sentence without its name
-    """The arm is in no state to be used."""
+    """The arm cannot be used in its present state."""
 
 
 _USER_STOP: Final = "its user stop is pressed: see that nobody is in its reach, then release it"
@@ -21,7 +21,7 @@ OF_MODE: Final = {
     "Reflex": _REFLEX,
     "UserStopped": _USER_STOP,
 }
-"""By the name of the robot's mode: why it takes no commands."""
+"""Name of the robot's mode -> why the arm takes no commands."""
 
 _BY_TEXT: Final = (
     ("user stop", _USER_STOP),
@@ -72,13 +72,13 @@ _BY_TEXT: Final = (
     ("host not found", "there is no machine of that name: check 'host'"),
     ("singular", "it cannot start from where it stands: bend its elbow and wrist by hand"),
 )
-"""Words of the library's texts, the particular before the general, and what they mean."""
+"""Words in the library's messages and their meaning; specific words before general ones."""
 
 _UNREACHABLE: Final = "it does not answer: check its power and its cable"
 
 
 def explain(error: Exception) -> str:
-    """Return what is the matter with the arm, after an exception of the library or of ours."""
+    """Return what is wrong with the arm, from an exception of the library or of ours."""
     text = str(error)
     if isinstance(error, ArmProblem):
         return text
@@ -91,11 +91,11 @@ def explain(error: Exception) -> str:
 
 
 def is_of_network(error: Exception) -> bool:
-    """Return whether an exception tells of the connection: some come without a class of theirs."""
+    """Return whether an exception is about the connection; some have no class of their own."""
     return type(error).__name__ == "NetworkException" or "Net Exception" in str(error)
 
 
 def is_of_arm(error: Exception) -> bool:
-    """Return whether an exception tells of the arm, and not of a mistake in the driver."""
+    """Return whether an exception is about the arm, and not a bug in the driver."""
     of_library = type(error).__module__.partition(".")[0] == "franky"
     return of_library or isinstance(error, ArmProblem | RuntimeError)

@@ -1,4 +1,4 @@
-"""Files by which a device of industrial I/O is found and set, and what keeps one from it."""
+"""Find IIO devices, read and set their sysfs attributes, and explain file errors."""
 
 import contextlib
 import errno
@@ -17,14 +17,14 @@ NO_PERMISSION: Final = (
 
 
 class Attributes:
-    """The attributes below one directory; those that are changed can be put back.
+    """Attributes below one directory; changed ones can be restored.
 
     Parameters
     ----------
     directory
-        As ``/sys/bus/iio/devices/iio:device0``.
+        Such as ``/sys/bus/iio/devices/iio:device0``.
     name
-        What a person calls the device.
+        Name of the device in messages.
     """
 
     def __init__(self, directory: Path, name: str) -> None:
@@ -33,16 +33,16 @@ class Attributes:
         self._before: list[tuple[str, str]] = []
 
     def has(self, attribute: str) -> bool:
-        """Return whether there is such a file."""
+        """Return whether there is this attribute."""
         return (self.directory / attribute).exists()
 
     def read(self, attribute: str) -> str:
-        """Return what a file says.
+        """Return the content of an attribute.
 
         Raises
         ------
         MmtError
-            It cannot be read.
+            The file cannot be read.
         """
         path = self.directory / attribute
         try:
@@ -51,12 +51,12 @@ class Attributes:
             raise self.explain(error, path) from error
 
     def number(self, attribute: str) -> float:
-        """Return the number that a file holds.
+        """Return the number that an attribute holds.
 
         Raises
         ------
         MmtError
-            It cannot be read, or holds none.
+            The file cannot be read, or holds no finite number.
         """
         content = self.read(attribute)
         try:
@@ -73,7 +73,7 @@ class Attributes:
         Raises
         ------
         MmtError
-            The kernel refuses, or it is not permitted.
+            The kernel refuses the value, or writing is not permitted.
         """
         path = self.directory / attribute
         try:
@@ -82,14 +82,14 @@ class Attributes:
             raise self.explain(error, path, value) from error
 
     def set(self, attribute: str, value: str) -> None:
-        """Write a value where it is another, and remember what was there."""
+        """Write a value if the attribute differs, and remember the old value."""
         before = self.read(attribute)
         if before != value:
             self.write(attribute, value)
             self._before.append((attribute, before))
 
     def restore(self) -> None:
-        """Put back what `set` has changed, the last first, as far as that is possible."""
+        """Restore the values that `set` has changed, the last first, as far as possible."""
         while self._before:
             attribute, before = self._before.pop()
             with contextlib.suppress(MmtError):
@@ -122,14 +122,14 @@ def find_device(root: Path, wanted: str | None) -> Path:
     Parameters
     ----------
     root
-        As ``/sys/bus/iio/devices``.
+        Such as ``/sys/bus/iio/devices``.
     wanted
-        Its name, as ``adxl355``, its number or its directory's name; None for the only one.
+        Name (such as ``adxl355``), number or directory's name; None for the only accelerometer.
 
     Raises
     ------
     InputError
-        There is none, or more than one.
+        No device fits, or several do.
     """
     devices = {path: name_of(path) for path in sorted(root.glob("iio:device*"))}
     if wanted is None:
@@ -165,7 +165,7 @@ def accelerometers(root: Path) -> list[Path]:
 
 
 def name_of(path: Path) -> str:
-    """Return the name of a device, empty where it has none."""
+    """Return the name of a device; empty if it has none."""
     with contextlib.suppress(OSError):
         return (path / "name").read_text(encoding="ascii", errors="replace").strip()
     return ""

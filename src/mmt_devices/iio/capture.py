@@ -1,6 +1,6 @@
-"""A buffered capture of industrial I/O: set up by attributes, read from the character device.
+"""Buffered capture by industrial I/O: set up by attributes, read from the character device.
 
-After the kernel's ``Documentation/iio/iio_devbuf.rst`` and
+Sources: the kernel's ``Documentation/iio/iio_devbuf.rst`` and
 ``Documentation/ABI/testing/sysfs-bus-iio``.
 """
 
@@ -27,11 +27,11 @@ class Capture:
     Parameters
     ----------
     directory
-        As ``/sys/bus/iio/devices/iio:device0``.
+        Such as ``/sys/bus/iio/devices/iio:device0``.
     node
-        As ``/dev/iio:device0``.
+        Such as ``/dev/iio:device0``.
     name
-        What a person calls it.
+        Name of the device in messages.
     """
 
     def __init__(self, directory: Path, node: Path, name: str) -> None:
@@ -40,25 +40,25 @@ class Capture:
         self._device = Attributes(directory, name)
         self._trigger: Attributes | None = None
         self._file = -1
-        legacy = self._device.has("scan_elements")  # else the kernel has one place for both
+        legacy = self._device.has("scan_elements")  # else both share a directory
         self._buffer = "buffer" if legacy or not self._device.has("buffer0") else "buffer0"
         self._scan = "scan_elements" if legacy else self._buffer
         self.length = 0
-        """Scans that the kernel holds."""
+        """Length of the kernel's buffer, in scans."""
         self.rate_hz = 0.0
-        """Scans a second, 0 where nothing tells."""
+        """Scans a second, 0 if no attribute tells."""
         self.layout: Layout
-        """Of a scan: x, y, z and, if it is stamped, the time."""
+        """Layout of a scan: x, y, z and, if stamped, the time."""
         self.bounds: tuple[tuple[int, int], ...] = ()
         """Least and largest value of each axis."""
 
     def start(self, rate_hz: float, length: int, trigger: str | None, *, stamped: bool) -> None:
-        """Set it up and have it capture; see `mmt_devices.iio.options.IioOptions`.
+        """Set up the device and start the capture; see `mmt_devices.iio.options.IioOptions`.
 
         Raises
         ------
         MmtError
-            It cannot; the message says why and what to do.
+            The device cannot capture; the message says why and what to do.
         """
         if not self._device.has(f"{self._scan}/{AXES[0]}_en"):
             raise MmtError(
@@ -75,17 +75,17 @@ class Capture:
         self._choose_elements(stamped=stamped)
         self._device.set(f"{self._buffer}/length", str(length))
         self.length = int(self._device.number(f"{self._buffer}/length"))
-        if self._device.has(f"{self._buffer}/watermark"):  # a device with a FIFO waits for so many
+        if self._device.has(f"{self._buffer}/watermark"):  # scans that a FIFO waits for
             self._device.set(f"{self._buffer}/watermark", "1")
         self._device.write(f"{self._buffer}/enable", "1")
 
     def read(self) -> bytes:
-        """Return the scans that have come, at most as many as the kernel holds; never blocks.
+        """Return the scans that have arrived, at most a full buffer; never blocks.
 
         Raises
         ------
         DeviceLost
-            It is gone, or captures no longer.
+            The device is gone, or no longer captures.
         """
         if self._file < 0:
             raise DeviceLost(f"{self._name} is closed: connect it again")
@@ -101,7 +101,7 @@ class Capture:
         return content
 
     def complaint(self) -> str:
-        """Return why nothing comes, as far as its attributes tell."""
+        """Return why no scans arrive, as far as the attributes tell; else empty."""
         try:
             if self._device.read(f"{self._buffer}/enable") == "0":
                 return f"{self._name}: another program has switched its buffer off; end that one"
@@ -124,7 +124,7 @@ class Capture:
         return (offsets[0], offsets[1], offsets[2]), (scales[0], scales[1], scales[2])
 
     def stop(self) -> None:
-        """Stop, and put back the settings that were changed; calling it twice is harmless."""
+        """Stop, and restore the changed settings; calling it twice is harmless."""
         if self._file < 0:
             return
         with contextlib.suppress(MmtError):
@@ -142,7 +142,7 @@ class Capture:
             raise self._device.explain(error, self._node) from error
 
     def _choose_trigger(self, wanted: str | None) -> None:
-        """Set the trigger where the device needs one."""
+        """Set the trigger if the device needs one."""
         if not self._device.has(_TRIGGER):
             if wanted:
                 raise MmtError(f"{self._name}: it takes no trigger; leave 'trigger' out")
@@ -165,7 +165,7 @@ class Capture:
         self._trigger = Attributes(there[name], self._name)
 
     def _set_rate(self, rate_hz: float) -> None:
-        """Set the rate to the next above the wanted one, or the highest; of a timer likewise."""
+        """Set the next rate from `rate_hz` on, or else the highest; set a timer's rate as well."""
         for attribute in _RATES:
             if self._device.has(attribute):
                 self._device.set(attribute, self._allowed_rate(attribute, rate_hz))
@@ -200,7 +200,7 @@ class Capture:
         self._device.set(_CLOCK, "monotonic")
 
     def _choose_elements(self, *, stamped: bool) -> None:
-        """Enable what is wanted and nothing else, and work out how a scan lies."""
+        """Enable the wanted elements and no others, and work out the layout of a scan."""
         wanted = (*AXES, TIMESTAMP) if stamped else AXES
         scan = self._device.directory / self._scan
         names = sorted(path.name.removesuffix("_en") for path in scan.glob("*_en"))
@@ -225,7 +225,7 @@ class Capture:
         self.bounds = tuple(by_name[axis].bounds for axis in AXES)
 
     def _value(self, axis: str, kind: str, without: str) -> float:
-        """Return an attribute of one axis, or of all."""
+        """Return an attribute of one axis or of all axes, or else `without`."""
         for attribute in (f"{axis}_{kind}", f"in_accel_{kind}"):
             if self._device.has(attribute):
                 return self._device.number(attribute)

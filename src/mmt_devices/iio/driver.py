@@ -1,4 +1,4 @@
-"""``iio-accelerometer``: an accelerometer by the buffer of Linux's industrial I/O."""
+"""``iio-accelerometer``: an accelerometer through the buffer of Linux's industrial I/O."""
 
 import logging
 import sys
@@ -32,14 +32,14 @@ _REST_S: Final = 0.2
 _LEAST_SAMPLES: Final = 20
 _LONGEST_PAUSE_S: Final = 1.0
 _ERROR_AT_REST: Final = 0.15
-"""Largest error of gravity, relative; data sheets allow several per cent of gain, and 0.1 g."""
+"""Largest relative error of gravity; data sheets allow 0.1 g, and several per cent of gain."""
 _GAP: Final = 1.75
-"""Periods between two stamps from which samples are missing; an interrupt may be late by less."""
+"""Samples are missing if stamps are more periods apart; late interrupts cause less."""
 _AHEAD_NS: Final = 1_000_000
-"""Most by which a stamp may be ahead of the clock that it is of."""
+"""Longest time by which a stamp may be ahead of its clock."""
 
 Raw = tuple[int, ...]
-"""Counts of an axis each; before it is stamped, the time as well."""
+"""Counts of the axes; as decoded, a stamped scan has its time (ns) as last number."""
 
 
 FINDERS: Final = {"IIO accelerometers": find_iio_accelerometers}
@@ -58,12 +58,12 @@ def iio_accelerometer(**options: Any) -> "IioAccelerometer":
 
 
 class IioAccelerometer:
-    """A `SampledSensor` of accelerations, whose samples are counted.
+    """`SampledSensor` of accelerations; counting the samples gives their times.
 
     Parameters
     ----------
     options
-        Checked already.
+        Validated options.
     """
 
     def __init__(self, options: IioOptions) -> None:
@@ -80,24 +80,24 @@ class IioAccelerometer:
         self._same_since_ns = 0
         self._is_stuck = False
         self._axes: list[tuple[int, float, float, float]] = []
-        """For x, y, z of the scene: which axis, scale, zero, and where that is at its end."""
+        """For x, y, z of the scene: the sensor's axis, scale, offset, and magnitude of overload."""
 
     @property
     def faults(self) -> dict[str, int]:
-        """Counts by what was survived."""
+        """Counts of survived faults, by kind."""
         lost = self._lost_before + (0 if self._clock is None else self._clock.missing)
         counts = {**self._counts, "lost samples": self._counts["lost samples"] + lost}
         return {reason: count for reason, count in counts.items() if count}
 
     def connect(self) -> None:
-        """Find the device, set it up, have it capture, and await the first sample.
+        """Find and set up the device, start the capture, and await the first sample.
 
         Raises
         ------
         InputError
             There is no such device, or several.
         MmtError
-            It cannot capture; the message says why and what to do.
+            The device cannot capture; the message says why and what to do.
         """
         self.close()
         if sys.platform != "linux":
@@ -118,14 +118,14 @@ class IioAccelerometer:
             raise
 
     def calibrate(self) -> None:
-        """Compare the value at rest with gravity, and say where they differ; see the ADXL335's.
+        """Compare the value at rest with gravity, and warn if they differ; subtract nothing.
 
         Raises
         ------
         MmtError
             Too few samples came.
         """
-        self.read()  # what came before is not at rest for certain
+        self.read()  # earlier samples may not be at rest
         values: list[Sequence[float]] = []
         end = time.monotonic() + _REST_S
         while (now := time.monotonic()) < end or (
@@ -149,27 +149,27 @@ class IioAccelerometer:
             )
 
     def read(self) -> Sequence[SensorReading]:
-        """Return what has come, in m/s2 along the scene's axes.
+        """Return the readings that have arrived, in m/s2 along the scene's axes.
 
         Raises
         ------
         DeviceLost
-            It is gone, or its value is stuck.
+            The sensor is gone, or its value is stuck.
         """
         return [self._convert(time_ns, raw) for time_ns, raw in self._take()]
 
     def complaint(self) -> str:
-        """Return why nothing comes, as far as the kernel tells."""
+        """Return why no samples arrive, as far as the kernel tells."""
         return "" if self._capture is None else self._capture.complaint()
 
     def close(self) -> None:
-        """Stop the capture and put back what was changed; calling it twice is harmless."""
+        """Stop the capture and restore the changed settings; calling it twice is harmless."""
         if self._capture is not None:
             self._capture.stop()
             self._capture = None
 
     def _take(self) -> list[tuple[int, Raw]]:
-        """Return time and counts of the scans that have come."""
+        """Return time and counts of the scans that have arrived."""
         capture = self._capture
         if capture is None:
             raise DeviceLost(f"{self.name} is closed: connect it again")
@@ -237,7 +237,7 @@ class IioAccelerometer:
         if raw != self._last:
             self._last, self._same_since_ns, self._is_stuck = raw, time_ns, False
         elif self._is_stuck or time_ns - self._same_since_ns >= 1e9 * self._options.stuck_s:
-            self._is_stuck = True  # also after it is connected again, until the value changes
+            self._is_stuck = True  # even after a new connection, until the value changes
             raise DeviceLost(self._explain_stuck())
         (i, a, p, x_end), (j, b, q, y_end), (k, c, r, z_end) = self._axes
         x, y, z = a * raw[i] + p, b * raw[j] + q, c * raw[k] + r
@@ -257,16 +257,16 @@ class IioAccelerometer:
 
 
 class StampedAccelerometer(IioAccelerometer):
-    """A `SampledSensor` of accelerations that the kernel has stamped by the monotonic clock.
+    """`SampledSensor` of accelerations that the kernel stamps by the monotonic clock.
 
-    That is the host's clock, so that a stamp is an arrival too.
+    This is the host's clock, so that a stamp is the time of arrival, too.
     """
 
     def __init__(self, options: IioOptions) -> None:
         super().__init__(options)
         self._newest_ns = 0
         self._period_ns = 0.0
-        self._impossible = 0  # since the newest good one
+        self._impossible = 0  # stamps since the last good one
 
     @property
     def arrival_ns(self) -> int:
@@ -274,7 +274,7 @@ class StampedAccelerometer(IioAccelerometer):
         return self._newest_ns
 
     def complaint(self) -> str:
-        """Return why nothing comes, or that what comes has no time that could be right."""
+        """Return why no samples arrive, or that their time stamps are impossible."""
         if self._impossible:
             return (
                 f"{self.name}: its samples have impossible time stamps ({self._impossible} in a "

@@ -1,7 +1,6 @@
-"""An accelerometer of Linux's industrial I/O in software: attributes in a folder, and a FIFO.
+"""Emulated accelerometer of Linux's industrial I/O: attributes in a folder, and a FIFO.
 
-It does by itself what the kernel does when attributes are written. Files in a folder refuse
-nothing, so that what the kernel would refuse is not refused here.
+It reacts to written attributes as the kernel does, but unlike the kernel it refuses no value.
 """
 
 import contextlib
@@ -34,20 +33,20 @@ class EmulatedIio:
     truth
         Proper acceleration (m/s2) along the sensor's own axes at a monotonic time (ns).
     chip
-        Which sensor.
+        Model of the sensor.
     clock_ppm
-        How much too fast it samples.
+        By how much the sensor samples too fast, in ppm.
     delay_ns
-        Delay of its filter.
+        Delay of the sensor's filter.
     noise_m_s2
-        Standard deviation of what an axis adds.
+        Standard deviation of the noise on each axis.
     seed
         Seed of the noise and the faults.
     old
-        Whether it has the directories of kernels before 5.11, as later ones have too, or those
-        of later ones alone.
+        Whether the device has the directories of kernels before 5.11, which later kernels have
+        too, or only the new ones.
     clockwork
-        Whose thread it runs in; None for one of its own.
+        Clockwork whose thread runs the device; None for one of its own.
     """
 
     def __init__(
@@ -65,7 +64,7 @@ class EmulatedIio:
         self.dropped = 0
         """Scans for which the buffer had no room."""
         self.chip = chip
-        """Change it before `start` to be another sensor."""
+        """Model of the sensor; may be changed before `start`."""
         self._buffer = "buffer" if old else "buffer0"
         self._elements = "scan_elements" if old else self._buffer
         self.truth = truth
@@ -91,16 +90,16 @@ class EmulatedIio:
 
     @property
     def options(self) -> dict[str, Any]:
-        """Options by which the driver finds it."""
+        """Options by which the driver finds the device."""
         return {"sysfs_root": str(self._folder / "sys"), "dev_root": str(self._folder / "dev")}
 
     @property
     def directory(self) -> Path:
-        """Where its attributes are."""
+        """Directory of the device's attributes."""
         return self._folder / "sys" / "iio:device0"
 
     def start(self) -> None:
-        """Have it appear."""
+        """Plug the device in, and start it."""
         self.plug()
         self._clockwork.add(self._turn)
 
@@ -111,7 +110,7 @@ class EmulatedIio:
         shutil.rmtree(self._folder)
 
     def plug(self) -> None:
-        """Have it appear, with the settings that the kernel's driver starts with."""
+        """Make the device appear, with the initial settings of the kernel's driver."""
         import fcntl
 
         with self._lock:
@@ -125,7 +124,7 @@ class EmulatedIio:
             fcntl.fcntl(self._file, fcntl.F_SETPIPE_SZ, _PIPE_BYTES)
 
     def unplug(self) -> None:
-        """Have it vanish, as when its bus loses it."""
+        """Make the device vanish, as if its bus had lost it."""
         with self._lock:
             if self._file >= 0:
                 os.close(self._file)
@@ -136,7 +135,7 @@ class EmulatedIio:
                 shutil.rmtree(self._folder / "dev")
 
     def read(self, attribute: str) -> str:
-        """Return what an attribute says, from the device's directory."""
+        """Return the content of an attribute of the device."""
         return (self.directory / attribute).read_text(encoding="ascii").strip()
 
     def write(self, attribute: str, value: str) -> None:
@@ -146,15 +145,15 @@ class EmulatedIio:
         path.write_text(value + "\n", encoding="ascii")
 
     def stall(self, *, stalled: bool = True) -> None:
-        """Capture nothing, as without its interrupt, or go on."""
+        """Stop capturing, as if the interrupt were missing, or go on."""
         self._silent = stalled
 
     def scramble(self, *, scrambled: bool = True) -> None:
-        """Stamp the scans by times that cannot be, or go on."""
+        """Give the scans impossible time stamps, or correct ones again."""
         self._scrambled = scrambled
 
     def stick(self, *, stuck: bool = True) -> None:
-        """Give one value again and again, or go on."""
+        """Repeat one value, or measure again."""
         self._stuck = self._measure(time.monotonic_ns()) if stuck else None
 
     def lose(self, scans: int = 1) -> None:
@@ -166,7 +165,7 @@ class EmulatedIio:
         self._flips += scans
 
     def split(self, scans: int = 1) -> None:
-        """Hand on the next scans in two parts."""
+        """Deliver each of the next scans in two parts."""
         self._splits += scans
 
     def _turn(self, now_ns: int) -> int:
@@ -179,7 +178,7 @@ class EmulatedIio:
             return max(self._send_due(self._begun_ns, now_ns), now_ns + _LEAST_WAIT_NS)
 
     def _obey(self, now_ns: int) -> None:
-        """Begin or end, where the attribute says so; also where it was written twice."""
+        """Start or stop if the attribute ``enable`` was written, even with the same value."""
         said = os.pread(self._switch, 8, 0).decode("ascii").strip()
         seen = (said, os.fstat(self._switch).st_mtime_ns)
         if seen == self._seen or not seen[0]:  # empty: it is being written
@@ -202,7 +201,7 @@ class EmulatedIio:
         self._begun_ns, self._sent, self._held = now_ns, 0, b""
 
     def _send_due(self, begun_ns: int, now_ns: int) -> int:
-        """Capture what is due; return when the next scan is."""
+        """Capture the scans that are due; return the time (ns) of the next one."""
         period_ns = 1e9 / (self._rate_hz * self._speed)
         due = int((now_ns - begun_ns) / period_ns)
         while self._sent < due:
@@ -247,7 +246,7 @@ class EmulatedIio:
         )
 
     def _scan(self, time_ns: int) -> bytes:
-        """Lay out one scan: each element at a multiple of its own size, likewise the whole."""
+        """Return a scan: elements aligned to their own size, the end to that of the largest."""
         raw = self._stuck or self._measure(time_ns)
         values = dict(zip(("in_accel_x", "in_accel_y", "in_accel_z"), raw, strict=True))
         ahead_ns = time.time_ns() - time.monotonic_ns() if self._realtime else 0

@@ -1,8 +1,8 @@
-"""What the kernel's drivers of three accelerometers offer, for emulated ones.
+"""Attributes and scans of the kernel's drivers for three accelerometers, to emulate them.
 
-After ``drivers/iio/accel/adxl355_core.c`` and ``adxl345_core.c`` of Linux: that of ADXL355 and
-ADXL359 captures by a trigger and stamps, that of the ADXL345 empties the sensor's own FIFO and does
-not.
+The driver of ADXL355 and ADXL359 captures by a trigger, with time stamps. That of the ADXL345
+empties the sensor's own FIFO, without time stamps. Sources: ``adxl355_core.c`` and
+``adxl345_core.c`` in Linux's ``drivers/iio/accel``.
 """
 
 from dataclasses import dataclass, replace
@@ -37,7 +37,7 @@ ADXL355: Final = Chip(
     warmth=True,
 )
 ADXL359: Final = replace(ADXL355, name="adxl359", scale=0.000191229)
-"""Like the ADXL355, but to 10 g in place of 2 g."""
+"""Like the ADXL355, but with a range of 10 g instead of 2 g."""
 ADXL345: Final = Chip(
     "adxl345",
     "le:s13/16>>0",
@@ -51,7 +51,7 @@ _STAMP_KIND: Final = "le:s64/64>>0"
 
 
 def attributes(chip: Chip, buffer: str, scan: str) -> dict[str, str]:
-    """Return the files of its directory and what they hold, as the kernel's driver starts.
+    """Return the files of the chip's directory and their initial content, by path.
 
     `buffer` and `scan` are the directories of the buffer's settings and of the elements.
     """
@@ -84,7 +84,7 @@ def attributes(chip: Chip, buffer: str, scan: str) -> dict[str, str]:
 
 
 def pack(kind: str, value: int) -> bytes:
-    """Return a value as its type says, cut off at the ends of its bits."""
+    """Return a value's bytes as its type says, clipped to the range of its bits."""
     order, size, least, span, shift = _parse(kind)
     word = (min(max(value, least), least + span - 1) % span) << shift
     return word.to_bytes(size, order)
@@ -92,7 +92,7 @@ def pack(kind: str, value: int) -> bytes:
 
 @lru_cache(maxsize=16)
 def _parse(kind: str) -> tuple[Literal["big", "little"], int, int, int, int]:
-    """Return order and bytes of a type, its least value, how many it has, and its shift."""
+    """Return a type's byte order, size in bytes, least value, number of values, and shift."""
     order, _, rest = kind.partition(":")
     bits, _, storage = rest[1:].partition("/")
     storage, _, shift = storage.partition(">>")

@@ -1,8 +1,8 @@
-"""How a scan lies in the buffer of industrial I/O: types of its elements, and their alignment.
+"""Memory layout of a scan in an IIO buffer: types of its elements, and their alignment.
 
-After the kernel's ``Documentation/iio/iio_devbuf.rst``: the elements lie in the order of their
-index, each aligned to its own size, and the whole to that of its largest, so that the next scan is
-aligned as well (``iio_compute_scan_bytes``).
+The elements lie in the order of their index, each aligned to its own size. The end of a scan is
+aligned to its largest element, so that the next scan is aligned as well. Source: the kernel's
+``Documentation/iio/iio_devbuf.rst``, and ``iio_compute_scan_bytes``.
 """
 
 import re
@@ -24,7 +24,7 @@ class Element:
     """One value of a scan."""
 
     name: str
-    """As ``in_accel_x``."""
+    """Such as ``in_accel_x``."""
     index: int
     bits: int
     storage_bits: int
@@ -34,7 +34,7 @@ class Element:
 
     @property
     def size(self) -> int:
-        """Bytes that it takes."""
+        """Size in bytes."""
         return self.storage_bits // 8
 
     @property
@@ -45,21 +45,21 @@ class Element:
 
 
 def parse_element(name: str, index: str, kind: str) -> Element:
-    """Return an element by the contents of its files ``_index`` and ``_type``.
+    """Return the element that the contents of its files ``_index`` and ``_type`` describe.
 
     Parameters
     ----------
     name
-        As ``in_accel_x``.
+        Such as ``in_accel_x``.
     index
-        As ``0``.
+        Such as ``0``.
     kind
-        As ``le:s12/16>>4``.
+        Such as ``le:s12/16>>4``.
 
     Raises
     ------
     MmtError
-        The type is none, or one that no accelerometer has.
+        Type or index are invalid, or no accelerometer has this type.
     """
     parts = _TYPE.fullmatch(kind.strip())
     if parts is None or not index.strip().isdigit():
@@ -79,14 +79,14 @@ def parse_element(name: str, index: str, kind: str) -> Element:
 
 
 class Layout:
-    """Where the elements of a scan lie.
+    """Offsets of the elements in a scan.
 
     Parameters
     ----------
     elements
-        All that are enabled.
+        All enabled elements.
     wanted
-        Names of those that `decode` gives, in its order.
+        Names of the elements that `decode` gives, in this order.
     """
 
     def __init__(self, elements: Sequence[Element], wanted: Sequence[str]) -> None:
@@ -124,7 +124,7 @@ class _Column:
         self._sign = 1 << (element.bits - 1) if element.signed else 0
 
     def values(self, content: bytes) -> list[int]:
-        """Return the values, their padding removed."""
+        """Return the values without their padding bits."""
         shift, mask, sign = self._shift, self._mask, self._sign
         return [
             ((word >> shift & mask) ^ sign) - sign for (word,) in self._scan.iter_unpack(content)

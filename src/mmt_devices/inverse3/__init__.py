@@ -1,1 +1,1 @@
-"""The Haply Inverse3, by its service: a robot that follows, a handle that leads."""
+"""The Haply Inverse3 through its service: the follower's robot, or the leader's handle."""

@@ -1,4 +1,4 @@
-"""What an arm and a handle share: one Inverse3 from `connect` to `close`, in a scene's axes."""
+"""Base of the drivers of robot and handle: one Inverse3, in a scene's axes."""
 
 import atexit
 import logging
@@ -26,19 +26,19 @@ _CALIBRATE: Final = (
 
 
 class InverseDriver(ABC):
-    """A `Device`; a driver adds its link, and what is read and written.
+    """`Device` of an Inverse3; subclasses make the link and add `read` and `write`.
 
     Parameters
     ----------
     options
-        Checked already.
+        Validated options.
     """
 
     def __init__(self, options: InverseOptions) -> None:
         self._options = options
         self._axes = Axes(options.axes, options.origin_mm)
         self._link: ServiceLink | None = None
-        self._counts: Counter[str] = Counter()  # of all its connections
+        self._counts: Counter[str] = Counter()  # over all connections
         self._calibrated = False
         self.name = f"Inverse3 {options.device or ''}".rstrip() + f" at {options.address}"
 
@@ -52,7 +52,7 @@ class InverseDriver(ABC):
         Raises
         ------
         MmtError
-            The service or the device is not there, or which of several is meant is not said.
+            The service or the device is missing, or there are several and none is named.
         """
         self.close()
         self._link = link = self._make_link()
@@ -60,7 +60,7 @@ class InverseDriver(ABC):
             link.start()
             self.name = link.name
             self._measured(link.read())
-            if self._calibrated:  # it comes back, perhaps from a loss of power
+            if self._calibrated:  # connected again, perhaps after a loss of power
                 self.calibrate()
         except BaseException:
             self.close()
@@ -73,7 +73,7 @@ class InverseDriver(ABC):
         Raises
         ------
         MmtError
-            The person must do something first; the message says what.
+            The device is still not calibrated; the message says what to do.
         """
         link = self._connected()
         began, told = time.monotonic(), False
@@ -96,13 +96,13 @@ class InverseDriver(ABC):
 
     @property
     def faults(self) -> Mapping[str, int]:
-        """Counts by what went wrong and was survived."""
+        """Counts of survived faults, by kind."""
         if self._link is not None:
             self._link.poll()
         return dict(self._counts)
 
     def remarks(self) -> Sequence[str]:
-        """Return a sentence for each thing that is doubtful about the device."""
+        """Return a sentence for each doubt about the device's state."""
         state = None if self._link is None else self._link.state
         if state is None:
             return []
@@ -122,7 +122,7 @@ class InverseDriver(ABC):
         return self._link
 
     def _measured(self, state: ServiceAnswer) -> Inverse3State:
-        """Return the newest state that makes sense."""
+        """Return the newest plausible state."""
         if state.measured is None:
             raise DeviceLost(
                 f"{self.name} gives no position that makes sense: check its cable and calibration, "
@@ -131,12 +131,12 @@ class InverseDriver(ABC):
         return state.measured
 
     def _command(self, numbers: Vector) -> None:
-        """Command a force (N) or a place (mm) of the device's axes to one that works.
+        """Command a force (N) or a position (mm), if finite, in the device's axes.
 
         Raises
         ------
         DeviceLost
-            It does not answer any more.
+            The device does not answer any more.
         """
         link = self._connected()
         link.read()

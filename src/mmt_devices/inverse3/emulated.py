@@ -1,7 +1,7 @@
-"""A Haply Inverse Service that is not there, with the devices that it has.
+"""Emulated Haply Inverse Service with its devices.
 
-It serves the messages that `mmt_devices.inverse3.messages` describes, from Haply's published pages.
-Commands of another version's names are not obeyed.
+It serves the messages described in `mmt_devices.inverse3.messages`, after Haply's published pages.
+Commands with the names of another version are ignored.
 """
 
 import asyncio
@@ -24,7 +24,7 @@ Fault = Literal[
     "mute", "silent", "nonsense", "numberless", "nan", "far", "absent", "uncalibrated", "unpowered"
 ]
 """``mute``: no first message; ``silent``: no answers; ``numberless``: answers without positions;
-the others say themselves."""
+``nonsense``: text that is no JSON; ``far``: out of reach; other names say what goes wrong."""
 
 _NAMES: Final = {"3.0": ("values", "values"), "3.4": ("values", "values"),
                  "3.5": ("vector", "position")}  # fmt: skip
@@ -38,11 +38,11 @@ class EmulatedInverse3:
     Parameters
     ----------
     tips
-        The devices by their identifiers; None for one with a free tip, ``049D``.
+        Tips of the devices by identifier; None for one device ``049D`` with a free tip.
     version
-        Whose messages it has.
+        Version of the message format.
     port
-        Where it listens; 0 for a free one.
+        TCP port; 0 for a free one.
     """
 
     def __init__(
@@ -56,9 +56,9 @@ class EmulatedInverse3:
         self.version = version
         self.port = port
         self.heard = 0
-        """Messages that came."""
+        """Number of messages received."""
         self.profile: str | None = None
-        """The name that a session gave itself."""
+        """Name that the client gave its session, or None."""
         self._faults: set[Fault] = set()
         self._lock = threading.Lock()
         self._open: set[web.WebSocketResponse] = set()
@@ -69,16 +69,16 @@ class EmulatedInverse3:
 
     @property
     def tip(self) -> EmulatedTip:
-        """The first device's tip; `look` moves it up to now."""
+        """Tip of the first device; `look` advances it to the present."""
         return next(iter(self.tips.values()))
 
     @property
     def options(self) -> dict[str, Any]:
-        """Options by which the driver finds it."""
+        """Options by which the driver finds the service."""
         return {"address": f"ws://127.0.0.1:{self.port}"}
 
     def start(self) -> None:
-        """Begin to listen."""
+        """Start listening."""
         self._ready.clear()
         self._thread = threading.Thread(
             target=lambda: asyncio.run(self._serve()), name="emulated Inverse3", daemon=True
@@ -87,7 +87,7 @@ class EmulatedInverse3:
         self._ready.wait()
 
     def stop(self) -> None:
-        """End, and give the port back; calling it twice is harmless."""
+        """Stop, and free the port; calling it twice is harmless."""
         if self._thread is not None and self._loop is not None and self._ended is not None:
             self._loop.call_soon_threadsafe(self._ended.set)
             self._thread.join()
@@ -102,7 +102,7 @@ class EmulatedInverse3:
     # --- faults
 
     def fail(self, fault: Fault, *, on: bool = True) -> None:
-        """Let a fault begin or end."""
+        """Start a fault, or end it."""
         (self._faults.add if on else self._faults.discard)(fault)
 
     def unplug(self) -> None:
@@ -110,11 +110,11 @@ class EmulatedInverse3:
         self.fail("absent")
 
     def plug(self) -> None:
-        """Let them be there again."""
+        """Give the devices back to the service."""
         self.fail("absent", on=False)
 
     def stall(self, *, silent: bool = True) -> None:
-        """Answer nothing, or again."""
+        """Stop answering, or answer again."""
         self.fail("silent", on=silent)
 
     def drop(self) -> None:
@@ -152,7 +152,7 @@ class EmulatedInverse3:
                     self._obey(json.loads(message.data))
                     await self._say(socket)
         except ConnectionError:
-            pass  # it has left
+            pass  # the client has left
         finally:
             self._open.discard(socket)
         return socket

@@ -1,7 +1,7 @@
 """An emulated Inverse Service with one device, in a process of its own.
 
-Its tip is held by a hand that strokes a surface at a scene's zero, or is free. See
-`mmt.testing.emulated.lab_process`.
+For a handle, a simulated hand holds the tip and strokes a surface at the scene's zero. For a robot,
+the tip is free. See `mmt.testing.emulated.lab_process`.
 """
 
 import gc
@@ -18,25 +18,25 @@ from mmt_devices.inverse3.emulated_tip import EmulatedTip
 
 
 class StrokingHand:
-    """A simulated hand that holds the tip; it feels what the device displays.
+    """Simulated hand that holds the tip and feels the displayed force.
 
     Parameters
     ----------
     seed
-        Seed of what it does.
+        Seed of the hand's motion.
     """
 
     def __init__(self, seed: int) -> None:
         self._hand = SimulatedHand(Hand(), seed)
 
     def __call__(self, felt_n: Vector) -> Vector:
-        """Return where it holds the tip after the next millisecond."""
+        """Return where the hand holds the tip one millisecond later."""
         self._hand.write(felt_n)
         return _on_device(self._hand.read(1).position_mm)
 
 
 def _on_device(position_mm: Vector) -> Vector:
-    """Return a place (mm) of a scene in the device's axes, as the driver's defaults have it."""
+    """Convert a scene's position (mm) to the device's axes, by the driver's default options."""
     (x, y, z), (u, v, w) = position_mm, REST_MM
     return (x + u, y + v, z + w)
 
@@ -44,7 +44,7 @@ def _on_device(position_mm: Vector) -> Vector:
 def main(role: str, seed: int) -> None:
     """Run the service until standard input ends."""
     sys.setswitchinterval(SWITCH_INTERVAL_S)
-    gc.freeze()  # a real device does not stand still for a collector
+    gc.freeze()  # a real device does not pause for garbage collection
     held = StrokingHand(seed) if role == "handle" else None
     service = EmulatedInverse3({"049D": EmulatedTip(_on_device(START_MM), held)})
     service.start()

@@ -1,4 +1,4 @@
-"""The tip of an Inverse3 that is not there: a mass that forces, a hand and the service move."""
+"""Tip of an emulated Inverse3: a mass moved by forces, a hand and the service."""
 
 import math
 from collections.abc import Callable
@@ -8,35 +8,35 @@ from mmt.core.arrays import difference
 from mmt.devices.protocols import Vector
 
 HeldAt = Callable[[Vector], Vector]
-"""Where a hand holds the tip (mm) after the next millisecond, from the force (N) that it feels."""
+"""Returns where a hand holds the tip (mm) one millisecond later, given the force (N) it feels."""
 
 MASS_KG: Final = 0.1
 _DAMPING_N_S_M: Final = 0.5
 _SERVICE_N_MM: Final = 2.0
-"""Stiffness with which the service holds a place."""
+"""Stiffness with which the service holds a position."""
 _STEPS: Final = 2
-"""In a millisecond."""
+"""Integration steps in a millisecond."""
 _TICK_NS: Final = 1_000_000
 _STEP_S: Final = 1e-3 / _STEPS
 _COMMAND_NS: Final = 100_000_000
 _LONGEST_NS: Final = 200_000_000
-"""After a longer hold-up the tip's time skips."""
+"""Longest time simulated at once; of a longer pause, the beginning is skipped."""
 _ZERO: Final[Vector] = (0.0, 0.0, 0.0)
 
 
 class EmulatedTip:
-    """A mass of 100 g with 0.5 N s/m of damping (our choice, of the order of a small arm), in mm.
+    """Mass of 100 g with a damping of 0.5 N s/m (our choice, typical of a small arm).
 
-    It moves when it is asked to, up to that moment. A command holds for 100 ms at most.
+    Commands and `advance` simulate the tip up to their time. A command holds for 100 ms at most.
 
     Parameters
     ----------
     position_mm
-        Where it rests at first, in the device's axes.
+        Initial position at rest, in the device's axes.
     held_at
-        A hand that holds it; None lets it move freely.
+        Hand that holds the tip; None for a free tip.
     hand_n_mm
-        Stiffness of that hand, which damps critically.
+        Stiffness of the hand, which is critically damped.
     """
 
     def __init__(
@@ -44,9 +44,9 @@ class EmulatedTip:
     ) -> None:
         self.position_mm, self.velocity_mm_s = position_mm, _ZERO
         self.motor_n: Vector = _ZERO
-        """Force of the motors, as commanded or as the service's spring makes it."""
+        """Force of the motors: as commanded, or that of the service's spring."""
         self.braked = False
-        """Whether it is held fast."""
+        """Whether the tip is held fast."""
         self.mode = "idle"
         self._held_at, self._hand_n_mm = held_at, hand_n_mm
         self._hand_mm: Vector | None = None
@@ -55,29 +55,29 @@ class EmulatedTip:
         self._moved_ns: int | None = None
 
     def hold(self, position_mm: Vector, stiffness_n_mm: float) -> None:
-        """Hold it by a spring to a place."""
+        """Hold the tip at a position by a spring."""
         self._held_at, self._hand_n_mm = (lambda _: position_mm), stiffness_n_mm
 
     def release(self) -> None:
-        """Let it go."""
+        """Take the hand off the tip."""
         self._held_at = self._hand_mm = None
 
     def place(self, position_mm: Vector) -> None:
-        """Put it somewhere, at rest."""
+        """Put the tip at a position, at rest."""
         self.position_mm, self.velocity_mm_s = position_mm, _ZERO
 
     def command_force(self, force_n: Vector, now_ns: int) -> None:
-        """Have the motors display a force."""
+        """Make the motors display a force."""
         self.advance(now_ns)
         self.mode, self.motor_n, self._command_ns = "force", force_n, now_ns
 
     def command_position(self, position_mm: Vector, now_ns: int) -> None:
-        """Have the service hold it at a place."""
+        """Make the service hold the tip at a position."""
         self.advance(now_ns)
         self.mode, self._target_mm, self._command_ns = "position", position_mm, now_ns
 
     def advance(self, now_ns: int) -> None:
-        """Move it up to a monotonic time."""
+        """Simulate the tip up to a monotonic time."""
         if self._moved_ns is None:
             self._moved_ns = now_ns
         self._moved_ns = max(self._moved_ns, now_ns - _LONGEST_NS)

@@ -1,4 +1,4 @@
-"""What the driver and the process that talks with the service tell each other."""
+"""Messages between the driver and the process that talks to the service."""
 
 import struct
 from typing import Final, NamedTuple
@@ -6,17 +6,17 @@ from typing import Final, NamedTuple
 from mmt.devices.protocols import Vector
 
 COMMAND: Final = struct.Struct("<cq3d")
-"""Kind, when it was given (ns, the host's monotonic clock), and three numbers."""
+"""Kind, time of the command (ns, host's monotonic clock), and three numbers."""
 MOVE: Final = b"M"
-"""A force (N) of a handle or a place (mm) of a robot, in the device's axes."""
+"""Force (N) for a handle, or position (mm) for a robot, in the device's axes."""
 CALIBRATED: Final = b"C"
-"""From now on a position without calibration makes no sense."""
+"""From now on, positions are implausible if the device is not calibrated."""
 
 FOUND: Final = b"F"
-"""The device was chosen; what it says that it is and its identifier, as a text of two lines."""
+"""The device was chosen; a text with two lines, its type and its identifier."""
 STATE: Final = b"S"
 LOST: Final = b"L"
-"""The device gives nothing that can be used any more; why, as a text."""
+"""The device gives nothing usable any more; a text says why."""
 
 ABSENT: Final = "answers without the device"
 """One reason for `LOST`."""
@@ -26,31 +26,31 @@ _NOT_TOLD: Final = -1
 
 
 class Inverse3State(NamedTuple):
-    """One state of the device that makes sense, in its own axes."""
+    """One plausible state of the device, in the device's axes."""
 
     position_mm: Vector
     velocity_mm_s: Vector
     time_ns: int
-    """When it came, by the host's monotonic clock."""
+    """Time of arrival, by the host's monotonic clock."""
 
 
 class ServiceAnswer(NamedTuple):
-    """The device after an answer of the service."""
+    """State of the device after an answer of the service."""
 
     measured: Inverse3State | None
-    """The newest that makes sense."""
+    """Newest plausible state, or None before the first."""
     calibrated: bool | None
     powered: bool | None
-    """As the service says; None where it does not tell."""
+    """This and `calibrated` as the service reports them, or None if it does not."""
     used_elsewhere: bool
-    """Whether another program had the device when this one came."""
+    """Whether another program had the device when this one connected."""
 
 
 _NOWHERE: Final = Inverse3State((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), -1)
 
 
 def pack_state(state: ServiceAnswer) -> bytes:
-    """Return the body of a state's message."""
+    """Return the body of a `STATE` message."""
     position_mm, velocity_mm_s, time_ns = state.measured or _NOWHERE
     return _STATE.pack(
         time_ns,
@@ -63,7 +63,7 @@ def pack_state(state: ServiceAnswer) -> bytes:
 
 
 def unpack_state(body: bytes) -> ServiceAnswer:
-    """Return the state of a message's body."""
+    """Return the state in the body of a `STATE` message."""
     time_ns, x, y, z, u, v, w, calibrated, powered, used = _STATE.unpack(body)
     measured = None if time_ns < 0 else Inverse3State((x, y, z), (u, v, w), time_ns)
     return ServiceAnswer(measured, _flag(calibrated), _flag(powered), bool(used))

@@ -12,8 +12,8 @@ from mmt_devices.inverse3.options import HandleOptions
 class Inverse3Handle(InverseDriver):
     """Implements `LeaderInterface`; the options are those of `HandleOptions`.
 
-    It measures no force: with ``hand_force = "contact"`` of ``[handle]`` the leader concludes it
-    from the motion.
+    An Inverse3 measures no force. With ``hand_force = "contact"`` in ``[handle]``, the leader
+    infers the force from the motion.
 
     Parameters
     ----------
@@ -39,13 +39,13 @@ class Inverse3Handle(InverseDriver):
         }
         return ServiceLink("handle", options, servo, self._counts)
 
-    def read(self, elapsed_ticks: int) -> InterfaceState:  # noqa: ARG002 - it has its own clock
+    def read(self, elapsed_ticks: int) -> InterfaceState:  # noqa: ARG002 - the device has a clock
         """Return the handle's newest state.
 
         Raises
         ------
         DeviceLost
-            It does not answer any more.
+            The handle does not answer any more.
         """
         measured = self._measured(self._connected().read())
         position = self._axes.place_in_scene(measured.position_mm)
@@ -53,9 +53,9 @@ class Inverse3Handle(InverseDriver):
         return InterfaceState(position, velocity, 0.0, contact=False)
 
     def write(self, force_n: Vector) -> None:
-        """Display a force (N); one that is not finite is counted and left out.
+        """Display a force (N), cut to the limit.
 
-        What is displayed is cut to the limit.
+        A force that is not finite is counted and ignored.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""The driver's end of the process that talks with the service."""
+"""The driver's side of the process that talks to the service."""
 
 import time
 from collections import Counter, deque
@@ -14,28 +14,28 @@ from mmt_devices.inverse3.options import InverseOptions
 
 _READY_S: Final = 15.0
 _FIRST_S: Final = 3.0
-"""How long the service may take to say which devices there are."""
+"""Longest time until the service lists its devices."""
 _SLACK_MS: Final = 300.0
-"""Longer than the process itself waits for the service."""
+"""Added to `timeout_ms`, so that the process reports a silent service first."""
 _KEPT: Final = 128
-"""An eighth of a second."""
+"""Number of states kept, 1/8 s."""
 _SHORT_S: Final = 2e-5
 _SHORT_AT_START_S: Final = 1e-3
 
 
 class ServiceLink:
-    """A process that talks with the service; nothing here waits but `start` and `end`.
+    """Process that talks to the service; only `start`, `await_answer` and `end` block.
 
     Parameters
     ----------
     role
-        What the device is used as.
+        Role of the device.
     options
-        Of the driver, checked already.
+        Validated options of the driver.
     servo
-        What its servo takes beside the device.
+        Arguments of the servo, apart from the device.
     counts
-        What it survives is added here.
+        Faults that the process survives are counted here.
     """
 
     def __init__(
@@ -62,13 +62,13 @@ class ServiceLink:
             counts,
         )
         self.name = f"Inverse3 at {options.address}"
-        """What the device says that it is, and where."""
+        """Type and identifier of the device, and the service's address."""
         self.answers = 0
-        """Answers of the service that were read."""
+        """Number of the service's answers that were read."""
         self.state: ServiceAnswer | None = None
-        """The newest one."""
+        """Newest answer, or None before the first."""
         self.kept: deque[Inverse3State] = deque(maxlen=_KEPT)
-        """The newest that make sense."""
+        """Newest plausible states, the oldest first."""
         self._problem = ""
 
     def start(self) -> None:
@@ -77,7 +77,7 @@ class ServiceLink:
         Raises
         ------
         MmtError
-            There is no service, or none that can be used; the message says what to do.
+            There is no usable service or device; the message says what to do.
         """
         self._process.start()
         deadline = time.monotonic() + _READY_S
@@ -95,7 +95,7 @@ class ServiceLink:
         Raises
         ------
         DeviceLost
-            The device, the service or the process has gone or is stuck.
+            The device, the service or the process is gone or stuck.
         """
         self.poll()
         if self._process.ended is not None:
@@ -115,15 +115,15 @@ class ServiceLink:
         return self.state
 
     def move(self, numbers: Vector) -> None:
-        """Command a force (N) or a place (mm), in the device's axes."""
+        """Command a force (N) or a position (mm), in the device's axes."""
         self._process.send(to.COMMAND.pack(to.MOVE, time.monotonic_ns(), *numbers))
 
     def need_calibration(self) -> None:
-        """Have a position without calibration make no sense from now on."""
+        """From now on, let positions count as implausible if the device is not calibrated."""
         self._process.send(to.COMMAND.pack(to.CALIBRATED, time.monotonic_ns(), 0.0, 0.0, 0.0))
 
     def await_answer(self, longest_s: float) -> None:
-        """Return soon after the service's next answer."""
+        """Return soon after the service's next answer, or after `longest_s`."""
         self.poll()
         answers, deadline = self.answers, time.monotonic() + longest_s
         while self.answers == answers and time.monotonic() < deadline:
@@ -133,12 +133,12 @@ class ServiceLink:
     def end(self) -> None:
         """Take the force away and end the process; calling it twice is harmless.
 
-        Where it must be killed, the service gets no messages and lets the device idle.
+        If the process has to be killed, the service gets no more messages and idles the device.
         """
         self._process.end(f"{self.name} is not connected: connect it first")
 
     def poll(self) -> None:
-        """Take what has come."""
+        """Take the messages that have arrived from the process."""
         for kind, body in self._process.take():
             if kind == to.STATE:
                 self.state = state = to.unpack_state(body)

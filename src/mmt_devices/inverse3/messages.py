@@ -1,13 +1,12 @@
-"""The messages of the Haply Inverse Service: JSON texts over a WebSocket.
+"""Messages of the Haply Inverse Service: JSON texts over a WebSocket.
 
-As Haply publishes it for the simulation channel of the service's versions 3.1 to 3.5
-(docs.haply.co, Inverse SDK: "WebSocket Protocol", "Simulation Channel", "Control Commands",
-"Basis Permutation"): on connection the service sends all devices, with their configuration; then
-it answers each message with one that has the state of all devices. Metres, m/s and newtons.
-Commands hold for one message; a device that gets none is idle.
+On connection the service sends all devices with their configuration. Then it answers each message
+with the state of all devices, in metres, m/s and newtons. A command holds for one message; a device
+without a command is idle. The versions name a command's numbers differently: ``vector`` for a force
+and ``position`` for a position in 3.5, ``values`` for both in the published programs for 3.1.
 
-The versions differ in the names of a command's numbers: ``vector`` of a force and ``position`` of
-a place in 3.5, ``values`` of both in the published programs for 3.1.
+Source: docs.haply.co, Inverse SDK: "WebSocket Protocol", "Simulation Channel", "Control Commands",
+"Basis Permutation", for the simulation channel of the service's versions 3.1 to 3.5.
 """
 
 import json
@@ -17,13 +16,13 @@ from typing import Any, Final, NamedTuple
 from mmt.devices.protocols import Vector
 
 PROFILE: Final = "mmt"
-"""How a session is named in the Haply Hub."""
+"""Name of our sessions in the Haply Hub."""
 
 _MM_PER_M: Final = 1000.0
 
 
 class CommandNames(NamedTuple):
-    """What the numbers of a command are called."""
+    """Keys of the numbers in a command of force and in one of position."""
 
     force: str
     position: str
@@ -33,23 +32,23 @@ NAMES: Final = {"3.1": CommandNames("values", "values"), "3.5": CommandNames("ve
 
 
 class OtherFormatError(Exception):
-    """A message of the format 3.0, which an older port of the service has."""
+    """The message has the format 3.0, which the service uses on an older port."""
 
 
 def parse(text: str) -> dict[str, Any]:
-    """Return the object that a text holds.
+    """Return the JSON object that a text holds.
 
     Raises
     ------
     ValueError
-        It holds none.
+        The text holds no JSON object.
     """
     try:
         message = json.loads(text)
     except RecursionError as error:
         raise ValueError("it is nested too deeply") from error
     if not isinstance(message, dict):
-        raise ValueError("it is no object")  # noqa: TRY004 - of a text, not of a caller
+        raise ValueError("it is no object")  # noqa: TRY004 - bad text, no bad type
     return message
 
 
@@ -74,52 +73,52 @@ def listed(message: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
 
 
 def version_of(message: Mapping[str, Any], entry: Mapping[str, Any]) -> str:
-    """Return whose names of commands the sender of the first message has, a key of `NAMES`.
+    """Return the key of `NAMES` for the service that has sent this first message.
 
-    Version 3.5 numbers its sessions and tells a device's ``control_mode``, where those before it
-    tell a ``mode``.
+    Version 3.5 sends a ``session_id``, and a device's ``control_mode``; earlier versions have
+    ``mode`` instead.
     """
     return "3.5" if "session_id" in message or "control_mode" in _part(entry, "state") else "3.1"
 
 
 def read_place(entry: Mapping[str, Any]) -> tuple[Vector, Vector]:
-    """Return a device's position (mm) and velocity (mm/s), which may be no finite numbers.
+    """Return a device's position (mm) and velocity (mm/s), not always finite.
 
     Raises
     ------
     ValueError
-        The entry lacks one of them.
+        One of the numbers is missing, no number, or too large.
     """
     state = _part(entry, "state")
     return _vector(state.get("cursor_position")), _vector(state.get("cursor_velocity"))
 
 
 def read_flag(entry: Mapping[str, Any], name: str) -> bool | None:
-    """Return a flag of a device's status, None where it is not told."""
+    """Return a flag of a device's status, or None if the entry lacks it."""
     value = _part(entry, "status").get(name)
     return value if isinstance(value, bool) else None
 
 
 def kind_of(entry: Mapping[str, Any]) -> str:
-    """Return what a device says that it is, such as ``inverse3`` or ``minverse``."""
+    """Return the type that a device reports, such as ``minverse``; if none, ``inverse3``."""
     kind = _part(entry, "config").get("type")
     return kind if isinstance(kind, str) and kind.isprintable() else "inverse3"
 
 
 def force_command(device: str, names: CommandNames, force_n: Vector) -> str:
-    """Return the message that displays a force."""
+    """Return the message that displays a force (N)."""
     return _command(device, "set_cursor_force", names.force, force_n)
 
 
 def position_command(device: str, names: CommandNames, position_mm: Vector) -> str:
-    """Return the message that has the service hold the tip at a place."""
+    """Return the message that makes the service hold the tip at a position (mm)."""
     x, y, z = position_mm
     place_m = (x / _MM_PER_M, y / _MM_PER_M, z / _MM_PER_M)
     return _command(device, "set_cursor_position", names.position, place_m)
 
 
 def greeting(device: str, names: CommandNames) -> str:
-    """Return the first message: no force, and in 3.5 who is there."""
+    """Return the first message: zero force, and in 3.5 our session's name."""
     message: dict[str, Any] = parse(force_command(device, names, (0.0, 0.0, 0.0)))
     if names is NAMES["3.5"]:
         message["session"] = {"configure": {"profile": {"name": PROFILE}}}
@@ -139,7 +138,7 @@ def _part(entry: Mapping[str, Any], name: str) -> Mapping[str, Any]:
 
 def _vector(numbers: object) -> Vector:
     if not isinstance(numbers, dict):
-        raise ValueError("three numbers are missing")  # noqa: TRY004 - of a text, not of a caller
+        raise ValueError("three numbers are missing")  # noqa: TRY004 - bad text, no bad type
     x, y, z = (numbers.get(axis) for axis in "xyz")
     if type(x) not in _NUMBERS or type(y) not in _NUMBERS or type(z) not in _NUMBERS:
         raise ValueError("one of three numbers is none")

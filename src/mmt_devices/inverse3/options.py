@@ -8,11 +8,11 @@ from mmt.devices.axes import Axes, Millimetres
 
 
 class InverseOptions(BaseModel):
-    """What robot and handle share.
+    """Options that robot and handle share.
 
-    The service measures in metres with +x to the right, +y forward, away from the user, and +z up,
-    which are a scene's axes; its origin is the base of the device. The default zero of the scene
-    is about the middle of an Inverse3's space.
+    The service measures in metres, in a scene's axes: +x to the right, +y forward (away from the
+    user), and +z up. Its origin is the base of the device. By default the scene's zero is about
+    the middle of an Inverse3's workspace.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -33,7 +33,7 @@ class InverseOptions(BaseModel):
 
 
 class Inverse3RobotOptions(InverseOptions):
-    """Options of the robot: how the point moves that the service holds the tip at."""
+    """Options of the robot: limits of the point at which the service holds the tip."""
 
     speed_limit_mm_s: float = Field(500.0, gt=0, le=2000)
     lead_limit_mm: float = Field(10.0, ge=1, le=100)

@@ -1,7 +1,7 @@
-"""The process that talks with the service, for the driver that started it.
+"""The process that talks to the Haply Inverse Service, on behalf of a driver.
 
-It is a process of its own because a message and its answer hold the interpreter for a fifth of
-each millisecond, in which a service's ticks would wait.
+It is a separate process because each message with its answer holds the interpreter for a fifth of a
+millisecond. In the driver's process, the ticks would have to wait for that.
 """
 
 import asyncio
@@ -46,9 +46,9 @@ class Conversation:
     Parameters
     ----------
     arguments
-        What the driver's `ServiceLink` gives.
+        Arguments from the driver's `ServiceLink`.
     pipes
-        To the driver; the conversation ends with it.
+        Pipes to the driver; the conversation ends when the driver has gone.
     """
 
     def __init__(self, arguments: Mapping[str, Any], pipes: DriverPipes) -> None:
@@ -71,15 +71,14 @@ class Conversation:
         Raises
         ------
         MmtError
-            There is no service or device, none that can be used, or it has gone or is stuck; the
-            message says what to do.
+            The service or device is missing, unusable, gone or stuck; the message says what to do.
         """
         talking = asyncio.ensure_future(self._converse())
         self._turns.start()
         turning = asyncio.ensure_future(self._turns.wait())
         await asyncio.wait([talking, turning], return_when=asyncio.FIRST_COMPLETED)
         self._turns.stop()
-        talking.cancel()  # which changes nothing where it has ended by itself
+        talking.cancel()  # no effect if it has ended by itself
         with contextlib.suppress(asyncio.CancelledError):
             await talking
         await turning
@@ -140,7 +139,7 @@ class Conversation:
             ) from error
 
     def _choose(self, message: dict[str, Any]) -> Inverse3Servo:
-        """Return the servo of the device that is meant among those of the first message."""
+        """Return a servo for the wanted device among those of the first message."""
         arguments = self._arguments
         there, wanted = listed(message), arguments["device"]
         names = ", ".join(f"{name!r} ({kind_of(entry)})" for name, entry in there.items())
@@ -163,7 +162,7 @@ class Conversation:
     async def _exchange(
         self, socket: aiohttp.ClientWebSocketResponse, servo: Inverse3Servo
     ) -> None:
-        """Talk until one of the two fails, or this is cancelled."""
+        """Send and receive until one of the two fails, or until cancelled."""
         talking = [
             asyncio.ensure_future(self._speak(socket, servo)),
             asyncio.ensure_future(self._hear(socket, servo)),
@@ -179,9 +178,9 @@ class Conversation:
             await asyncio.gather(*talking, return_exceptions=True)
 
     def _turn(self) -> None:
-        """Take the driver's commands and let the next message go, unless the service is stuck.
+        """Take the driver's commands; allow the next message once the last one is answered.
 
-        Turns are counted, not time: a process that was held up has not waited for an answer.
+        The time-out counts turns, so that a pause of this process is not taken for a stuck service.
         """
         commands = self._pipes.take(COMMAND)
         if commands is None:
@@ -225,7 +224,7 @@ class Conversation:
             self._tell(servo)
 
     def _tell(self, servo: Inverse3Servo) -> None:
-        """Tell the driver what has become of the device."""
+        """Send the driver new counts, the state, and why the device is lost."""
         if servo.counts != self._told:
             for what in (servo.counts - self._told).elements():
                 self._pipes.tell(COUNT, what)
@@ -236,7 +235,7 @@ class Conversation:
             self._is_lost = self._pipes.tell(LOST, problem)
 
     async def _next(self, socket: aiohttp.ClientWebSocketResponse) -> str:
-        """Return the next text, "" for a message that is none."""
+        """Return the next text, or "" for a binary message."""
         message = await socket.receive()
         if message.type is aiohttp.WSMsgType.TEXT:
             return str(message.data)
@@ -252,7 +251,7 @@ class Conversation:
 
 
 async def _in_time(saying: Awaitable[object]) -> None:
-    """Do what the service may not want to hear any more, but not for long."""
+    """Await a last message to the service, briefly, and ignore a closed connection."""
     try:
         async with asyncio.timeout(_FAREWELL_S):
             await saying
@@ -267,7 +266,7 @@ _SERVOS: Final[dict[str, type[Inverse3Servo]]] = {
 
 
 def run(arguments: dict[str, Any], pipes: DriverPipes) -> None:
-    """Talk with the service until the driver has gone."""
+    """Talk to the service until the driver has gone."""
     if arguments["real_time"]:
         with contextlib.suppress(MmtError):
             be_real_time()

@@ -49,7 +49,7 @@ class Inverse3Robot(InverseDriver):
         Raises
         ------
         DeviceLost
-            It does not answer any more.
+            The robot does not answer any more.
         """
         return self._axes.place_in_scene(self._measured(self._connected().read()).position_mm)
 
@@ -62,11 +62,11 @@ class Inverse3Robot(InverseDriver):
         ]
 
     def write(self, position_mm: Vector) -> None:
-        """Command a position (mm); one that is not finite is counted and not obeyed.
+        """Command a position (mm); count and ignore one that is not finite.
 
         Raises
         ------
         DeviceLost
-            It does not answer any more.
+            The robot does not answer any more.
         """
         self._command(self._axes.place_on_device(position_mm))

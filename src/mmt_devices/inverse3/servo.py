@@ -1,4 +1,4 @@
-"""What goes to and from the service a thousand times a second: a command out, a state in."""
+"""Commands to the service and judgement of its answers, a thousand times a second."""
 
 import time
 from abc import ABC, abstractmethod
@@ -32,7 +32,7 @@ UNCALIBRATED: Final = "positions without calibration"
 _LONGEST_FADE_NS: Final = 10_000_000
 _LOST_NS: Final = 100_000_000
 _LEAST_ANSWERS: Final = 20
-"""An answer that makes no sense is survived; so many, for so long, are a device that is lost."""
+"""A device is lost after so many implausible answers in a row, over more than `_LOST_NS`."""
 
 STUCK: Final = (
     "a position that stays the same though it is commanded elsewhere: let go of the tip; see that "
@@ -41,22 +41,22 @@ STUCK: Final = (
 )
 
 _STUCK_NS: Final = 500_000_000
-"""A tip that is pulled as far as it may be moves by the least bit within this, unless it is held
-fast, or the service does not obey."""
+"""A tip that is pulled from the full `lead_limit_mm` moves at least a little within this time,
+unless it is held fast or the service ignores commands."""
 _LONGEST_STEP_S: Final = 0.005
 
 
 class ChosenDevice(NamedTuple):
-    """The device that was chosen of those of the service."""
+    """The one of the service's devices that was chosen."""
 
     device: str
     names: CommandNames
     entry: dict[str, Any]
-    """What the first message says of it."""
+    """Its entry in the service's first message."""
 
 
 class Senseless(NamedTuple):
-    """A row of answers that make no sense."""
+    """A run of implausible answers."""
 
     problem: str
     since_ns: int
@@ -64,7 +64,7 @@ class Senseless(NamedTuple):
 
 
 class Fade:
-    """The share of the force that is displayed: it fades while commands are stale.
+    """Share of the force that is displayed; it fades out while commands are stale.
 
     Parameters
     ----------
@@ -96,14 +96,14 @@ class Fade:
 
 
 class Inverse3Servo(ABC):
-    """One device, in the process that talks with the service.
+    """Control of one device, in the process that talks to the service.
 
     Parameters
     ----------
     found
         The device.
     stale_ms
-        For how long a command holds.
+        Time for which a command holds.
     clock
         Monotonic time (ns).
     """
@@ -116,21 +116,21 @@ class Inverse3Servo(ABC):
         self.clock = clock
         self.stale_ns = round(stale_ms * 1e6)
         self.command: Vector = NO_FORCE
-        """A force (N) or a place (mm), in the device's axes."""
+        """Newest force (N) or position (mm), in the device's axes."""
         self.command_ns: int | None = None
-        """When it was given, None before the first."""
+        """Time of that command, or None before the first."""
         self.measured: Inverse3State | None = None
         self.senseless: Senseless | None = None
         self.fault = ""
-        """What ends this connection, empty while it goes on."""
+        """Why this connection must end; empty while it can go on."""
         self.counts: Counter[str] = Counter()
         self.calibrated: bool | None = None
-        """As the service says; None where it does not tell."""
+        """As the service reports, or None if it does not."""
         self.needs_calibration = False
-        """Whether a position without calibration makes no sense."""
+        """Whether positions are implausible if the device is not calibrated."""
         self.powered = read_flag(found.entry, "power_supply")
         self.used_elsewhere = read_flag(found.entry, "in_use") is True
-        """Whether another program had the device when this one came."""
+        """Whether another program had the device when this one connected."""
         self._watch = Watch()
         self._judge(found.entry, clock())
 
@@ -147,7 +147,7 @@ class Inverse3Servo(ABC):
         """Return the next message to the service."""
 
     def hear(self, text: str) -> None:
-        """Take an answer of the service."""
+        """Judge an answer of the service."""
         try:
             entry = listed(parse(text)).get(self.device)
         except (ValueError, OtherFormatError):
@@ -159,7 +159,7 @@ class Inverse3Servo(ABC):
             self._judge(entry, self.clock())
 
     def problem(self) -> str:
-        """Return what it gives, for which it is lost; empty while it works."""
+        """Return why the device is lost, to follow "it has given"; empty while it works."""
         senseless = self.senseless
         if self.fault or senseless is None or senseless.answers < _LEAST_ANSWERS:
             return self.fault
@@ -173,7 +173,7 @@ class Inverse3Servo(ABC):
         )
 
     def state(self) -> ServiceAnswer:
-        """Return what the driver is told."""
+        """Return the state for the driver."""
         return ServiceAnswer(self.measured, self.calibrated, self.powered, self.used_elsewhere)
 
     def _judge(self, entry: Any, now_ns: int) -> None:
@@ -195,7 +195,7 @@ class Inverse3Servo(ABC):
         self.measured = Inverse3State(position, velocity, now_ns)
 
     def _distrust(self, problem: str, now_ns: int) -> None:
-        """Take the force away: the answer makes no sense."""
+        """Note an implausible answer; `speak` gives no force until a plausible one comes."""
         self.counts[problem] += 1
         before = self.senseless
         since_ns, answers = (now_ns, 0) if before is None else (before.since_ns, before.answers)
@@ -228,7 +228,7 @@ class ForceServo(Inverse3Servo):
         self._guard = ForceGuard(limit_n)
 
     def speak(self, now_ns: int) -> str:
-        """Return the command of the force, faded."""
+        """Return the force command, scaled by the fade."""
         if self.senseless is not None:
             self._fade.cut()
             return self.release()
@@ -239,12 +239,12 @@ class ForceServo(Inverse3Servo):
 
 
 class Inverse3PositionServo(Inverse3Servo):
-    """A point that moves towards the target, at which the service holds the tip.
+    """Moves the point at which the service holds the tip towards the target.
 
-    The point starts where the tip is, moves at a bounded speed, and is never further from the tip
-    than the option `lead_limit_mm`: the service's spring pulls no harder than over that distance,
-    and neither the first command nor one after a pause throws the arm. While commands are stale
-    the arm is limp.
+    The point starts at the tip, moves at a bounded speed, and is never further from the tip than
+    the option `lead_limit_mm`. So the service's spring pulls no harder than over that distance,
+    and neither the first command nor one after a pause throws the arm. While commands are stale,
+    the arm gets no force.
 
     Parameters
     ----------
@@ -269,7 +269,7 @@ class Inverse3PositionServo(Inverse3Servo):
         self._pulled_ns = self._spoke_ns = 0
 
     def speak(self, now_ns: int) -> str:
-        """Return the command of the next place, or of no force."""
+        """Return the command of the next position, or of zero force."""
         passed_s = min(1e-9 * (now_ns - self._spoke_ns), _LONGEST_STEP_S)
         self._spoke_ns = now_ns
         measured, command_ns = self.measured, self.command_ns

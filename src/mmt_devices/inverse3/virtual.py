@@ -1,4 +1,4 @@
-"""The driver of an Inverse3 at an emulated service: a handle that a hand strokes with, an arm."""
+"""``virtual-inverse3``: drivers of a handle and an arm at an emulated service."""
 
 from collections.abc import Sequence
 from typing import Any, Final, TypeVar
@@ -18,14 +18,14 @@ _LABS: Final[dict[Role, LabProcess]] = {
 
 
 class _VirtualInverse3(VirtualDevice[AnyDriver]):
-    """What both roles share.
+    """Base of both roles.
 
     Parameters
     ----------
     role
-        Whose driver it is.
+        Role of the driver.
     options
-        Those of ``inverse3`` but `address`, and of `HandleLabOptions`.
+        Those of ``inverse3`` except `address`, and of `HandleLabOptions`.
     """
 
     def __init__(self, role: Role, options: dict[str, Any]) -> None:
@@ -39,13 +39,13 @@ class _VirtualInverse3(VirtualDevice[AnyDriver]):
 
 
 class VirtualInverse3Handle(_VirtualInverse3[Inverse3Handle]):
-    """A handle that a simulated hand strokes a surface with, at the scene's zero."""
+    """Handle with which a simulated hand strokes a surface at the scene's zero."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__("handle", options)
 
     def read(self, elapsed_ticks: int) -> InterfaceState:
-        """Read the real driver."""
+        """Return the state of the real driver."""
         return self._connected().read(elapsed_ticks)
 
     def write(self, force_n: Vector) -> None:
@@ -68,7 +68,7 @@ class VirtualInverse3Robot(_VirtualInverse3[Inverse3Robot]):
         return self._connected().read()
 
     def positions(self, after_ns: int, until_ns: int) -> Sequence[tuple[int, Vector]]:
-        """Return what the real driver has kept."""
+        """Return the positions that the real driver has kept."""
         return self._connected().positions(after_ns, until_ns)
 
     def write(self, position_mm: Vector) -> None:

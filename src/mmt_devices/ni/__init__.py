@@ -1,1 +1,1 @@
-"""Acquisition boards by NI, by NI-DAQmx."""
+"""Acquisition boards by NI, through NI-DAQmx."""

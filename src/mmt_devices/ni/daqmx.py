@@ -1,4 +1,4 @@
-"""NI-DAQmx as the driver meets it, by NI's package ``nidaqmx``: boards, and errors in words."""
+"""Find boards through NI's package ``nidaqmx``, and turn NI-DAQmx errors into sentences."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,7 +17,7 @@ class Daqmx:
     """NI-DAQmx of this machine."""
 
     def devices(self) -> Any:
-        """Return the devices that it knows."""
+        """Return the devices that NI-DAQmx knows."""
         return System.local().devices
 
     def task(self) -> Any:
@@ -30,12 +30,12 @@ LOCAL: Final = Daqmx()
 
 @contextmanager
 def in_words() -> Iterator[None]:
-    """Raise what NI-DAQmx raises as sentences.
+    """Turn an error of NI-DAQmx into an `MmtError` that says what to do.
 
     Raises
     ------
     MmtError
-        It is not installed, not for this system, or refuses.
+        NI-DAQmx is not installed, not available for this system, or reports an error.
     """
     try:
         yield
@@ -53,7 +53,7 @@ def in_words() -> Iterator[None]:
 
 
 def explain(error: Error) -> str:
-    """Return what an error says, on one line and with its number."""
+    """Return the message of an error on one line, with its NI-DAQmx number if it has one."""
     if not isinstance(error, DaqError):
         return " ".join(str(error).split())
     if error.error_code == DAQmxErrors.PAL_RESOURCE_RESERVED:
@@ -72,26 +72,26 @@ def boards(daqmx: Daqmx) -> list[Any]:
     Raises
     ------
     MmtError
-        NI-DAQmx cannot be asked.
+        NI-DAQmx cannot be used.
     """
     with in_words():
         return [device for device in daqmx.devices() if input_names(device)]
 
 
 def input_names(device: Any) -> list[str]:
-    """Return the names of a board's analogue inputs, as ``ai0``."""
+    """Return the names of a board's analogue inputs, such as ``ai0``."""
     return [name.rpartition("/")[2] for name in device.ai_physical_chans.channel_names]
 
 
 def find_board(daqmx: Daqmx, name: str | None) -> Any:
-    """Return the board of a name, for None the only one.
+    """Return the board with this name, or the only board if `name` is None.
 
     Raises
     ------
     InputError
-        There are several, and none is named.
+        There are several boards, and `name` is None.
     MmtError
-        It is not there.
+        There is no such board.
     """
     found = boards(daqmx)
     there = ", ".join(f"{device.name} ({device.product_type})" for device in found) or "none"

@@ -1,4 +1,4 @@
-"""``ni-daqmx``: a board by NI as the board of sensors that give bare voltages."""
+"""``ni-daqmx``: an NI acquisition board for sensors with voltage outputs."""
 
 from collections.abc import Sequence
 from typing import Any, Final
@@ -19,7 +19,7 @@ FINDERS: Final = {"NI boards": find_ports}
 
 
 def missing() -> str:
-    """Return how to install NI-DAQmx, empty if it is there."""
+    """Return why NI-DAQmx cannot be used, with what to do; empty if it can."""
     try:
         find_ports()
     except MmtError as error:
@@ -28,14 +28,14 @@ def missing() -> str:
 
 
 class NiVoltages(SharedInputs[NiInput]):
-    """A `VoltageBoard` that streams inputs at an even rate; several may read one board.
+    """`VoltageBoard` that samples inputs at a constant rate; several drivers may share a board.
 
     Parameters
     ----------
     options
-        Checked already.
+        Validated options.
     daqmx
-        NI-DAQmx.
+        Access to NI-DAQmx.
     """
 
     what = "board by NI"
@@ -45,7 +45,7 @@ class NiVoltages(SharedInputs[NiInput]):
         super().__init__(inputs, options.rate_hz, options.range_v, options.device, daqmx)
 
     def require_one(self) -> None:
-        """Raise where several boards are there."""
+        """Raise unless exactly one board fits the option `device`."""
         self._device()
 
     def open_stream(self, channels_of: ChannelsOf[NiInput]) -> BoardStream:
@@ -54,7 +54,7 @@ class NiVoltages(SharedInputs[NiInput]):
         return NiStream(self.backend, device, self.rate_hz, channels_of(device.name))
 
     def misfit(self, others: Sequence[SharedInputs[NiInput]]) -> str:
-        """Return why one task cannot have its inputs beside others', empty where it can."""
+        """Return why one task cannot sample these inputs and the others'; empty if it can."""
         numbers = {each.number for each in self.channels}
         taken = {each.number for other in others for each in other.channels}
         if twice := sorted(numbers & taken):
@@ -79,14 +79,14 @@ class NiVoltages(SharedInputs[NiInput]):
 
 
 def ni_daqmx(*, backend: Daqmx = LOCAL, **options: Any) -> NiVoltages:
-    """Make the board; see `NiOptions`.
+    """Return the driver of an NI board; see `NiOptions`.
 
     Parameters
     ----------
     backend
-        NI-DAQmx.
+        Access to NI-DAQmx.
     options
-        As the scene gives them.
+        Options from the scene.
 
     Raises
     ------

@@ -1,5 +1,5 @@
-# ruff: noqa: ARG002, D102 - what is overridden is NI's
-"""A board by NI in software, beneath NI's package: in the place of NI-DAQmx's library."""
+# ruff: noqa: ARG002, D102 - the overridden methods are NI's
+"""Emulated NI board: replaces the NI-DAQmx library below NI's package ``nidaqmx``."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -19,7 +19,7 @@ from mmt_devices.ni.daqmx import Daqmx
 
 INPUTS: Final = 16
 _PARTNER: Final = 8
-"""From an input to the one against which it is measured differentially."""
+"""Input n is measured differentially against input n + 8."""
 _PRODUCT: Final = 0x0631
 _CLOCK_HZ: Final = 20e6
 _BITS: Final = 16
@@ -27,35 +27,35 @@ _WAIT_S: Final = 0.0002
 _MOST_AT_ONCE: Final = 1000
 
 VoltsAt = Callable[[Sequence[int]], FloatArray]
-"""What lies at the inputs at monotonic times (ns): shape (n, `INPUTS`), V against ground."""
+"""Returns the inputs' voltages to ground (V) at n monotonic times (ns), shape (n, `INPUTS`)."""
 
 
 @dataclass
 class _Acquisition:
-    """A task."""
+    """State of one NI-DAQmx task."""
 
     channels: list[tuple[int, bool, float]] = field(default_factory=list)
-    """Number, whether differential, and range."""
+    """Of each channel: input number, whether it is differential, and range (V)."""
     rate_hz: float = 0.0
     buffer: int = 0
     begun_ns: int = 0
-    """0 while it does not run."""
+    """Monotonic time of the start, 0 before it."""
     taken: int = 0
     ready: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
-    """Of the scans after those: shape (channels, n)."""
+    """Voltages of scans that are measured but not yet read, shape (channels, n)."""
 
 
 class EmulatedNi(LibraryInterpreter, Daqmx):
-    """A USB-6251 named ``Dev1``, with faults on demand; give it to the driver as its `backend`.
+    """Emulated USB-6251 ``Dev1``, with faults on demand; pass it to the driver as `backend`.
 
     Parameters
     ----------
     volts_at
-        What it measures.
+        Gives the voltages at the inputs.
     clock_ppm
-        How much too fast it samples.
+        By how much the board samples too fast, in ppm.
     noise_v
-        Standard deviation of what an input adds.
+        Standard deviation of the noise on each input, in V.
     seed
         Seed of the noise.
     """
@@ -67,7 +67,7 @@ class EmulatedNi(LibraryInterpreter, Daqmx):
     ) -> None:
         self.plugged = True
         self.stalled = False
-        """Whether it gives nothing."""
+        """Whether reads get no samples."""
         self._volts_at = volts_at
         self._speed = 1.0 + 1e-6 * clock_ppm
         self._noise_v = noise_v
@@ -75,7 +75,7 @@ class EmulatedNi(LibraryInterpreter, Daqmx):
         self._running: _Acquisition | None = None
 
     def devices(self) -> Any:
-        """Return itself alone, by NI's package."""
+        """Return NI's collection of devices, with this board only."""
         return DeviceCollection(self)
 
     def task(self) -> Any:
@@ -84,15 +84,15 @@ class EmulatedNi(LibraryInterpreter, Daqmx):
 
     @property
     def channels(self) -> int:
-        """How many inputs the running task has, 0 where none runs."""
+        """Number of inputs of the running task, 0 if none runs."""
         return 0 if self._running is None else len(self._running.channels)
 
     def lag(self, scans: int) -> None:
-        """Be that many scans further than what was read of it."""
+        """Add this many scans to those that wait to be read."""
         if self._running is not None:
             self._running.begun_ns -= round(scans * 1e9 / self._running.rate_hz)
 
-    # What NI's package calls, with the codes of NI-DAQmx's attributes
+    # Calls by NI's package; an `attribute` is a code of NI-DAQmx
 
     def get_system_info_attribute_string(self, attribute: int) -> str:
         return self.name if self.plugged else ""
@@ -106,7 +106,7 @@ class EmulatedNi(LibraryInterpreter, Daqmx):
         return 0x1A2B3C  # its serial number
 
     def get_device_attribute_double(self, device_name: str, attribute: int) -> float:
-        return 1e6  # samples a second of all inputs
+        return 1e6  # samples a second, all inputs together
 
     def get_task_attribute_string(self, task: _Acquisition, attribute: int) -> str:
         return f"_unnamedTask<{id(task):x}>"
@@ -138,10 +138,10 @@ class EmulatedNi(LibraryInterpreter, Daqmx):
         return task.rate_hz
 
     def set_read_attribute_int32(self, task: _Acquisition, attribute: int, value: int) -> None:
-        return  # how it waits
+        return  # the wait mode
 
     def set_read_attribute_double(self, task: _Acquisition, attribute: int, value: float) -> None:
-        return  # how long it sleeps
+        return  # the sleep time
 
     def start_task(self, task: _Acquisition) -> None:
         self._check()
@@ -187,14 +187,14 @@ class EmulatedNi(LibraryInterpreter, Daqmx):
         return into, count
 
     def _due(self, task: _Acquisition) -> int:
-        """Return how many scans there have been."""
+        """Return the number of scans acquired since the start."""
         return int((time.monotonic_ns() - task.begun_ns) / self._period_ns(task))
 
     def _period_ns(self, task: _Acquisition) -> float:
         return 1e9 / (task.rate_hz * self._speed)
 
     def _measure(self, task: _Acquisition, scans: range) -> FloatArray:
-        """Return the volts of scans, shape (channels, n), in counts of the converter."""
+        """Return the voltages of scans, shape (channels, n), rounded to the converter's counts."""
         period_ns = self._period_ns(task)
         volts = self._volts_at([task.begun_ns + round(k * period_ns) for k in scans])
         numbers, differential, ranges_v = map(np.array, zip(*task.channels, strict=True))

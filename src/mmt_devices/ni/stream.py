@@ -1,4 +1,4 @@
-"""One continuous hardware-timed task of a board by NI, read by a thread."""
+"""A continuous, hardware-timed task of an NI board, read by a thread."""
 
 import contextlib
 import threading
@@ -34,16 +34,16 @@ _OVERRUNS: Final = {
 _BUFFER_S: Final = 2.0
 _BLOCKS_HZ: Final = 1000.0
 _SLEEP_S: Final = 0.0002
-"""Between two looks of NI-DAQmx for samples; without sleep it takes a core."""
+"""Pause between NI-DAQmx's checks for samples; without a pause it keeps a core busy."""
 _SILENT_S: Final = 0.2
 _MOST_DRIFT: Final = 2e-4
-"""Of the board's clock against the host's."""
+"""Largest relative drift of the board's clock against the host's."""
 _MOST_WAITING: Final = 8192
-"""Blocks; the oldest are dropped, and counted."""
+"""Most blocks that wait to be taken; beyond, the oldest are dropped and counted."""
 
 
 class NiInput(NamedTuple):
-    """One of the inputs."""
+    """One analogue input and its settings."""
 
     number: int
     terminals: str
@@ -51,23 +51,23 @@ class NiInput(NamedTuple):
 
 
 class NiStream:
-    """A `BoardStream`.
+    """`BoardStream` of an NI board.
 
     Parameters
     ----------
     daqmx
-        What makes tasks.
+        Access to NI-DAQmx, which makes the tasks.
     device
         The board.
     rate_hz
         Scans a second.
     inputs
-        In the order of the volts.
+        Inputs, in the order of the voltages in a scan.
 
     Raises
     ------
     MmtError
-        The board refuses; the message says what.
+        NI-DAQmx reports an error, which the message states.
     """
 
     def __init__(
@@ -86,17 +86,17 @@ class NiStream:
             self._task, self._rate_hz = self._start()
         self._heard_ns = time.monotonic_ns()
         self._zero_ns = float(self._heard_ns)
-        """When the first scan was, by the host's clock: by the soonest arrivals."""
+        """Host time of the first scan, estimated from the blocks that arrived soonest."""
         self._thread = threading.Thread(target=self._run, name=f"NI {self.board}", daemon=True)
         self._thread.start()
 
     @property
     def flows(self) -> bool:
-        """Whether scans have been coming until now."""
+        """Whether the board is there and scans have arrived within the last 0.2 s."""
         return not self._lost and time.monotonic_ns() - self._heard_ns < 1e9 * _SILENT_S
 
     def take(self) -> Arrived:
-        """Return what has come; see `BoardStream`."""
+        """Return the scans that have arrived; see `BoardStream`."""
         waiting = self._arrived
         taken = [waiting.popleft() for _ in range(len(waiting))]
         if not taken:
@@ -116,7 +116,7 @@ class NiStream:
         self._clear()
 
     def _start(self) -> tuple[Any, float]:
-        """Return a task that runs, and its rate."""
+        """Start a task; return it and its actual rate."""
         task = self._daqmx.task()
         try:
             for number, terminals, range_v in self._inputs:
@@ -142,7 +142,7 @@ class NiStream:
     def _clear(self) -> None:
         task, self._task = self._task, None
         if task is not None:
-            with contextlib.suppress(Error):  # of a board that is gone
+            with contextlib.suppress(Error):  # the board may be gone
                 task.close()
 
     def _run(self) -> None:
@@ -159,10 +159,10 @@ class NiStream:
             self._lost = explain(error)
 
     def _read(self) -> None:
-        """Read blocks of a millisecond until it ends."""
+        """Read blocks of about 1 ms until the stream is closed."""
         volts = np.empty((len(self._inputs), max(1, round(self._rate_hz / _BLOCKS_HZ))))
         reader = AnalogMultiChannelReader(self._task.in_stream)
-        reader.verify_array_shape = False  # which would ask the board each time
+        reader.verify_array_shape = False  # the check would ask the board each time
         while not self._ending.is_set():
             reader.read_many_sample(volts, volts.shape[1], timeout=_SILENT_S)
             self._heard_ns = arrival_ns = time.monotonic_ns()
@@ -185,7 +185,7 @@ class NiStream:
         self._arrived.append(Arrived(scans, arrival_ns, faults))
 
     def _begin_anew(self) -> None:
-        """Start another task after an overrun; how many scans are lost, the host's clock tells."""
+        """Start another task after an overrun; count the lost scans by the host's clock."""
         self._clear()
         self._task, self._rate_hz = self._start()
         passed_s = 1e-9 * (time.monotonic_ns() - self._zero_ns)

@@ -1,4 +1,4 @@
-"""``virtual-ni-daqmx``: a board by NI in the virtual lab, with gauges and an accelerometer."""
+"""``virtual-ni-daqmx``: NI board of the virtual lab, with gauges and an accelerometer."""
 
 import socket
 from collections.abc import Sequence
@@ -23,28 +23,28 @@ from mmt_devices.ni.virtual_lab import ANSWER_S, LARGEST_BYTES
 NAME: Final = "virtual-ni-daqmx"
 GAUGES: Final = slice(0, 6)
 AXES: Final = [6, 7, 14]
-"""Inputs of the gauges, each against its partner, and of the accelerometer, against ground."""
+"""Inputs of the accelerometer, against ground; `GAUGES` are differential inputs."""
 _OFFSET_V: Final = 0.2
 _VOLTS_PER_N: Final = 0.5 * np.eye(6, 3)
 """Without a calibration file: gauge k measures the force along axis k."""
 
 
 class VirtualNiOptions(LabOptions):
-    """What the first device that is connected makes of the lab, and what is wired to the board."""
+    """Options of the lab, taken from the first device that connects, and the board's wiring."""
 
     calibration_file: Path | None = None
-    """The ``.cal`` file of the force sensor whose gauges it has; None for 2 N a volt."""
+    """``.cal`` file of the force sensor whose gauges are wired; None for 2 N a volt."""
 
 
 @dataclass
 class _LabInputs:
-    """What lies at the board's inputs: asked of the lab, which is another process."""
+    """Gets the voltages at the board's inputs from the lab, which is another process."""
 
     port: int = 0
     volts_per_n: FloatArray = field(default_factory=lambda: _VOLTS_PER_N)
 
     def __call__(self, times_ns: Sequence[int]) -> FloatArray:
-        """Return them as `EmulatedNi` wants them."""
+        """Return the voltages at these times, as a `VoltsAt` of `EmulatedNi`."""
         felt = self._ask(times_ns)
         volts = np.zeros((len(times_ns), INPUTS))
         volts[:, GAUGES] = felt[:, :3] @ self.volts_per_n.T + _OFFSET_V
@@ -53,7 +53,7 @@ class _LabInputs:
         return volts
 
     def _ask(self, times_ns: Sequence[int]) -> FloatArray:
-        """Return force and acceleration, shape (n, 6)."""
+        """Ask the lab for force (N) and acceleration (m/s2), shape (n, 6)."""
         try:
             with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
                 link.settimeout(ANSWER_S)
@@ -68,16 +68,16 @@ class _LabInputs:
 
 _INPUTS: Final = _LabInputs()
 _BOARD: Final = EmulatedNi(_INPUTS, clock_ppm=50.0)
-"""One for all drivers of this process."""
+"""The one board that all drivers of this process share."""
 
 
 class VirtualNi(NiVoltages):
-    """The board of the virtual lab; it takes the options of ``ni-daqmx`` too.
+    """NI board of the virtual lab.
 
     Parameters
     ----------
     **options
-        Those, and `VirtualNiOptions`.
+        Those of ``ni-daqmx`` and of `VirtualNiOptions`.
 
     Raises
     ------
@@ -99,7 +99,7 @@ class VirtualNi(NiVoltages):
         super().connect()
 
     def close(self) -> None:
-        """Let the board go and leave the lab; calling it twice is harmless."""
+        """Release the board and leave the lab; calling it twice is harmless."""
         super().close()
         if self._matrix is not None:
             _INPUTS.volts_per_n = _VOLTS_PER_N

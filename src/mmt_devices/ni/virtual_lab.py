@@ -1,4 +1,4 @@
-"""The virtual lab's end of a board by NI: what the tip feels, at the times that it is asked for."""
+"""The virtual lab's side of an NI board: force and acceleration at the tip, over UDP."""
 
 import socket
 import struct
@@ -15,12 +15,12 @@ _TIME_BYTES: Final = 8
 
 
 class FeltByTip:
-    """Answers a datagram of monotonic times (ns), each with force (N) and acceleration (m/s2).
+    """Answers datagrams of monotonic times (ns) with force (N) and acceleration (m/s2) at each.
 
     Parameters
     ----------
     world
-        Where the tip is.
+        World with the tip.
     """
 
     def __init__(self, world: "World") -> None:
@@ -33,15 +33,15 @@ class FeltByTip:
 
     @property
     def options(self) -> dict[str, Any]:
-        """Where it is."""
+        """UDP port at which it answers."""
         return {"port": self._socket.getsockname()[1]}
 
     def start(self) -> None:
-        """Begin to answer."""
+        """Start answering."""
         self._thread.start()
 
     def stop(self) -> None:
-        """End."""
+        """Stop answering, and close the socket."""
         self._ended.set()
         self._thread.join()
         self._socket.close()
@@ -60,5 +60,5 @@ class FeltByTip:
 
 
 def in_lab(world: "World", _seed: int, _clockwork: "Clockwork") -> FeltByTip:
-    """Return it for the board of the virtual lab."""
+    """Return the lab's side of the NI board."""
     return FeltByTip(world)

@@ -1,1 +1,1 @@
-"""Arms by Universal Robots: the follower's robot, and its force sensor, by RTDE."""
+"""Arms by Universal Robots through RTDE: the follower's robot, and its force sensor."""

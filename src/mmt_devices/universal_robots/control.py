@@ -11,12 +11,12 @@ from mmt_devices.universal_robots.frame import Vector
 from mmt_devices.universal_robots.servo import ServoPoint, ServoSettings
 
 WATCHDOG_HZ: Final = 10.0
-"""The controller ends the program, and the arm stops, where commands come more seldom."""
+"""Least rate of commands: below it the controller ends the program, and the arm stops."""
 
 _STILL_S: Final = 0.5
 _STILL_M: Final = 0.02
-"""A tip that does not move by the least bit for so long, so far from where it is sent, does not
-follow."""
+"""The arm does not follow if the tip stays exactly still for `_STILL_S`, at least this far from the
+point that it is sent to."""
 
 _SAFETY_BITS: Final = {
     2: "PROTECTIVE_STOP", 3: "RECOVERY", 4: "SAFEGUARD_STOP", 5: "SYSTEM_EMERGENCY_STOP",
@@ -33,28 +33,28 @@ _START_S: Final = 1.0
 
 
 class ArmControl(threading.Thread):
-    """One control interface of ur_rtde, from its script's start to the end of its thread.
+    """Thread that sends an arm its commands, through one control interface of ur_rtde.
 
-    Its calls wait for the controller, at worst for ever: nothing else is done in this thread, and
-    the arm is watched from another.
+    Calls of the interface wait for the controller, at worst forever. So this thread does nothing
+    else, and another thread watches the arm.
 
     Parameters
     ----------
     host, frequency_hz
-        Of the controller.
+        Address and rate of the controller.
     settings
-        Of the servo.
+        Settings of the servo.
     receive
-        The receive interface, which has data.
+        Receive interface, which has data already.
 
     Attributes
     ----------
     target_m, force_n
-        Where to go and what presses on the tip, in the base's frame; set by another thread.
+        Target position and force on the tip, in the base's frame; set by another thread.
     lost
         Why the arm takes no commands any more, empty while it does.
     held_back
-        Periods in which the limit of the force kept the point from going deeper.
+        Number of periods in which the force limit kept the point from going deeper.
 
     Raises
     ------
@@ -88,7 +88,7 @@ class ArmControl(threading.Thread):
             guarded = control.setWatchdog(WATCHDOG_HZ)
             deadline = time.monotonic() + _START_S
             while self._receive.getRuntimeState() != _PLAYING and time.monotonic() < deadline:
-                time.sleep(0.001)  # the library's other connection tells it a cycle later
+                time.sleep(0.001)  # `receive` reports it a cycle later
         except Exception as error:
             raise MmtError(
                 f"the arm at {self._host} takes no commands ({brief(error)}): read what the "
@@ -100,7 +100,7 @@ class ArmControl(threading.Thread):
         return control
 
     def run(self) -> None:
-        """Send the arm on until it is released, or takes no commands any more."""
+        """Send commands until the arm is released, or takes no more commands."""
         try:
             due_s = time.monotonic()
             while not self.lost and not self._ending.is_set():
@@ -118,22 +118,22 @@ class ArmControl(threading.Thread):
                 "switched on"
             )
         self._stopped.set()
-        self._control.disconnect()  # so that another may control it; it waits half a second
+        self._control.disconnect()  # so that others may control the arm; takes half a second
 
     def release(self, patience_s: float) -> None:
-        """Stop the arm and end its program; return when that is done, or after a time."""
+        """Stop the arm and end its program; return then, or after `patience_s`."""
         self._ending.set()
         self._stopped.wait(patience_s)
 
     def watch(self) -> None:
-        """Note in `lost` what the newest data says is wrong; does not wait."""
+        """Set `lost` if the newest data shows a problem; never blocks."""
         if self.lost or self._explains:
             return
         reason = self._problem(time.monotonic())
         if reason:
             self._lose(reason)
         elif self._receive.getRuntimeState() != _PLAYING:
-            self._explains = True  # beside this thread: the dashboard server may take its time
+            self._explains = True  # in a thread: the dashboard server may be slow
             explaining = threading.Thread(target=lambda: self._lose(self._why_not()), daemon=True)
             explaining.start()
 
@@ -141,7 +141,7 @@ class ArmControl(threading.Thread):
         self.lost = self.lost or reason
 
     def _problem(self, now_s: float) -> str:
-        """Return what is wrong with the arm, empty where nothing is."""
+        """Return what is wrong with the arm, empty if nothing is."""
         receive = self._receive
         bits = receive.getSafetyStatusBits()
         for bit, name in _SAFETY_BITS.items():
@@ -175,7 +175,7 @@ class ArmControl(threading.Thread):
         )
 
     def _drive(self) -> bool:
-        """Send the arm on; return whether it takes the command."""
+        """Send the next command; return whether the arm takes it."""
         target_m, settings = self.target_m, self._settings
         if target_m is None:
             return bool(self._control.kickWatchdog())

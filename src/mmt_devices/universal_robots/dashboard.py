@@ -1,4 +1,4 @@
-"""What the dashboard server of a controller says of the arm, and what to do about it.
+"""Ask a controller's dashboard server whether the arm can be controlled, and explain why not.
 
 Source: Universal Robots, "Dashboard Server e-Series, port 29999".
 """
@@ -24,7 +24,7 @@ SAFETY: Final = {
     "FAULT": "has a safety fault: restart its safety system at the pendant",
     "RECOVERY": "is in recovery mode: move it within its limits at the pendant",
 }
-"""By what a dashboard server calls it: what a person is told."""
+"""Safety status as named by a dashboard server -> state of the arm, and what to do."""
 OFF: Final = "is not running (the pendant shows {}): switch it on and release its brakes there"
 NOT_REMOTE: Final = (
     "is not in remote control: switch it from Local to Remote Control at the pendant (top right; "
@@ -33,9 +33,9 @@ NOT_REMOTE: Final = (
 
 
 def problem(host: str) -> str:
-    """Return why the arm at this host cannot be controlled now, empty where it can.
+    """Return why the arm at this host cannot be controlled now, empty if it can.
 
-    The sentence has no subject. A state that a controller's software does not tell is no problem.
+    The sentence has no subject. States that a controller's software does not report are ignored.
 
     Raises
     ------
@@ -45,7 +45,7 @@ def problem(host: str) -> str:
     safety, mode, remote = _ask(host, ("safetystatus", "robotmode", "is in remote control"))
     safety, mode = (each.rpartition(": ")[2] for each in (safety, mode))
     for name, sentence in SAFETY.items():
-        if name in safety:  # of a kind, as AUTOMATIC_MODE_SAFEGUARD_STOP
+        if name in safety:  # also in AUTOMATIC_MODE_SAFEGUARD_STOP
             return sentence
     if mode in {"NO_CONTROLLER", "DISCONNECTED", "POWER_OFF", "POWER_ON", "BOOTING", "IDLE"}:
         return OFF.format(mode)

@@ -16,16 +16,16 @@ _BIAS_S: Final = 0.2
 _BIAS_STATES: Final = 20
 _BIAS_PATIENCE_S: Final = 2.0
 _UNREST_N: Final = 5.0
-"""Between the least and the largest value along an axis while the bias is taken."""
+"""Largest spread of the values along an axis while the bias is taken."""
 _CHANGE_S: Final = 0.5
 
 
 class UrForceSensor:
     """Implements `ForceSensor`; the options are those of `ForceOptions`.
 
-    RTDE gives ``actual_TCP_force``: what acts on the tool from outside, in the axes of the base,
-    the payload that is set at the controller taken off. A tool that presses on a table under an
-    upright arm measures a positive z. Here it is turned into the scene's axes, less the bias.
+    The force is ``actual_TCP_force`` of RTDE: the external force on the tool in the base's axes,
+    without the payload that is set at the controller. A tool that presses on a table under an
+    upright arm measures a positive z. `read` subtracts the bias and rotates into the scene's axes.
 
     Parameters
     ----------
@@ -50,14 +50,14 @@ class UrForceSensor:
         self._stuck = False
 
     def connect(self) -> None:
-        """Read the arm, by the process of its robot where one is connected.
+        """Connect to the arm, through the process of its robot if that is connected.
 
         Raises
         ------
         InputError
             The robot of the same arm has other options.
         MmtError
-            It does not answer, or its force is stuck.
+            The arm does not answer, or its force is stuck.
         """
         self.close()
         self._arm = sharing.connect(self._member)
@@ -83,7 +83,7 @@ class UrForceSensor:
         Raises
         ------
         MmtError
-            The force moves meanwhile, or too little comes.
+            The force varies meanwhile, or too few values arrive.
         """
         begun_s = time.monotonic()
         forces: dict[float, Vector] = {}
@@ -111,7 +111,7 @@ class UrForceSensor:
         Raises
         ------
         DeviceLost
-            It does not answer any more, or its force is stuck.
+            The arm does not answer any more, or its force is stuck.
         """
         state = self._state()
         if state.force_n != self._last_n:
@@ -123,7 +123,7 @@ class UrForceSensor:
         return self._frame.to_scene((x - u, y - v, z - w))
 
     def close(self) -> None:
-        """Let the arm go; calling it twice is harmless."""
+        """Release the arm; calling it twice is harmless."""
         arm, self._arm = self._arm, None
         if arm is not None:
             sharing.disconnect(arm, self._member)

@@ -1,17 +1,17 @@
-"""The scene's frame in the frame of the arm's base."""
+"""Conversion between the scene's frame and that of the arm's base."""
 
 import math
 from collections.abc import Sequence
 from typing import Final
 
 Vector = tuple[float, float, float]
-"""That of `mmt.devices.protocols`, which the arm's own process does not import: it needs numpy."""
+"""As in `mmt.devices.protocols`, which needs numpy; the arm's process must not import that."""
 
 M_TO_MM: Final = 1000.0
 
 
 class SceneFrame:
-    """A rigid motion from the base of the arm, in m, to the scene, in mm.
+    """Rigid transformation from the base of the arm, in m, to the scene, in mm.
 
     Parameters
     ----------
@@ -28,26 +28,26 @@ class SceneFrame:
         self._columns = tuple(zip(*self._rows, strict=True))
 
     def to_scene(self, vector: Sequence[float]) -> Vector:
-        """Turn a force of the base's axes into the scene's."""
+        """Rotate a force from the base's axes into the scene's."""
         return _product(self._columns, vector)
 
     def to_base(self, vector: Sequence[float]) -> Vector:
-        """Turn a force of the scene's axes into the base's."""
+        """Rotate a vector from the scene's axes into the base's."""
         return _product(self._rows, vector)
 
     def place_in_scene(self, position_m: Sequence[float]) -> Vector:
-        """Return where a place of the base (m) is in the scene (mm)."""
+        """Convert a position from the base (m) to the scene (mm)."""
         (u, v, w), (x, y, z) = self._origin_mm, position_m[:3]
         return self.to_scene((M_TO_MM * x - u, M_TO_MM * y - v, M_TO_MM * z - w))
 
     def place_in_base(self, position_mm: Vector) -> Vector:
-        """Return where a place of the scene (mm) is for the base (m)."""
+        """Convert a position from the scene (mm) to the base (m)."""
         (u, v, w), (x, y, z) = self._origin_mm, self.to_base(position_mm)
         return ((x + u) / M_TO_MM, (y + v) / M_TO_MM, (z + w) / M_TO_MM)
 
 
 def rotation_matrix(rotation_rad: Vector) -> tuple[Vector, Vector, Vector]:
-    """Return the rows of the rotation about a vector by its length (Rodrigues' formula)."""
+    """Return the rows of the matrix of a rotation vector (Rodrigues' formula)."""
     angle = math.hypot(*rotation_rad)
     if angle == 0.0:
         return ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

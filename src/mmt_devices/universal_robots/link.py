@@ -1,4 +1,4 @@
-"""The driver's end of the process that talks to an arm."""
+"""The driver's side of the process that talks to an arm."""
 
 import time
 from collections import Counter, deque
@@ -15,29 +15,29 @@ from mmt_devices.universal_robots.servo import ServoSettings
 _CONNECT_S: Final = 15.0
 _SILENT_NS: Final = 700_000_000
 _KEPT: Final = 64
-"""An eighth of a second at 500 Hz."""
+"""Number of states kept, 1/8 s at 500 Hz."""
 _SHORT_S: Final = 0.001
 _NOT_CONTROLLED: Final = "the arm at {} is not controlled: connect the robot first"
 
 
 class ArmLink:
-    """A process that talks to an arm; nothing here waits but `start` and `end`.
+    """Process that talks to an arm; only `start` and `end` block.
 
     Parameters
     ----------
     host, frequency_hz
-        Of the controller.
+        Address and rate of the controller.
     servo
-        How the arm is moved; None where it is read alone.
+        Settings for moving the arm; None if the arm is only read.
     counts
-        What it survives is added here.
+        Faults that the process survives are counted here.
 
     Attributes
     ----------
     state
-        The newest one.
+        Newest state, or None before the first.
     kept
-        The newest ones.
+        Newest states, the oldest first.
     """
 
     def __init__(
@@ -62,12 +62,12 @@ class ArmLink:
         return self._process.ended or self._refusal
 
     def start(self) -> None:
-        """Start the process and wait until the arm answers, and is controlled where it shall be.
+        """Start the process; wait until the arm answers and, if it is to move, takes commands.
 
         Raises
         ------
         MmtError
-            It does not; the message says what to check.
+            The arm does not answer or takes no commands; the message says what to check.
         """
         self._process.start()
         try:
@@ -95,7 +95,7 @@ class ArmLink:
         Raises
         ------
         DeviceLost
-            None has come for a while, or the process ended.
+            No state has come for a while, or the process has ended.
         """
         self._poll()
         if self._process.ended is not None:
@@ -111,23 +111,23 @@ class ArmLink:
         return self.state
 
     def move(self, position_m: Vector) -> None:
-        """Send the arm to a place of its base's frame (m)."""
+        """Send the arm to a position in its base's frame (m)."""
         self._process.send(to.COMMAND.pack(to.MOVE, *position_m))
 
     def release(self) -> None:
-        """Stop the arm and end its program; it is read on."""
+        """Stop the arm and end its program; states are still read."""
         self._process.send(to.COMMAND.pack(to.RELEASE, 0.0, 0.0, 0.0))
         self._refusal = _NOT_CONTROLLED.format(self._host)
 
     def end(self) -> None:
         """Stop the arm and end the process; calling it twice is harmless.
 
-        Where it must be killed, its connection ends, and the controller's watchdog stops the arm.
+        If the process is killed, its connection ends, and the controller's watchdog stops the arm.
         """
         self._process.end(f"the UR arm at {self._host} is not connected")
 
     def _poll(self) -> None:
-        """Take what has come."""
+        """Take the messages that have arrived from the process."""
         for kind, body in self._process.take():
             if kind == to.STATE:
                 self.state = to.unpack_state(body)

@@ -13,7 +13,7 @@ _BOX_MM: Final[Vector] = (300.0, 300.0, 100.0)
 
 
 class UrOptions(BaseModel):
-    """What robot and force sensor share."""
+    """Options that robot and force sensor share."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 

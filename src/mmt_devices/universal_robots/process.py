@@ -1,8 +1,8 @@
-"""The process that talks to an arm through ur_rtde, for the driver that started it.
+"""The process that talks to an arm through ur_rtde, on behalf of a driver.
 
-It is a process of its own because of the library: its constructors hold the interpreter until the
-controller has answered, and a connection that is lost leaves threads behind that hang, or connect
-and start the arm again by themselves. Here they hold up nobody, and end with the process.
+The library needs a separate process. Its constructors hold the interpreter until the controller has
+answered. A lost connection leaves threads behind that hang, or that connect and start the arm again
+by themselves. In this process they block nothing else, and end with it.
 """
 
 import time
@@ -22,7 +22,7 @@ _FIELDS: Final = [
 _FIRST_S: Final = 2.0
 _SILENT_S: Final = 0.5
 _SILENT_CYCLES: Final = 20
-"""Without new data, which a loss takes too: a host that was held up is no lost controller."""
+"""A loss also takes this many cycles without new data, since the host may have been held up."""
 _RELEASE_S: Final = 3.0
 _NO_DATA: Final = (
     "the UR controller at {} gives no data by RTDE{}: check that it is switched on and started, "
@@ -31,16 +31,16 @@ _NO_DATA: Final = (
 
 
 class ArmProcess:
-    """One arm, from its first data to the end of the driver's pipe.
+    """Reads and moves one arm, until the driver has gone.
 
     Parameters
     ----------
     host, frequency_hz
-        Of its controller.
+        Address and rate of the controller.
     servo
-        Settings of the servo; None where the arm is read alone.
+        Settings of the servo; None if the arm is only read.
     pipes
-        To the driver.
+        Pipes to the driver.
     """
 
     def __init__(
@@ -59,12 +59,12 @@ class ArmProcess:
         self._empty = 0
 
     def run(self) -> None:
-        """Talk to it until the driver ends.
+        """Talk to the arm until the driver has gone.
 
         Raises
         ------
         MmtError
-            It does not answer, or not any more.
+            The arm does not answer, or no longer answers.
         """
         self._connect()
         if self._settings is not None:
@@ -83,7 +83,7 @@ class ArmProcess:
         self._release(_RELEASE_S)
 
     def _connect(self) -> None:
-        """Wait for the first data."""
+        """Connect, and wait for the first data."""
         import rtde_receive
 
         try:
@@ -100,7 +100,7 @@ class ArmProcess:
         self._changed_s = time.monotonic()
 
     def _take_commands(self) -> bool:
-        """Take the newest target; return whether the driver's end of the pipe is open."""
+        """Take the driver's commands; return whether the driver is still there."""
         commands = self._pipes.take(to.COMMAND)
         for kind, x, y, z in commands or ():
             if kind == to.RELEASE:
@@ -110,7 +110,7 @@ class ArmProcess:
         return commands is not None
 
     def _pass_state_on(self) -> None:
-        """Read the arm and tell the driver, where there is something new."""
+        """Read the arm, and send the driver its state if that is new."""
         receive, now_s = self._receive, time.monotonic()
         timestamp_s = receive.getTimestamp()
         if timestamp_s == self._timestamp_s:
@@ -130,7 +130,7 @@ class ArmProcess:
         self._pipes.tell(to.STATE, to.pack_state(state))
 
     def _watch_control(self) -> None:
-        """Tell the driver what has become of the control."""
+        """Tell the driver of periods held back, and of a loss of control."""
         control = self._control
         if control is None:
             return
@@ -149,11 +149,11 @@ class ArmProcess:
 
 
 _KEPT: Final[list[ArmProcess]] = []
-"""The library's destructors would wait."""
+"""Keeps the object alive, since destructors of the library would block."""
 
 
 def run(arguments: dict[str, Any], pipes: DriverPipes) -> None:
-    """Talk to the arm that the arguments name until the driver ends."""
+    """Talk to the arm that the arguments name until the driver has gone."""
     servo = arguments["servo"]
     settings = None if servo is None else ServoSettings(**servo)
     _KEPT.append(ArmProcess(arguments["host"], arguments["frequency_hz"], settings, pipes))

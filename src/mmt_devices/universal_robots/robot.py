@@ -23,7 +23,7 @@ def missing() -> str:
 class UrRobot:
     """Implements `Robot`; the options are those of `UrRobotOptions`.
 
-    Positions are those of the tool's centre point as it is set at the controller. The tool keeps
+    Positions are those of the tool's centre point, which is set at the controller. The tool keeps
     the orientation that it has when the robot is connected.
 
     Parameters
@@ -54,14 +54,14 @@ class UrRobot:
         self._frame: SceneFrame | None = None
 
     def connect(self) -> None:
-        """Take the arm under control where it stands; it does not move until the first command.
+        """Take control of the arm; it does not move until the first command.
 
         Raises
         ------
         InputError
             The force sensor of the same arm has other options.
         MmtError
-            It does not answer, or takes no commands; the message says why.
+            The arm does not answer, or takes no commands; the message says why.
         """
         self.close()
         host = self._options.host
@@ -69,7 +69,7 @@ class UrRobot:
         if reason:
             raise MmtError(f"the arm at {host} {reason}")
         arm = sharing.connect(self._member)
-        if self._frame is None:  # where it is connected again, the zero is where it was
+        if self._frame is None:  # a new connection keeps the zero of the scene
             origin_mm = self._options.origin_mm
             if origin_mm is None:
                 x, y, z = (M_TO_MM * part for part in arm.read().position_m)
@@ -78,7 +78,7 @@ class UrRobot:
         self._arm = arm
 
     def calibrate(self) -> None:
-        """Do nothing: it is calibrated."""
+        """Do nothing: the arm is calibrated."""
 
     def read(self) -> Vector:
         """Return the tip's position (mm) of the newest cycle of the controller.
@@ -86,7 +86,7 @@ class UrRobot:
         Raises
         ------
         DeviceLost
-            It does not answer, or takes no commands any more; the message says why.
+            The arm no longer answers or takes commands; the message says why.
         """
         arm, frame = self._connected()
         position_m = arm.read().position_m
@@ -105,15 +105,15 @@ class UrRobot:
     def write(self, position_mm: Vector) -> None:
         """Send the tip to a position (mm), cut to `least_mm` and `most_mm`.
 
-        One that is not finite is counted and not obeyed.
+        A position that is not finite is counted and ignored.
 
         Raises
         ------
         DeviceLost
-            It does not answer, or takes no commands any more; the message says why.
+            The arm no longer answers or takes commands; the message says why.
         """
         arm, frame = self._connected()
-        arm.read()  # a scene that needs no position asks for none, and a loss must show
+        arm.read()  # reports a loss even if the scene never reads the position
         link = arm.check_control()
         if not all(map(math.isfinite, position_mm)):
             self._member.counts["commands that are not finite"] += 1
@@ -129,14 +129,14 @@ class UrRobot:
         link.move(frame.place_in_base((x, y, z)))
 
     def close(self) -> None:
-        """Stop the arm, end its program and let it go; calling it twice is harmless."""
+        """Stop the arm, end its program and disconnect; calling it twice is harmless."""
         arm, self._arm = self._arm, None
         if arm is not None:
             sharing.disconnect(arm, self._member)
 
     @property
     def faults(self) -> Mapping[str, int]:
-        """Counts by what was survived."""
+        """Counts of survived faults, by kind."""
         return dict(self._member.counts)
 
     def _connected(self) -> tuple[sharing.SharedArm, SceneFrame]:

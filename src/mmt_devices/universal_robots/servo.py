@@ -8,7 +8,7 @@ from typing import Final
 from mmt_devices.universal_robots.frame import Vector
 
 _SHARE: Final = 0.8
-"""Of the acceleration, with which braking is planned; the rest is for turning meanwhile."""
+"""Share of the acceleration that braking may use; the rest is for turning meanwhile."""
 
 
 @dataclass(frozen=True)
@@ -19,45 +19,45 @@ class ServoSettings:
     acceleration_m_s2: float
     force_limit_n: float
     normal: Vector
-    """Away from the surface, in the base's axes."""
+    """Unit vector away from the surface, in the base's axes."""
     lookahead_s: float
     gain: float
 
 
 class ServoPoint:
-    """A point that starts where the tip is and can always come to rest at its target.
+    """A point that starts at the tip and can always come to rest at its target.
 
-    Its speed towards a target at a distance d is at most sqrt(2 a d), for an acceleration a, and
-    the speed changes by no more than a. It so trails a target of steady speed v by about
-    v^2 / (2 a). While the tip is pressed by more than the limit, it goes no deeper.
+    For an acceleration a, its speed towards a target at a distance d is at most sqrt(2 a d), and
+    its velocity changes by no more than a. So it trails a target of constant speed v by about
+    v^2 / (2 a). While the force on the tip exceeds its limit, the point goes no deeper.
 
     Parameters
     ----------
     settings
         The bounds.
     position_m
-        Where the tip is.
+        Position of the tip.
     """
 
     def __init__(self, settings: ServoSettings, position_m: Sequence[float]) -> None:
         x, y, z = position_m
         self.position_m: Vector = (x, y, z)
         self.held_back = False
-        """Whether the limit of the force has kept it from going deeper, the last time."""
+        """Whether the force limit kept the point from going deeper in the last `move`."""
         self._velocity: Vector = (0.0, 0.0, 0.0)
         self._settings = settings
 
     def move(self, target_m: Vector, force_n: Vector, period_s: float) -> Vector:
-        """Go on for a period and return where it is.
+        """Advance by a period and return the new position (m).
 
         Parameters
         ----------
         target_m
-            Where to, in the base's frame.
+            Target, in the base's frame.
         force_n
-            What presses on the tip, in the base's axes.
+            Force on the tip, in the base's axes.
         period_s
-            Since the last time.
+            Time since the last call.
         """
         settings, place, old = self._settings, self.position_m, self._velocity
         way = [goal - here for goal, here in zip(target_m, place, strict=True)]
@@ -83,11 +83,11 @@ class ServoPoint:
         return self.position_m
 
     def _not_deeper(self, velocity: list[float], force_n: Vector) -> list[float]:
-        """Take out of a velocity what leads into the surface, where the force is too large."""
+        """Remove the part of a velocity into the surface, if the force is too large."""
         normal = self._settings.normal
         pressed = sum(a * b for a, b in zip(force_n, normal, strict=True))
         rising = sum(a * b for a, b in zip(velocity, normal, strict=True))
-        small = pressed <= self._settings.force_limit_n  # false where it is no number
+        small = pressed <= self._settings.force_limit_n  # false if it is NaN
         self.held_back = not small and rising < 0.0
         if not self.held_back:
             return velocity

@@ -1,7 +1,7 @@
 """One process and one receive interface for all drivers that use the same arm.
 
-The process ends with the last of them. The robot alone controls the arm; when it is connected the
-process is started anew, since a control interface of ur_rtde that was lost is not to be trusted.
+The process ends with the last driver. Only the robot controls the arm. When the robot connects, the
+process is started anew, since a control interface of ur_rtde is unreliable after a loss.
 """
 
 import threading
@@ -20,27 +20,27 @@ from mmt_devices.universal_robots.servo import ServoSettings
 
 @dataclass(eq=False)
 class Member:
-    """What one driver wants of an arm."""
+    """One driver that uses an arm, with its settings."""
 
     options: UrOptions
     servo: ServoSettings | None = None
-    """How it moves the arm; None where it reads alone."""
+    """Settings for moving the arm; None if the driver only reads."""
     counts: Counter[str] = field(default_factory=Counter)
-    """What was survived, of all its connections."""
+    """Counts of survived faults, by kind, over all connections."""
 
 
 _CONNECTING: Final = threading.Lock()
-"""Held while a process begins or ends, which takes long; reading does not wait for it."""
+"""Held while a process starts or ends, which takes long; reading does not wait for it."""
 _ARMS: "Final[dict[str, SharedArm]]" = {}
 
 
 def connect(member: Member) -> "SharedArm":
-    """Return the arm, which answers now, and takes commands where the member gives them.
+    """Connect a member; return its arm, which answers and, for a robot, takes commands.
 
     Raises
     ------
     InputError
-        Its wishes and those of the other driver do not go together.
+        The options of member and other driver contradict each other.
     MmtError
         The arm does not answer, or takes no commands.
     """
@@ -55,7 +55,7 @@ def connect(member: Member) -> "SharedArm":
 
 
 def disconnect(arm: "SharedArm", member: Member) -> None:
-    """Let the member go; the arm stops with its robot, its process ends with the last member."""
+    """Remove a member; without a robot the arm stops, without members its process ends."""
     with _CONNECTING:
         arm.dismiss(member)
         _forget_empty(member.options.host)
@@ -67,7 +67,7 @@ def _forget_empty(host: str) -> None:
 
 
 class SharedArm:
-    """An arm that is connected, and those who use it."""
+    """A connected arm, and the drivers that use it."""
 
     def __init__(self) -> None:
         self.members: list[Member] = []
@@ -76,7 +76,7 @@ class SharedArm:
         self._last: UrState | None = None
 
     def admit(self, member: Member) -> None:
-        """Add a member; start the process where none runs that serves it."""
+        """Add a member; start the process for a robot, or if no process works."""
         others = [other for other in self.members if other is not member]
         for other in others:
             _check_agreement(member, other)
@@ -94,7 +94,7 @@ class SharedArm:
         return True
 
     def _start(self, member: Member) -> None:
-        """Start the process anew; who reads meanwhile is given the last state."""
+        """Start the process anew; `read` returns the last state meanwhile."""
         self._starting = True
         try:
             old, self._link = self._link, None
@@ -109,7 +109,7 @@ class SharedArm:
             self._starting = False
 
     def dismiss(self, member: Member) -> None:
-        """Drop a member."""
+        """Remove a member; see `disconnect`."""
         self.members = [other for other in self.members if other is not member]
         link = self._link
         if link is None:
@@ -126,7 +126,7 @@ class SharedArm:
         Raises
         ------
         DeviceLost
-            The arm is gone, which every member is told.
+            The arm is gone; every member gets this error.
         """
         link = self._link
         if link is not None:
@@ -141,12 +141,12 @@ class SharedArm:
         return () if link is None else tuple(link.kept)
 
     def check_control(self) -> ArmLink:
-        """Return the link of an arm that takes commands.
+        """Return the link if the arm takes commands.
 
         Raises
         ------
         DeviceLost
-            It takes none any more.
+            The arm takes no commands any more.
         """
         link = self._link
         if link is None:

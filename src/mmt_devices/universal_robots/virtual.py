@@ -1,4 +1,4 @@
-"""Drivers of the emulated arm: the real ones, at the controller of the virtual lab."""
+"""``virtual-ur``: the real drivers, connected to the emulated arm of the virtual lab."""
 
 from collections.abc import Sequence
 from typing import Any, TypeVar
@@ -21,20 +21,20 @@ def missing() -> str:
 
 
 class _VirtualUr(VirtualDevice[AnyDriver]):
-    """A real driver at the lab's controller.
+    """A real driver, connected to the lab's controller.
 
     Parameters
     ----------
     role
-        Of the driver ``ur``.
+        Role of the driver ``ur``.
     keys
-        What the lab tells it.
+        Options that the lab sets.
     options
-        Its options, and those of the lab.
+        Options of the driver, and those of the lab.
     """
 
     def __init__(self, role: Role, keys: tuple[str, ...], options: dict[str, Any]) -> None:
-        require("rtde_control")  # before a lab is begun in vain
+        require("rtde_control")  # before a lab is started in vain
         super().__init__("virtual-ur", "ur", options, role=role, host="lab")
         self._keys = keys
 
@@ -47,7 +47,7 @@ class _VirtualUr(VirtualDevice[AnyDriver]):
             raise
 
     def read(self) -> Vector:
-        """Read the real driver."""
+        """Return the value that the real driver reads."""
         return self._connected().read()
 
     def _enter(self) -> dict[str, Any]:
@@ -67,7 +67,7 @@ class VirtualUrRobot(_VirtualUr[UrRobot]):
         super().__init__("robot", ("host", "origin_mm", "rotation_rad"), options)
 
     def positions(self, after_ns: int, until_ns: int) -> Sequence[tuple[int, Vector]]:
-        """Return what the real driver has kept."""
+        """Return the positions that the real driver has kept."""
         return self._connected().positions(after_ns, until_ns)
 
     def write(self, position_mm: Vector) -> None:
@@ -76,7 +76,7 @@ class VirtualUrRobot(_VirtualUr[UrRobot]):
 
 
 class VirtualUrForceSensor(_VirtualUr[UrForceSensor]):
-    """The force at the tool of that arm."""
+    """The force at the tool of the virtual lab's arm."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__("force_sensor", ("host", "rotation_rad"), options)

@@ -1,4 +1,4 @@
-"""What the stages of ``mmt bench`` share, and the command itself.
+"""Code that the stages of ``mmt bench`` share, and the command itself.
 
 The stages are the experiments of `mmt_lab.experiments` whose group is ``"bench"``.
 """

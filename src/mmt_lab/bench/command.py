@@ -1,4 +1,4 @@
-"""``mmt bench``: run stages, print them, and write one report of all."""
+"""``mmt bench``: run stages, print their findings, and write one report of all."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -20,13 +20,13 @@ TITLE: Final = "Error against run time"
 def run_benches(
     names: Sequence[str], report: Path | None = None, **options: Any
 ) -> tuple[list[Findings], dict[str, Any]]:
-    """Run the named stages, all of them where none is named; print each as it is done.
+    """Run the named stages, or all if none is named; print the findings of each when it ends.
 
     Returns
     -------
     results, figures
-        Every stage that could be measured, and what ``--json`` writes. The stages that failed
-        stand under ``failed`` with the reason, where there are any.
+        Findings of the stages that did not fail, and the content for ``--json``. If stages
+        failed, the key ``failed`` of the content holds the reason for each.
     """
     stages = [each.name for each in listed("bench")]
     unknown = [name for name in names if name not in stages]
@@ -37,7 +37,7 @@ def run_benches(
         messages.print(f"measuring: {name}")
         try:
             results.append(run_stage(name, **options))
-        except MmtError as error:  # what the others measure, which may take an hour, is kept
+        except MmtError as error:  # keep the other stages' findings, which may take an hour
             failed[name] = str(error)
             messages.print(f"{name}: {error}", highlight=False)
         else:
@@ -51,7 +51,7 @@ def run_benches(
 
 
 def run_stage(name: str, **options: Any) -> Findings:
-    """Run a stage, or say that it needs a package that is not installed."""
+    """Run a stage; if a package that it needs is not installed, return findings that say so."""
     try:
         return command.run(name, load(name), **options)
     except ImportError as error:
@@ -62,7 +62,7 @@ def run_stage(name: str, **options: Any) -> Findings:
 
 
 def as_dict(results: Sequence[Findings], machine: Mapping[str, str]) -> dict[str, Any]:
-    """Return a run for a program: the machine, and every stage by its name."""
+    """Return a run as a dictionary for JSON: the machine, and every stage by its name."""
     return {"machine": dict(machine), **{result.name: result.as_dict() for result in results}}
 
 

@@ -1,7 +1,7 @@
-"""The two processes of the link's measurement; each holds both links open at once.
+"""The two processes of the link's measurement; each keeps both links open at the same time.
 
-What a process is told and tells goes through a pipe: the leader gives its ports, both say that
-they are connected, both are given their turns, and both return what they noted.
+Each process has a pipe to the measuring process. The leader sends its ports, both processes report
+that they are connected, both receive their turns, and both send their figures.
 """
 
 import asyncio
@@ -28,12 +28,12 @@ PATIENCE_S: Final = 60.0
 """How long one process waits for the other."""
 
 READY: Final = "ready"
-"""What a process says when both its links are connected."""
+"""Message that a process sends when both its links are connected."""
 
 
 @dataclass(frozen=True)
 class Ports:
-    """Where the leader listens."""
+    """Ports on which the leader listens: for mmt's link and for the bare WebSocket."""
 
     ours: int
     bare: int
@@ -41,12 +41,12 @@ class Ports:
 
 @dataclass(frozen=True)
 class SideReport:
-    """What one process noted: of each turn, and at the end of all."""
+    """Figures of one process: those of each turn, and totals by link."""
 
     turns: list[TurnFigures]
     sent: dict[Kind, int]
     newest: dict[Kind, int]
-    """Last sequence number that came."""
+    """Highest sequence number received."""
 
 
 def lead(pipe: Connection, rate_hz: int, samples_per_frame: int, realtime: bool) -> None:
@@ -115,7 +115,7 @@ async def _follow(pipe: Connection, rate_hz: int, samples_per_frame: int, realti
 async def _report(
     pipe: Connection, sides: dict[Kind, Side], send: dict[Kind, Send], realtime: bool
 ) -> None:
-    """Say that all is connected, take the turns, and send what was noted."""
+    """Report that both links are connected, run the turns received, and send the figures."""
     prefer_even_ticks()
     if realtime:
         be_real_time()
@@ -133,7 +133,7 @@ async def _report(
 
 @asynccontextmanager
 async def _bare_server() -> AsyncIterator[tuple[int, "asyncio.Future[web.WebSocketResponse]"]]:
-    """Serve one bare WebSocket; yield the port, and the WebSocket when there is one."""
+    """Serve one bare WebSocket; yield its port, and a future that gives the WebSocket."""
     opened: asyncio.Future[web.WebSocketResponse] = asyncio.get_running_loop().create_future()
     done = asyncio.Event()
 

@@ -1,4 +1,4 @@
-"""The traffic over a link while it is measured, and what one process measures of it."""
+"""Traffic over a link during the measurement, and the figures that one process takes of it."""
 
 import asyncio
 import math
@@ -26,7 +26,7 @@ _HEAD: Final = struct.Struct("<Iq")
 
 @dataclass(frozen=True)
 class Turn:
-    """One link sends one record a message both ways, at a steady rate, for a while."""
+    """A period in which one link sends one record per message both ways, at a steady rate."""
 
     kind: Kind
     rate_hz: int
@@ -35,7 +35,7 @@ class Turn:
     duration_s: float
     """Length of the measurement, after a short warm-up."""
     leader_lag: float = 0.0
-    """How far the leader's ticks come after the follower's, as a part of the period."""
+    """Lag of the leader's ticks behind the follower's, as a share of the period."""
 
     @property
     def end_ns(self) -> int:
@@ -45,27 +45,27 @@ class Turn:
 
 @dataclass(frozen=True)
 class TurnFigures:
-    """What one process notes of one turn."""
+    """Figures of one turn in one process."""
 
     kind: Kind
     p50_ms: float
-    """One way, of what came to it; NaN where nothing came."""
+    """One-way latency of the messages received; NaN if there were none."""
     p99_ms: float
     worst_ms: float
     rate_hz: float
-    """Messages a second that it received."""
+    """Messages received per second."""
     cores: float
-    """Processor time over time."""
+    """Processor time over elapsed time."""
     sent: int
     received: int
     lost: int
-    """Sequence numbers that were left out among what came."""
+    """Sequence numbers that are missing between the messages received."""
     out_of_order: int
 
 
 @dataclass
 class Side:
-    """What one process sends and receives over one link."""
+    """Counters of the records that one process sends and receives over one link."""
 
     layout: np.dtype[np.void]
     leads: bool = False
@@ -101,7 +101,7 @@ class Side:
         self.newest = sequence
 
     def record_block(self, block: RecordArray, _arrival_ns: int) -> None:
-        """Count and time what the link hands over, its checks included."""
+        """Count and time a block that mmt's link delivers, after the checks of the link."""
         data = block.tobytes()
         for offset in range(0, len(data), block.itemsize):
             self.record(data, offset)
@@ -113,7 +113,7 @@ Send = Callable[[RecordArray], None]
 async def run_turns(
     turns: list[Turn], sides: Mapping[Kind, Side], send: Mapping[Kind, Send]
 ) -> list[TurnFigures]:
-    """Send at each turn over its link, and return what was noted of each."""
+    """Run each turn over its link, and return its figures."""
     return [await _run_turn(turn, sides[turn.kind], send[turn.kind]) for turn in turns]
 
 

@@ -1,6 +1,6 @@
-"""The services over a path that loses packets: a real one below TCP, and emulated ones.
+"""The services over a path that loses packets: a real path below TCP, and emulated ones.
 
-The real path is a relay of IP packets between two network namespaces, each with a service; it
+The real path is a relay of IP packets between two network namespaces with one service each. It
 needs Linux and root.
 """
 

@@ -1,8 +1,8 @@
-"""Times that can be compared: methods take turns, and medians come with their spread.
+"""Comparable timings: methods take turns, and medians are given with their spread.
 
-On a shared machine a time says little by itself. Here every method of a comparison runs once
-in every round, in an order that moves on from round to round, so that all of them meet the
-same machine; what counts is the median over rounds, and ratios of medians.
+On a shared machine a single time says little. Here every method of a comparison runs once in
+every round, and the order rotates from round to round, so that other load on the machine affects
+all methods alike. The results are medians over rounds, and ratios of medians.
 """
 
 import gc
@@ -20,10 +20,10 @@ from mmt_lab.harness.findings import Findings, FindingsTable, Side, Spread, Targ
 Task = Callable[[], object]
 
 Figure = tuple[str, float | int | None] | tuple[str, float | int | None, Side, float]
-"""What is measured, the figure, and its target where there is one."""
+"""Name and value of a figure; then the side and the bound of its target, if it has one."""
 
 LEAST_S: Final = 0.002
-"""A task is repeated within a round until it has taken so long."""
+"""Least length of a task's turn in a round; a shorter task is repeated."""
 
 
 def interleave(
@@ -34,11 +34,11 @@ def interleave(
     Parameters
     ----------
     tasks
-        By name; each is called once beforehand.
+        Tasks by name; each is called twice before the rounds.
     rounds
         How often every task has its turn, at least 1.
     least_s
-        A turn takes at least so long, by as many calls as that needs.
+        Least length of a turn, in s, which sets the number of calls in a turn.
     """
     calls = {name: _calls(task, least_s) for name, task in tasks.items()}
     seconds: dict[str, list[float]] = {name: [] for name in tasks}
@@ -62,7 +62,7 @@ def spread(values: FloatArray) -> Spread:
 
 
 def single_figures(title: str, about: str, figures: Mapping[str, Figure]) -> Findings:
-    """Return single figures, by their names for programs, as the findings of a stage."""
+    """Return single figures, given by their names in JSON, as the findings of a stage."""
     rows = figures.values()
     return Findings(
         title,
@@ -87,7 +87,7 @@ def _calls(task: Task, least_s: float) -> int:
 
 @contextmanager
 def _no_collection() -> Iterator[None]:
-    """Keep the garbage collector out of what is timed."""
+    """Disable garbage collection during the block."""
     enabled = gc.isenabled()
     gc.collect()
     gc.disable()

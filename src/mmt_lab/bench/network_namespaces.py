@@ -1,8 +1,8 @@
-"""Two network namespaces of this machine, as two machines that a relay joins.
+"""Two network namespaces of this machine that act as two machines, joined by a relay.
 
-The relay stands in for ``tc netem`` where the kernel has none: it delays each IP packet between
-two tun devices by itself, or loses it, below TCP, and knows nothing of mmt. All of it needs Linux
-and root, and raises `MmtError` where the machine cannot do it.
+The relay replaces ``tc netem``, which not every kernel has: it delays or drops each IP packet
+between two tun devices, below TCP, and is independent of mmt. This needs Linux and root; the
+functions raise `MmtError` if the machine cannot do it.
 """
 
 import heapq
@@ -31,20 +31,20 @@ _numbers = itertools.count()
 
 @dataclass(frozen=True)
 class Namespaces:
-    """The names of the two."""
+    """Names of the two namespaces."""
 
     leader: str
     follower: str
     late_s: list[float] = field(default_factory=list, compare=False)
-    """By how much the relay may have held each packet longer than it meant to; empty without."""
+    """Bound on how much too long the relay held each packet, in s; empty without a relay."""
 
     def within_leader(self) -> list[str]:
-        """Return the command that runs something on the leader's machine."""
+        """Return the start of a command that runs in the leader's namespace."""
         return ["ip", "netns", "exec", self.leader]
 
 
 def run(*command: str) -> None:
-    """Run a command of the system."""
+    """Run a system command; raise `MmtError` if it is missing or fails."""
     try:
         done = subprocess.run(  # noqa: S603
             command, check=False, capture_output=True, text=True, timeout=20
@@ -57,7 +57,7 @@ def run(*command: str) -> None:
 
 @contextmanager
 def namespaces() -> Iterator[Namespaces]:
-    """Make two namespaces that are not joined."""
+    """Make two namespaces that are not connected."""
     if sys.platform != "linux" or os.geteuid() != 0:
         raise MmtError("network namespaces need Linux and root")
     run("unshare", "--time", "--monotonic", "1", "--fork", "true")
@@ -80,7 +80,7 @@ def namespaces() -> Iterator[Namespaces]:
 
 @contextmanager
 def relay(delay_ms: float, jitter_ms: float, loss: float = 0.0) -> Iterator[Namespaces]:
-    """Delay each packet by a relay between two tun devices, or lose it, both ways."""
+    """Join two namespaces by a relay that delays or drops each packet, both ways."""
     first, second = f"mmt{os.getpid()}a", f"mmt{os.getpid()}b"
     with namespaces() as made, _tun(first) as one, _tun(second) as other:
         run("ip", "link", "set", first, "netns", made.leader)
@@ -100,14 +100,14 @@ def relay(delay_ms: float, jitter_ms: float, loss: float = 0.0) -> Iterator[Name
 
 
 def bring_up(namespace: str, device: str, address: str) -> None:
-    """Give a device of a namespace its address, and let it carry packets."""
+    """Give a device in a namespace its address, and bring the device up."""
     run("ip", "-n", namespace, "address", "add", f"{address}/30", "dev", device)
     run("ip", "-n", namespace, "link", "set", device, "up")
 
 
 @contextmanager
 def _tun(name: str) -> Iterator[int]:
-    import fcntl  # only where there are tun devices
+    import fcntl  # not on Windows
 
     try:
         file = os.open("/dev/net/tun", os.O_RDWR | os.O_NONBLOCK)
@@ -133,7 +133,7 @@ def _pass(
     ended: threading.Event,
     late_s: list[float],
 ) -> None:
-    """Lose a packet, or hold it for a time of its own as netem does and pass it on."""
+    """Drop each packet, or hold it for its own random time, as netem does, and pass it on."""
     generator = random.Random(1)  # noqa: S311 - an emulation, no secret
     held: list[tuple[float, int, int, bytes, float]] = []
     numbers = itertools.count()
@@ -145,7 +145,7 @@ def _pass(
         unseen_s, looked_s = time.monotonic() - looked_s, time.monotonic()
         for file in readable:
             with suppress(BlockingIOError):
-                for _ in range(64):  # what has come while this thread had no turn
+                for _ in range(64):  # packets that came while this thread did not run
                     packet = os.read(file, 65_536)
                     if generator.random() < loss:
                         continue

@@ -1,4 +1,4 @@
-"""Other packages that do the same work, where they are installed."""
+"""Peers: other packages that do the same work, as far as they are installed."""
 
 import importlib
 import warnings
@@ -21,7 +21,7 @@ _MODULES: Final = {
     "spectrum": "spectrum",
     "statsmodels": "statsmodels.regression.linear_model",
 }
-"""What is imported of each package, by the name under which it is installed."""
+"""Module that is imported of each package, by the package's name."""
 
 
 FAILURES: Final = (
@@ -29,23 +29,23 @@ FAILURES: Final = (
     AssertionError,
     InputError,
     LookupError,
-    NameError,  # spectrum, where it means to report a filter that is not stable
+    NameError,  # from spectrum, when it tries to report an unstable filter
     RuntimeError,
     ValueError,
 )
-"""What a method may raise where it fails."""
+"""Exceptions that a method may raise when it fails."""
 
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Show no warnings: what peers warn of, such as an unstable result, is in the tables."""
+    """Suppress warnings: the tables show what peers warn of, such as an unstable result."""
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
         yield
 
 
 def find(names: Sequence[str]) -> tuple[dict[str, ModuleType], tuple[SkippedMethod, ...]]:
-    """Return the modules of the packages that are here, and those that are not."""
+    """Return the modules of the installed packages, and the packages that are missing."""
     modules: dict[str, ModuleType] = {}
     left_out = []
     for name in names:

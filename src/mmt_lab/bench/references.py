@@ -1,7 +1,7 @@
-"""Textbook definitions in arithmetic of many digits: what errors are measured against.
+"""Reference results for errors: textbook definitions in arithmetic of many digits.
 
-Pure Python with mpmath, slow on purpose: nothing is arranged for speed or for stability, the
-digits stand in for both.
+Pure Python with mpmath. Nothing is arranged for speed or numerical stability: the references may
+be slow, and the digits make up for lost accuracy.
 """
 
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ def exact(values: FloatArray | Sequence[float]) -> list[Number]:
 def burg(x: FloatArray, order: int) -> list[Number]:
     """Return Burg's reflection coefficients of orders 1 to `order`.
 
-    Where a signal is predicted completely, such as one of zeros, the rest are zero.
+    If a signal is predicted completely, such as one of zeros, the remaining ones are zero.
     """
     with mpmath.workdps(DIGITS):
         forward = exact(x)
@@ -68,7 +68,7 @@ def step_up(reflection: Sequence[Number]) -> list[Number]:
 
 
 def step_down(ar: Sequence[Number]) -> list[Number] | None:
-    """Return the reflection coefficients, None where one is of magnitude one."""
+    """Return the reflection coefficients, or None if one has magnitude one."""
     with mpmath.workdps(DIGITS):
         rest = list(ar)
         reflection = []
@@ -83,7 +83,7 @@ def step_down(ar: Sequence[Number]) -> list[Number] | None:
 
 
 def is_stable(ar: FloatArray) -> bool:
-    """Say whether a filter with exactly these coefficients has its poles inside the circle."""
+    """Return whether a filter with exactly these coefficients has its poles in the unit circle."""
     if not np.isfinite(ar).all():
         return False
     reflection = step_down(exact(ar))
@@ -110,8 +110,8 @@ def lsf_to_ar(lsf: FloatArray) -> list[Number]:
 def refine_lsf(ar: Sequence[Number], start: FloatArray) -> list[Number] | None:
     """Return the line spectral frequencies of a filter, by Newton's method from `start` (m,).
 
-    The result is complete, whatever the start was: m different zeros inside (0, pi), which
-    are all there are. None where the start does not lead to that.
+    The result is always complete: m different zeros inside (0, pi), which are all the zeros. None
+    if the start does not lead to that.
     """
     with mpmath.workdps(DIGITS):
         order = len(ar)
@@ -128,7 +128,7 @@ def refine_lsf(ar: Sequence[Number], start: FloatArray) -> list[Number] | None:
 
 
 def _newton(taps: list[Number], begin: Number, sign: int) -> Number | None:
-    """Return a zero of A(w) + sign * (its reversal), its phase taken out, near `begin`."""
+    """Return a zero near `begin` of A(w) + sign * (its reversal), without its phase, or None."""
     degree = len(taps) - 1
     whole = [a + sign * b for a, b in zip(taps, taps[::-1], strict=True)]
     half = mpmath.mpf(degree) / 2
@@ -152,7 +152,7 @@ def _newton(taps: list[Number], begin: Number, sign: int) -> Number | None:
 
 
 def largest_error(found: FloatArray, expected: Sequence[Number]) -> float:
-    """Return the largest absolute difference; infinite where a number is not finite."""
+    """Return the largest absolute error; infinity if `found` is not finite or differs in length."""
     if not np.isfinite(found).all() or len(found) != len(expected):
         return float("inf")
     with mpmath.workdps(DIGITS):

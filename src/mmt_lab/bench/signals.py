@@ -1,4 +1,4 @@
-"""Signals to fit, like textures and stiff ones, and filters in every form."""
+"""Test signals for fits, both texture-like and stiff, and filters in every form."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ def texture(samples: int, seed: int) -> FloatArray:
 
 
 def resonant(samples: int, radius: FloatArray, angle: FloatArray, seed: int) -> FloatArray:
-    """Return white noise through conjugate pairs of poles, (p,) each, one after the other."""
+    """Return white noise filtered by conjugate pole pairs in series, radii and angles (p,)."""
     generator = np.random.default_rng(seed)
     signal = generator.standard_normal(samples + _SETTLE)
     for r, w in zip(radius, angle, strict=True):
@@ -45,12 +45,12 @@ def resonant(samples: int, radius: FloatArray, angle: FloatArray, seed: int) -> 
 
 
 def offset_noise(offset: float) -> FloatArray:
-    """Return 400 samples of white noise of variance one on an offset."""
+    """Return 400 samples of white noise of variance one plus an offset."""
     return offset + np.random.default_rng(3).standard_normal(400)
 
 
 def clustered(distance: float) -> FloatArray:
-    """Return 400 samples of five low pole pairs, so far from the unit circle, on white noise."""
+    """Return 400 samples of noise through five low pole pairs, `distance` off the unit circle."""
     return resonant(400, np.full(len(_LOW), 1.0 - distance), _LOW, seed=4)
 
 
@@ -109,7 +109,7 @@ def spread_filters(order: int, count: int) -> Filters:
 
 
 def low_pass_filter(order: int) -> Filters:
-    """Return the filter that Burg's method finds in noise below 50 Hz of 500 Hz."""
+    """Return the filter that Burg's method finds in noise low-passed at 50 Hz, at 1 kHz."""
     noise = np.random.default_rng(1).standard_normal(1000)
     sections = butter(8, 0.1, output="sos")
     return _of_reflection(burg(sosfilt(sections, noise)[200:], order).reflection)
@@ -118,7 +118,7 @@ def low_pass_filter(order: int) -> Filters:
 def _of_reflection(reflection: FloatArray) -> Filters:
     """Return the one filter whose reflection coefficients are exactly these floats.
 
-    Its frequencies are found from ours, but are complete whatever we found (see there).
+    The search for its frequencies starts from mmt's result, but is complete whatever that is.
     """
     ar = references.step_up(references.exact(reflection))
     lsf = references.refine_lsf(ar, reflection_to_lsf(reflection))

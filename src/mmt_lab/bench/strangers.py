@@ -1,9 +1,9 @@
-"""A stranger without the token, who keeps a leader's port as busy as it lets one connection.
+"""A stranger: a client without the token that keeps a leader's port as busy as it can.
 
-``python -m mmt_lab.bench.strangers URL KIND`` connects, sends what `KINDS` says, and connects anew
-when it is closed, until the process is ended. With `BYSTANDER` as its kind it connects nowhere, and
-is as busy: services and strangers of a bench share processors, and most of a stranger's processor
-time is that of its start.
+``python -m mmt_lab.bench.strangers URL KIND`` connects, sends the traffic of its kind in `KINDS`,
+and connects anew when the leader closes the connection, until the process is ended. A `BYSTANDER`
+connects nowhere, but is as busy, for comparison: services and strangers of a bench share
+processors, and most of a stranger's processor time is that of its start.
 """
 
 import functools
@@ -27,7 +27,7 @@ _PATIENCE_S: Final = 1.0
 _CONTINUATION, _TEXT, _BINARY, _PING, _PONG = 0, 1, 2, 9, 10
 """WebSocket opcodes."""
 _UNMASKED: Final = bytes(4)
-"""A client must mask what it sends; this mask changes nothing."""
+"""Mask of a frame, which a client must send; this one changes nothing."""
 _UPGRADE: Final = (
     f"GET {LINK_PATH}?EIO=4&transport=websocket HTTP/1.1\r\nHost: 127.0.0.1\r\n"
     "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
@@ -48,7 +48,7 @@ def _frame(opcode: int, payload: bytes) -> bytes:
 
 
 def _piece(opcode: int) -> bytes:
-    """Return an empty WebSocket frame that others follow."""
+    """Return an empty WebSocket frame that is not the last one of its message."""
     return bytes((opcode, 0x80)) + _UNMASKED
 
 
@@ -68,17 +68,17 @@ KINDS: Final = {
     "pieces": "a message in empty pieces",
     "requests": "requests of a page, in a row",
 }
-"""Strangers by name, and what each sends."""
+"""Kinds of strangers, and the traffic that each sends."""
 
 
 BYSTANDER: Final = "bystander"
-"""Kind of a process that starts as a stranger's does, is as busy, and connects nowhere."""
+"""Kind of a process that is as busy as a stranger, also at its start, but connects nowhere."""
 _TURN_S, _BUSY_S = 0.4, 0.002
-"""A stranger's turns during a session, and the processor time that it uses in one."""
+"""Period of a stranger's turns during a session, and processor time used in a turn."""
 
 
 def _said(kind: str) -> Iterable[bytes]:
-    """Return what a stranger of one of `KINDS` sends on a connection."""
+    """Return the chunks that a stranger of one of `KINDS` sends on a connection."""
     if kind == "tokens":
         return (_UPGRADE, _hello({"token": "wrong"}))
     first, repeated = _flood(kind)
@@ -87,7 +87,7 @@ def _said(kind: str) -> Iterable[bytes]:
 
 @functools.cache
 def _flood(kind: str) -> tuple[bytes, bytes]:
-    """Return what a stranger of one of the other kinds sends first, and then again and again."""
+    """Return the first chunk of a kind other than ``tokens``, and the chunk repeated after it."""
     return {
         "maps": (_UPGRADE, _frame(_BINARY, msgpack.packb([{}] * 130_000))),
         "hellos": (_UPGRADE, _hello({"token": "wrong", "maps": [{}] * 60_000})),
@@ -100,7 +100,7 @@ def _flood(kind: str) -> tuple[bytes, bytes]:
 
 
 def disturb(host: str, port: int, kind: str) -> int:
-    """Open one connection and say all that it takes; return how many bytes that was."""
+    """Open one connection and send all that the leader accepts; return the number of bytes."""
     said = 0
     try:
         with socket.create_connection((host, port), _PATIENCE_S) as connection:
@@ -111,7 +111,7 @@ def disturb(host: str, port: int, kind: str) -> int:
             while connection.recv(65_536):
                 pass
     except OSError:
-        pass  # it was closed, or nothing is taken any more
+        pass  # the leader closed the connection or reads no more
     return said
 
 
@@ -124,7 +124,7 @@ def _stand_by() -> None:
 
 
 def main() -> None:
-    """Be the stranger of the command line, who is on another machine: it steps back."""
+    """Run the stranger of the command line at low priority, as if on another machine."""
     step_back()
     address, kind = urlsplit(sys.argv[1]), sys.argv[2]
     while kind == BYSTANDER:

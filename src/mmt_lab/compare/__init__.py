@@ -1,1 +1,1 @@
-"""Methods of texture modelling side by side: sessions, judgements, and what is made of them."""
+"""Comparison of texture modelling methods: sessions, scores, summaries and tables."""

@@ -1,8 +1,8 @@
-"""The field without one of its ingredients, by replacing a function or a constant of it.
+"""The field method without one of its ingredients, by replacing one of its functions or constants.
 
-The product has no option for it: an ingredient is left out while a model is built, in this process
-alone, and put back afterwards. What an ingredient replaces is looked up by name, so that a renamed
-one is an error and not a comparison of the field with itself.
+The product has no option for this. A replacement lasts while a model is built, in this process
+alone, and is undone afterwards. The replaced object is looked up by name, so that a renamed one
+raises an error instead of comparing the field with itself.
 """
 
 import importlib
@@ -16,11 +16,11 @@ from unittest.mock import patch
 import numpy as np
 
 Replace = Callable[[Any], Any]
-"""Returns what takes the place of a function, a property or a constant."""
+"""From a function, a property or a constant to its replacement."""
 
 
 class Ingredient(NamedTuple):
-    """What is left out, in words, and what replaces what: by ``module:name`` or ``module:A.b``."""
+    """Ingredient in words, and its replacements by target, ``module:name`` or ``module:A.b``."""
 
     what: str
     replacements: Mapping[str, Replace]
@@ -58,7 +58,7 @@ def _as_fitted(_: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _nearest(points: Any, lsf: Any, around: Any) -> Any:
-    """Return the samples' own frequencies, and around them those of the nearest."""
+    """Return the samples' own frequencies, then those of the sample nearest to each point."""
     if around is None:
         return lsf
     apart = np.linalg.norm(around[:, None] - points[None], axis=2)
@@ -70,7 +70,7 @@ def _constantly(value: Any) -> Replace:
 
 
 def _without_columns(*columns: int) -> Replace:
-    """Return what sets hyperparameters of every setting to zero: no such departure."""
+    """Return a replacement that sets these hyperparameters of every setting to zero."""
 
     def replace(settings: Callable[..., Any]) -> Callable[..., Any]:
         def left(count: int, *, directed: bool) -> Any:
@@ -144,7 +144,7 @@ INGREDIENTS: Final[Mapping[str, Ingredient]] = MappingProxyType(
 def without(name: str) -> Iterator[None]:
     """Leave out one of `INGREDIENTS` inside the block; nothing if the name is empty.
 
-    Models have to be built and asked for inside it.
+    Models must be built and evaluated inside the block.
     """
     with ExitStack() as stack:
         for target, replace in INGREDIENTS[name].replacements.items() if name else ():

@@ -1,4 +1,4 @@
-"""What methods are judged on: simulated sessions of every known texture."""
+"""Cases on which methods are judged: simulated sessions of every known texture."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,10 +17,10 @@ INHOMOGENEOUS: Final = ("plastic+patches", "plastic+bursts-4", "plastic+bursts-8
 """Textures whose level differs from place to place, or comes in bursts of 25 ms."""
 
 FIRST_SEED: Final = 1000
-"""Seeds count from here: the ones that anything was tried with are smaller."""
+"""First seed of the cases; smaller seeds were used in development."""
 
 DURATION_S: Final = 30.0
-"""A hand that takes all headings meets the stop criterion of three inputs after 20 to 27 s."""
+"""Length of a session. With all headings the stop criterion is met after 20 to 27 s."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class ComparisonCase:
 
     @property
     def surface(self) -> KnownSurface:
-        """The texture at the rate of the acceleration."""
+        """The known texture, at the sampling rate of the acceleration."""
         return get_surface(self.texture, float(self.acceleration_rate_hz))
 
     @property
@@ -49,7 +49,7 @@ class ComparisonCase:
 
     @property
     def group(self) -> str:
-        """What it is counted with."""
+        """Group of textures whose results are pooled; each rate above 1 kHz has its own."""
         return self._kind + self._at_rate
 
     @property
@@ -62,12 +62,12 @@ class ComparisonCase:
 
     @property
     def name(self) -> str:
-        """The texture over which seeds are gathered."""
+        """Name under which the seeds of a texture and rate are pooled."""
         return Path(self.texture).name + self._at_rate
 
     @property
     def labels(self) -> dict[str, Any]:
-        """What every figure of it is labelled with: group, name, texture, seed and rate."""
+        """Labels of every figure of the case: group, name, texture, seed and rate."""
         return {
             "group": self.group,
             "name": self.name,
@@ -78,11 +78,11 @@ class ComparisonCase:
 
     @property
     def inputs(self) -> Inputs:
-        """What the models of all methods are functions of."""
+        """Inputs of the models of all methods."""
         return "isotropic" if get_surface(self.texture).isotropic else "anisotropic"
 
     def session(self) -> RecordArray:
-        """Simulate the session: a hand that takes all headings where they count."""
+        """Simulate the session; the hand takes all headings if the texture depends on them."""
         grained = self.inputs == "anisotropic"
         scene = Scene(
             session=SessionTable(acceleration_rate_hz=self.acceleration_rate_hz),
@@ -97,9 +97,9 @@ class ComparisonCase:
 def simulated_cases(
     seeds: int, textures: Sequence[str], hand: str = "strokes", *, noise: bool = True
 ) -> list[ComparisonCase]:
-    """Return a session of each texture and each of a number of seeds, by a kind of hand.
+    """Return cases of each texture with `seeds` seeds each, by a kind of hand.
 
-    No two sessions have the same seed: the hand would stroke in the same way.
+    No two cases share a seed, with which the hand would stroke in the same way.
     """
     return [
         ComparisonCase(name, FIRST_SEED + number * seeds + seed, hand=hand, noise=noise)

@@ -1,4 +1,4 @@
-"""Judge others' generators on one session, by what they render at the strokes that were made."""
+"""Judge external generators on one session, by the vibration that they render at its strokes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ from mmt_methods.generators.guarded import GeneratorFault, GuardedGenerator
 from mmt_methods.generators.registry import load
 
 NUMBERS: Final = {round(time_s / PERIOD_S) - 1: time_s for time_s in TIMES_S}
-"""Times at which is judged, by the number of the update that ends then."""
+"""Times at which generators are judged, by the number of the update that ends then."""
 
 LONGEST_UPDATE_S: Final = 60.0
 """An update that takes longer ends the session for its generator."""
@@ -53,11 +53,11 @@ DEFINITIONS: Final = {
 
 @dataclass(frozen=True)
 class GeneratorScore:
-    """A generator at one time of one session, by what it renders.
+    """Score of a generator at one time of one session, by its rendered vibration.
 
-    ``judged`` is as of a method, without the figures over the plane; ``samples`` are its segments.
-    ``clipped`` is a share of the samples, ``block_us`` median and 99th percentile of 10 ms,
-    ``update_ms`` median and longest so far.
+    ``judged`` has no figures over the plane, and the number of segments as ``samples``. ``clipped``
+    is the share of samples clipped, ``block_us`` the median and 99th percentile of the time to
+    render 10 ms, ``update_ms`` the median and the longest update so far.
     """
 
     judged: JudgedMethod
@@ -79,7 +79,7 @@ class Fault:
 
 
 def check_generators(names: Sequence[str]) -> None:
-    """Raise `InputError` if a generator is not known, or its name is taken or named twice."""
+    """Raise `InputError` if a generator is unknown, named as a method, or named twice."""
     for name in names:
         load(name)
     taken = [name for name in names if name.partition("-")[0] in METHODS]
@@ -93,7 +93,7 @@ def check_generators(names: Sequence[str]) -> None:
 def judge_generators(
     case: ComparisonCase, generators: Sequence[str], run_s: float = RUN_S
 ) -> tuple[list[GeneratorScore], list[Fault]]:
-    """Judge generators on one session by what they render."""
+    """Judge generators on one session by the vibration that they render."""
     session = _Session(case, run_s)
     for name in generators:
         try:
@@ -104,7 +104,7 @@ def judge_generators(
 
 
 class _Session:
-    """One session, and what is found on the way."""
+    """One session, with the scores and faults of the generators judged on it."""
 
     def __init__(self, case: ComparisonCase, run_s: float) -> None:
         self._case, self._run_s = case, run_s
@@ -116,7 +116,7 @@ class _Session:
         self.faults: list[Fault] = []
 
     def judge(self, name: str) -> None:
-        """Judge a generator at every time, as it is then."""
+        """Update a generator over the session, and judge its state at the times of `NUMBERS`."""
         modeller = GeneratorModeller(name, load(name), self._settings)
         late = f"generator {name}: an update took longer than {LONGEST_UPDATE_S:g} s"
         updates_ms = []
@@ -165,7 +165,7 @@ def _pair(values: FloatArray) -> tuple[float, float]:
 
 
 def generators_table(rendered: Sequence[GeneratorScore]) -> ReportTable:
-    """Return what generators took, and what the estimates of their errors are worth."""
+    """Return the generators' run times, the scatter of the error estimates, and clipping."""
     rows = []
     for name in dict.fromkeys(one.judged.method for one in rendered):
         mine = [one for one in rendered if one.judged.method == name]
@@ -186,7 +186,7 @@ def generators_table(rendered: Sequence[GeneratorScore]) -> ReportTable:
 
 
 def generator_sentences(rendered: Sequence[GeneratorScore]) -> list[str]:
-    """Say which generators are not for the tick on this machine."""
+    """Return a sentence on each generator that is too slow for the tick on this machine."""
     sentences = []
     for name in dict.fromkeys(one.judged.method for one in rendered):
         late = [one.block_us[1] > BLOCK_US for one in rendered if one.judged.method == name]
@@ -199,7 +199,7 @@ def generator_sentences(rendered: Sequence[GeneratorScore]) -> list[str]:
 
 
 def failures(faults: Sequence[Fault]) -> list[str]:
-    """Say why generators were not judged to the end, each reason once."""
+    """Return why generators were not judged to the end, each reason once."""
     found: dict[str, list[Fault]] = {}
     for fault in faults:
         found.setdefault(fault.reason, []).append(fault)

@@ -1,10 +1,10 @@
-"""Judge methods on one session: build the model by each, compare it with the known texture.
+"""Judge methods on one session: build a model by each, and compare it with the known texture.
 
-All methods and all that spoils a session are judged over the same strokes: those that were made in
-the session as it was before it was spoilt. A model that states its error is checked at every
-update. What it expects is the share of the strokes to come within one JND, which are like those so
-far but for a part of `PRIOR_S` seconds from the whole plane: it is compared with the same mixture
-of the true shares over the strokes so far and over the plane.
+All models, also those of spoilt sessions, are judged over the strokes of the unspoilt session. The
+error that a model states is checked at every update. Such a model expects a share of the coming
+strokes to be within one JND, if these are like the strokes so far mixed with `PRIOR_S` seconds over
+the whole plane. This share is compared with the same mixture of the true shares over the strokes so
+far and over the plane.
 """
 
 from collections.abc import Mapping, Sequence
@@ -39,7 +39,7 @@ METHODS: Final[Mapping[str, Mapping[str, Any]]] = MappingProxyType(
 TIMES_S: Final = (3.0, 10.0, 20.0, 30.0)
 
 MOMENTS: Final = (*(f"{time_s:g} s" for time_s in TIMES_S), "start", "stop")
-"""When methods are compared; start and stop are those of each method's own criterion."""
+"""Moments at which methods are compared; start and stop are those of each method's criteria."""
 
 SHARES: Final = ("within_jnd", "plane_within_jnd")
 
@@ -47,7 +47,7 @@ FIGURES: Final = (
     *("within_jnd", "plane_within_jnd", "power_error_db", "plane_power_error_db"),
     *("gfc", "log_spectral_db", "band_error_db"),
 )
-"""What is compared, over the strokes that were made or over the plane."""
+"""Names of the figures that are compared, over the strokes made or over the plane."""
 
 LARGER_IS_BETTER: Final = frozenset({*SHARES, "gfc"})
 
@@ -56,29 +56,29 @@ PERIOD_S: Final = 1.0
 
 @dataclass(frozen=True)
 class JudgedMethod:
-    """One method at one moment of one session.
+    """Figures of one method at one moment of one session.
 
     Attributes
     ----------
     group, name, texture, seed, acceleration_rate_hz
         As in the `ComparisonCase`.
     spoil
-        What spoils the session, empty if nothing does.
+        Name of the disturbance that spoils the session, empty if there is none.
     method, moment
-        A method's name, and one of `MOMENTS`.
+        Name of the method, and one of `MOMENTS`.
     time_s, samples
         Session time, and samples of the model.
     figures
-        By `FIGURES`; without a model the shares alone, which are then 0.
+        Values by the names in `FIGURES`. Without a model only the shares, which are then 0.
     expected, true, standardised
-        Of a model that states its error: the share that it expects and the true one of the same
-        strokes, and the root mean square of the level's errors over the strokes that were made,
-        each over its predicted standard deviation. None of other models.
+        For a model that states its error: expected and true share of the same strokes, and root
+        mean square over the strokes made of the level's error, each divided by its predicted
+        standard deviation. None for other models.
     bands_db
         Errors of the power in each band, root mean square over the strokes made; empty without a
         model.
     above_500_hz
-        Share of the texture's power over these strokes that an acceleration at 1 kHz lacks.
+        Share of the texture's power over these strokes that is above 500 Hz: 1 kHz lacks it.
     """
 
     group: str
@@ -101,7 +101,7 @@ class JudgedMethod:
 
 @dataclass(frozen=True)
 class Certainty:
-    """What the models of one method and session say of their own error.
+    """Expected and true shares of the models of one method in one session.
 
     ``updates`` has time (s), expected share and true share of each update with a model.
     """
@@ -114,14 +114,14 @@ class Certainty:
 
 
 def check_methods(names: Sequence[str]) -> None:
-    """Raise `InputError` if a method is not known, or named twice."""
+    """Raise `InputError` if a method is unknown or named twice, or none is named."""
     known = [*METHODS, *(f"field-{name}" for name in INGREDIENTS)]
     if not set(names) <= set(known) or len(set(names)) != len(names) or not names:
         raise InputError(f"--methods {','.join(names)}: name some of {', '.join(known)}, each once")
 
 
 def settings_of(case: ComparisonCase, method: str) -> ModellingSettings:
-    """Return the settings of a method for a session, whole or without an ingredient."""
+    """Return the settings of a method for a session; an ingredient in its name is ignored."""
     return ModellingSettings(
         inputs=case.inputs,
         samples_per_frame=case.samples_per_frame,
@@ -137,9 +137,9 @@ def blocks_of(frames: RecordArray) -> list[RecordArray]:
 def judge(
     case: ComparisonCase, methods: Sequence[str], spoils: Sequence[str] = ()
 ) -> tuple[list[JudgedMethod], list[Certainty]]:
-    """Judge methods on one session as it is, and as each of some things spoils it.
+    """Judge methods on one session, as it is and spoilt in each of some ways.
 
-    Costs a pass of modelling for each method and session.
+    This costs a pass of modelling for each method and way.
     """
     frames = case.session()
     judge = SessionJudge(case, frames)
@@ -152,7 +152,7 @@ def judge(
 
 
 class SessionJudge:
-    """The known texture of a session, where its operator strokes, and what was judged there.
+    """Judge the models of methods on one session, over the strokes that its hand made.
 
     Parameters
     ----------
@@ -227,7 +227,7 @@ class SessionJudge:
         }
 
     def _mixed_share(self, model: TextureModel, time_s: float) -> float:
-        """Return the true share over strokes like those up to a time, and over the plane."""
+        """Return the true share over the strokes up to a time, mixed with that over the plane."""
         number = min(int(time_s / PERIOD_S + 1e-9), len(self._stroked_s)) - 1
         stroked_s = self._stroked_s[max(number, 0)]
         so_far: BoolArray = self._place_s <= stroked_s
@@ -243,14 +243,14 @@ class SessionJudge:
 
 
 def moments_of(history: ModelHistory) -> dict[str, float]:
-    """Return the session time of each of `MOMENTS` that a session came to."""
+    """Return the session time of each of `MOMENTS` that the session reached."""
     at = dict(zip(MOMENTS, (*TIMES_S, history.start_s, history.stop_s), strict=True))
     end_s = history.updates[-1].time_s + PERIOD_S  # the newest frames may be lost
     return {name: time_s for name, time_s in at.items() if time_s is not None and time_s < end_s}
 
 
 def figures_of(errors: GridErrors) -> dict[str, float]:
-    """Return those of `FIGURES` that are of errors over strokes, not over the plane."""
+    """Return the figures over strokes, without those over the plane."""
     return {
         "within_jnd": within_jnd(errors.power_error_db),
         "power_error_db": root_mean_square(errors.power_error_db),

@@ -1,10 +1,10 @@
-"""Errors of what a generator renders, against a known texture.
+"""Errors of the vibration that a generator renders, against a known texture.
 
-A generator has no spectrum in closed form. At some of the strokes that were made it renders two
-runs of vibration with seeds of their own, steadily, in blocks of 10 ms. Spectra are estimated
-by Welch's method and compared with what the texture's own spectrum is through the same windows.
-The two runs scatter independently: the mean of the product of their errors is the square of the
-error without the scatter, and half their difference is the scatter.
+A generator has no spectrum in closed form. At some of the strokes made it renders two runs of
+vibration with different seeds, at constant motion, in blocks of 10 ms. Their spectra are estimated
+by Welch's method, and compared with the texture's spectrum through the same windows. The two runs
+scatter independently: the mean of the product of their errors is the square of the error without
+the scatter, and half their difference is the scatter.
 """
 
 from time import perf_counter
@@ -25,38 +25,38 @@ RATE_HZ: Final = 1000.0
 BLOCK_SAMPLES: Final = 10
 RUN_S: Final = 6.0
 SETTLING_S: Final = 0.2
-"""What a run begins with, and is not judged by."""
+"""Beginning of a run, which is not judged."""
 
 RUNS: Final = 2
 
 STROKES: Final = 36
-"""Strokes of a session that are rendered."""
+"""Number of strokes of a session that are rendered."""
 
 _FINE_SAMPLES: Final = 500  # windows for 2 Hz
-_COARSE_SAMPLES: Final = 64  # those of every measured GFC
+_COARSE_SAMPLES: Final = 64  # windows of every measured GFC
 _FROM_LOWEST: Final = slice(LOWEST_HZ // 2, None)  # of 0 to 500 Hz in steps of 2 Hz
 _FINE: Final = slice(5, None)  # 10 to 500 Hz
-_BINS: Final = slice(1, None)  # of the coarse ones: 15.6 to 500 Hz
+_BINS: Final = slice(1, None)  # of the coarse windows: 15.6 to 500 Hz
 
 
 class WindowedSpectra(NamedTuple):
-    """Densities (..., 251) at 2 Hz, and amplitudes (..., 33) at 15.6 Hz, as Welch gives them."""
+    """Welch's densities (..., 251) every 2 Hz, and amplitudes (..., 33) every 15.6 Hz."""
 
     density: FloatArray
     amplitude: FloatArray
 
     @property
     def power(self) -> FloatArray:
-        """The power from 8 Hz up but for a factor, (...)."""
+        """Power from 8 Hz up, except for a constant factor, (...)."""
         heard = self.density[..., _FROM_LOWEST]
         return np.asarray(heard.sum(axis=-1) - 0.5 * (heard[..., 0] + heard[..., -1]))
 
 
 class RenderedErrors(NamedTuple):
-    """Errors over k strokes of what was rendered.
+    """Errors of the rendered vibration over k strokes.
 
-    ``figures`` are those of `mmt_lab.compare.judging.figures_of`; ``scatter_db`` is how the
-    estimate of a level scatters, root mean square over the strokes.
+    ``figures`` are those of `mmt_lab.compare.judging.figures_of`; ``scatter_db`` is the scatter of
+    the estimate of a level, root mean square over the strokes.
     """
 
     figures: dict[str, float]
@@ -64,7 +64,7 @@ class RenderedErrors(NamedTuple):
 
 
 def motion_of(strokes: Strokes, *, directed: bool) -> FloatArray:
-    """Return what a generator is asked by at strokes, shape (d, k), d 2 or 3."""
+    """Return the inputs of a generator at k strokes, shape (d, k), d 2 or 3."""
     if not directed:
         return np.array([strokes.speed_mm_s, strokes.force_n])
     return np.array(
@@ -111,7 +111,7 @@ def spectra_of(vibration_m_s2: FloatArray) -> WindowedSpectra:
 
 
 def expected_spectra(truth: KnownTexture, strokes: Strokes) -> WindowedSpectra:
-    """Return the spectra that a texture has through the same windows, each (k, ...)."""
+    """Return a texture's spectra through the same windows, each (k, ...)."""
     density = truth.spectrum(strokes, density_hz(RATE_HZ))
     return WindowedSpectra(
         np.square(expected_amplitude(density, _FINE_SAMPLES)),
@@ -141,12 +141,12 @@ def rendered_errors(rendered: WindowedSpectra, truth: WindowedSpectra) -> Render
 
 
 def _root(square: FloatArray) -> FloatArray:
-    """Return the root of mean products, which chance may make negative where there is no error."""
+    """Return the root of mean products; if chance makes one negative, the error is 0."""
     return np.sqrt(np.maximum(square, 0.0))
 
 
 def _gfc(amplitude: FloatArray, truth: FloatArray) -> FloatArray:
-    """Return the GFC (k,) of two runs (2, k, b), their own scatter not taken for power."""
+    """Return the GFC (k,) of two runs (2, k, b), whose scatter does not count as power."""
     both = amplitude.mean(axis=0)
     square = np.sum(amplitude[0] * amplitude[1], axis=1) * np.sum(truth * truth, axis=1)
     scores = np.sum(both * truth, axis=1) / np.sqrt(np.where(square > 0.0, square, 1.0))

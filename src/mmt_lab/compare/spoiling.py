@@ -1,7 +1,7 @@
-"""Moments that spoil a session, and losses: what a good model must not mind.
+"""Disturbances that spoil a session, and that a good model must tolerate.
 
-Each takes the frames of a session and returns them with what happened. A moment begins at
-`MOMENT_S` and lasts 0.3 s unless it says otherwise; losses are of frames all along.
+Each disturbance returns changed frames of a session. A disturbed moment begins at `MOMENT_S` and
+lasts 0.3 s if nothing else is said. Frames are lost throughout the session.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -30,14 +30,14 @@ _DRIFT_M_S2: Final = 5.0
 _DRIFT_S: Final = 10.0
 
 Spoil = Callable[[RecordArray, np.random.Generator], RecordArray]
-"""Returns new frames (n,), or fewer."""
+"""From frames (n,) and a source of chance to new frames, (n,) or fewer."""
 
 Change = Callable[[FloatArray, FloatArray], FloatArray]
-"""Returns accelerations (n, 3) as they are changed, given the time since the moment (n,), s."""
+"""From accelerations (n, 3) and the time since the moment began (n,), s, to changed ones."""
 
 
 def spoilt(frames: RecordArray, name: str, seed: int) -> RecordArray:
-    """Return the frames (n,) of a session as one of `SPOILS` leaves them; they stay as they are."""
+    """Return the frames (n,) of a session, spoilt by one of `SPOILS`; the input is not changed."""
     return SPOILS[name](frames, np.random.default_rng([seed, 28]))
 
 
@@ -66,7 +66,7 @@ def _during(time_s: FloatArray, lasts_s: float = LASTS_S) -> BoolArray:
 
 
 def _vibration(values: FloatArray, inside: BoolArray) -> FloatArray:
-    """Return the acceleration of a moment without its mean, which is gravity's."""
+    """Return the acceleration of a moment without its mean, which is gravity."""
     return np.asarray(values[inside] - values[inside].mean(axis=0))
 
 
@@ -117,7 +117,7 @@ def _drifted(values: FloatArray, time_s: FloatArray) -> FloatArray:
 def _lost(
     share: float, together: int, frames: RecordArray, random: np.random.Generator
 ) -> RecordArray:
-    """Leave out a share of the frames, so many in a row each time; the first one stays."""
+    """Leave out a share of the frames, `together` in a row each time; the first frame stays."""
     starts = random.random(len(frames)) < share / together
     gone = np.convolve(starts, np.ones(together), "full")[: len(frames)] > 0.0
     gone[0] = False

@@ -1,4 +1,4 @@
-"""What methods gave over sessions: the usual and the worst, paired differences, and falls."""
+"""Results of methods over sessions: usual and worst values, paired differences, and falls."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -19,11 +19,11 @@ from mmt_lab.compare.judging import (
 )
 
 STANDARD_ERRORS: Final = 3.0
-"""Standard errors from which on a mean difference counts as beyond noise: of about a
-hundred comparisons of one run a tenth is then expected to do so by chance."""
+"""A mean difference of more than so many standard errors counts as beyond noise. By chance alone
+about 0.3 % of the comparisons would."""
 
 RUN_TO_RUN_DB: Final = 0.89
-"""How the level of one of nine bands scatters between slides over one real material, root mean
+"""Scatter of the level of one of nine bands between slides over one real material, root mean
 square over the bands, dB.
 
 Measured by `mmt_lab.surfaces.slides.scatter_db`; the source is in the page on error measures."""
@@ -31,10 +31,10 @@ Measured by `mmt_lab.surfaces.slides.scatter_db`; the source is in the page on e
 
 @dataclass(frozen=True)
 class MethodRow:
-    """One method at one moment, over the sessions of a texture or group.
+    """Results of one method at one moment, over the sessions of a texture or group.
 
-    ``sessions`` is how many there are, ``time_s`` and ``samples`` medians over those that came to
-    the moment, ``figures`` what they have.
+    ``sessions`` is the number of all sessions. The other values are over the sessions that reached
+    the moment: ``time_s`` and ``samples`` are medians, ``figures`` summaries.
     """
 
     name: str
@@ -49,7 +49,7 @@ class MethodRow:
 
 @dataclass(frozen=True)
 class MethodDifference:
-    """A figure of a method less that of the first one, session by session."""
+    """Mean difference of a figure between a method and the first one, paired by session."""
 
     name: str
     method: str
@@ -61,7 +61,7 @@ class MethodDifference:
 
     @property
     def verdict(self) -> str:
-        """Return ``better`` or ``worse`` if it is so beyond noise, else ``same``."""
+        """Return ``better`` or ``worse`` if the difference is beyond noise, else ``same``."""
         gain = self.mean if self.figure in LARGER_IS_BETTER else -self.mean
         if abs(gain) <= STANDARD_ERRORS * self.standard_error:
             return "same"
@@ -70,7 +70,7 @@ class MethodDifference:
 
 @dataclass(frozen=True)
 class Fall:
-    """By how much a share falls if something spoils the session, over the sessions.
+    """Fall of a share when sessions are spoilt, over all sessions.
 
     ``before`` and ``after`` are means; ``mean``, ``percentile_95`` and ``most`` are of the fall.
     ``samples`` is the mean number of samples of the model afterwards.
@@ -91,7 +91,7 @@ class Fall:
 
 @dataclass(frozen=True)
 class MethodComparison:
-    """Everything that was judged."""
+    """All that was judged, with summaries."""
 
     methods: tuple[str, ...]
     judged: tuple[JudgedMethod, ...]
@@ -104,12 +104,12 @@ class MethodComparison:
 
     @cached_property
     def spoils(self) -> list[str]:
-        """What spoils sessions, in its order."""
+        """Names of the disturbances that spoil sessions, in their order."""
         return [spoil for spoil in dict.fromkeys(one.spoil for one in self.judged) if spoil]
 
     @property
     def several_rates(self) -> bool:
-        """Whether there is another rate of the acceleration than 1 kHz."""
+        """Whether a session has another acceleration rate than 1 kHz."""
         return any(one.acceleration_rate_hz != 1000 for one in self.judged)
 
     def names(self, group: str) -> list[str]:
@@ -142,7 +142,7 @@ class MethodComparison:
         return found
 
     def falls(self, moment: str = "30 s") -> list[Fall]:
-        """Return the falls of both shares, of all sessions together."""
+        """Return the falls of both shares at a moment, over all sessions."""
         found = []
         for spoil in self.spoils:
             for method in self.methods:
@@ -153,7 +153,7 @@ class MethodComparison:
         return found
 
     def as_dict(self) -> dict[str, Any]:
-        """Return everything for a program."""
+        """Return all results as a dictionary for JSON."""
         every = [n for group in self.groups for n in (group, *self.names(group))]
         ways = ("", *self.spoils)
         rows = [row for name in every for spoil in ways for row in self.rows(name, spoil)]
@@ -176,7 +176,7 @@ class MethodComparison:
     def _chosen(
         self, name: str | None, spoil: str, method: str | None = None, moment: str | None = None
     ) -> list[JudgedMethod]:
-        """Return what was judged; of all where None is given."""
+        """Return the matching results; None matches all."""
         return [
             one
             for one in self.judged

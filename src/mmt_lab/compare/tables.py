@@ -30,12 +30,12 @@ TITLES: Final = dict(
 )
 
 MAIN_ERRORS: Final = ("power_error_db", "plane_power_error_db", "log_spectral_db")
-"""Errors that a table has room for."""
+"""Errors that the tables show."""
 
 TENTHS: Final = np.linspace(0.0, 1.0, 11)
 
 LEAST_CASES: Final = 30
-"""Updates of a tenth of the expected share from which on it is to be right."""
+"""Least number of updates in a tenth of the expected share for that tenth to be judged."""
 
 
 def shares_table(comparison: MethodComparison, name: str) -> ReportTable:
@@ -72,7 +72,7 @@ def errors_table(comparison: MethodComparison, name: str) -> ReportTable:
 
 
 def rates_table(comparison: MethodComparison) -> ReportTable:
-    """Return what each rate of the acceleration gives at the last moment, over all textures."""
+    """Return the errors at each rate of the acceleration, at the last moment, over all textures."""
     last = f"{TIMES_S[-1]:g} s"
     chosen = [one for one in comparison.judged if (one.moment, one.spoil) == (last, "")]
     rows = []
@@ -107,7 +107,7 @@ def rates_table(comparison: MethodComparison) -> ReportTable:
 
 
 def falls_table(comparison: MethodComparison) -> ReportTable:
-    """Return by how much shares fall if something spoils the session."""
+    """Return the falls of the shares when sessions are spoilt."""
     rows = [
         [
             fall.spoil,
@@ -128,7 +128,7 @@ def falls_table(comparison: MethodComparison) -> ReportTable:
 
 
 def calibration_table(comparison: MethodComparison, method: str) -> ReportTable:
-    """Return true shares by expected ones: over all updates, and where thresholds were met."""
+    """Return true shares by expected ones: over all updates, and when the criteria were met."""
     rows = []
     certainties = [c for c in comparison.certainties if (c.method, c.spoil) == (method, "")]
     expected, true = shares(certainties)
@@ -185,7 +185,7 @@ def largest_miscalibration(certainties: Sequence[Certainty]) -> float | None:
 
 
 def difference_sentences(comparison: MethodComparison, method: str) -> list[str]:
-    """Say for each group by how much a method's shares differ from those of the first one."""
+    """Return for each group how much a method's share differs from that of the first one."""
     sentences = []
     for group in comparison.groups:
         found = [

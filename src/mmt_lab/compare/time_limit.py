@@ -1,4 +1,4 @@
-"""A time limit on calls of code that is not ours."""
+"""A time limit on calls of external code."""
 
 import signal
 import threading
@@ -14,15 +14,15 @@ _AGAIN_S: Final = 1.0
 
 
 class _Expired(BaseException):
-    """Raised inside the code that takes too long; not an `Exception`, which it may catch."""
+    """Raised inside code that takes too long; not an `Exception`, which that code may catch."""
 
 
 @contextmanager
 def time_limit(seconds: float, fault: str) -> Iterator[None]:
-    """Interrupt the block, which is Python's, when it takes too long.
+    """Interrupt a block of Python code that takes too long, and raise `GeneratorFault`.
 
-    A call into compiled code ends first. Without signals (not Linux, not the main thread) the
-    block is not interrupted, and the fault is raised when it ends.
+    A call into compiled code is not interrupted, but ends first. Without ``SIGALRM``, or outside
+    the main thread, the block runs to its end, and the fault is raised then.
     """
     started = time.monotonic()
     if not (hasattr(signal, "SIGALRM") and threading.current_thread() is threading.main_thread()):
@@ -37,7 +37,7 @@ def time_limit(seconds: float, fault: str) -> Iterator[None]:
     except _Expired as error:
         raise GeneratorFault(fault) from error
     finally:
-        # A timer that ran before, such as that of a test's own limit, goes on.
+        # Restore a timer that ran before, such as that of a test's own limit.
         rest_s = max(1e-3, left_s - (time.monotonic() - started)) if left_s else 0.0
         signal.signal(signal.SIGALRM, handler)
         signal.setitimer(signal.ITIMER_REAL, rest_s, interval_s)

@@ -1,9 +1,9 @@
 """The field without each of its ingredients, on clean, noisy, drawn, uneven and spoilt sessions.
 
 Every session is modelled by the whole field, and by the field without one ingredient at a time.
-What leaving it out costs is the difference: in the share of the strokes that were made whose level
-is within one JND, its mean and that of the five worst, in the log-spectral distance, in what the
-model expects, and in how often its criteria are met.
+The cost of leaving an ingredient out is the difference: in the share of the strokes made whose
+level is within one JND (its mean, and the mean of the five worst), in the log-spectral distance, in
+the expected share, and in the number of sessions that meet the criteria.
 """
 
 from collections.abc import Sequence
@@ -49,7 +49,7 @@ DEFINITIONS: Final = {
 def sets(
     textures: Sequence[str], seeds: int, spoils: Sequence[str]
 ) -> dict[str, tuple[list[ComparisonCase], Sequence[str]]]:
-    """Return the sets of sessions by name, and what spoils those of each."""
+    """Return the sets of sessions by name, each with the disturbances that spoil it."""
     hand = hand_of(HAND).kind
     drawn = chosen_textures("drawn")
     return {
@@ -64,7 +64,7 @@ def sets(
 def cost_tables(
     name: str, judged: Sequence[JudgedMethod], ingredients: Sequence[str]
 ) -> list[ReportTable]:
-    """Return what leaving each ingredient out costs on a set of sessions: shares, then the rest."""
+    """Return the costs of leaving out each ingredient on a set of sessions: shares, then others."""
     shares, rest = [], []
     for ingredient in ("", *ingredients):
         method = f"{WHOLE}-{ingredient}" if ingredient else WHOLE
@@ -97,7 +97,7 @@ def _of(judged: Sequence[JudgedMethod], method: str, moment: str) -> list[Judged
 
 
 def _costs(judged: Sequence[JudgedMethod], method: str, moment: str) -> list[str]:
-    """Return share, worst share and spectrum: those of the whole field, or the loss without."""
+    """Return share, worst share and spectrum: values for the whole field, else the losses."""
     own, whole = (_figures(_of(judged, name, moment)) for name in (method, WHOLE))
     if method == WHOLE:
         return [f"{own[0]:.3f}", f"{own[1]:.3f}", f"{own[2]:.2f}"]
@@ -121,7 +121,7 @@ def run(
     ] = ",".join(SPOILS),
     workers: Workers = None,
 ) -> Findings:
-    """Say what each ingredient of the field is worth."""
+    """Measure what each ingredient of the field is worth, by leaving it out."""
     names = [name.strip() for name in ingredients.split(",")]
     spoils = [name.strip() for name in spoil.split(",")]
     methods = (WHOLE, *(f"{WHOLE}-{name}" for name in names))

@@ -1,4 +1,4 @@
-"""Burg's method beside its peers: time, digits, and who stays stable where it is stiff."""
+"""Burg's method beside its peers: time, accuracy, and stability on stiff signals."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -37,10 +37,10 @@ Fit = Callable[[FloatArray, int], FloatArray]
 
 @dataclass(frozen=True)
 class BurgFit:
-    """One implementation: its result, and what is timed for one segment and for a batch.
+    """One implementation: the call for its result, and the calls timed for a segment and a batch.
 
-    ``fit_alone`` is None where it is what gives the result; ``fit_batch`` where the package has no
-    call for a batch: its time is that of its calls one after the other.
+    ``fit_alone`` is None if it is ``coefficients``. ``fit_batch`` is None if the package has no
+    call for a batch: then the time is that of a call for one segment.
     """
 
     name: str
@@ -50,7 +50,7 @@ class BurgFit:
 
     @property
     def fit(self) -> Callable[[FloatArray, int], object]:
-        """What is timed for one segment."""
+        """The call that is timed for one segment."""
         return self.fit_alone or self.coefficients
 
 
@@ -89,7 +89,7 @@ def run() -> Findings:
 
 
 def _find_methods() -> tuple[list[BurgFit], tuple[SkippedMethod, ...]]:
-    """Return ours and those of the packages that are installed, and which are not."""
+    """Return mmt's method, those of the installed packages, and the packages that are missing."""
     modules, left_out = peers.find(("librosa", "memspectrum", "spectrum", "statsmodels"))
     ours = BurgFit(
         OURS, lambda x, order: reflection_to_ar(burg(x, order).reflection), burg, burg_batch
@@ -98,7 +98,7 @@ def _find_methods() -> tuple[list[BurgFit], tuple[SkippedMethod, ...]]:
 
 
 def _peers(modules: Mapping[str, Any]) -> Iterator[BurgFit]:
-    """Yield the peers that are here, each as its own documentation has it called."""
+    """Yield the installed peers, each called as in its own documentation."""
     if librosa := modules.get("librosa"):
         yield BurgFit(
             "librosa",
@@ -163,7 +163,7 @@ def _by_batch(methods: Sequence[BurgFit]) -> Panel:
 
 
 def _by_offset(methods: Sequence[BurgFit]) -> Panel:
-    """Return the errors on white noise that stands on an offset; nothing is timed."""
+    """Return the errors on white noise with an offset; nothing is timed."""
     curves = Curves()
     for offset in OFFSETS:
         x = signals.offset_noise(offset)

@@ -1,10 +1,10 @@
 """Methods of texture modelling side by side, on known textures.
 
-Each session is simulated once and modelled by every method. At four times, and where each method's
-own criteria are met, the models are compared with the known texture: over the strokes that were
-made, and over the whole plane. Differences from the first method are paired, session by session,
-with their noise. Methods that state their own error are checked against it. Sessions may be spoilt,
-by moments and by lost frames.
+Each session is simulated once and modelled by every method. At four times, and when each method's
+own criteria are met, the models are compared with the known texture: over the strokes made, and
+over the whole plane. Differences from the first method are paired by session, and given with their
+standard errors. If a method states its own error, that statement is checked. Sessions may be
+spoilt, by disturbed moments and by lost frames.
 """
 
 from collections.abc import Sequence
@@ -89,7 +89,7 @@ DEFINITIONS: Final = {
 
 
 def method_tables(comparison: MethodComparison) -> list[ReportTable]:
-    """Return shares and errors of each group, the falls, and what methods say of their error."""
+    """Return tables of shares and errors by group, of falls, of rates, and of expected shares."""
     tables = []
     for group in comparison.groups:
         tables += [shares_table(comparison, group), errors_table(comparison, group)]
@@ -101,7 +101,7 @@ def method_tables(comparison: MethodComparison) -> list[ReportTable]:
 
 
 def method_blocks(comparison: MethodComparison) -> list[Block]:
-    """Return the tables, and how sure methods are as pictures, for a report."""
+    """Return the tables, and pictures of expected against true shares, for a report."""
     blocks: list[Block] = [*method_tables(comparison)]
     for method in certain(comparison):
         sure = [c for c in comparison.certainties if (c.method, c.spoil) == (method, "")]
@@ -116,7 +116,7 @@ def certain(comparison: MethodComparison) -> list[str]:
 
 
 def targets(comparison: MethodComparison) -> list[Target]:
-    """Return what each method but the first is to reach, in each group and if spoilt."""
+    """Return the targets of each method but the first, in each group and if spoilt."""
     found = []
     first = comparison.methods[0]
     for group in comparison.groups:
@@ -142,7 +142,7 @@ def targets(comparison: MethodComparison) -> list[Target]:
 
 
 def _methods_alone(comparison: MethodComparison) -> list[str]:
-    """Return the methods without generators, which may not have come to every time."""
+    """Return the methods that are no generators, which may not have reached every time."""
     return [name for name in comparison.methods if name.partition("-")[0] in METHODS]
 
 
@@ -192,7 +192,7 @@ def run(
     ] = None,
     workers: Workers = None,
 ) -> Findings:
-    """Compare methods of texture modelling; the first one named is what the others differ from."""
+    """Compare methods of texture modelling, each with the first one named."""
     names, others = _names(methods), _names(generators)
     spoils = list(SPOILS) if spoil == "all" else _names(spoil)
     check_methods(names)
@@ -218,7 +218,7 @@ def _names(listed: str | None) -> list[str]:
 
 
 def findings(comparison: MethodComparison) -> Findings:
-    """Return a comparison as tables, sentences, and what a report shows."""
+    """Return a comparison as findings."""
     sentences = [
         sentence
         for method in comparison.methods[1:]
@@ -266,4 +266,3 @@ EXPERIMENT = Experiment(
     duration="40 min on 2 processors",
     run=run,
 )
-"""Methods of texture modelling side by side: sessions, judgements, and what is made of them."""

@@ -1,4 +1,4 @@
-"""The device path: cost, latency and truth of frames, by the real drivers on emulated devices."""
+"""The device path: cost, latency and time errors of frames, by real drivers on emulated devices."""
 
 from collections.abc import Mapping, Sequence, Set
 from typing import Final
@@ -32,7 +32,7 @@ STOPS: Final = 10
 
 
 def run(realtime: RealTime = False) -> Findings:
-    """Measure cost, latency and truth of frames, by the real drivers on emulated devices.
+    """Measure cost, latency and time errors of frames, by real drivers on emulated devices.
 
     A set-up that cannot run here is left out.
     """
@@ -116,7 +116,7 @@ def _clocks(one: SetUpFigures) -> dict[str, Cell]:
 
 
 def _targets(found: Mapping[str, SetUpFigures], slow: Set[str]) -> tuple[Target, ...]:
-    """Return what the worst set-up reaches; latency and jitter without the slow ones."""
+    """Return the targets for the worst set-up; for latency and jitter without the slow ones."""
     every = list(found.values())
     quick = [one.times for name, one in found.items() if name not in slow]
     jitters_ms = [value for one in quick for value in one.jitter_p99_ms.values()]

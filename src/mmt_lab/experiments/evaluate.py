@@ -1,4 +1,4 @@
-"""The evaluation of sessions: how many times faster than real time it runs."""
+"""Speed of the evaluation of sessions, in times faster than real time."""
 
 import statistics
 import time
@@ -16,8 +16,8 @@ EVALUATIONS: Final = {
     (600.0, 1): (1, 100.0),
     (18.0, 10): (3, 30.0),
 }
-"""By the length of a session in s and the rate of its acceleration in kHz: repetitions of the
-evaluation, of which the median counts, and how many times faster than real time it is to be."""
+"""By the length of a session in s and the rate of its acceleration in kHz: number of evaluations,
+of which the median counts, and the target in times faster than real time."""
 
 
 def run() -> Findings:

@@ -30,7 +30,7 @@ FREE: Final = "motion"
 
 TARGET_DELAY_MS: Final = 100
 TARGET_RATIO: Final = 1.0 / 3.0
-"""Largest error of the model at that delay, over that of the streamed force."""
+"""Largest error of the method ``model`` at that delay, over that of the streamed force."""
 
 _NO_ERROR_N: Final = 1e-3
 
@@ -50,15 +50,15 @@ DEFINITIONS: Final = {
 
 @dataclass(frozen=True)
 class FeedbackEvaluation:
-    """Every cell of both parts; ``recorded`` is empty where no recording was named."""
+    """Results of both parts; ``recorded`` is empty if no recording was named."""
 
     simulated: Sequence[CellResult]
     recorded: Sequence[RecordedResult]
 
     def pooled(self) -> list[dict[str, Any]]:
-        """Return the recorded errors, root mean squares over the runs that touched the same.
+        """Return the recorded errors, root mean squares over the runs with the same contact.
 
-        ``ratio`` is that to the streamed force's, None where that has no error, as without a delay.
+        ``ratio`` is the error over that of the streamed force, None if that is 0: without a delay.
         """
         errors: dict[tuple[str, int], dict[str, list[float]]] = {}
         for one in self.recorded:
@@ -82,7 +82,7 @@ class FeedbackEvaluation:
         return good, [cell for cell in cells if cell not in good]
 
     def as_dict(self) -> dict[str, Any]:
-        """Return everything for a program."""
+        """Return all results as a dictionary for JSON."""
         return {
             "simulated": [
                 {**asdict(cell), "stable": cell.stable, "passive": cell.passive}
@@ -110,7 +110,7 @@ def evaluate_feedback(
     seed: int = 0,
     workers: int | None = None,
 ) -> FeedbackEvaluation:
-    """Run every method in every cell; about 2 s a wall and delay, and as much a run and delay."""
+    """Run every method in every cell; this takes about 2 s for each wall or run and delay."""
     runs = [read_run(path) for path in paths]
     loops = [(m, w, d, seed) for w in walls_n_mm for d in delays_ms for m in METHODS]
     replays = [(run, m, d) for run in runs for d in recorded_delays_ms for m in METHODS]
@@ -124,7 +124,7 @@ TITLE: Final = "Force feedback over a delay"
 
 
 def loop_tables(cells: Sequence[CellResult]) -> list[ReportTable]:
-    """Return what each method gave on each wall over each delay: stability, then errors."""
+    """Return the results of each method by wall and delay: stability, then errors."""
     by_cell: dict[tuple[float, int], dict[str, CellResult]] = {}
     for cell in cells:
         by_cell.setdefault((cell.wall_n_mm, cell.delay_ms), {})[cell.method] = cell
@@ -156,7 +156,7 @@ def loop_tables(cells: Sequence[CellResult]) -> list[ReportTable]:
 
 
 def pooled_table(evaluation: FeedbackEvaluation) -> ReportTable:
-    """Return the recorded errors by what was touched and by delay."""
+    """Return the recorded errors by contact and delay."""
     rows: dict[tuple[str, int], list[str]] = {}
     for row in evaluation.pooled():
         key = row["contact"], row["delay_ms"]
@@ -171,7 +171,7 @@ def pooled_table(evaluation: FeedbackEvaluation) -> ReportTable:
 
 
 def run_table(results: Sequence[RecordedResult]) -> ReportTable:
-    """Return each recorded run at the target's delay, with what was estimated."""
+    """Return each recorded run at the delay of the target, with the contacts estimated."""
     runs: dict[str, dict[str, RecordedResult]] = {}
     for result in results:
         if result.delay_ms == TARGET_DELAY_MS:
@@ -196,7 +196,7 @@ def run_table(results: Sequence[RecordedResult]) -> ReportTable:
 
 
 def remarks(evaluation: FeedbackEvaluation) -> list[str]:
-    """Return in words in how many cells each method was stable and passive, and where not."""
+    """Return a sentence on each method: the number of cells stable and passive, and the others."""
     sentences = []
     for method in METHODS[1:]:
         good, bad = evaluation.good(method)
@@ -208,7 +208,7 @@ def remarks(evaluation: FeedbackEvaluation) -> list[str]:
 
 
 def targets(evaluation: FeedbackEvaluation) -> tuple[Target, ...]:
-    """Return what the methods are to reach: every cell, and the model's error over the stream's."""
+    """Return the targets: all cells stable and passive, and the model's error over the stream's."""
     found = []
     for method in METHODS[1:]:
         good, bad = map(len, evaluation.good(method))
@@ -227,7 +227,7 @@ def targets(evaluation: FeedbackEvaluation) -> tuple[Target, ...]:
 
 
 def feedback_tables(evaluation: FeedbackEvaluation) -> list[ReportTable]:
-    """Return the tables that there is something for."""
+    """Return the tables for which there are results."""
     tables = loop_tables(evaluation.simulated)
     if evaluation.recorded:
         tables.append(pooled_table(evaluation))

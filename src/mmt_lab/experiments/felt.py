@@ -1,9 +1,9 @@
-"""What the operator feels over a network, against what the surface would give without one.
+"""Vibration that the operator feels over a network, against the surface's own without one.
 
-A hand strokes a known texture over an emulated network, in simulated time. Each method leads the
-same session: the stream alone, paper A's model, and the field. What it lets the hand feel is
+A hand strokes a known texture over an emulated network, in simulated time. Each method renders the
+same session: the stream alone, paper A's model, and the field. The vibration at the hand is
 compared, moment by moment, with the exact powers of the texture at the hand's own speed, force and
-heading; a realisation of the texture under the hand is the bound.
+heading. The bound is a realisation of the texture directly under the hand.
 """
 
 from collections.abc import Mapping, Sequence
@@ -51,7 +51,7 @@ from mmt_lab.harness.processes import each
 NETWORKS: Final = ("lan", "wifi", "wan", "bad")
 
 AT_ONCE: Final = "at once"
-"""The bound: the surface under the hand itself."""
+"""Name of the bound: the surface directly under the hand."""
 
 METHODS: Final[Mapping[str, Mapping[str, Any] | None]] = MappingProxyType(
     {
@@ -65,7 +65,7 @@ METHODS: Final[Mapping[str, Mapping[str, Any] | None]] = MappingProxyType(
 SHOWN: Final = (*METHODS, AT_ONCE)
 
 SPANS_S: Final = ((0.0, 5.0), (5.0, 10.0), (10.0, 1000.0))
-"""Session times over which errors are gathered."""
+"""Spans of session time over which errors are pooled."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class TrialResult:
-    """What one method let the hand feel in one session."""
+    """Errors of one method in one session, and the time when its model took over."""
 
     case: Trial
     method: str
@@ -99,7 +99,7 @@ def cases(seeds: int, textures: Sequence[str], hand: str = "strokes") -> list[Tr
 
 
 def feel(case: Trial) -> list[TrialResult]:
-    """Run one session, let each method lead it, and judge them."""
+    """Run one session, render it by each method, and judge the results."""
     surface = get_surface(case.texture)
     ticks = round(DURATION_S * RATE_HZ)
     passage = pass_over(
@@ -127,8 +127,8 @@ def rows(outcomes: Sequence[TrialResult]) -> list[dict[str, Any]]:
     """Return the figures of each method over each network, all sessions together.
 
     ``level_db`` and ``bands_db`` are root mean squares over the moments of each of `SPANS_S`, then
-    medians over sessions, None where no session has a moment there; ``onset_ms`` and ``offset_ms``
-    medians over all strokes; ``start_s`` the median over sessions in which a model took over.
+    medians over sessions, None if no session has a moment in the span. ``onset_ms`` and
+    ``offset_ms`` are medians over all strokes, ``start_s`` over the sessions with a model.
     """
     return [
         {
@@ -151,7 +151,7 @@ def rows(outcomes: Sequence[TrialResult]) -> list[dict[str, Any]]:
 def by_second(outcomes: Sequence[TrialResult], network: str, method: str) -> FloatArray:
     """Return the level's error in each second of session time, shape (s,), dB rms.
 
-    The median over sessions; NaN where no session has a moment.
+    It is the median over sessions; NaN if no session has a moment in that second.
     """
     found = _of(outcomes, network, method)
     last = max((int(at_s) for one in found for at_s in one.course.time_s[-1:]), default=-1)
@@ -164,7 +164,7 @@ def by_second(outcomes: Sequence[TrialResult], network: str, method: str) -> Flo
 
 
 def as_dict(outcomes: Sequence[TrialResult]) -> dict[str, Any]:
-    """Return everything for a program."""
+    """Return all results as a dictionary for JSON."""
     curves = {
         network: {
             method: by_second(outcomes, network, method)
@@ -261,7 +261,7 @@ def felt_figure(outcomes: Sequence[TrialResult]) -> Figure:
 
 
 def _delay(network: str) -> str:
-    """Return what a network does, in a few words."""
+    """Return a network's delay and loss in words."""
     emulated = Network.model_validate({"profile": network})
     words = f"{emulated.delay_ms:g} ± {emulated.jitter_ms:g} ms each way"
     return f"{words}, {100 * emulated.loss:g} % lost" if emulated.loss else words
@@ -273,7 +273,7 @@ def run(
     hand: HandKind = "strokes",
     workers: Workers = None,
 ) -> Findings:
-    """Tell what the hand feels over each network, by method."""
+    """Measure what the hand feels over each network, by method."""
     chosen = cases(seeds, chosen_textures(textures), hand_of(hand).kind)
     calls = [(case,) for case in chosen]
     outcomes = [one for felt in each(feel, calls, workers=workers, what="stroking") for one in felt]

@@ -1,4 +1,4 @@
-"""Line spectral frequencies beside their peers: there, back, and the digits on the way."""
+"""Line spectral frequencies beside their peers: time and accuracy of the conversion and back."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -52,7 +52,7 @@ ROUNDS: Final = 15
 
 @dataclass(frozen=True)
 class LsfMethod:
-    """One implementation there and back; ``given`` names the form that it starts from."""
+    """One implementation of both conversions; ``given`` names the form of its input filters."""
 
     name: str
     to_lsf: Convert

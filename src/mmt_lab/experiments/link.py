@@ -1,13 +1,13 @@
-"""Measure the link beside a bare WebSocket: latency, processor time, losses, in one run.
+"""Measure mmt's link beside a bare WebSocket in one run: latency, processor time and losses.
 
-Leader and follower are two processes on this machine, which hold the link and a bare aiohttp
-WebSocket open at once. The two take turns of a second, one record a message both ways with
-payloads of the same size, each first every other time, so that both meet the same machine. The
-leader's ticks lag behind the follower's by another part of the period in each round, the same
-for both, so that a record arrives at a process that waits as well as at one that sends.
-A ratio is taken between neighbouring turns, and the median over all is what counts: a moment
-in which something else had the processor spoils one turn, not the result. At the end the link
-runs for a while at a higher rate. With ``--loss`` it is the services that run, over paths that
+Leader and follower are two processes on this machine. They keep mmt's link and a bare aiohttp
+WebSocket open at the same time. The two links take turns of a second, with one record per message
+both ways and payloads of the same size. The links alternate in going first, so that other load on
+the machine affects both alike. In each round the leader's ticks lag behind the follower's by
+another share of the period, the same for both links: so records arrive both while a process waits
+and while it sends. The result is the median of the ratios between neighbouring turns: if another
+program takes the processor for a moment, that spoils one turn, not the result. At the end mmt's
+link runs for a while at a higher rate. With ``--loss`` the services run instead, over paths that
 lose packets.
 """
 
@@ -37,27 +37,27 @@ SUSTAINED_HZ: Final = 5000
 """Messages a second each way of the last turn."""
 _LEAD_TIME_NS: Final = 200_000_000
 SUSTAINED_P99_MS: Final = 10.0
-"""Bound on the latency at the sustained rate: what waits longer piles up."""
+"""Bound on the latency at the sustained rate; above it messages pile up."""
 
 _KINDS: Final[tuple[Kind, Kind]] = ("ours", "bare")
 
 
 @dataclass(frozen=True)
 class DirectionResult:
-    """One direction of one link: medians over the turns, sums of what went wrong."""
+    """One direction of one link: medians over the turns, and sums of the losses."""
 
     p50_ms: float
     p99_ms: float
     worst_ms: float
     rate_hz: float
-    """Messages a second that came."""
+    """Messages received per second."""
     messages: int
     lost: int
     out_of_order: int
 
     @property
     def wrong(self) -> int:
-        """How many were lost or out of order."""
+        """Number of messages lost or out of order."""
         return self.lost + self.out_of_order
 
 
@@ -71,9 +71,9 @@ class KindResult:
 
 @dataclass(frozen=True)
 class LinkBenchResult:
-    """What `bench_link` measured; ``sustained`` is the link alone at the higher rate.
+    """Result of `bench_link`; ``sustained`` is mmt's link alone at the higher rate.
 
-    ``ratios`` are ours over bare, medians over the rounds, by what was measured.
+    ``ratios`` are mmt's figures over the bare WebSocket's, by name; medians over the rounds.
     """
 
     rounds: int
@@ -92,12 +92,12 @@ def bench_link(
     sustained_s: float | None = None,
     realtime: bool = False,
 ) -> LinkBenchResult:
-    """Measure the link and a bare WebSocket in turns, then the link at a higher rate.
+    """Measure mmt's link and a bare WebSocket in turns, then mmt's link at a higher rate.
 
     Parameters
     ----------
     duration_s
-        How long each of the two is measured, over all turns.
+        How long each of the two links is measured, over all turns.
     rate_hz
         Messages a second each way.
     samples_per_frame
@@ -140,7 +140,7 @@ def bench_link(
 
 
 def order(number: int) -> tuple[Kind, ...]:
-    """Return who goes first in this round, and who next."""
+    """Return the links in the order of their turns in this round."""
     return _KINDS if number % 2 == 0 else _KINDS[::-1]
 
 
@@ -149,7 +149,7 @@ def _conduct(pipes: list[Connection], turns: list[Turn]) -> tuple[SideReport, Si
     leader, follower = pipes
     follower.send(received(leader, PATIENCE_S))
     for pipe in pipes:
-        received(pipe, PATIENCE_S)  # it is ready
+        received(pipe, PATIENCE_S)  # that it is ready
     plan: list[Turn] = []
     for turn in turns:
         start_ns = plan[-1].end_ns if plan else time.monotonic_ns() + _LEAD_TIME_NS
@@ -161,16 +161,16 @@ def _conduct(pipes: list[Connection], turns: list[Turn]) -> tuple[SideReport, Si
 
 
 def missing_at_end(sender: SideReport, receiver: SideReport) -> dict[Kind, int]:
-    """Return how many of the last records never came, by kind."""
+    """Return how many of the last records never arrived, by kind of link."""
     return {kind: sender.sent[kind] - 1 - receiver.newest[kind] for kind in _KINDS}
 
 
 Pair = tuple[TurnFigures, TurnFigures]
-"""The leader's and the follower's notes of one turn."""
+"""The leader's and the follower's figures of one turn."""
 
 
 def summarise(turns: list[Pair], missing_up: int, missing_down: int) -> KindResult:
-    """Return what a kind of link did over its turns, a way after the other."""
+    """Return the results of a kind of link over its turns, by direction."""
     leader, follower = ([pair[end] for pair in turns] for end in (0, 1))
     return KindResult(_direction(leader, missing_up), _direction(follower, missing_down))
 

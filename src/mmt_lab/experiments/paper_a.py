@@ -1,9 +1,9 @@
 """Paper A's own table and figures, from simulated sessions: completion, GFC, spectra.
 
 Four textures are stroked for 18 s by four hands, which cover the plane differently, as people do.
-Models are built as published, updated and looked at every 2.5 s; five segments that
-the models were built without are the reference. The numbers of the paper stand beside ours. Its
-textures and hands are not ours, so that single figures differ; what is to agree is how they go.
+Models are built as published, and updated and scored every 2.5 s. Five segments that the models
+were built without are the reference. The paper's numbers are shown beside mmt's. The paper used
+other textures and hands, so that single figures differ; the trends should agree.
 """
 
 from collections.abc import Sequence
@@ -41,7 +41,7 @@ from mmt_lab.harness.findings import Findings, Target
 DURATION_S: Final = 18.0
 STEP_S: Final = 2.5
 GOOD_GFC: Final = 0.9
-"""Above it a person feels no difference, says the paper."""
+"""GFC above which a person feels no difference, according to the paper."""
 
 SETTINGS: Final = ModellingSettings(method="published")
 
@@ -51,8 +51,8 @@ HANDS: Final = {
     "sandpaper": Hand(fastest_mm_s=290, strongest_n=2.6, rest_share=0.15),
     "wood": Hand(fastest_mm_s=200, strongest_n=2.4),
 }
-"""Who strokes which texture: one who never presses hard, two who come nearly everywhere, and a slow
-one. The paper does not say how its hands differed; these were chosen by the times of completion."""
+"""Hand for each texture: one never presses hard, two cover nearly the whole plane, one is slow. The
+paper does not say how its hands differed; these were chosen by the times of completion."""
 
 _DISTANCES: Final = DISTANCES["isotropic"]
 
@@ -71,7 +71,7 @@ _MADE: Final = {
 
 
 COMPLETE_S: Final = {"S1": None, "S2": 12.5, "S3": 10.0, "S4": 15.0}
-"""When the paper's models are complete."""
+"""Times at which the paper's models are complete; None for never."""
 
 _DISTANCE_TOLERANCE: Final = 1.0
 _FIRST_WHY: Final = (
@@ -87,7 +87,7 @@ _NETWORK_WHY: Final = "simulated sessions have no network: `mmt bench link` meas
 
 
 def run(seeds: Seeds = 3, seed: Seed = 1, spectra: SpectraOption = Spectra.WELCH) -> Findings:
-    """Build and score the four models."""
+    """Build and score models of four textures, as in paper A."""
     runs = [
         [
             _evaluate(texture, hand, number + place, spectra)
@@ -127,7 +127,7 @@ def run(seeds: Seeds = 3, seed: Seed = 1, spectra: SpectraOption = Spectra.WELCH
 
 
 def _start(hand: Hand, seed: int) -> tuple[float, int]:
-    """Return when rendering from the model starts by updates of 1 s, and on how many segments."""
+    """Return when rendering starts with updates of 1 s, and the model's number of segments."""
     frames, _ = simulate_session(Scene(hand=hand), "plastic", DURATION_S, seed)
     history = build_model(frames, SETTINGS, update_s=1.0)
     at_s = DURATION_S if history.start_s is None else history.start_s
@@ -136,7 +136,7 @@ def _start(hand: Hand, seed: int) -> tuple[float, int]:
 
 
 def _one_hand(seed: int) -> float:
-    """Return the largest difference of the sums of two textures under one hand, at any step."""
+    """Return the largest difference at any step between textures' sums of distances, one hand."""
     sums = []
     for texture in HANDS:
         frames, _ = simulate_session(Scene(), texture, DURATION_S, seed)
@@ -146,7 +146,7 @@ def _one_hand(seed: int) -> float:
 
 
 def _sentences(alike: float, spectra: Spectra) -> list[str]:
-    """Return what came out, and what differs from the paper by its kind."""
+    """Return a sentence on the result, and one on an inherent difference from the paper."""
     sentences = [
         f"with one hand the sums of the four textures differ by {alike:.2g} at most: the distance "
         "knows only where the hand was, so that every texture starts and stops with it",
@@ -160,7 +160,7 @@ def _sentences(alike: float, spectra: Spectra) -> list[str]:
 
 
 def _settings() -> list[Target]:
-    """Return the figures of the paper's set-up beside those of the product."""
+    """Return the figures of the product's set-up, with those of the paper as targets."""
     edge = len(boundary(2).points) / 4.0
     jnd_percent = 100.0 * (10.0 ** (0.05 * JND_DB) - 1.0)
     return [
@@ -183,7 +183,7 @@ def _settings() -> list[Target]:
 def _reached(
     runs: Sequence[Sequence[Evaluation]], starts: Sequence[tuple[float, int]], spectra: Spectra
 ) -> list[Target]:
-    """Return when models start and are complete, and their GFC then."""
+    """Return the times at which models start and are complete, and their GFC, with targets."""
     targets = [
         Target(
             "start of rendering (s)", fmean(at for at, _ in starts), "about", 3.0, 1.0, _START_WHY
@@ -213,7 +213,7 @@ def _reached(
 
 
 def _table_one(runs: Sequence[Sequence[Evaluation]]) -> list[Target]:
-    """Return every figure of Table I beside ours."""
+    """Return mmt's figures for Table I, with the paper's as targets."""
     targets = []
     rows = zip(PUBLISHED.items(), _mean_distances(runs), strict=True)
     for (name, paper), distances in rows:
@@ -280,7 +280,7 @@ def _goodness(runs: Sequence[Sequence[Evaluation]]) -> ReportTable:
 
 
 def _blocks(runs: Sequence[Sequence[Evaluation]]) -> list[Block]:
-    """Return the tables with the paper's figures as pictures, those of the first seed."""
+    """Return the tables, and the paper's figures drawn for the first seed."""
     blocks: list[Block] = [_distances(runs), _goodness(runs)]
     drawn = figures.gfc_over_time(runs[0])
     blocks.append(Picture("figures/fig-4.png", figures.to_png(drawn), "Fig. 4: GFC over time."))

@@ -1,11 +1,11 @@
 """Paper B's matching test and models, from simulated sessions of nine textures, one isotropic.
 
-The paper shows nine textures to people, who stroke a real sample and look for it among the
-virtual ones; it counts the pairs that match, and gives no count. Here each texture is recorded for
-30 s and modelled by the paper's network, of line spectral frequencies and variance over velocity
-and force. Then every sample is stroked anew, the models render the same stroke, filters renewed
-at 100 Hz as in the paper, and their spectra are compared with the recorded ones, segment by
-segment. The virtual texture that comes nearest is the match.
+In the paper, people stroke a real sample and look for it among nine virtual textures; the matching
+pairs are counted, but the paper gives no count. Here each texture is recorded for 30 s and modelled
+by the paper's network, of line spectral frequencies and variance over velocity and force. Then
+every sample is stroked anew, and all models render the same stroke, with filters renewed at 100 Hz
+as in the paper. Their spectra are compared with the recorded ones, segment by segment. The virtual
+texture with the least error is the match.
 """
 
 import time
@@ -107,7 +107,7 @@ def _sentences(matched: int) -> list[str]:
 
 
 def _targets(matched: int, estimates_a_second: float) -> tuple[Target, ...]:
-    """Return the paper's figures beside ours."""
+    """Return mmt's figures, with the paper's as targets."""
     isotropic = sum(surface.isotropic for surface in GRAINED)
     settings = network_settings("anisotropic")
     inputs = InputSpace(settings.inputs).dimensions
@@ -132,7 +132,7 @@ def _targets(matched: int, estimates_a_second: float) -> tuple[Target, ...]:
 
 
 def _estimates_a_second(sample: StrokedSample, one: Virtual, seed: int) -> float:
-    """Return how many filters a second one thread estimates and renders the samples between."""
+    """Return how many filters one thread estimates per second, rendering samples in between."""
     started = time.perf_counter()
     rendered = sample.rendered(one.model, seed)
     return len(rendered) / RENEWAL_SAMPLES / (time.perf_counter() - started)

@@ -1,11 +1,11 @@
-"""Paper C's own tables and figure, from simulated trials: the minimal set, what is selected, GFC.
+"""Paper C's own tables and figure, from simulated trials: minimal set, selection and GFC.
 
-Trials of four textures are stroked by a simulated hand, strung together and segmented, and a tenth
-of the segments are knocked on. The paper's algorithm selects from them, with the radial basis
-networks that the paper trains, and so does the product's own. The model of all points and that of
-the selected ones are compared on a further stroke of 10 s. The numbers of the paper stand beside
-ours. Its textures and hand are not ours, nor does it state every setting: a table has what
-detection, false alarms and compression come to by other readings and on other data.
+A simulated hand strokes trials of four textures. The trials are joined and segmented, and a tenth
+of the segments get a knock. The paper's algorithm, with the radial basis networks that the paper
+trains, and the product's own algorithm select points. The model of all points and that of the
+selected ones are compared on a further stroke of 10 s. The paper's numbers are shown beside mmt's.
+The paper used other textures and another hand, and does not state every setting: a table shows
+detection, false alarms and compression for other readings of the paper and other data.
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,7 +35,7 @@ from mmt_methods.selection.published import TAU_1, TAU_2
 GOOD_GFC: Final = 0.9
 _MOST_FALSE_ALARMS: Final = 0.03
 _TWOFOLD: Final = 2.0
-_TOLERANCE: Final = 0.25  # of what the paper has, for sizes
+_TOLERANCE: Final = 0.25  # share of the paper's figure, for sizes
 _GAIN_TOLERANCE: Final = 0.03
 
 _TRIALS_WHY: Final = (
@@ -56,7 +56,7 @@ _DETECTED_WHY: Final = "see the table: by order of the filters, knock and textur
 
 @dataclass(frozen=True)
 class PublishedTexture:
-    """What the paper has of a texture: its trials, sizes of its sets, detected outliers, gain."""
+    """The paper's numbers of a texture: trials, sizes of its sets, detected outliers, gain."""
 
     trials: int
     minimal: int
@@ -71,7 +71,7 @@ PAPER: Final = {
     "Wood": PublishedTexture(40, 72, 32, 202, -0.051),
     "Washcloth": PublishedTexture(40, 68, 32, 181, -0.0092),
 }
-"""Tables I and II of the paper, beside what `ROWS` has of them."""
+"""Tables I and II of the paper, except for the columns that `ROWS` has."""
 
 
 def run(
@@ -180,7 +180,7 @@ def _goodness(found: Mapping[str, Sequence[Selected]]) -> ReportTable:
 
 
 def _variations(found: Mapping[str, Sequence[Selected]]) -> ReportTable:
-    """Return what detection, false alarms and compression come to by other readings."""
+    """Return detection, false alarms and compression for other readings of the paper."""
     rows = []
     for name in VARIATIONS:
         means = [_removals(found[row.name], name) for row in ROWS]
@@ -198,7 +198,7 @@ def _variations(found: Mapping[str, Sequence[Selected]]) -> ReportTable:
 
 
 def _sentences(spectra: Spectra) -> list[str]:
-    """Return what differs from the paper by its kind."""
+    """Return sentences on inherent differences from the paper."""
     removed = ", ".join(
         f"{1.0 - PAPER[row.name].kept / (row.points - PAPER[row.name].detected):.0%}"
         for row in ROWS
@@ -217,7 +217,7 @@ def _sentences(spectra: Spectra) -> list[str]:
 
 
 def _settings() -> list[Target]:
-    """Return the figures of the paper's set-up beside those of the experiment."""
+    """Return the figures of the experiment's set-up, with those of the paper as targets."""
     knocks_why = "after 0.4 s a simulated knock is over"
     return [
         Target("length of a trial (s)", TRIAL_S, "about", 20.0),
@@ -233,7 +233,7 @@ def _settings() -> list[Target]:
 
 
 def _targets(row: PaperRow, ones: Sequence[Selected]) -> list[Target]:
-    """Return the paper's figures of a texture beside ours, means over the seeds."""
+    """Return mmt's figures of a texture, means over the seeds, with the paper's as targets."""
     paper, name = PAPER[row.name], row.name
     as_published, ours = _removals(ones), _removals(ones, None)
     compression, minimal = row.points / paper.kept, float(paper.minimal)

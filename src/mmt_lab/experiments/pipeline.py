@@ -104,9 +104,9 @@ def _panels(kind: str, words: str, x: Axis, curves: dict[str, Curves]) -> list[P
 
 
 class ModelRun:
-    """One session, modelled a few times over, and its truth.
+    """One session, modelled `rounds` times, and its known texture.
 
-    Of each update the least time of all `rounds` counts.
+    The time of an update is the least of all rounds.
     """
 
     def __init__(
@@ -127,7 +127,7 @@ class ModelRun:
         self.truth: KnownTexture = truth
 
     def at(self, moment_s: float) -> tuple[float, float, float]:
-        """Return 1 - GFC, power error (dB) and share within one JND; silence before a model."""
+        """Return 1 - GFC, power error (dB) and share within one JND, of silence if no model."""
         model = self.history.model(self.history.number(moment_s))
         if model is None:
             return 1.0, 60.0, 0.0
@@ -139,7 +139,7 @@ class ModelRun:
         )
 
     def spent_ms(self, moment_s: float) -> float:
-        """Return what all updates up to a session time took."""
+        """Return the time that all updates up to a session time took."""
         number = self.history.number(moment_s)
         return float(self._spent_s[number]) * _MILLISECONDS if number >= 0 else 0.0
 
@@ -161,7 +161,7 @@ def _row(run: ModelRun) -> dict[str, str | float | None]:
 
 
 def _rate_row(rate_khz: int, method: Method) -> dict[str, str | float | None]:
-    """Return what an update and a second of rendered vibration cost at a rate."""
+    """Return the cost of an update and of a second of rendered vibration at a rate."""
     recorded = session(SURFACES[0], DURATION_S, acceleration_rate_hz=1000 * rate_khz)
     settings = ModellingSettings(method=method, samples_per_frame=rate_khz)
     run = ModelRun(recorded, settings, 1.0, ROUNDS)
@@ -182,7 +182,7 @@ def _rate_row(rate_khz: int, method: Method) -> dict[str, str | float | None]:
 
 
 def _targets(rates: Sequence[dict[str, str | float | None]]) -> tuple[Target, ...]:
-    """Return what the slower method is to take at 1 kHz."""
+    """Return the targets for the times of the slower method at 1 kHz."""
     at_1_khz = [row for row in rates if row["acceleration (kHz)"] == 1]
     bounds = {"a second rendered (ms)": 20.0, "longest update (ms)": 50.0}
     return tuple(

@@ -1,8 +1,8 @@
-"""Sample selection, the published algorithm against ours, on any textures.
+"""Sample selection, the published algorithm against mmt's own, on any textures.
 
-Sessions on known textures with planted knocks are simulated; each method selects from them. What
-it removed and kept, and the model of what it kept, are compared with the truth. Paper C's own
-tables are `mmt lab paper-c`.
+Sessions on known textures with planted knocks are simulated, and each method selects from them.
+The points removed and kept, and the model of the kept points, are compared with the truth. Paper
+C's own tables are made by `mmt lab paper-c`.
 """
 
 from collections.abc import Sequence
@@ -64,7 +64,7 @@ _FIGURES: Final = (
 
 @dataclass(frozen=True)
 class SelectionEvaluation:
-    """Every result."""
+    """Results of all methods on all textures and seeds."""
 
     results: Sequence[SelectionResult]
 
@@ -81,7 +81,7 @@ class SelectionEvaluation:
         return rows
 
     def as_dict(self) -> dict[str, Any]:
-        """Return everything for a program."""
+        """Return all results as a dictionary for JSON."""
         return {
             "means": self.means(),
             "overall": self.overall(),
@@ -124,7 +124,7 @@ def remarks(evaluation: SelectionEvaluation) -> list[str]:
 
 
 def targets(evaluation: SelectionEvaluation) -> tuple[Target, ...]:
-    """Return what our method is to reach on all textures together, and what it reached."""
+    """Return the targets of mmt's method on all textures together, and its figures."""
     (published,), (ours,) = (
         [mean for mean in evaluation.overall() if mean["method"] == method]
         for method in ("published", "ours")
@@ -156,7 +156,7 @@ def run(
     seed: Seed = 0,
     workers: Workers = None,
 ) -> Findings:
-    """Compare sample selection as published with ours."""
+    """Compare sample selection as published with mmt's own."""
     chosen = chosen_textures(textures)
     results = run_textures(range(seed, seed + seeds), chosen, hand_of(hand).kind, taps, workers)
     evaluation = SelectionEvaluation(results)

@@ -1,7 +1,7 @@
-"""Both services as processes: ticks, losses and cost, and what may disturb or help them.
+"""Both services as processes: ticks, losses and cost, also with real-time scheduling or strangers.
 
-With ``--realtime`` they run with and without real-time scheduling, with ``--strangers`` beside
-someone who has no token and keeps the leader's port busy, and beside a bystander as busy.
+With ``--realtime`` they run with and without real-time scheduling. With ``--strangers`` they run
+beside clients without the token that keep the leader's port busy, and beside a busy bystander.
 """
 
 import asyncio
@@ -30,10 +30,10 @@ from mmt_lab.harness.findings import Findings, FindingsTable
 from mmt_lab.harness.processes import spawn_context
 
 ROUND_S: Final = 5.0
-"""Longest run of the services; the two ways take turns."""
+"""Longest run of the services; the ways to run them take turns."""
 
 _FEW_LATE: Final = 0.001
-"""Share of late ticks that says nothing: one in a second."""
+"""Share of late ticks that is always allowed: one in a second."""
 
 _ALONE: Final = "alone"
 
@@ -63,7 +63,7 @@ def run(
     strangers: Strangers = False,
     acceleration_rate: AccelerationRate = 1000,
 ) -> Findings:
-    """Run the demo's services; with --realtime or --strangers with and without them in turns."""
+    """Run the demo's services; if given, alternate with and without --realtime or --strangers."""
     if realtime and strangers:
         raise InputError("give --realtime or --strangers, not both")
     check_acceleration_rate(acceleration_rate)
@@ -127,7 +127,7 @@ def measure(duration_s: float, acceleration_rate_hz: int = 1000) -> Findings:
         process = summary["process"]
         rows[f"{name}_core"] = (f"{name}, share of a core", process["core_share"], "at most", 0.6)
         rows[f"{name}_mb"] = (f"{name}, memory (MB)", process["memory_mb"], "at most", megabytes)
-    modelling = texture["process"] or {}  # unknown if it ended before the session
+    modelling = texture["process"] or {}  # unknown if the process ended before the session
     for key, what in (("core_share", "share of a core"), ("memory_mb", "memory (MB)")):
         rows[f"modelling_{key}"] = (f"leader's modelling process, {what}", modelling.get(key))
     rows |= _beside_modelling(duration_s, environment)
@@ -142,7 +142,7 @@ def measure(duration_s: float, acceleration_rate_hz: int = 1000) -> Findings:
 
 
 def _beside_modelling(duration_s: float, environment: Mapping[str, str]) -> dict[str, Figure]:
-    """Return how late the leader's ticks are while it models, and otherwise, in the same runs."""
+    """Return how late the leader's ticks are while it models and while it does not."""
     rows: dict[str, Figure] = {}
     for name, beside, others in (
         ("", "", nullcontext),
@@ -178,8 +178,8 @@ def _beside_modelling(duration_s: float, environment: Mapping[str, str]) -> dict
 def compare(duration_s: float) -> Findings:
     """Run the demo's services by ordinary and by real-time scheduling, in turns.
 
-    As many processes as there are processors are busy beside them all the while, so that the
-    gain is seen on an idle machine too.
+    Beside them a busy process runs for each processor, so that the gain shows on an idle machine
+    too.
     """
     require_real_time()
     rounds = max(1, round(duration_s / ROUND_S))
@@ -234,7 +234,7 @@ def disturbed(duration_s: float) -> Findings:
 
 
 async def _beside(kind: str, duration_s: float) -> DemoRun:
-    """Run the services beside a stranger of this kind, or a bystander; `_ALONE` for nobody."""
+    """Run the services beside a stranger of this kind or a bystander; `_ALONE` for neither."""
     disturbers: list[subprocess.Popen[bytes]] = []
 
     def disturb(url: str) -> None:
@@ -260,7 +260,7 @@ def _figure(run: DemoRun, service: str, table: str, key: str) -> float | None:
 
 @contextmanager
 def _processes(target: Callable[..., None], arguments: Iterable[tuple[int, ...]]) -> Iterator[None]:
-    """Keep a process for each of the arguments during the block."""
+    """Run a function in processes during the block, one for each of the arguments."""
     context = spawn_context()
     processes = [context.Process(target=target, args=each, daemon=True) for each in arguments]
     try:
@@ -279,9 +279,9 @@ def _two_busy_processes() -> AbstractContextManager[None]:
 
 
 def _awake_processors() -> AbstractContextManager[None]:
-    """Keep every processor busy with what gives way to anything.
+    """Keep every processor busy with a process of idle priority.
 
-    The host of a virtual machine takes up to some ms to wake a processor that was idle.
+    The host of a virtual machine takes up to some ms to wake an idle processor.
     """
     return _processes(_keep_awake, [(each,) for each in os.sched_getaffinity(0)])
 

@@ -1,12 +1,12 @@
-"""What it costs to share a model, and how soon listeners have it.
+"""Cost of sharing a model, and how soon listeners have it.
 
-A rough texture, leader and follower as processes, first with one listener and then with many. They
-join within one second as soon as the model is ready, take each of its changes, and render nothing;
-the time to the first model includes building it, one listener at a time. All runs on this machine.
-The ticks are compared within a pair of sessions, and over several pairs by the median.
+Leader and follower run as processes with a rough texture, first with one listener and then with
+many, all on this machine. Listeners join within one second when the model is ready, receive each of
+its changes, and render nothing. The time to the first model includes the time to build one model.
+Ticks are compared within a pair of sessions; the median over several pairs counts.
 
-With ``--minutes`` the session lasts so long, while listeners join and leave, vanish, stall, and
-send what makes no sense.
+With ``--minutes`` the session lasts for that time, while listeners join and leave, vanish, stall,
+and send rubbish.
 """
 
 import asyncio
@@ -27,7 +27,7 @@ from mmt_lab.sharing.session import listened_to
 
 
 async def _session(duration_s: float, count: int) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """Run one session with a crowd; return the leader's summary and what the crowd has found."""
+    """Run one session with a crowd; return the leader's summary and the crowd's counts."""
     return await listened_to(duration_s, ("crowd", str(count)), 1)
 
 
@@ -36,11 +36,11 @@ _FORMS: Final = {
     "hubs": ("duration", "listeners"),
     "": ("duration", "listeners", "pairs"),
 }
-"""The options that go with each form of the experiment, the last of which has none of its own."""
+"""Options allowed with each form of the experiment; the last form is the plain experiment."""
 
 
 def _check_form(**given: object) -> None:
-    """Raise `InputError` for an option that would be left out; None is one that is not given."""
+    """Raise `InputError` for an option that the form would ignore; None means not given."""
     form = next(name for name in _FORMS if given.get(name) is not None or not name)
     for name, value in given.items():
         if value is not None and name not in (form, *_FORMS[form]):

@@ -1,9 +1,9 @@
-"""Both services for a long time, with faults on the way, and what must hold all the same.
+"""Long runs of both services with faults, and the checks that must hold afterwards.
 
 Leader and follower of the demo's scene run as processes, joined by a proxy and an emulated
 network. Faults are drawn from a seed: connections cut and stalled, processes paused and killed,
-bad networks. Afterwards the recording is read back, and the course of memory, latency and late
-ticks is tested for drift.
+bad networks. Afterwards the recording is read back, and memory, latency and late ticks are tested
+for drift.
 """
 
 import asyncio
@@ -42,7 +42,7 @@ def run(
     seed: Seed = 1,
     output: Annotated[Path, typer.Option(help="Where the recording goes.")] = Path("mmt-soak"),
 ) -> Findings:
-    """Run both services for a long time with faults, and check that nothing wears out."""
+    """Run both services for a long time with faults; check for losses, leaks and slowing down."""
     _check(duration, every)
     try:
         output.mkdir(parents=True, exist_ok=True)
@@ -77,7 +77,7 @@ def _check(duration_s: float, every_s: float) -> None:
 
 
 def _content(observed: SoakLog, checks: Sequence[Check], seed: int) -> dict[str, Any]:
-    """Return everything for a program."""
+    """Return all results as a dictionary for JSON."""
     return {
         "duration_s": round(observed.end_s - observed.start_s, 3),
         "seed": seed,
@@ -97,7 +97,7 @@ def _content(observed: SoakLog, checks: Sequence[Check], seed: int) -> dict[str,
 async def _run(
     duration_s: float, faults: tuple[SoakFault, ...], seed: int, recording: Path
 ) -> SoakLog:
-    """Run until the end, until a service ends by itself, or until the person stops."""
+    """Run until the time is over, a service ends by itself, or the user stops the run."""
     happened: list[Happened] = []
     progress = Progress(
         TextColumn("{task.fields[status]}"), BarColumn(None), console=messages, expand=True
@@ -146,7 +146,7 @@ async def _harm(
     happened: list[Happened],
     say: Callable[[str], None],
 ) -> None:
-    """Do the faults one after the other, each at its time, and note when they were."""
+    """Apply the faults one after the other, each at its time, and note when they happened."""
     timeout = aiohttp.ClientTimeout(total=_HTTP_S)
     async with aiohttp.ClientSession(timeout=timeout) as http:
         for fault in faults:
@@ -161,7 +161,7 @@ async def _harm(
 
 
 async def _do(fault: SoakFault, services: SoakServices, http: aiohttp.ClientSession) -> None:
-    """Do one fault from its beginning to its end."""
+    """Apply one fault from its beginning to its end."""
     if fault.kind == kinds.CUT:
         services.proxy.cut()
     elif fault.kind == kinds.STALL:

@@ -1,9 +1,8 @@
 """Stiff and extreme cases of the numerics and of the services' parts: whether each held.
 
-The terminal has a line for each family and the cases that did not hold, the report all of them.
-
-The cases come in families. A family is a module of `mmt_lab.stability.families` with a
-`FAMILY`; it is imported when it runs.
+The terminal shows a line for each family and the cases that did not hold; the report shows all
+cases. A family of cases is a module of `mmt_lab.stability.families` with a `FAMILY`; the module is
+imported when the family runs.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -23,7 +22,7 @@ COLUMNS: Final = ("case", "expected", "got", "held")
 
 
 def run(families: Families = None) -> Findings:
-    """Run the stiff and extreme cases, a row each, and say whether it held."""
+    """Run the stiff and extreme cases, a row each, and say whether each held."""
     return findings_of(run_families(load_families(families or [])))
 
 
@@ -48,7 +47,7 @@ def findings_of(rows: Sequence[CaseRow]) -> Findings:
 
 
 def load_families(names: Sequence[str] = ()) -> dict[str, Family]:
-    """Return the named families, all of them where none is named, in alphabetical order."""
+    """Return the named families, or all if none is named, in alphabetical order."""
     every = family_names()
     unknown = [name for name in names if name not in every]
     if unknown:
@@ -95,7 +94,7 @@ def overview(rows: Sequence[CaseRow]) -> ReportTable:
 
 
 def summary(rows: Sequence[CaseRow]) -> dict[str, Any]:
-    """Return the run for a program."""
+    """Return the run as a dictionary for JSON."""
     return {
         "held": not broken(rows),
         "cases": len(rows),

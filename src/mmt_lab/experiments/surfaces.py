@@ -92,7 +92,7 @@ def changes_table(group: str, rows: Sequence[Mapping[str, Any]]) -> ReportTable:
 
 
 def scatter_table(folder: Path) -> ReportTable:
-    """Return how much recorded slides differ, a column for each band."""
+    """Return the scatter of the level between recorded slides, a column for each band."""
     edges = [f"{edge:.0f}" for edge in BAND_EDGES_HZ]
     columns = ["dB", *(f"{low}-{high} Hz" for low, high in pairwise(edges))]
     within, between = ([f"{value:.2f}" for value in row] for row in scatter_db(folder))
@@ -113,7 +113,7 @@ def remarks(overall: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def targets(overall: Sequence[Mapping[str, Any]]) -> tuple[Target, ...]:
-    """Return what is to be reached over each group."""
+    """Return the targets of each group."""
     return tuple(
         Target(f"{row['group']}: {what}", row[key], "at most", TARGETS[target])
         for row in overall
@@ -178,7 +178,7 @@ def run(
     ] = None,
     workers: Workers = None,
 ) -> Findings:
-    """Tell how soon changes of surface are found, and how many are missed."""
+    """Measure how soon changes of surface are found, and how many are missed."""
     tables: list[ReportTable] = []
     if slides is not None:
         if sessions or textures is not None:

@@ -1,7 +1,7 @@
 """Recorded sessions evaluated with every combination of settings.
 
-Results are kept in a file that only grows, so that an interrupted sweep goes on where it
-stopped. Jobs run in local processes or on a Dask cluster, with the same figures.
+Results are appended to a file, so that an interrupted sweep can be resumed. Jobs run in local
+processes or on a Dask cluster, with the same figures.
 """
 
 from collections.abc import Iterator, Sequence
@@ -52,7 +52,7 @@ def run(
     ] = None,
     out: Annotated[Path, typer.Option(help="Where the results are kept.")] = Path("mmt-sweep"),
 ) -> Findings:
-    """Evaluate every session with every combination of settings; go on where it stopped."""
+    """Evaluate every session with every combination of settings; resume an interrupted sweep."""
     if workers is not None and dask is not None:
         raise InputError("--workers and --dask: give one, a cluster has its own workers")
     settings = combinations(choices or [])
@@ -82,7 +82,7 @@ def run(
 
 
 def _read(path: Path) -> RecordedSession:
-    """Read a session without what an evaluation does not need: it may travel to a worker."""
+    """Read a session without the parts that no evaluation needs, since a worker may get it."""
     return replace(read_session(path), models=(), events=(), outputs=())
 
 
@@ -93,7 +93,7 @@ def _base(session: RecordedSession, scene_file: Path | None) -> Texture:
 def _collect(
     outcomes: Iterator[JobOutcome], results: SweepResults, missing: int, count: int
 ) -> list[JobOutcome]:
-    """Write results as they come, and show how many; return what failed."""
+    """Write results as they come, and show their number; return the failed ones."""
     failed = []
     with counting("evaluating", count, done=count - missing, stays=True) as show:
         try:

@@ -2,8 +2,8 @@
 
 The files hold the angles of both levers and the torque of the environment
 (``docs/reference/evaluation.md``). The recorded hand moves the handle; the recorded follower
-and its force come back late. The error is that of the displayed force against the force of the
-environment at the same instant of the hand, as it was recorded without the delay.
+and its force come back late. The error is the displayed force less the force of the environment
+that was recorded at the same instant of the hand, without the delay.
 """
 
 from collections import deque
@@ -28,7 +28,7 @@ DELAYS_MS: Final = (0, 20, 50, 100, 200)
 RATE_HZ: Final = 1000
 LIMIT_N: Final = 40.0
 SETTLED: Final = 0.2
-"""The model has converged when its stiffness stays so near its last one, over that."""
+"""The model has settled when its stiffness stays within this share of its last value."""
 
 _REFERENCE_N: Final = 1.0
 _CONTACT_N: Final = 0.2
@@ -43,12 +43,12 @@ _ARRAYS: Final = (
 
 @dataclass(frozen=True)
 class RecordedRun:
-    """A run at 1 kHz, along the axis into what is touched.
+    """A recorded run at 1 kHz, along the axis into the object that is touched.
 
     Attributes
     ----------
     name
-        The file's, without its suffix.
+        Name of the file, without its suffix.
     hand_m, tool_m
         Depth of the hand's handle and of the follower's tool, (n,).
     force_n
@@ -62,14 +62,14 @@ class RecordedRun:
 
     @property
     def contact(self) -> str:
-        """What was touched, from the file's name: its last word."""
+        """The object that was touched: the last word of the file's name."""
         return self.name.rpartition("_")[2]
 
     @property
     def opening_j(self) -> float:
-        """Energy that an account must begin with where the recording begins in contact.
+        """Initial energy of a passivity account, for a recording that begins in contact.
 
-        The most that the recorded contact gives back at a stretch; 0 where it begins free.
+        It is the most that the recorded contact gives back in one stretch; 0 if it begins free.
         """
         if self.force_n[0] < _CONTACT_N:
             return 0.0
@@ -79,7 +79,7 @@ class RecordedRun:
 
 @dataclass(frozen=True)
 class RecordedResult:
-    """What a method gave on a run over a delay.
+    """Result of a method on a run with a delay.
 
     Attributes
     ----------
@@ -90,11 +90,11 @@ class RecordedResult:
     force_n
         Root mean square of the true force over the same time.
     energy_mj
-        What the hand had got at most beyond what it had put in.
+        Largest energy that the hand had received beyond what it had put in.
     settled_s
-        When the model's stiffness stayed within a fifth of its last one; None without.
+        Time from which the model's stiffness stays within a fifth of its last value, or None.
     surface, felt
-        Estimates: of what the tool touches, and of what the hand feels; None without.
+        Estimated contact at the tool, and contact rendered to the hand; None without a model.
     """
 
     run: str
@@ -112,8 +112,8 @@ class RecordedResult:
 def read_run(path: Path) -> RecordedRun:
     """Read a run and resample it to 1 kHz.
 
-    The sign of the force differs between the files. It is taken so that the largest force
-    pushes back; depth grows with the angle.
+    The sign of the force differs between the files. It is chosen so that the largest force pushes
+    back; depth grows with the angle.
     """
     try:
         loaded, _ = load_arrays(path)
@@ -140,7 +140,7 @@ def read_run(path: Path) -> RecordedRun:
 
 
 def find_runs(paths: list[Path]) -> list[Path]:
-    """Return the files, those of a folder in their order."""
+    """Return the named files, and the .npz files of named folders in sorted order."""
     found: list[Path] = []
     for path in paths:
         inside = sorted(path.glob("[!.]*.npz")) if path.is_dir() else [path]
@@ -151,7 +151,7 @@ def find_runs(paths: list[Path]) -> list[Path]:
 
 
 def evaluate_run(run: RecordedRun, method: Method, delay_ms: int) -> RecordedResult:
-    """Replay a run with a method over a delay."""
+    """Replay a run with a method and a delay."""
     display = Display()
     sides = make_sides(method, display, limit_n=LIMIT_N, opening_j=run.opening_j)
     shown, stiffness = _replay(run, sides, display, delay_ms)
@@ -211,7 +211,7 @@ def _frames(run: RecordedRun) -> RecordArray:
 
 
 def _settled_s(stiffness: FloatArray) -> float | None:
-    """Return when the stiffness came near its last value for good."""
+    """Return the time from which the stiffness stays near its last value, None if that is 0."""
     last = float(stiffness[-1])
     if last == 0.0:
         return None
@@ -220,7 +220,7 @@ def _settled_s(stiffness: FloatArray) -> float | None:
 
 
 def model_table(model: ContactModel | None) -> dict[str, Any] | None:
-    """Return an estimate for a program."""
+    """Return an estimate as a dictionary for JSON, or None."""
     if model is None:
         return None
     return {

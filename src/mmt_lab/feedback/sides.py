@@ -1,4 +1,4 @@
-"""Both sides of a method of force feedback, as the services make them."""
+"""Leader's and follower's side of a method of force feedback, built as in the services."""
 
 from dataclasses import dataclass
 from typing import Final, Literal
@@ -20,12 +20,12 @@ PASSIVITY: Final = PassivitySettings()
 """The scene's defaults."""
 
 _NEVER_TICKS: Final = 10**9
-"""No silence: what is late here is late on purpose."""
+"""Silence limit that is never reached, since delays are deliberate here."""
 
 
 @dataclass(frozen=True)
 class Sides:
-    """The leader's part, and the follower's where the method has one."""
+    """The leader's part, and the follower's part or None if the method has none."""
 
     leader: Feedback
     follower: FollowerFeedback | None
@@ -49,7 +49,7 @@ def make_sides(
 
 
 class Display:
-    """What is shown to a hand: the last force along the normal."""
+    """Force display that keeps the last force along the normal."""
 
     def __init__(self) -> None:
         self.force_n = 0.0

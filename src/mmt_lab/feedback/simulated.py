@@ -1,8 +1,8 @@
-"""A hand, a link and a follower on a wall in a closed loop, where instability can show.
+"""A hand, a link and a follower on a wall in a closed loop, in which instability can show.
 
-`SimulatedRobot` and both sides of the method as the services use them, a handle in a hand that
-wants to be somewhere (a mass, a damper and a spring to a moving target), and late lines in
-order. The hand touches, lets go, touches again, presses to and fro and rests:
+The loop has `SimulatedRobot` and both sides of the method as in the services, a handle in a hand
+(a mass, and a damper and a spring to a moving target), and delay lines that keep the order. The
+hand touches, lets go, touches again, presses to and fro and rests:
 
 ======== =====================================================================
 0.3 s    first touch, 5 mm below the surface, which a light grip makes 1.5 N
@@ -34,16 +34,16 @@ from mmt_lab.stability.loop_theory import LIGHT_GRIP
 
 WALLS_N_MM: Final = (0.1, 0.5, 2.0, 10.0, 50.0)
 DELAYS_MS: Final = (0, 10, 50, 100, 200)
-"""One way; as much again back."""
+"""Mean delays one way; the way back takes as long."""
 
 JITTER: Final = 0.25
-"""Spread of a delay to either side, over its mean."""
+"""Largest deviation of a delay from its mean, over the mean."""
 LIMIT_N: Final = 10.0
 DURATION_S: Final = 6.5
 SECOND_TOUCH_S: Final = 2.3
 REST_S: Final = 0.75
 REST_SPEED_MM_S: Final = 2.0
-"""A hand that rests moves more slowly than this, or the loop is not stable."""
+"""The loop is stable if the hand moves more slowly than this while it should rest."""
 
 _DEPTH_M: Final = 5e-3
 _CLEAR_M: Final = 5e-3
@@ -53,7 +53,7 @@ _RAMP_S: Final = 0.5
 
 @dataclass(frozen=True)
 class CellResult:
-    """What a method gave on a wall over a delay.
+    """Result of a method on a wall with a delay.
 
     Attributes
     ----------
@@ -62,12 +62,12 @@ class CellResult:
     rest_speed_mm_s
         Root mean square of the handle's speed over the last 0.75 s, when the hand rests.
     injected_mj
-        Most energy that the hand had got beyond what it had put in, at any time.
+        Largest energy that the hand had received beyond what it had put in, at any time.
     force_error_n
-        Root mean square, from the second touch on, of the displayed force less the force
-        that the surface has on the tool when the hand's present motion has reached it.
+        Root mean square, from the second touch on, of the displayed force less the surface's
+        force on the tool when the hand's present motion has reached the tool.
     position_error_mm
-        The same of the handle's place less the tool's.
+        The same for the position of the handle less that of the tool.
     largest_n
         Largest force on the surface.
     """
@@ -88,12 +88,12 @@ class CellResult:
 
     @property
     def passive(self) -> bool:
-        """Whether the hand got no more than it gave and the reserve."""
+        """Whether the hand received no more energy than it put in plus the reserve."""
         return self.injected_mj <= 1e3 * PASSIVITY.reserve_j * (1.0 + 1e-6)
 
 
 class HeldHandle(Display):
-    """A handle on a mass, held by a spring and a damper to where the hand wants to be."""
+    """A handle with a mass, held to the hand's target by a spring and a damper."""
 
     def __init__(self, drive: Drive, height_m: float, speed_m_s: float = 0.0) -> None:
         super().__init__()
@@ -116,7 +116,7 @@ class HeldHandle(Display):
 def run_cell(
     method: Method, wall_n_mm: float, delay_ms: int, seed: int = 0, *, hand: Drive = LIGHT_GRIP
 ) -> CellResult:
-    """Run a method on a wall over a delay with jitter."""
+    """Run a method on a wall with a delay and jitter."""
     holder = HeldHandle(hand, _CLEAR_M)
     log = _run(method, wall_n_mm, delay_ms, seed, holder)
     heights, speeds, shown, tips, forces = log.T
@@ -185,7 +185,7 @@ def _run(
 
 
 def _target_m(time_s: float) -> float:
-    """Return the height where the hand wants to be."""
+    """Return the height of the hand's target."""
     pressed = _ramp(time_s, 0.3) - _ramp(time_s, 1.3) + _ramp(time_s, SECOND_TOUCH_S)
     height_m = _CLEAR_M - (_CLEAR_M + _DEPTH_M) * pressed
     if 2.8 < time_s < 4.8:
@@ -202,10 +202,9 @@ Item = TypeVar("Item")
 
 
 class DelayLine(Generic[Item]):
-    """Deliver items in their order, each late by its own delay.
+    """Deliver items in their order, each with its own delay.
 
-    As on a link over TCP, an item that comes after a later one waits for nothing, and one
-    before which another is still on its way waits for it.
+    As on a link over TCP, no item arrives before the items that were sent ahead of it.
     """
 
     def __init__(self, delay_ticks: int, jitter_ticks: int, seed: int) -> None:
@@ -222,7 +221,7 @@ class DelayLine(Generic[Item]):
         self._waiting.append((self._latest, item))
 
     def pop(self, tick: int) -> list[Item]:
-        """Return what has arrived up to a tick."""
+        """Return the items that have arrived up to a tick, since the last call."""
         arrived = []
         while self._waiting and self._waiting[0][0] <= tick:
             arrived.append(self._waiting.popleft()[1])

@@ -1,1 +1,1 @@
-"""What the operator feels, against what the surface would give without a network."""
+"""Vibration that the operator feels, against the surface's own without a network."""

@@ -1,4 +1,4 @@
-"""Errors of what is felt, moment by moment, and how late it begins and ends."""
+"""Errors of the vibration felt, moment by moment, and delays of its beginnings and ends."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -12,19 +12,19 @@ from mmt.testing.simulation import RATE_HZ
 from mmt_lab.felt.passing import Passage
 
 WINDOW: Final = 200
-"""Samples of a moment, under a Hann window."""
+"""Samples in a moment, weighted by a Hann window."""
 
 HOP: Final = 50
 """Samples from moment to moment."""
 
 LEAST_RMS_M_S2: Final = 0.1
-"""Vibration below this counts as this: it is hardly felt, and sensors' noise is as strong."""
+"""Weaker vibration counts as this: it is hardly felt, and sensor noise is as strong."""
 
 STROKE_MM_S: Final = 10.0
 STROKE_N: Final = 0.1
 REST_TICKS: Final = 150
 STROKE_TICKS: Final = 250
-"""A stroke that begins has rested for so long before and lasts for so long; likewise at its end."""
+"""Least rest before a beginning and after an end of a stroke, and least length of the stroke."""
 
 _EDGE_WINDOW: Final = 30
 _SEARCH_TICKS: Final = 900
@@ -39,12 +39,12 @@ class FeltErrors:
     Attributes
     ----------
     time_s
-        Time of each moment at which something is to be felt or is felt, shape (k,).
+        Time of each moment at which vibration is expected or felt, shape (k,).
     level_db, bands_db
-        Error of the power, shape (k,), and of each band's, shape (k, 9).
+        Error of the power, shape (k,), and of the power in each band, shape (k, 9).
     onset_ms, offset_ms
-        How much later than without a network vibration begins and ends, one for each stroke
-        after a rest, and each rest after a stroke, at which both are found.
+        How much later than without a network vibration begins and ends: for each stroke after a
+        rest, and each rest after a stroke, if the edge is found in both vibrations.
     """
 
     time_s: FloatArray
@@ -55,14 +55,14 @@ class FeltErrors:
 
 
 class Reference:
-    """What the surface would give at the hand's motion at each moment, exactly.
+    """Exact powers of the surface at the hand's motion at each moment.
 
     Parameters
     ----------
     passage
         The session.
     at_once
-        A realisation of it (n,), from which beginnings and ends are told.
+        A realisation of the surface's vibration (n,), which gives the beginnings and ends.
     """
 
     def __init__(self, passage: Passage, at_once: FloatArray) -> None:
@@ -73,7 +73,7 @@ class Reference:
         self._ends = _changes(stroking, STROKE_TICKS, REST_TICKS)
 
     def judge(self, vibration_m_s2: FloatArray) -> FeltErrors:
-        """Compare what was felt (n,) with it."""
+        """Compare the vibration felt (n,) with the reference."""
         floor = LEAST_RMS_M_S2**2
         bands = _measured_bands(vibration_m_s2)
         power, wanted = bands.sum(axis=1), self._bands.sum(axis=1)
@@ -88,7 +88,7 @@ class Reference:
         )
 
     def _delays(self, vibration_m_s2: FloatArray, edges: IntArray, *, rising: bool) -> FloatArray:
-        """Return by how many ms the edges of a vibration come later than those at once."""
+        """Return by how many ms the edges of a vibration come later than those of `at_once`."""
         levels = [_short_power(v) for v in (vibration_m_s2, self._at_once)]
         found = []
         for edge in edges.tolist():
@@ -109,7 +109,7 @@ def _expected_bands(passage: Passage) -> FloatArray:
     heading = np.arctan2(unit[:, 1], unit[:, 0])
     frequencies = np.arange(501.0)
     member = band_membership(frequencies)
-    # the motion is slow: a value every ten ticks does
+    # the motion is slow: a value every ten ticks is enough
     chosen = np.arange(0, len(passage.force_n), 10)
     parts = []
     for start in range(0, len(chosen), _BLOCK):
@@ -139,7 +139,7 @@ def _ratio_db(power: FloatArray, wanted: FloatArray, floor: float) -> FloatArray
 
 
 def _changes(before: BoolArray, ticks_before: int, ticks_after: int) -> IntArray:
-    """Return where a state that held for so long ends and stays ended for so long."""
+    """Return the ticks at which a state ends that held `ticks_before`, and is off `ticks_after`."""
     found = []
     for edge in (np.flatnonzero(before[:-1] & ~before[1:]) + 1).tolist():
         held = before[max(edge - ticks_before, 0) : edge]
@@ -159,9 +159,9 @@ def _short_power(vibration_m_s2: FloatArray) -> FloatArray:
 
 
 def _crossing(level: FloatArray, threshold: float, *, rising: bool) -> int | None:
-    """Return where a level first rises above the threshold, or first stays below it.
+    """Return the index at which a level first rises above the threshold, or first stays below.
 
-    What is left of the stroke before does not count as a rise.
+    Vibration left over from the stroke before does not count as a rise.
     """
     above = level > threshold
     if rising:

@@ -1,4 +1,4 @@
-"""The leader's side of a passage: its own playout, modelling, switch and synthesis."""
+"""The leader's side of a passage: playout, modelling, switch and synthesis by its own code."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ from mmt.texture.settings import Inputs, ModellingSettings
 from mmt_lab.felt.passing import NEVER_TICK, Passage
 
 BACKFILL_TICKS: Final = 250
-"""A frame that was lost comes so much later than the longest way there and back."""
+"""Delay of the back-fill of a lost frame beyond the longest way there and back."""
 
 UPDATE_TICKS: Final = 50
 """Ticks from a model's last frame until it is in use."""
@@ -38,10 +38,10 @@ UPDATE_TICKS: Final = 50
 
 @dataclass(frozen=True)
 class Felt:
-    """What a method let the hand feel.
+    """Vibration that a method gives the hand.
 
-    ``vibration_m_s2`` has shape (n,); ``start_s`` is when the model took over, None where it
-    did not.
+    ``vibration_m_s2`` has shape (n,); ``start_s`` is when the model took over, or None if it did
+    not.
     """
 
     vibration_m_s2: FloatArray
@@ -49,9 +49,9 @@ class Felt:
 
 
 def at_once(passage: Passage, seed: int) -> Felt:
-    """Return what the surface would give at the hand's own speed and force, without a delay.
+    """Return the surface's vibration at the hand's own speed and force, without a delay.
 
-    It is a realisation of its own: as near as anything that renders from a model can come.
+    It is a separate realisation: no rendering from a model can come nearer to the texture.
     """
     surface = vibration_of(passage.surface, np.random.default_rng([seed, 77]))
     motion = zip(
@@ -68,14 +68,14 @@ def at_once(passage: Passage, seed: int) -> Felt:
 
 
 def led(passage: Passage, models: Mapping[int, TextureModel] | None, seed: int) -> Felt:
-    """Return what a leader plays that gets the frames of a passage.
+    """Return the vibration that a leader plays from the frames of a passage.
 
     Parameters
     ----------
     passage
-        What arrives when, and how the hand moves.
+        The frames with their arrivals, and the hand's motion.
     models
-        What is rendered, each from a tick on; None where only the stream is played.
+        The models to render, by the tick from which each is used; None to play the stream alone.
     seed
         Seed of the synthesis and of the concealment.
     """
@@ -136,8 +136,8 @@ def taking_over(updates: Mapping[int, ModelUpdate]) -> dict[int, TextureModel]:
 def local_updates(passage: Passage, settings: ModellingSettings) -> dict[int, ModelUpdate]:
     """Return the updates of the local model, by the tick from which each is in use.
 
-    An update takes the frames of one second, which the frames' numbers delimit, and waits for
-    those that were lost and are filled in, as the leader's modelling does.
+    An update takes the frames of one second, delimited by sequence numbers. As in the leader's
+    modelling, it waits until lost frames are filled in.
     """
     modeller, updates = OnlineModeller(settings), {}
     period = round(RATE_HZ)
@@ -151,7 +151,7 @@ def local_updates(passage: Passage, settings: ModellingSettings) -> dict[int, Mo
 
 
 def _filled_in(arrival_tick: IntArray) -> IntArray:
-    """Return when each frame has come, those that were lost by back-fill."""
+    """Return the tick at which each frame has come; lost frames come by back-fill."""
     sent = np.arange(len(arrival_tick))
     lost = arrival_tick == NEVER_TICK
     longest = int((arrival_tick - sent)[~lost].max()) if not lost.all() else 0

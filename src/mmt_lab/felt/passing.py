@@ -1,8 +1,8 @@
 """A hand, a network, a follower and the way back, tick by tick in simulated time.
 
-The hand and the follower are the simulated ones, and each message meets the fate that the
-emulated network of the services gives it. Nothing here depends on how vibration is made at the
-leader: one passage serves every method.
+The hand and the follower are the simulated ones. Each message is delayed or lost as by the
+emulated network of the services. Nothing here depends on how the leader makes vibration, so that
+one passage serves every method.
 """
 
 import heapq
@@ -24,7 +24,7 @@ from mmt.testing.simulation.robot import nominal_compliance_mm_n
 
 COMMAND_BYTES: Final = 60
 FRAME_BYTES: Final = 80
-"""A message with one command or frame, for networks with little bandwidth."""
+"""Size of a message with one command or frame, which matters if bandwidth is limited."""
 
 NEVER_TICK: Final = 2**40
 
@@ -38,9 +38,9 @@ class Passage:
     surface
         The texture.
     velocity_mm_s, force_n
-        The hand's own, over the surface, shape (n, 2) and (n,).
+        Velocity of the hand over the surface and its force, shape (n, 2) and (n,).
     frames
-        What the follower sent, shape (n,).
+        Frames that the follower sent, shape (n,).
     arrival_tick
         When each frame arrives first, shape (n,); `NEVER_TICK` for one that was lost.
     """
@@ -58,7 +58,7 @@ class Passage:
 
     @property
     def heading(self) -> FloatArray:
-        """Unit vectors along the hand's velocity, shape (n, 2); where it rests, along x."""
+        """Unit vectors along the hand's velocity, shape (n, 2); along x while the hand rests."""
         speed = self.speed_mm_s
         moving = speed > 0.0
         length = np.where(moving, speed, 1.0)[:, None]

@@ -1,4 +1,4 @@
-"""The harness of the laboratory: what every experiment shares, written once.
+"""The harness of the laboratory: code that all experiments share.
 
 An experiment is a module of `mmt_lab.experiments` with an `EXPERIMENT`; see
 `mmt_lab.harness.experiment`. It returns `Findings`, which the harness prints, writes as JSON

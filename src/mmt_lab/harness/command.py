@@ -1,4 +1,4 @@
-"""``mmt lab``: experiments as commands, made from the parameters of what runs them."""
+"""``mmt lab``: experiments as commands, made from the parameters of their ``run``."""
 
 import inspect
 from collections.abc import Callable
@@ -17,7 +17,7 @@ from mmt_lab.harness.experiment import Experiment, listed, load
 from mmt_lab.harness.findings import Findings
 
 JsonFile = Annotated[Path | None, json_option("Write the figures.")]
-"""Where the figures are written."""
+"""File to which the figures are written."""
 
 ReportFolder = Annotated[Path | None, report_option()]
 """The folder of the report."""
@@ -31,14 +31,14 @@ class Laboratory(TyperGroup):
         return [one.name for one in listed()]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """Return an experiment as a command; raises `InputError` where none has that name."""
+        """Return an experiment as a command; raise `InputError` if none has that name."""
         names = self.list_commands(ctx)
         if cmd_name not in names:
             raise InputError(f"lab {cmd_name}: allowed are {', '.join(names)}")
         return command(cmd_name, load(cmd_name))
 
     def format_help(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002 - as Typer calls it
-        """Print the list, for which no experiment is imported."""
+        """Print the list of experiments, without importing any."""
         print_list()
 
 
@@ -65,7 +65,7 @@ def command(name: str, experiment: Experiment) -> Any:
 
 
 def _with_outputs(name: str, experiment: Experiment) -> Callable[..., None]:
-    """Return a function with the parameters of an experiment and those for what is written."""
+    """Return a function with the parameters of an experiment and those of the output files."""
 
     def call(json_file: Path | None, report: Path | None, **options: Any) -> None:
         if not conclude(run(name, experiment, **options), json_file, report):
@@ -83,14 +83,14 @@ def _with_outputs(name: str, experiment: Experiment) -> Callable[..., None]:
 
 
 def run(name: str, experiment: Experiment, **options: Any) -> Findings:
-    """Run an experiment with those of the options that it has.
+    """Run an experiment; options that it does not have are ignored.
 
     Raises
     ------
     InputError
         An option or an input cannot be used.
     ImportError
-        It needs a package that is not installed.
+        The experiment needs a package that is not installed.
     """
     known = inspect.signature(experiment.run).parameters
     found = experiment.run(**{key: value for key, value in options.items() if key in known})
@@ -98,7 +98,7 @@ def run(name: str, experiment: Experiment, **options: Any) -> Findings:
 
 
 def conclude(found: Findings, json_file: Path | None, report: Path | None) -> bool:
-    """Print what was found, write what is asked for, and say whether all of it held."""
+    """Print findings, write the files asked for, and return whether nothing failed."""
     from mmt_lab.harness.report import print_findings, print_targets, write_report
 
     print_findings(found)

@@ -1,7 +1,7 @@
-"""Experiments: what one is, the options that they share, and how they are found.
+"""Definition of an experiment, options that experiments share, and the search for experiments.
 
-An experiment is a module of `mmt_lab.experiments`. Its name is that of the module, with hyphens;
-its docstring says more of it; it holds one `EXPERIMENT`::
+An experiment is a module of `mmt_lab.experiments`. Its name is that of the module, with hyphens.
+The module's docstring describes the experiment, and the module holds one `EXPERIMENT`::
 
     def run(textures: Textures = None, seeds: Seeds = 3, workers: Workers = None) -> Findings:
         ...
@@ -11,8 +11,8 @@ its docstring says more of it; it holds one `EXPERIMENT`::
     )
 
 The parameters of ``run`` are the options and arguments of the command, annotated as Typer reads
-them. Those that several experiments have are defined here, so that they mean the same
-everywhere. ``--json`` and ``--report`` are added by the harness.
+them. Options of several experiments are defined here, so that they mean the same everywhere. The
+harness adds ``--json`` and ``--report``.
 """
 
 import ast
@@ -38,7 +38,7 @@ Group = Literal["lab", "bench"]
 Seeds = Annotated[
     int, typer.Option(min=1, help="Sessions, of as many seeds, of each case.", show_default=True)
 ]
-"""Seeds of each case, counted from the first one."""
+"""Number of seeds of each case, counted from the first one."""
 
 Seed = Annotated[int, typer.Option(min=0, help="The first seed; the same one repeats a run.")]
 """The first seed of everything random."""
@@ -92,16 +92,16 @@ RealTime = Annotated[bool, typer.Option("--realtime", help="Measure by real-time
 
 @dataclass(frozen=True)
 class Experiment:
-    """What an experiment shows, how long it takes, and what runs it.
+    """What an experiment shows, how long it takes, and the function that runs it.
 
     Attributes
     ----------
     shows
-        What is learned from it, a phrase for the list.
+        What the experiment shows, as a phrase for the list.
     duration
         How long it takes with its defaults on an ordinary machine.
     run
-        Runs it; its parameters are the options of the command.
+        Function that runs it; the parameters are the options of the command.
     group
         ``"bench"`` for a stage of ``mmt bench``, which measures against peers.
     """
@@ -114,7 +114,7 @@ class Experiment:
 
 @dataclass(frozen=True)
 class Listed:
-    """An experiment as the list has it, which is read without importing its module."""
+    """Entry of the list of experiments, read without importing the module."""
 
     name: str
     shows: str
@@ -142,7 +142,7 @@ def load(name: str) -> Experiment:
     InputError
         There is no such experiment.
     ImportError
-        It needs a package that is not installed.
+        The experiment needs a package that is not installed.
     """
     names = [one.name for one in listed()]
     if name not in names:
@@ -153,10 +153,10 @@ def load(name: str) -> Experiment:
 
 
 def chosen_textures(textures: str | None) -> list[str]:
-    """Return the names between the commas of ``--textures``, those of all where it is absent.
+    """Return the textures named between the commas of ``--textures``, all known ones if absent.
 
-    A folder stands for the models in it, in the order of their names; ``drawn`` and ``final``
-    stand for the first `DRAWN` textures of these. What follows a + is done to all of them.
+    A folder stands for the models in it, sorted by name; ``drawn`` and ``final`` each stand for
+    their first `DRAWN` textures. An alteration after a + applies to all of them.
 
     Raises
     ------
@@ -191,7 +191,7 @@ def rates_of(listed: str) -> list[int]:
     Raises
     ------
     InputError
-        One is no rate of a scene, no number, or named twice.
+        A rate is not allowed in a scene, not a number, or named twice.
     """
     texts = listed.split(",")
     if not all(text.isdecimal() for text in texts) or len(set(texts)) < len(texts):
@@ -203,7 +203,7 @@ def rates_of(listed: str) -> list[int]:
 
 
 def hand_of(kind: str, *, isotropic: bool = True) -> Hand:
-    """Return a hand of a kind, which takes all headings where a texture depends on them.
+    """Return a hand of a kind, which takes all headings unless a texture is isotropic.
 
     Raises
     ------
@@ -222,7 +222,7 @@ _LISTED: Final = ("shows", "duration", "group")
 
 
 def _read(path: Path) -> Listed:
-    """Return what the list says of an experiment, from the source of its module."""
+    """Return the list's entry of an experiment, read from the source of its module."""
     for node in ast.parse(path.read_text(encoding="utf-8")).body:
         if isinstance(node, ast.Assign | ast.AnnAssign) and isinstance(node.value, ast.Call):
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]

@@ -1,4 +1,4 @@
-"""What an experiment has found: plain values for tables, plots, reports and JSON."""
+"""Findings of an experiment: plain values for tables, plots, reports and JSON."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -17,7 +17,7 @@ Side = Literal["at least", "at most", "about"]
 
 @dataclass(frozen=True)
 class Spread:
-    """A median with its lower and upper quartile; all three are one where it is exact."""
+    """A median with its lower and upper quartile; all three are equal for an exact figure."""
 
     median: float
     low: float
@@ -29,18 +29,18 @@ class Spread:
         return cls(value, value, value)
 
     def times(self, factor: float) -> "Spread":
-        """Return the same in another unit."""
+        """Return the spread times a factor, as for another unit."""
         return Spread(self.median * factor, self.low * factor, self.high * factor)
 
     @property
     def relative(self) -> float:
-        """Half the distance of the quartiles over the median; 0 where that is 0."""
+        """Half the distance of the quartiles over the median; 0 if the median is 0."""
         return 0.5 * (self.high - self.low) / self.median if self.median else 0.0
 
 
 @dataclass(frozen=True)
 class Point:
-    """One setting of a method's knob, and where it stands in a panel."""
+    """One setting of a method's knob, and its place in a panel."""
 
     knob: float
     x: Spread
@@ -60,19 +60,19 @@ class Curve:
 
     @property
     def over_knob(self) -> bool:
-        """Whether the knob itself stands along x, and not a time."""
+        """Whether x is the knob itself, and not a time."""
         return all(point.x.median == point.knob for point in self.points)
 
 
 class Curves:
-    """Curves in the making, in the order in which their methods are first named."""
+    """Builder of curves, in the order in which their methods are first named."""
 
     def __init__(self) -> None:
         self._points: dict[str, list[Point]] = {}
         self._failures: dict[str, dict[str, str]] = {}
 
     def add(self, method: str, knob: float, x: Spread | float, y: Spread | float) -> None:
-        """Put a point on a method's curve; what is not finite becomes a failure."""
+        """Add a point to a method's curve; a value that is not finite becomes a failure."""
         first, second = _spread(x), _spread(y)
         if not (math.isfinite(first.median) and math.isfinite(second.median)):
             self.fail(method, knob, "not finite")
@@ -80,7 +80,7 @@ class Curves:
         self._points.setdefault(method, []).append(Point(knob, first, second))
 
     def fail(self, method: str, knob: float, reason: str) -> None:
-        """Say why a setting of the knob has no point."""
+        """Note why a setting of the knob has no point."""
         self._points.setdefault(method, [])
         self._failures.setdefault(method, {})[f"{knob:g}"] = reason
 
@@ -94,7 +94,7 @@ class Curves:
 
 @dataclass(frozen=True)
 class Axis:
-    """What stands along one side of a panel; the label carries the unit, `short` is for tables."""
+    """One axis of a panel; the label includes the unit, `short` is for tables."""
 
     label: str
     short: str
@@ -103,7 +103,7 @@ class Axis:
 
 @dataclass(frozen=True)
 class Panel:
-    """A work-precision plot and table: every method a curve, its knob along it."""
+    """A work-precision plot and table: a curve for each method, along which its knob varies."""
 
     name: str
     title: str
@@ -113,11 +113,11 @@ class Panel:
     curves: tuple[Curve, ...]
 
     def points(self, method: str) -> tuple[Point, ...]:
-        """Return a method's points, none where it was not measured."""
+        """Return a method's points, empty if it was not measured."""
         return next((curve.points for curve in self.curves if curve.method == method), ())
 
     def x_ratios(self, slower: str, faster: str) -> dict[float, float]:
-        """Return, by the knob, one method's median x over another's, where both have one."""
+        """Return one method's median x over another's, by the knobs that both have."""
         below = {point.knob: point.x.median for point in self.points(faster)}
         return {
             point.knob: point.x.median / below[point.knob]
@@ -137,10 +137,10 @@ class FindingsTable:
 
 @dataclass(frozen=True)
 class Target:
-    """A figure of this run and what it is to be; None if it could not be measured.
+    """A measured figure and its target; the figure is None if it could not be measured.
 
-    ``tolerance`` is how far it may be from the bound that it is to be about; ``reason`` says why
-    it is missed, if it is.
+    ``tolerance`` is the distance from the bound that the side ``"about"`` allows; ``reason`` says
+    why the target is missed, if it is.
     """
 
     what: str
@@ -152,7 +152,7 @@ class Target:
 
     @property
     def met(self) -> bool | None:
-        """Whether it holds, None where nothing was measured."""
+        """Whether the target is met, None if nothing was measured."""
         if self.measured is None:
             return None
         if self.side == "about":
@@ -164,7 +164,7 @@ class Target:
 
 @dataclass(frozen=True)
 class SkippedMethod:
-    """A method that was not measured, why, and what would change that."""
+    """A method that was not measured, the reason, and a remedy."""
 
     name: str
     reason: str
@@ -181,28 +181,28 @@ class Findings:
         Heading, and sentences that say what was measured, how an error is defined, and what it
         is measured against.
     sentences
-        What came out, in words.
+        Results in words.
     tables
-        What came out, for terminal and report.
+        Results for terminal and report.
     panels, records
         Work-precision plots with their tables, and tables of plain values.
     targets, left_out
-        What the figures are to be, and what was not measured.
+        Targets of the figures, and methods that were not measured.
     figures
-        Single figures, by a name for programs.
+        Single figures by their names in JSON.
     blocks
-        Returns what a report says in place of `tables`, such as pictures; called only where a
+        Returns the content of a report in place of `tables`, such as pictures; called only if a
         report is written.
     definitions
-        What the figures mean, for the report.
+        Meaning of the figures, for the report.
     settings
-        Further tables that stand behind the definitions in a report.
+        Further tables after the definitions in a report.
     data
-        Everything for a program; None for what panels, records, targets and figures hold.
+        All results for JSON; None for the content of panels, records, targets and figures.
     failures
-        What was not as it must be, a sentence each; with any, the command ends with exit code 1.
+        A sentence for each requirement that failed; with any, the exit code of the command is 1.
     name
-        The experiment, which the harness fills in.
+        Name of the experiment, which the harness fills in.
     """
 
     title: str
@@ -222,7 +222,7 @@ class Findings:
     name: str = ""
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the findings for a program; a number that is not finite becomes None."""
+        """Return the findings as a dictionary for JSON; numbers that are not finite become None."""
         targets = [{**asdict(target), "met": target.met} for target in self.targets]
         content: dict[str, Any] = {
             "name": self.name,

@@ -22,7 +22,7 @@ _OURS: Final = "mmt"
 _LINEAR_SPAN: Final = 2.5
 _PLAIN_SPAN: Final = 100.0
 _LABEL_PIXELS: Final = (36.0, 14.0)
-"""Labels that are closer than this would stand over each other."""
+"""Labels that are closer than this in x and y would overlap."""
 
 
 def panels_figure(result: Findings) -> Figure:
@@ -82,7 +82,7 @@ def _is_logarithmic(of: SideOfPanel, values: Sequence[float]) -> bool:
 
 
 def _make_readable(axis: Axis, values: Sequence[float]) -> None:
-    """Write plain numbers where values span too little for powers of ten."""
+    """Write plain numbers if values span too little for powers of ten."""
     if _span(values) < _PLAIN_SPAN:
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axis.set_major_formatter(FuncFormatter(lambda value, _place: f"{value:g}"))
@@ -117,7 +117,7 @@ def _draw_curve(axis: Axes, curve: Curve, number: int, floor: float) -> None:
 
 
 def _name_knob(axis: Axes, panel: Panel, floor: float) -> None:
-    """Write the knob beside the ends of each curve, but not over what is written there."""
+    """Write the knob beside the ends of each curve, unless the label would cover another."""
     written: list[FloatArray] = []
     for curve in panel.curves:
         ends: list[Point] = list(curve.points[:1]) + list(curve.points[1:][-1:])
@@ -138,7 +138,7 @@ def _name_knob(axis: Axes, panel: Panel, floor: float) -> None:
 
 
 def _floor(panel: Panel) -> float:
-    """Return where an error of zero is drawn on a logarithmic axis."""
+    """Return the value at which an error of zero is drawn on a logarithmic axis."""
     values = [point.y.median for curve in panel.curves for point in curve.points]
     positive = [value for value in values if value > 0.0]
     return 0.3 * min(positive) if positive else 1.0

@@ -1,4 +1,4 @@
-"""Calls in processes of this machine, processes to talk to, and a bar that counts."""
+"""Function calls in local processes, processes with pipes, and a progress bar."""
 
 import multiprocessing
 import os
@@ -26,18 +26,18 @@ def each(
     what: str,
     workers: int | None = None,
 ) -> list[Result]:
-    """Call a function in processes and count the calls; return results in the calls' order.
+    """Call a function in local processes with a progress bar; return results in the calls' order.
 
     Parameters
     ----------
     function
-        Belongs to a module; its arguments and results can be pickled.
+        Function of a module; its arguments and results can be pickled.
     calls
         The arguments of each call.
     what
-        What is counted, in a word or two.
+        Label of the progress bar, a word or two.
     workers
-        Number of processes, as many as there are processors where it is None. One alone is
+        Number of processes; None for as many as there are processors. With 1 the calls run in
         this process itself.
 
     Raises
@@ -62,7 +62,7 @@ def each(
 def spawn_context() -> SpawnContext:
     """Return the context of processes that import nothing from the current folder.
 
-    The variable stands for what `mmt.core.children.python_command` says: the command is not ours.
+    The variable has the effect of ``-P``, which cannot be added to multiprocessing's own command.
     """
     os.environ["PYTHONSAFEPATH"] = "1"
     return multiprocessing.get_context("spawn")
@@ -71,12 +71,12 @@ def spawn_context() -> SpawnContext:
 def in_processes(
     function: Callable[..., Result], calls: Mapping[int, tuple[Any, ...]], workers: int
 ) -> Iterator[tuple[int, Future[Result]]]:
-    """Call a function in processes of this machine; yield each call's number as it is done.
+    """Call a function in local processes; yield number and future of each call when it is done.
 
     Parameters
     ----------
     function
-        Belongs to a module; its arguments and results can be pickled.
+        Function of a module; its arguments and results can be pickled.
     calls
         Arguments by number.
     workers
@@ -106,7 +106,7 @@ def in_processes(
 
 @contextmanager
 def beside(*calls: tuple[Any, ...]) -> Iterator[list[Connection]]:
-    """Run functions in processes of their own while the block runs.
+    """Run each function in its own process while the block runs.
 
     Parameters
     ----------
@@ -116,8 +116,8 @@ def beside(*calls: tuple[Any, ...]) -> Iterator[list[Connection]]:
     Yields
     ------
     list
-        The end of a pipe to each; the function gets the other end as its first argument. It is to
-        return when that says `EOFError`, which is silent.
+        One end of a pipe to each function, which gets the other end as its first argument. The
+        function should end when that raises `EOFError`, which is not reported.
     """
     context = spawn_context()
     pipes: list[Connection] = []
@@ -142,12 +142,12 @@ def beside(*calls: tuple[Any, ...]) -> Iterator[list[Connection]]:
 
 
 def received(pipe: Connection, timeout_s: float) -> Any:
-    """Return what a process of `beside` sent next.
+    """Return the next message of a process of `beside`.
 
     Raises
     ------
     MmtError
-        It has failed, with its own error where that is one, or sent nothing for so long.
+        The process failed (its own `MmtError` if it sent one), or sent nothing in `timeout_s`.
     """
     if not pipe.poll(timeout_s):
         raise MmtError(f"a process gave nothing in {timeout_s:g} s")
@@ -161,14 +161,14 @@ def received(pipe: Connection, timeout_s: float) -> Any:
 
 
 def _piped(pipe: Connection, function: Callable[..., object], *arguments: Any) -> None:
-    """Run a function of `beside`, and send the error that it ends with."""
+    """Run a function of `beside`; send its `MmtError` if it raises one."""
     _leave_interrupts()
     try:
         function(pipe, *arguments)
     except MmtError as error:
         pipe.send(error)
     except (EOFError, ConnectionError):
-        pass  # the other end is closed: it is no longer wanted
+        pass  # the other end is closed: the function is no longer needed
 
 
 def processes(workers: int | None, jobs: int) -> int:
@@ -180,12 +180,12 @@ def processes(workers: int | None, jobs: int) -> int:
 def counting(
     what: str, total: int, *, done: int = 0, stays: bool = False
 ) -> Iterator[Callable[[int], None]]:
-    """Show a bar while the block runs, and afterwards where it `stays`.
+    """Show a progress bar while the block runs, and afterwards if it `stays`.
 
     Yields
     ------
     Callable
-        Called with how many are done.
+        Function to be called with the number of items done.
     """
     columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=messages, transient=not stays) as progress:

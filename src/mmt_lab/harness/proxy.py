@@ -1,4 +1,4 @@
-"""A TCP proxy on loopback that can stall and cut what goes through it."""
+"""A TCP proxy on loopback that can stall and cut its connections."""
 
 import asyncio
 from contextlib import suppress
@@ -9,12 +9,12 @@ _CHUNK: Final = 65_536
 
 
 class Proxy:
-    """Passes connections on loopback on to a port.
+    """Forwards loopback connections to a port.
 
     Parameters
     ----------
     target
-        The port that connections are passed on to.
+        The port to which connections are forwarded.
     """
 
     def __init__(self, target: int) -> None:
@@ -27,7 +27,7 @@ class Proxy:
 
     @property
     def port(self) -> int:
-        """The port that it listens on."""
+        """The port on which the proxy listens."""
         assert self._server is not None  # noqa: S101 - entered
         return int(self._server.sockets[0].getsockname()[1])
 
@@ -44,22 +44,22 @@ class Proxy:
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
     def stall(self) -> None:
-        """Pass nothing on; what comes waits, at last in the senders."""
+        """Forward nothing; data waits in buffers, and finally in the senders."""
         self._flowing.clear()
 
     def resume(self) -> None:
-        """Pass on what has waited, and all that comes."""
+        """Forward the data that has waited, and all that follows."""
         self._flowing.set()
 
     def cut(self) -> None:
-        """Abort every connection, without a goodbye."""
+        """Abort every connection without a closing handshake."""
         for sink in self._sinks:
             sink.transport.abort()
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         try:
             there, back = await asyncio.open_connection(_HOST, self._target)
-        except OSError:  # nobody is there any more
+        except OSError:  # the target no longer listens
             writer.close()
             return
         for source, sink in ((reader, back), (there, writer)):
@@ -78,7 +78,7 @@ class Proxy:
                 sink.write(chunk)
                 await sink.drain()
         except ConnectionError:
-            pass  # the other way is told by its own end
+            pass  # the task of the other direction notices by itself
         finally:
             self._sinks.discard(sink)
             sink.close()

@@ -1,4 +1,4 @@
-"""Findings printed, and written as a report of one folder."""
+"""Print findings, and write them as a report in one folder."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -17,7 +17,7 @@ from mmt_lab.harness.tables import missed_because, tables_of, targets_table
 
 
 def print_findings(result: Findings) -> None:
-    """Print tables and sentences; the targets are `print_targets`'s."""
+    """Print title, tables and sentences; `print_targets` prints the targets."""
     output.print(result.title, style="bold")
     if result.about:
         output.print(result.about, highlight=False)
@@ -28,7 +28,7 @@ def print_findings(result: Findings) -> None:
 
 
 def print_targets(results: Sequence[Findings]) -> None:
-    """Print the targets of a run beside what was measured, if there are any."""
+    """Print the targets of a run beside the figures measured, if there are any."""
     if any(result.targets for result in results):
         print_table(targets_table(results))
         for sentence in missed_because(results):
@@ -47,14 +47,14 @@ def write_report(directory: Path, result: Findings) -> Path:
     Parameters
     ----------
     directory
-        Made where it does not exist; files of an earlier report are replaced.
+        Created if it does not exist; files of an earlier report are replaced.
     result
-        What was found; its pictures are drawn now.
+        The findings; their pictures are drawn now.
 
     Returns
     -------
     Path
-        The page ``report.html``, which holds its pictures inside.
+        The page ``report.html``, with its pictures embedded.
 
     Raises
     ------
@@ -89,11 +89,11 @@ def write_joint_report(
     directory, title
         As in `mmt.evaluation.report_files.write_report_files`.
     opening
-        What stands below the title.
+        Blocks below the title.
     results
-        What each experiment found.
+        Findings of each experiment.
     data_name, data
-        The JSON file beside the page, and what it holds.
+        Name and content of the JSON file beside the page.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def write_joint_report(
 
 
 def _found(result: Findings) -> list[Block]:
-    """Return what was found, without heading and definitions."""
+    """Return the blocks of findings, without heading and definitions."""
     texts = [result.about, *result.sentences, *result.failures]
     blocks: list[Block] = [Paragraph(text) for text in texts if text]
     if result.targets:

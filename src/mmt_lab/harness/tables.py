@@ -10,7 +10,7 @@ _NOTICEABLE: Final = 0.005
 
 
 def targets_table(results: Sequence[Findings]) -> ReportTable:
-    """Return every target of a run beside what was measured."""
+    """Return every target of a run beside the figure measured."""
     rows = [
         (target.what, result.name, _number(target.measured), *_aim(target))
         for result in results
@@ -29,7 +29,7 @@ def missed_because(results: Sequence[Findings]) -> list[str]:
 
 
 def tables_of(result: Findings) -> list[ReportTable]:
-    """Return its own tables, then one for each panel, its records, and what was left out."""
+    """Return the tables of findings: their own, panels, records, and methods left out."""
     tables = [*result.tables, *(panel_table(panel) for panel in result.panels)]
     tables += [records_table(records) for records in result.records if records.rows]
     if result.left_out:
@@ -39,7 +39,7 @@ def tables_of(result: Findings) -> list[ReportTable]:
 
 
 def panel_table(panel: Panel) -> ReportTable:
-    """Return a panel with a row for each point; x is left out where it is the knob itself."""
+    """Return a panel as a table, a row for each point; x is left out if it is the knob itself."""
     over_knob = all(curve.over_knob for curve in panel.curves)
     rows = []
     for curve in panel.curves:
@@ -55,7 +55,7 @@ def panel_table(panel: Panel) -> ReportTable:
 
 
 def records_table(records: FindingsTable) -> ReportTable:
-    """Return rows of a record as text; a name is not repeated below itself."""
+    """Return records as a table of text; a name that repeats in the first column is left blank."""
     columns = list(dict.fromkeys(key for row in records.rows for key in row))
     rows: list[tuple[str, ...]] = []
     above: Cell = None

@@ -1,9 +1,9 @@
-"""Paper C's data sets, from a simulated hand: trials strung together, segmented, with knocks.
+"""Paper C's data sets, from a simulated hand: trials joined and segmented, with knocks.
 
 Abdulali et al., section IV: the trials of a texture are one sequence, which is filtered and cut
 into segments along its inputs. A tenth of the segments get a knock on the table, one of six. Here
-it is added to the recorded acceleration, from somewhere in the segment on, so that it passes the
-filters, and may ring on into the next segment.
+the knock is added to the recorded acceleration and begins at a random place in the segment: it
+passes the filters, and may ring on into the next segment.
 """
 
 from dataclasses import dataclass
@@ -30,13 +30,13 @@ from mmt_methods.selection.pooling import Pool, pool_sessions
 
 TRIAL_S: Final = 20.0
 KNOCKS: Final = 6
-"""Different knocks in a data set."""
+"""Number of different knocks in a data set."""
 
 _NORMAL: Final = 2  # the axis that is modelled, z
 
 
 class NetworkModel(TextureModel):
-    """A model by the network of papers B and C, of speed and force too."""
+    """A model by the network of papers B and C, also if its inputs are speed and force."""
 
     @cached_property
     def interpolant(self) -> Interpolant:
@@ -46,7 +46,7 @@ class NetworkModel(TextureModel):
 
 @dataclass(frozen=True)
 class PaperRow:
-    """A row of Table I: its name there, the sizes, and the texture that stands in."""
+    """A row of Table I: the paper's name, the sizes, and the known texture used instead."""
 
     name: str
     surface: str
@@ -65,9 +65,9 @@ ROWS: Final = (
 
 @dataclass(frozen=True, eq=False)
 class ConcatenatedTrials:
-    """Trials of a texture, one behind the other: ``frames`` (k,), and the first n segments.
+    """Trials of a texture, joined to one sequence: ``frames`` (k,), and the first n segments.
 
-    ``trials`` is how many there are.
+    ``trials`` is the number of trials.
     """
 
     frames: RecordArray
@@ -79,7 +79,7 @@ class ConcatenatedTrials:
 class DataSet:
     """The points of a texture: the first n of the recording, n as in the paper.
 
-    ``knocked`` (n,) are those that got a knock; ``pool`` has all points, n or a few more.
+    ``knocked`` (n,) marks those that got a knock; ``pool`` has all points, n or a few more.
     """
 
     data: ModelPoints
@@ -96,12 +96,12 @@ def network_settings(inputs: Inputs, order: int = ORDER) -> ModellingSettings:
 
 
 def settings_of(row: PaperRow, order: int = ORDER) -> ModellingSettings:
-    """Return how a texture of paper C is modelled."""
+    """Return the settings by which a texture of paper C is modelled."""
     return network_settings("anisotropic" if row.directed else "isotropic", order)
 
 
 def stroke(row: PaperRow, duration_s: float, seed: int) -> RecordArray:
-    """Simulate a trial: its frames (n,). A hand takes all headings where they count."""
+    """Simulate a trial, frames (n,); the hand takes all headings if the texture is directed."""
     scene = Scene(hand=Hand(headings="all" if row.directed else "opposite"))
     return simulate_session(scene, row.surface, duration_s, seed)[0]
 
@@ -151,7 +151,7 @@ def data_set(
 
 
 def joined(trials: list[RecordArray]) -> RecordArray:
-    """Return the trials as one sequence, the clock running on."""
+    """Return the trials as one sequence, with a continuous clock."""
     frames = np.concatenate(trials)
     step_ns = int(trials[0]["time_ns"][1] - trials[0]["time_ns"][0])
     frames["sequence"] = np.arange(len(frames))

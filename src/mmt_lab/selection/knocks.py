@@ -14,7 +14,7 @@ SAMPLES: Final = 400
 SHARE: Final = 0.4
 """Variance of the knock over that of the segment (paper C, equation 3)."""
 
-_LATEST: Final = 0.7  # of a segment, by which a knock has begun
+_LATEST: Final = 0.7  # share of a segment in which a knock begins
 _LEAD: Final = 10
 _TAP_STEP: Final = 10  # samples at 10 kHz
 
@@ -36,7 +36,7 @@ def simulated_knock(generator: np.random.Generator) -> FloatArray:
 
 
 def add_knock(segment: FloatArray, knock: FloatArray, generator: np.random.Generator) -> FloatArray:
-    """Return a segment (n,) with what of a knock falls into it; see `placed_knock`."""
+    """Return a segment (n,) with the part of a knock that falls into it; see `placed_knock`."""
     start, placed = placed_knock(segment, knock, generator)
     struck = segment.copy()
     struck[start : start + len(placed)] += placed[: len(segment) - start]
@@ -48,12 +48,12 @@ def placed_knock(
 ) -> tuple[int, FloatArray]:
     """Place a knock within the first 70 % of a segment (n,), and scale it.
 
-    ``N sigma_a / sigma_n sqrt(share)`` with both deviations taken over the segment.
+    It becomes ``N sigma_a / sigma_n sqrt(share)``, with both deviations over the segment.
 
     Returns
     -------
     start
-        Where in the segment it begins.
+        Index in the segment at which the knock begins.
     placed : (SAMPLES,)
         The knock, which may ring beyond the segment's end.
     """

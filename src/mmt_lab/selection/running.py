@@ -25,7 +25,7 @@ Method = Literal["published", "ours", "ours, model's data"]
 METHODS: Final[tuple[Method, ...]] = ("published", "ours", "ours, model's data")
 
 _PROBES: Final = 200
-_FLOOR: Final = 0.03**2  # (m/s2)^2: a texture may be silent somewhere, which no sensor hears
+_FLOOR: Final = 0.03**2  # least power, (m/s2)^2: less, as of a silent texture, is not measurable
 _DENSITY_HZ: Final = np.arange(501.0)
 _BINS: Final = slice(1, None)  # of Welch's estimate: 15.6 to 500 Hz
 
@@ -110,7 +110,7 @@ def _run(method: Method, data: ModelPoints) -> tuple[BoolArray, BoolArray]:
 
 
 class _Probes:
-    """Strokes that no model has seen, and the truth there."""
+    """Strokes that no model has seen, with the true spectra."""
 
     def __init__(self, trials: Trials, generator: np.random.Generator) -> None:
         self._data = trials.data
@@ -128,7 +128,7 @@ class _Probes:
     def score(self, kept: BoolArray) -> tuple[float, float]:
         """Return mean GFC and the rms of the power error in dB of a model of the kept points.
 
-        Beyond the hull of the kept points the nearest one stands in.
+        Outside the hull of the kept points, the nearest kept point is used.
         """
         points = self._data.points[kept]
         values = np.column_stack([self._data.lsf, self._data.variance])[kept]

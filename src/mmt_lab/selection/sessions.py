@@ -27,7 +27,7 @@ ORDER: Final = 12
 SESSIONS: Final = 3
 DURATION_S: Final = 18.0
 
-_SHARE: Final = 0.1  # of the segments, which are knocked on
+_SHARE: Final = 0.1  # share of the segments that get a knock
 _FEWEST: Final = 12
 
 
@@ -52,12 +52,12 @@ def session_trials(
     texture, hand
         Name of a known texture, and kind of the hand.
     seed
-        Of the sessions.
+        Seed of the sessions.
     generator
         Source of the knocks.
     taps
         Folder of the Penn toolkit's taps, from which all knocks are then taken: those on the
-        texture's own material where it is a model of that toolkit, else any.
+        texture's own material if the folder has them, else any.
     """
     surface = get_surface(texture)
     scene = Scene(hand=hand_of(hand, isotropic=surface.isotropic))
@@ -92,7 +92,7 @@ def session_trials(
 
 
 def fitted(points: FloatArray, segments: Sequence[FloatArray], order: int = ORDER) -> ModelPoints:
-    """Return segments at normalised points (n, d), fitted at an order."""
+    """Fit segments at normalised points (n, d) with an order; return them as model points."""
     fits = burg_batch(segments, order)
     return ModelPoints(points, reflection_to_lsf(fits.reflection), fits.variances[:, -1], segments)
 

@@ -1,4 +1,4 @@
-"""Paper C's selection from one data set, as published, by other readings, and by the product."""
+"""Selection from one of paper C's data sets: as published, by other readings, by the product."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -31,8 +31,8 @@ FRESH_S: Final = 10.0
 """Length of the stroke that no model has seen."""
 
 ORDER: Final = 14
-"""Of the published selection's filters; the paper gives none. Detection grows with it, and so do
-the false alarms: see `VARIATIONS`."""
+"""Order of the filters in the published selection; the paper gives none. Both detection and false
+alarms grow with it: see `VARIATIONS`."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Removed:
 
 @dataclass(frozen=True)
 class Selected:
-    """What came out of one data set.
+    """Results of one data set.
 
     ``variations`` are by the names of `VARIATIONS`, ``ours`` is the product's own selection;
     ``gfc`` and ``deviation`` are the mean over segments and its standard deviation, of all points
@@ -122,7 +122,7 @@ def select_from(row: PaperRow, seed: int, spectra: Spectra) -> Selected:
 
 
 def vary(variation: Variation, found: DataSet) -> tuple[PublishedSelection, Removed]:
-    """Select as published from a data set that is varied."""
+    """Select as published from a data set, with a variation of the selection or its filters."""
     data = found.data
     if variation.order != ORDER:
         data = fitted(data.points, data.segments or (), variation.order)
@@ -141,7 +141,7 @@ def _removed(outlier: BoolArray, kept: BoolArray, knocked: BoolArray) -> Removed
 def _score(
     found: DataSet, row: PaperRow, seed: int, mask: BoolArray, spectra: Spectra
 ) -> list[Approximation]:
-    """Compare the segments of a fresh stroke with what the model of some points renders there."""
+    """Compare the segments of a fresh stroke with the rendering by a model of some points."""
     settings = settings_of(row, ORDER)
     chosen = np.zeros(len(found.pool.data), dtype=np.bool_)
     chosen[: row.points] = mask

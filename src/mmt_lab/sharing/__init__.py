@@ -1,1 +1,1 @@
-"""Listeners without hands, to measure what sharing a model costs."""
+"""Listeners that render nothing, to measure the cost of sharing a model."""

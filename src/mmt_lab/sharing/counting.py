@@ -1,8 +1,8 @@
-"""Listeners that count what comes and keep no model, many in one process.
+"""Listeners that count messages and keep no model, many in one process.
 
-``python -m mmt_lab.sharing.counting URL SECONDS COUNT`` lets so many join, ten at a time, prints
-``{"joined_s": ...}`` as soon as all are there, and at the end of the leader's session, or after so
-many seconds, what each has found.
+``python -m mmt_lab.sharing.counting URL SECONDS COUNT`` connects COUNT listeners, ten at a time,
+and prints ``{"joined_s": ...}`` when all have joined. At the end of the leader's session, or after
+SECONDS, it prints what each listener has counted.
 """
 
 import asyncio
@@ -44,10 +44,10 @@ _PATIENCE_S: Final = 30.0
 
 
 class CountingReplica(ModelReplica):
-    """Check that every change follows on the state before, and keep its digest alone.
+    """Replica that checks that every change follows the state before, and keeps its digest alone.
 
-    The digest is the leader's, of its own arrays; a listener that has had the whole and each change
-    since has a model with that digest, or finds that it has not.
+    The leader computes the digest from its own arrays. A listener that has received a whole model
+    and each change since has a model with that digest.
     """
 
     def __init__(self) -> None:
@@ -78,20 +78,20 @@ class CountingReplica(ModelReplica):
 
 @dataclass
 class Count:
-    """What one listener has found.
+    """Counts and times of one listener.
 
     Attributes
     ----------
     first_s
         Seconds from its first attempt to connect to its first model.
     lags_ms
-        From the making of each change of the model until it was there, by one clock.
+        Time from the making of each change of the model until it arrived, by the same clock.
     number, digest
-        Of its last state.
+        Number and digest of its last model.
     wholes, changes, states, rejected
-        Messages; `rejected` of those that did not fit.
+        Messages received; `rejected` counts the changes that did not fit.
     problem
-        Why it could not connect, or did not stay; empty where it did.
+        Why it could not connect, or did not stay; empty if it did.
     """
 
     first_s: float | None = None
@@ -106,7 +106,7 @@ class Count:
 
 
 class Counter:
-    """One listener."""
+    """One listener that counts."""
 
     def __init__(self, url: str, auth: Mapping[str, Any]) -> None:
         self.replica = CountingReplica()
@@ -126,7 +126,7 @@ class Counter:
             self.ended.set()
 
     async def leave(self) -> Count:
-        """Disconnect; return what was found."""
+        """Disconnect; return the counts."""
         self.ended.set()
         await self._socket.close()
         self.found.number, self.found.digest = self.replica.number, self.replica.digest()
@@ -174,7 +174,7 @@ class Counter:
         await self._socket.emit(AGAIN, None)
 
     async def _answer(self, state: bytes) -> None:
-        """Say what is here, as often as a listener does."""
+        """Report the number of the newest model, as often as a real listener does."""
         now_ns = time.monotonic_ns()
         if self._answers < FIRST_ANSWERS or self._answering.passes(1e-9 * now_ns):
             self._answers += 1
@@ -183,7 +183,7 @@ class Counter:
 
 
 def auth_of(url: str, states_hz: float | None = None) -> dict[str, Any]:
-    """Return what a listener shows there: its hello, and the token where there is one."""
+    """Return the ``auth`` of a listener at a URL: its hello, and the token if there is one."""
     token = Access.of(Listening(url=url), variable=TOKEN_VARIABLE).token
     return Hello(states_hz=states_hz).as_auth() | ({} if token is None else {"token": token})
 
@@ -199,8 +199,8 @@ async def count(
 ) -> list[Count]:
     """Let listeners join, and count until the session has ended for each of them.
 
-    They join over `within_s` seconds, at most ten at a time; `on_joined` is called with how many
-    seconds that took. `states_hz` is as for `auth_of`.
+    They join over `within_s` seconds, at most ten at a time; `on_joined` is called with the seconds
+    that joining took. `states_hz` is as for `auth_of`.
     """
     begun_s = time.monotonic()
     auth, joining = auth_of(url, states_hz), asyncio.Semaphore(_JOINING)

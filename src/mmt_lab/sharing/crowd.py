@@ -1,9 +1,9 @@
 """Listeners that join at once when a shared model is ready.
 
-``python -m mmt_lab.sharing.crowd URL SECONDS COUNT`` waits until the model is ready, lets so many
-join within one second, listens until the leader ends its session, or for so long in all, and prints
-as JSON what each has found. They stand for other machines, whose work would take the leader's
-processor here: they count what comes, and one of them builds the model for all.
+``python -m mmt_lab.sharing.crowd URL SECONDS COUNT`` waits until the model is ready, and lets COUNT
+listeners join within one second. They listen until the leader ends its session, or until SECONDS
+are over in all; their counts are printed as JSON. They stand for other machines, whose work must
+not take the leader's processor: they count messages, and the model is built once for all.
 """
 
 import asyncio
@@ -20,7 +20,7 @@ from mmt_share.tables import Listening
 
 
 async def wait_until_ready(url: str) -> float:
-    """Listen until the shared model is ready, and leave; return the seconds of building it."""
+    """Wait until the shared model is ready, build it, and leave; return the seconds to build it."""
     over = asyncio.Event()
 
     def hear(text: str) -> None:
@@ -49,7 +49,7 @@ async def wait_until_ready(url: str) -> float:
 
 
 async def crowd(url: str, listeners: int, longest_s: float) -> list[Count]:
-    """Let the crowd join when the model is ready; if it never is, that is the problem of each."""
+    """Let the crowd join when the model is ready; if it never is, each reports that problem."""
     begun_s = time.monotonic()
     try:
         async with asyncio.timeout(longest_s):
@@ -66,7 +66,7 @@ async def crowd(url: str, listeners: int, longest_s: float) -> list[Count]:
 
 
 def main() -> None:
-    """Run the crowd of the command line, which stands for other machines: it steps back."""
+    """Run the crowd of the command line at low priority, as if on other machines."""
     step_back()
     url, longest_s, listeners = sys.argv[1], float(sys.argv[2]), int(sys.argv[3])
     found = asyncio.run(crowd(url, listeners, longest_s))

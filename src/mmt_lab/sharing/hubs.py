@@ -1,4 +1,4 @@
-"""One session that hubs share with many listeners, and what that takes."""
+"""One session that hubs share with many listeners, and its cost."""
 
 import asyncio
 import shutil
@@ -19,7 +19,7 @@ from mmt_lab.sharing.counting import Count, Counter, auth_of
 from mmt_lab.sharing.session import ListenedSession, Service, printed_by, shared_session
 
 _LATEST_S: Final = 60.0
-"""How long anything of this may take beside the session."""
+"""How long Redis may take to start, and listeners beyond the session."""
 _CROWD: Final = 500
 """Most listeners of one process."""
 _MANY: Final = 100_000
@@ -27,7 +27,7 @@ _MANY: Final = 100_000
 
 @dataclass
 class Used:
-    """Processor time of a hub over some seconds, and its memory without listeners and with all."""
+    """Processor time of a hub in some seconds, and its memory without listeners and with all."""
 
     cpu_s: float
     seconds: float
@@ -37,7 +37,7 @@ class Used:
 
 @dataclass
 class HubSession:
-    """A session: its leader's own listener, the hubs and the listeners of all hubs."""
+    """Results of a session: the leader's own listener, the hubs, and all listeners of hubs."""
 
     direct: Count
     hubs: list[dict[str, Any]]
@@ -80,7 +80,7 @@ async def hold(hubs: int, listeners: int, duration_s: float) -> HubSession:
 
 
 def findings(hubs: int, listeners: int, duration_s: float) -> Findings:
-    """Run a session with hubs; return what it took."""
+    """Run a session with hubs; return its cost as findings."""
     session = asyncio.run(hold(hubs, listeners, duration_s))
     counts, last = session.counts, session.direct
     lags = [lag for each in counts for lag in each.lags_ms]
@@ -124,7 +124,7 @@ def findings(hubs: int, listeners: int, duration_s: float) -> Findings:
 
 @asynccontextmanager
 async def _redis() -> AsyncIterator[str]:
-    """Run a Redis server that keeps nothing on a free port; give its URL."""
+    """Run a Redis server without persistence on a free port; yield its URL."""
     program = shutil.which("redis-server")
     if program is None:
         raise InputError("redis-server is not installed: apt install redis-server")

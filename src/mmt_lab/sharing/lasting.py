@@ -1,4 +1,4 @@
-"""Sessions whose listeners make trouble for long."""
+"""Long sessions with listeners that make trouble."""
 
 import asyncio
 from typing import Final

@@ -1,7 +1,7 @@
-"""A Socket.IO client that costs little, for crowds of them on the machine that serves them too.
+"""A light Socket.IO client, for crowds of clients on the machine of the server.
 
-The library's client takes several tasks and timers for each message. A thousand of them would keep
-both processors of a small machine busy, and what is measured would be they.
+The library's client uses several tasks and timers for each message. A thousand such clients would
+keep both processors of a small machine busy, and dominate what is measured.
 """
 
 import asyncio
@@ -32,7 +32,7 @@ class PlainSocket:
         self._reading: asyncio.Task[None] | None = None
 
     async def open(self, url: str, auth: Mapping[str, Any], timeout_s: float) -> str:
-        """Connect; return an empty text, or why it was not possible."""
+        """Connect; return an empty string, or the reason if that was not possible."""
         try:
             async with asyncio.timeout(timeout_s):
                 address = f"{url}{LINK_PATH}?EIO=4&transport=websocket"
@@ -54,7 +54,7 @@ class PlainSocket:
             await self._socket.send_bytes(encode_event(event, argument))
 
     async def close(self) -> None:
-        """Leave."""
+        """Close the connection."""
         if self._reading is not None:
             self._reading.cancel()
             await asyncio.gather(self._reading, return_exceptions=True)

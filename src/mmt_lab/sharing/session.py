@@ -15,7 +15,7 @@ from mmt.core.children import python_command
 from mmt.core.errors import MmtError
 
 _SCENE: Final = "rough-texture"
-"""Its model grows as long as the session lasts, so that there are changes to share."""
+"""Scene whose model grows as long as the session lasts, so that there are changes to share."""
 LAST_S: Final = 30.0
 """How long listeners may take to end after the session."""
 
@@ -27,7 +27,7 @@ class Service:
         self.child, self._watch, self._lines = child, watch, child.lines()
 
     async def line(self, kind: str, pattern: str = "") -> dict[str, Any]:
-        """Return the next line of a kind, and of an event in which a pattern is found."""
+        """Return the next line of a kind whose event matches a pattern."""
         async for line in self._lines:
             self._watch(self.child.pid)
             if line["kind"] == kind and re.search(pattern, str(line.get("event", ""))):
@@ -36,13 +36,13 @@ class Service:
 
 
 class ListenedSession:
-    """A leader that shares its model, and what is started beside it."""
+    """A leader that shares its model, and the processes started beside it."""
 
     def __init__(self, stack: AsyncExitStack) -> None:
         self._stack = stack
         self.leader: Service
         self.url = ""
-        """Where the model is shared."""
+        """URL at which the model is shared."""
         self._link = ""
 
     async def lead(self, duration_s: float, watch: Callable[[int], None]) -> None:
@@ -79,7 +79,7 @@ class ListenedSession:
     ) -> asyncio.subprocess.Process:
         """Start a module of this package that listens.
 
-        It is in a session of its own where it is `apart`, so that it may step back.
+        If `apart`, it has its own process session, so that it can lower its priority.
         """
         listeners = await asyncio.create_subprocess_exec(
             *python_command("-m", f"mmt_lab.sharing.{module}", *arguments),
@@ -95,7 +95,7 @@ class ListenedSession:
 async def shared_session(
     duration_s: float, watch: Callable[[int], None] = lambda _: None
 ) -> AsyncIterator[ListenedSession]:
-    """Run a leader that shares its model; a follower has yet to come."""
+    """Run a leader that shares its model; the follower is not started yet."""
     async with AsyncExitStack() as stack:
         session = ListenedSession(stack)
         await session.lead(duration_s, watch)
@@ -108,7 +108,7 @@ async def listened_to(
     first: int,
     watch: Callable[[int], None] = lambda _: None,
 ) -> tuple[dict[str, Any], Any]:
-    """Run one session with listeners; return the leader's summary and what they have found."""
+    """Run one session with listeners; return the leader's summary and the listeners' results."""
     module, *arguments = listeners
     async with shared_session(duration_s, watch) as session:
         longest_s = str(duration_s + LAST_S)

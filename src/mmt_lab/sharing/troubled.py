@@ -1,7 +1,7 @@
 """Listeners that stay, and others that join and leave, vanish, stall, and send rubbish.
 
 ``python -m mmt_lab.sharing.troubled URL SECONDS SEED`` makes one such trouble every few seconds
-until the leader ends its session, or for so long, and prints as JSON how many there were of each.
+until the leader ends its session or SECONDS are over, and prints the number of each as JSON.
 """
 
 import asyncio
@@ -24,9 +24,9 @@ from mmt_share.tables import Listening
 STEADY: Final = 5
 """Listeners that stay."""
 EVERY_S: Final = 2.0
-"""From one trouble to the next."""
+"""Time from one trouble to the next."""
 _STALL_S: Final = 14.0
-"""Longer than the leader waits for a listener that takes nothing."""
+"""Length of a stall, longer than the leader waits for a listener that reads nothing."""
 
 KINDS: Final = {
     "visits": "listeners that came and left",
@@ -34,7 +34,7 @@ KINDS: Final = {
     "stalled": "listeners that took nothing for 14 s",
     "rubbish": "clients that sent what makes no sense",
 }
-"""Troubles by name, and what each is."""
+"""Kinds of trouble, with their descriptions."""
 
 
 class Troubled:
@@ -47,7 +47,7 @@ class Troubled:
         self.counts: Counter[str] = Counter()
 
     async def run(self, longest_s: float) -> dict[str, Any]:
-        """Make troubles until the end; return how many of each, and who has the last state."""
+        """Make troubles until the end; return counts of each, and of steady ones up to date."""
         asyncio.get_running_loop().call_later(longest_s, self._ended.set)
         steady = [await self._joined(self._url) for _ in range(STEADY)]
         troubles: set[asyncio.Task[None]] = set()
@@ -119,7 +119,7 @@ class Troubled:
                 await client.close()
 
     async def _send_rubbish(self) -> None:
-        # the library leaves its own open where connecting fails or leaving is cut short
+        # the library's own HTTP session stays open if connecting fails or leaving is cut short
         async with aiohttp.ClientSession() as http:
             await self._rave(
                 socketio.AsyncClient(serializer="msgpack", reconnection=False, http_session=http)

@@ -1,1 +1,1 @@
-"""Long runs with faults: what is done to the services, and what must hold all the same."""
+"""Long runs with faults: the faults, the services, and the checks that must hold."""

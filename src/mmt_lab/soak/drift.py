@@ -1,4 +1,4 @@
-"""Whether a figure of a long run stays where it is, or grows."""
+"""Drift of a figure in a long run: whether the figure stays level or grows."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,17 +10,17 @@ from scipy.stats import theilslopes
 from mmt.core.arrays import BoolArray, FloatArray
 
 LEAST_WINDOWS: Final = 5
-"""Fewer tell nothing."""
+"""Least number of windows for an estimate."""
 
 
 @dataclass(frozen=True)
 class Drift:
-    """How a figure moved in a run.
+    """Drift of a figure in a run.
 
-    ``span_s`` is the time from its first window to the last; ``typical`` is its median; ``growth``
-    what it grew by over that span, by the median slope between any two windows (Theil and Sen);
-    ``least_growth`` the lower end of that slope's 95 % confidence interval, times the same span.
-    These are None where there were too few windows.
+    ``span_s`` is the time from its first window to the last; ``typical`` is its median. ``growth``
+    is the span times the median slope between any two windows (Theil and Sen), ``least_growth`` the
+    span times the lower end of that slope's 95 % confidence interval. The last three are None if
+    there were too few windows.
     """
 
     windows: int
@@ -30,14 +30,14 @@ class Drift:
     least_growth: float | None = None
 
     def within(self, allowed: float) -> bool:
-        """Say whether no growth beyond this is proven."""
+        """Return whether no growth beyond `allowed` is proven."""
         return self.least_growth is None or self.least_growth <= allowed
 
 
 def drift(times_s: FloatArray, values: FloatArray) -> Drift:
     """Return the drift of a figure (n,) with its times (n,).
 
-    A few windows that were disturbed do not move it: up to 29 % of them.
+    The estimate withstands disturbed windows, up to 29 % of them.
     """
     span_s = float(np.ptp(times_s)) if len(times_s) else 0.0
     if len(values) < LEAST_WINDOWS:

@@ -25,7 +25,7 @@ NETWORKS: Final[Mapping[str, Mapping[str, Any]]] = {
     },
     "silence": {"loss": 1.0},
 }
-"""Emulated networks by the name of their fault: what becomes of the scene's ``[network]``."""
+"""Settings of the scene's ``[network]`` during a fault, by the name of the fault."""
 
 LENGTHS_S: Final[Mapping[str, tuple[float, float]]] = {
     CUT: (0.0, 0.0),
@@ -35,7 +35,7 @@ LENGTHS_S: Final[Mapping[str, tuple[float, float]]] = {
     RESTART: (0.2, 1.0),
     **dict.fromkeys(NETWORKS, (1.0, 8.0)),
 }
-"""Shortest and longest, by kind; all kinds."""
+"""Shortest and longest length of a fault, by kind; all kinds are here."""
 
 
 @dataclass(frozen=True)
@@ -48,12 +48,12 @@ class SoakFault:
 
     @property
     def end_s(self) -> float:
-        """When it is over."""
+        """When the fault is over."""
         return self.at_s + self.length_s
 
 
 def plan_faults(duration_s: float, every_s: float, seed: int) -> tuple[SoakFault, ...]:
-    """Draw the faults of a run, in order and apart.
+    """Draw the faults of a run, in order and without overlap.
 
     Every kind comes once before any comes again. Lengths are drawn evenly on a logarithmic
     scale, and are at most half of `every_s`. The follower is not started anew in the second
@@ -62,11 +62,11 @@ def plan_faults(duration_s: float, every_s: float, seed: int) -> tuple[SoakFault
     Parameters
     ----------
     duration_s
-        Duration of the run; the last fault leaves `every_s` before its end.
+        Duration of the run; the last fault ends at least `every_s` before the end of the run.
     every_s
-        Mean time from a fault's end to the next one; it lies within half and one and a half.
+        Mean time from a fault's end to the next one; each time is 0.5 to 1.5 times the mean.
     seed
-        The same one gives the same faults.
+        The same seed gives the same faults.
     """
     generator = np.random.default_rng(seed)
     faults: list[SoakFault] = []

@@ -1,4 +1,4 @@
-"""What must hold after a soak, a row each."""
+"""Checks that must hold after a soak, a row each."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -14,18 +14,17 @@ from mmt_lab.soak.faults import RESTART, SoakFault
 from mmt_lab.soak.recorded import Gap, Readback
 
 RECOVERY_S: Final = 3.0
-"""So long after a fault nothing is watched for drift."""
+"""Time after a fault that is left out when drift is tested."""
 
 PATIENCE_S: Final = 30.0
-"""How long the services wait for each other and keep what did not arrive: frames come again so
-long after a fault at the latest, also where a follower that is started anew meets a busy
-machine."""
+"""How long the services wait for each other and keep frames that did not arrive. Frames come again
+after this time at the latest, even if a follower is started anew on a busy machine."""
 
 _BEFORE_S: Final = 1.0
-"""So long before a fault nothing is watched either: what is sampled spans some of that."""
+"""Time before a fault that is left out too, since a sample covers some of that time."""
 
 _TELLING_S: Final = 600.0
-"""A run of this length must be able to tell whether a figure grows, however many faults it has."""
+"""From this length on, a run must have enough quiet windows to test every figure for growth."""
 
 _WARM_UP_S: Final = 60.0
 _WARM_UP_SHARE: Final = 0.25
@@ -45,9 +44,9 @@ class Happened:
 
 @dataclass(frozen=True)
 class ServiceSample:
-    """What was seen of the services at a moment of the monotonic clock.
+    """Memory and ticks of the services at a moment of the monotonic clock.
 
-    ``modelling_mb`` is held by the process that models for the leader; ``ticks`` and
+    ``modelling_mb`` is the memory of the processes that the leader has started; ``ticks`` and
     ``late_ticks`` are the leader's counts since its start.
     """
 
@@ -61,7 +60,7 @@ class ServiceSample:
 
 @dataclass(frozen=True)
 class SoakLog:
-    """Everything that a soak has seen; a follower's life ends when it is started anew."""
+    """Log of a soak; ``lives_s`` are the times at which followers were started."""
 
     start_s: float
     end_s: float
@@ -74,7 +73,7 @@ class SoakLog:
 
 @dataclass(frozen=True)
 class Check:
-    """One row: what was looked at, what was found, what is allowed, and whether it held."""
+    """One row: the requirement, the figure found, the bound allowed, and whether it held."""
 
     what: str
     found: str
@@ -84,7 +83,7 @@ class Check:
 
 
 def judge(observed: SoakLog, readback: Readback, recovery_s: float = RECOVERY_S) -> list[Check]:
-    """Return the rows of a soak and its recording."""
+    """Return the checks of a soak and its recording."""
     return [
         Check("services", "; ".join(observed.errors) or "ran to the end", "", not observed.errors),
         *_recording(observed, readback, recovery_s),
@@ -93,7 +92,7 @@ def judge(observed: SoakLog, readback: Readback, recovery_s: float = RECOVERY_S)
 
 
 def table(checks: Sequence[Check]) -> ReportTable:
-    """Return the rows as a table."""
+    """Return the checks as a table."""
     rows = [(c.what, c.found, c.allowed, "yes" if c.held else "no") for c in checks]
     return ReportTable(("what", "found", "allowed", "held"), rows)
 
@@ -134,7 +133,7 @@ def _recording(observed: SoakLog, readback: Readback, recovery_s: float) -> list
 
 
 def _explained(gap: Gap, observed: SoakLog, recovery_s: float) -> bool:
-    """Say whether the follower that had these frames was killed; others send them again."""
+    """Return whether a killed follower had these frames; other frames must be sent again."""
     return any(
         happened.start_s <= gap.end_s and gap.start_s <= happened.end_s + recovery_s
         for happened in observed.faults
@@ -157,7 +156,7 @@ def _drifts(observed: SoakLog, readback: Readback, recovery_s: float) -> list[Ch
     leader = _series([(s.time_s, s.leader_mb) for s in observed.samples])
     modelling = _series([(s.time_s, s.modelling_mb) for s in observed.samples])
     follower = _longest_life(observed)
-    hours = max(1.0, span_s / 3600.0)  # a recording's index grows with it
+    hours = max(1.0, span_s / 3600.0)  # a recording's index grows with time
     latency = np.stack([readback.arrival_s, readback.latency_ms])
     must = span_s >= _TELLING_S
     return [
@@ -171,7 +170,7 @@ def _drifts(observed: SoakLog, readback: Readback, recovery_s: float) -> list[Ch
 
 
 def _window_s(times_s: FloatArray) -> float:
-    """Return a window's length: a hundredth of what was watched, within bounds."""
+    """Return a window's length: a hundredth of the time that is tested, within bounds."""
     span_s = float(np.ptp(times_s)) if len(times_s) else 0.0
     return min(max(span_s / _WINDOWS, _SHORTEST_WINDOW_S), _LONGEST_WINDOW_S)
 
@@ -187,7 +186,7 @@ def _mean(values: FloatArray) -> float:
 def _flat(
     what: str, found: Drift, allowed: float, share: float, must_tell: bool, times: float = 1.0
 ) -> Check:
-    """Return the row of a figure that may grow by `times` an amount and a share of it."""
+    """Check a figure that may grow by `times` the sum of `allowed` and a share of its median."""
     if found.typical is None or found.growth is None:
         remark = "too few quiet stretches to tell"
         return Check(what, remark, "", held=not must_tell, figures=asdict(found))
@@ -213,7 +212,7 @@ def _longest_life(observed: SoakLog) -> FloatArray:
 
 
 def _series(seen: Sequence[tuple[float, float | None]]) -> FloatArray:
-    """Return times and values, (2, n), of what could be seen."""
+    """Return times and values, (2, n), without values that are None."""
     kept = [pair for pair in seen if pair[1] is not None]
     return np.array(kept, dtype=np.float64).reshape(-1, 2).T
 

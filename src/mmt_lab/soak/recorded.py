@@ -13,7 +13,7 @@ from mmt.session.mcap_writer import FRAMES_TOPIC, SESSION_METADATA
 
 @dataclass(frozen=True)
 class Gap:
-    """Frames that are missing: how many, and from when to when by their times."""
+    """Number of missing frames, and the times of the frames before and after them."""
 
     frames: int
     start_s: float
@@ -22,7 +22,7 @@ class Gap:
 
 @dataclass(frozen=True, eq=False)
 class Readback:
-    """What a recording holds. Times are seconds of the machine's monotonic clock.
+    """Contents of a recording. Times are seconds of the machine's monotonic clock.
 
     ``arrival_s`` and ``latency_ms`` (k,) are those of one frame in every block of 20;
     ``disordered`` counts frames whose number is not above the one before.

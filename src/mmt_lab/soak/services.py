@@ -1,4 +1,4 @@
-"""The two services of a soak as processes, with a proxy between them, and what is seen of them."""
+"""The two services of a soak as processes, with a proxy between them, and samples of both."""
 
 import asyncio
 import os
@@ -25,7 +25,7 @@ _END_S: Final = 15.0
 class SoakServices:
     """Leader and follower of the demo's scene with an emulated network.
 
-    Entered, both run and the stream has begun; left, both have been ended.
+    On entry of the context both run and the stream has begun; on exit both have been ended.
     """
 
     def __init__(
@@ -48,19 +48,19 @@ class SoakServices:
         self._streaming = asyncio.Event()
         self._proxy: Proxy | None = None
         self.ended = asyncio.Event()
-        """A service has ended that was to go on."""
+        """Set when the leader has ended, or a follower has failed."""
         self.port = 0
-        """The leader's."""
+        """Port of the leader."""
         self.births_s: list[float] = []
         """When each follower was started, by the monotonic clock."""
         self.samples: list[ServiceSample] = []
         self.summary: dict[str, Any] = {}
-        """The leader's; empty until it has ended."""
+        """Summary of the leader; empty until it has ended."""
         self.errors: list[str] = []
 
     @property
     def proxy(self) -> Proxy:
-        """What the follower's connection goes through."""
+        """Proxy through which the follower connects."""
         assert self._proxy is not None  # noqa: S101 - entered
         return self._proxy
 
@@ -87,7 +87,7 @@ class SoakServices:
             await self._proxy.__aexit__()
 
     async def finish(self) -> None:
-        """End the session as a person would, and wait for the summary."""
+        """End the session by an interrupt, as a user would, and wait for the summary."""
         if self._leader is not None:
             self._leader.interrupt()
         with suppress(TimeoutError):
@@ -97,7 +97,7 @@ class SoakServices:
             self.errors.append(f"the leader did not end within {_END_S:g} s")
 
     async def pause(self, leader: bool, length_s: float) -> None:
-        """Stop one of the processes for so long."""
+        """Stop the leader's or the follower's process for `length_s`."""
         child = self._leader if leader else self._follower
         if child is None:
             return
@@ -108,7 +108,7 @@ class SoakServices:
             child.send(signal.SIGCONT)
 
     async def restart_follower(self, after_s: float) -> None:
-        """Kill the follower and start another one so much later."""
+        """Kill the follower and start another one `after_s` later."""
         if self._follower is not None:
             self._killed.add(self._follower)
             await self._follower.kill()
@@ -180,7 +180,7 @@ class SoakServices:
 
 
 def _memory_mb(child: Child | None, *, of_its_own: bool = False) -> float | None:
-    """Return the memory that a process, or those that it has started, hold; None for none."""
+    """Return the memory of a process, or of those that it has started; None if there is none."""
     if child is None:
         return None
     try:

@@ -1,1 +1,1 @@
-"""The stiff and extreme cases of ``mmt stability``, and what runs them."""
+"""The stiff and extreme cases of ``mmt stability``, and the code that runs them."""

@@ -1,4 +1,4 @@
-"""Cases of the stability table: what is done, what is expected, and what came out."""
+"""Cases of the stability table, with the expected and the actual outcome."""
 
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -13,7 +13,7 @@ Figures = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class CaseResult:
-    """What a case gave: in a few words, whether that was expected, and the numbers behind it."""
+    """Result of a case: in a few words, whether it held, and the numbers behind it."""
 
     got: str
     held: bool
@@ -31,7 +31,7 @@ class Extreme:
 
 @dataclass(frozen=True)
 class Family:
-    """Cases of one kind, and what a report draws above them from the figures of all rows."""
+    """Cases of one kind, and the pictures that a report draws from the figures of all rows."""
 
     title: str
     cases: Callable[[], Sequence[Extreme]]
@@ -56,7 +56,7 @@ def run_case(family: str, case: Extreme) -> CaseRow:
     started = time.perf_counter()
     try:
         outcome = case.run()
-    except Exception as error:  # noqa: BLE001 - the table says so
+    except Exception as error:  # noqa: BLE001 - the table shows it
         outcome = CaseResult(f"raised {type(error).__name__}: {error}", held=False)
     return CaseRow(
         family=family,

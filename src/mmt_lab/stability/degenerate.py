@@ -98,7 +98,7 @@ def _circle(turn: FloatArray) -> FloatArray:
 
 
 def _polar(heading: FloatArray, turn: FloatArray) -> FloatArray:
-    """Return strokes (n, 3) of given headings, each of another speed and force."""
+    """Return strokes (n, 3) with given headings, each with another speed and force."""
     speed, force = 0.5 + 0.45 * np.sin(5.0 * turn), 0.5 + 0.4 * np.cos(3.0 * turn)
     return np.column_stack([speed[:, None] * _circle(heading), force])
 

@@ -1,4 +1,4 @@
-"""A stream whose model is never complete: what the process holds, and how long updates take."""
+"""A stream whose model is never complete: memory of the process, and time of updates."""
 
 import gc
 import sys
@@ -28,9 +28,9 @@ _STROKE_SAMPLES: Final = 240
 
 @dataclass
 class MemoryWatch:
-    """What the process holds at each quarter: interpreter blocks, and resident memory.
+    """Memory of the process after each quarter of a run: interpreter blocks, resident memory.
 
-    ``since``: the quarter at whose end everything has its final size.
+    ``since``: the number of quarters after which everything has its final size.
     """
 
     since: int = 2
@@ -46,7 +46,7 @@ class MemoryWatch:
         self.megabytes.append(psutil.Process().memory_info().rss / 1e6)
 
     def growth(self) -> tuple[int, float, float]:
-        """Return blocks and MB from then to the end, and the slow-down.
+        """Return the growth in blocks and MB from `since` to the end, and the slow-down.
 
         The slow-down is the processor's time for the last quarter over that for the first one
         after `since`.
@@ -59,7 +59,7 @@ class MemoryWatch:
         )
 
     def flat(self) -> bool:
-        """Say whether nothing has grown."""
+        """Return whether growth and slow-down are within their bounds."""
         blocks, megabytes, slower = self.growth()
         return blocks < MOST_BLOCKS and megabytes < MOST_MB and slower < MOST_SLOWER
 
@@ -79,8 +79,8 @@ def corner_strokes() -> RecordArray:
 
 
 def run_endless_modelling(seconds: int) -> CaseResult:
-    """Model a hand that stays in one corner, so that the sum of distances is never met."""
-    settings = ModellingSettings(method="published")  # an expected share is of its own strokes
+    """Model a hand that stays in one corner, so that the criterion of distances is never met."""
+    settings = ModellingSettings(method="published")  # an expected share would be met
     modeller, watch = OnlineModeller(settings), MemoryWatch()
     strokes = corner_strokes()
     watch.look()

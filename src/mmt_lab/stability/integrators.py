@@ -1,8 +1,8 @@
-"""Ways to step a tool against a stiff wall, side by side: two that break, and one that does not.
+"""Integrators of a tool against a stiff wall, side by side: two that break, and one that does not.
 
 All advance the same system, a mass on a drive that meets a unilateral Kelvin-Voigt wall
-(`Drive` and `ContactLaw`), and are called like `mmt.contact.normal.step_normal`, which is the
-one that the simulated follower uses. The others are there to be measured against it.
+(`Drive` and `ContactLaw`), and are called like `mmt.contact.normal.step_normal`, the integrator of
+the simulated follower. The others serve for comparison.
 
 ==================  =====  ==========================================================
 integrator          order  sustained contact is stable below
@@ -32,11 +32,11 @@ Step = Callable[[Drive, ContactLaw, State, float, float], tuple[float, float, fl
 
 @dataclass(frozen=True)
 class Integrator:
-    """One way to step, and what theory says of it.
+    """An integrator, and its stability according to theory.
 
-    ``safe``: total energy never grows while the command stands still, at every step.
-    ``limit_s`` gives the step (s) beyond which sustained contact is unstable, infinity where
-    there is none.
+    ``safe``: total energy never grows while the command stands still, for any step. ``limit_s``
+    returns the step (s) beyond which sustained contact is unstable, or infinity if every step is
+    stable.
     """
 
     name: str
@@ -46,7 +46,7 @@ class Integrator:
 
 
 def total_energy_j(drive: Drive, law: ContactLaw, state: State, command_m: float) -> float:
-    """Return the kinetic energy and what is stored in the drive's spring and in the wall."""
+    """Return the kinetic energy plus the energy stored in the drive's spring and in the wall."""
     height_m, velocity_m_s = state
     stored = drive.stiffness_n_m * (command_m - height_m) ** 2
     stored += law.stiffness_n_m * min(height_m, 0.0) ** 2
@@ -75,8 +75,8 @@ def step_semi_implicit(
 def explicit_limit_s(drive: Drive, law: ContactLaw) -> float:
     """Return the largest step at which explicit Euler rests stably in contact.
 
-    Both factors ``1 + h lambda`` within the unit circle, lambda the eigenvalues of the
-    contact (Hairer and Wanner, Solving Ordinary Differential Equations II, IV.2).
+    Both factors ``1 + h lambda`` must be within the unit circle, lambda being the eigenvalues of
+    the contact (Hairer and Wanner, Solving Ordinary Differential Equations II, IV.2).
     """
     square, decay = _poles(drive, law)
     if decay * decay < square:
@@ -87,7 +87,7 @@ def explicit_limit_s(drive: Drive, law: ContactLaw) -> float:
 def semi_implicit_limit_s(drive: Drive, law: ContactLaw) -> float:
     """Return the largest step at which semi-implicit Euler rests stably in contact.
 
-    The Jury conditions of ``z^2 - (2 - 2 s h - w^2 h^2) z + 1 - 2 s h``.
+    The limit follows from the Jury conditions of ``z^2 - (2 - 2 s h - w^2 h^2) z + 1 - 2 s h``.
     """
     square, decay = _poles(drive, law)
     return 2.0 / (math.sqrt(square + decay * decay) + decay)

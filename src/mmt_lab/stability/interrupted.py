@@ -26,7 +26,7 @@ Judging = Callable[[dict[str, Any], RecordArray], CaseResult]
 
 
 def interrupted_cases(stopped_s: float) -> list[Extreme]:
-    """Return the cases, none where the system cannot stop a process.
+    """Return the cases, or none if the system cannot stop a process.
 
     `stopped_s` is how long the leader is stopped.
     """
@@ -65,7 +65,7 @@ async def _session(file: Path, leader: bool, length_s: float) -> SoakServices:
 
 def judge_stop(summary: dict[str, Any], frames: RecordArray) -> CaseResult:
     """Judge a session in which the leader was stopped, by its summary and its frames (n,)."""
-    gaps = summary.get("backfill", {"filled": 0, "lost": 0})  # none where nothing was missing
+    gaps = summary.get("backfill", {"filled": 0, "lost": 0})  # absent if nothing was missing
     steps = np.diff(frames["sequence"].astype(np.int64))
     absent = int((steps - 1).sum())
     return CaseResult(
@@ -76,7 +76,7 @@ def judge_stop(summary: dict[str, Any], frames: RecordArray) -> CaseResult:
 
 
 def judge_speed(fastest_mm_s: float, summary: dict[str, Any], frames: RecordArray) -> CaseResult:
-    """Judge how fast the robot was at most, over stretches without a missing frame."""
+    """Judge the robot's largest speed, over stretches without a missing frame."""
     place, number = frames["position_mm"].astype(np.float64), frames["sequence"].astype(np.int64)
     whole = number[_SPEED_MS:] - number[:-_SPEED_MS] == _SPEED_MS
     way_mm = np.linalg.norm(place[_SPEED_MS:] - place[:-_SPEED_MS], axis=1)[whole]

@@ -1,4 +1,4 @@
-"""Where force feedback over a delay goes unstable, by linear theory.
+"""Delay from which force feedback is unstable, by linear theory.
 
 The position-force architecture (Hannaford and Anderson, "Experimental and simulation studies
 of hard contact in force reflecting teleoperation", ICRA 1988; Lawrence, "Stability and
@@ -11,8 +11,8 @@ Around a steady contact all of it is linear, and one loop::
 with Y = 1 / (m s^2 + b s + k) the hand on the handle from force to position, G the follower
 from command to contact force (`tip_drive` on a spring wall), and T the way there and back
 plus one sample: half of one until the mean force of a tick is known and half for holding it.
-The loop is stable if L does not encircle -1 (Nyquist); where |L| < 1 at every frequency it is
-so for every delay.
+The loop is stable if L does not encircle -1 (Nyquist); if |L| < 1 at every frequency, the loop is
+stable for every delay.
 """
 
 import math
@@ -28,7 +28,7 @@ from mmt.testing.simulation import PERIOD_S
 from mmt.testing.simulation.robot import DISSIPATION_S_M, tip_drive
 
 LIGHT_GRIP: Final = Drive(mass_kg=0.1, stiffness_n_m=300.0, damping_n_s_m=15.0)
-"""Hand and handle in a light grip; our choice, of the order of what is measured at a stylus
+"""Hand and handle in a light grip; our choice, of the order of values measured at a stylus
 (Fu and Cavusoglu, IEEE Trans. Syst. Man Cybern. B 42 (2012))."""
 BANDWIDTH_HZ: Final = 15.0
 CONTACT_N: Final = 1.0
@@ -63,9 +63,9 @@ class Loop:
     def critical_delay_s(self) -> float:
         """Return the delay there and back from which the loop is unstable; infinity if none.
 
-        The smallest at which L passes through -1: at each frequency where |YG| = 1, the phase
-        left over pi divided by the frequency. It may be negative, where the loop is unstable
-        with no delay at all. One sample for the digital loop is taken off.
+        This is the smallest delay at which L passes through -1: at each frequency with |YG| = 1,
+        phase plus pi, divided by the frequency. It is negative if the loop is unstable without any
+        delay. One sample is subtracted for the digital loop.
         """
         gain = self.gain(_FREQUENCIES_RAD_S)
         level = np.log(np.abs(gain))

@@ -41,7 +41,7 @@ _LEAST_SPEED_MM_S: Final = 10.0
 
 @dataclass(frozen=True)
 class SurfaceResult:
-    """One session: what it went over, and how it was followed."""
+    """One session: its surfaces, and the score of the tracker on it."""
 
     name: str
     surfaces: tuple[str, ...]
@@ -62,7 +62,7 @@ def run_simulated(
 
     Two groups of sessions: over textures that are the same in all directions, and, with a hand
     that strokes along all headings, over some that depend on the heading. Half of the changes
-    fall on a lift-off, half happen within contact. On a single texture the tool stays.
+    fall on a lift-off, half happen within contact. On a single texture there are no changes.
     """
     calls = [
         (group, chosen, seed, hand, stay_s)
@@ -89,9 +89,9 @@ def run_recorded(path: Path) -> SurfaceResult:
 def draw_surfaces(
     group: str, count: int, seed: int, textures: Sequence[str] = tuple(SURFACES)
 ) -> list[str]:
-    """Draw `count` of the textures, or none where there are too few of a group's kind.
+    """Draw `count` of the textures, or none if there are too few of the kinds that a group needs.
 
-    Of a grained session half, two at least, have a grain, as far as there are so many.
+    In a grained session half of the textures, and at least two, have a grain, if there are enough.
     """
     random_order = random.Random(f"{count} {seed}")  # noqa: S311 - no secret
     plain, grained = (
@@ -137,7 +137,7 @@ def run_session(
     frames: RecordArray,
     modelling: ModellingSettings | None = None,
 ) -> SurfaceResult:
-    """Follow one session's frames, with all channels, and score what was found."""
+    """Follow one session's frames, with all channels, and score the changes found."""
     if not len(frames) or int(frames["sequence"][-1]) != len(frames) - 1:
         raise InputError(f"{name}: a session over several surfaces is scored from whole frames")
     truth = course.along(frames["force_n"][:, 2].astype(np.float64))
@@ -152,9 +152,9 @@ def follow(
     frames: RecordArray,
     modelling: ModellingSettings | None = None,
 ) -> SurfaceResult:
-    """Follow frames (n,) with all channels, and score what was found.
+    """Follow frames (n,) with all channels, and score the changes found.
 
-    ``truth`` (n,) is the place in ``surfaces`` of that under the tool in each frame.
+    ``truth`` (n,) is the index in ``surfaces`` of the surface under the tool in each frame.
     """
     modelling = modelling or ModellingSettings()
     tracker = SurfaceTracker(modelling, SurfaceSettings())

@@ -1,4 +1,4 @@
-"""What a tracker found, beside the course that the tool really took."""
+"""Score of the changes that a tracker found, against the true course of the tool."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,12 +12,12 @@ from mmt.texture.field.blocks import BLOCK_S
 from mmt.texture.online.surface_changes import SurfaceChange
 
 LEAST_STROKED_S: Final = 0.3
-"""A stay with less stroking says nothing: what is not found there is not counted as missed."""
+"""A change that is not found in a stay with less stroking does not count as missed."""
 
 
 @dataclass(frozen=True)
 class FoundChange:
-    """A change that was found, and the newest frame by then."""
+    """A change that was found, and the number of frames received by then."""
 
     change: SurfaceChange
     frame: int
@@ -25,10 +25,10 @@ class FoundChange:
 
 @dataclass(frozen=True)
 class Stay:
-    """One stay on a surface but for the session's first.
+    """One stay on a surface, except for the first stay of a session.
 
-    ``surface``: its place in the course. ``in_contact``: the change happened within contact.
-    ``delay_s``: from first contact to the alarm, None where there was none: it was missed.
+    ``surface``: its index in the course. ``in_contact``: the change happened within contact.
+    ``delay_s``: time from first contact to the alarm, None if the change was missed.
     """
 
     surface: int
@@ -40,8 +40,8 @@ class Stay:
 class SurfaceScore:
     """Figures of one session.
 
-    ``too_short``: stays with less than `LEAST_STROKED_S` of stroking. ``false_alarms``: changes
-    that were found while the model in use was begun in the stay.
+    ``too_short``: stays with less than `LEAST_STROKED_S` of stroking and no alarm.
+    ``false_alarms``: changes found in a stay whose own model was already in use.
     """
 
     surfaces: int
@@ -54,19 +54,19 @@ class SurfaceScore:
 def score(
     truth: IntArray, stroking: BoolArray, contact: BoolArray, found: Sequence[FoundChange]
 ) -> SurfaceScore:
-    """Compare what was found with the truth.
+    """Compare the changes found with the truth.
 
     A change belongs to the stay from which most of its samples come, even if it is found when the
-    tool has just left that surface: it describes the vibration of that stay. Where that stay has a
-    model of its own already, and a whole block of the next one was received, it was the next one
-    that was found, though dated too early.
+    tool has just left that surface: it describes the vibration of that stay. But if that stay has
+    its own model already, and a whole block of the next stay was received, the change belongs to
+    the next stay, and was dated too early.
 
     Parameters
     ----------
     truth, stroking, contact
         For each frame (n,): the surface, whether the tool strokes it, and touches it.
     found
-        In the order of their frames.
+        Changes found, in the order of their frames.
     """
     edges = [0, *(np.flatnonzero(np.diff(truth)) + 1).tolist(), len(truth)]
     false = place = too_short = 0

@@ -1,10 +1,10 @@
 """Courses made of recorded slides over real materials, laid one after the other.
 
-The data are those of R. Gao et al. (BioTac_slide_20_50): a folder ``matN`` for each material, in it
-for each slide ``matN_K_bio.csv``, the 22 samples of dynamic pressure that a BioTac sends every
-10 ms, and ``matN_K_cw.csv``, the arm's force at 150 Hz. The finger slides for 6 to 8 s at 25 mm/s,
-while the force rises to the threefold. Pressure stands for acceleration; the data hold its
-magnitude, which is taken as it is.
+The data are those of R. Gao et al. (BioTac_slide_20_50): a folder ``matN`` for each material, with
+two files for each slide. ``matN_K_bio.csv`` holds the 22 samples of dynamic pressure that a BioTac
+sends every 10 ms, ``matN_K_cw.csv`` the arm's force at 150 Hz. The finger slides for 6 to 8 s at
+25 mm/s, while the force rises threefold. Pressure is used in place of acceleration; the data hold
+its magnitude, which is used as it is.
 """
 
 import random
@@ -32,7 +32,7 @@ SPEED_MM_S: Final = 25.0
 STAYS: Final = 10
 """Slides of a session, the first included."""
 
-_FORCE_SHARE: Final = 0.18  # of the arm's 4 to 17 N, which brings them into the plane of 3 N
+_FORCE_SHARE: Final = 0.18  # scales the arm's 4 to 17 N into the plane of 3 N
 _M_S2: Final = 0.01  # for each count of pressure
 _LANDING_S: Final = 0.3
 _FADE: Final = 10
@@ -108,9 +108,9 @@ def _followed(folder: Path, count: int, seed: int) -> SurfaceResult:
 
 
 def in_a_row(slides: Sequence[Slide], lifted: Sequence[bool]) -> tuple[RecordArray, list[int]]:
-    """Return frames of slides one after the other, and how many are of each.
+    """Return frames of slides one after the other, and the number of frames of each slide.
 
-    ``lifted`` says before which of them the finger is off the surface; those frames are its own.
+    ``lifted`` says before which slides the finger is off the surface; these frames count as theirs.
     """
     vibration: list[FloatArray] = []
     force: list[FloatArray] = []
@@ -132,7 +132,7 @@ def in_a_row(slides: Sequence[Slide], lifted: Sequence[bool]) -> tuple[RecordArr
 
 
 def scatter_db(folder: Path) -> tuple[FloatArray, FloatArray]:
-    """Return how the level of a band differs between slides, from `BAND_EDGES_HZ`, dB.
+    """Return the scatter of the level between slides in each band of `BAND_EDGES_HZ`, dB.
 
     Returns
     -------

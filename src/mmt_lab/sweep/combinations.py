@@ -1,8 +1,8 @@
-"""Sweeps: many sessions evaluated with many settings, to be resumed where they stopped.
+"""Sweeps that can be resumed: many sessions evaluated with many settings.
 
-Every result is one JSON line, known by a hash of what it was computed from: the session's
-data, the settings and the version. A sweep that was interrupted goes on where it stopped, and
-one with more settings computes only what is new. Where jobs run is `mmt_lab.sweep.running`'s.
+Every result is one JSON line, identified by a hash of its origin: the session's data, the settings
+and the version. So an interrupted sweep, or one with more settings, computes only the results that
+are missing. `mmt_lab.sweep.running` runs the jobs.
 """
 
 import hashlib
@@ -37,7 +37,7 @@ Settings = Mapping[str, Value]
 
 @dataclass(frozen=True)
 class Job:
-    """One session with one choice of settings; `key` is the hash that it is known by."""
+    """One session with one choice of settings; `key` is the hash that identifies the job."""
 
     key: str
     path: str
@@ -49,7 +49,7 @@ class Job:
 
 @dataclass(frozen=True)
 class JobOutcome:
-    """What became of a job: its evaluation for a program, or the error that ended it."""
+    """Outcome of a job: its evaluation as a dictionary, or the error that ended it."""
 
     job: Job
     evaluation: dict[str, Any] | None
@@ -57,7 +57,7 @@ class JobOutcome:
 
 
 def combinations(choices: Sequence[str]) -> list[dict[str, Value]]:
-    """Return every combination of values."""
+    """Return every combination of the values given as ``KEY=VALUE,VALUE``."""
     values: dict[str, list[Value]] = {}
     for text in choices:
         key, equals, listed = text.partition("=")
@@ -94,7 +94,7 @@ def make_jobs(
 
 
 def evaluate_job(session: RecordedSession, job: Job) -> dict[str, Any]:
-    """Evaluate one session; return the evaluation for a program, with the version."""
+    """Evaluate one session; return the evaluation as a dictionary, with the version."""
     evaluation = evaluate_session(
         session,
         job.texture.settings(),
@@ -111,7 +111,7 @@ class SweepResults:
     Parameters
     ----------
     directory
-        Made where it does not exist.
+        Created if it does not exist.
     """
 
     def __init__(self, directory: Path) -> None:
@@ -129,11 +129,11 @@ class SweepResults:
                 self.lines[content["key"]] = content
             except (ValueError, KeyError, TypeError) as error:
                 raise InputError(f"{self.path}: line {number} is no result of a sweep") from error
-        if torn:  # cut off while it was written
+        if torn:  # the last line was cut off while it was written
             write_file(self.path, whole + "\n" if whole else "")
 
     def add(self, outcome: JobOutcome) -> None:
-        """Write a result at the file's end; a job that failed is not written, but tried again."""
+        """Append a result to the file; a failed job is not written, so that it is tried again."""
         if outcome.evaluation is None:
             return
         job = outcome.job
@@ -155,7 +155,7 @@ class SweepResults:
 
 
 def _value(text: str) -> Value:
-    """Return a value as TOML would read it; what is no number is a word."""
+    """Return a value as TOML would read it; text that is no number or boolean is a string."""
     if text in {"true", "false"}:
         return text == "true"
     for kind in (int, float):

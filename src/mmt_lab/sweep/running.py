@@ -1,4 +1,4 @@
-"""Where the jobs of a sweep run: processes of this machine, or a Dask cluster that is there.
+"""Run the jobs of a sweep: in processes of this machine, or on an existing Dask cluster.
 
 Both call `mmt_lab.sweep.combinations.evaluate_job` with the same arguments, and so give the same
 numbers.
@@ -23,7 +23,7 @@ Result = TypeVar("Result")
 def run_locally(
     jobs: Sequence[Job], sessions: Mapping[str, RecordedSession], workers: int
 ) -> Iterator[JobOutcome]:
-    """Evaluate jobs in processes of this machine; yield each as it is done."""
+    """Evaluate jobs in processes of this machine; yield each outcome when it is ready."""
     calls = {number: (sessions[job.path], job) for number, job in enumerate(jobs)}
     for number, future in in_processes(evaluate_job, calls, workers):
         yield _outcome(jobs[number], future.result)
@@ -32,9 +32,9 @@ def run_locally(
 def run_on_dask(
     jobs: Sequence[Job], sessions: Mapping[str, RecordedSession], address: str
 ) -> Iterator[JobOutcome]:
-    """Evaluate jobs on a Dask cluster; yield each as it is done.
+    """Evaluate jobs on a Dask cluster; yield each outcome when it is ready.
 
-    Sessions travel to the workers, which need no file, but this package in this version.
+    Sessions are sent to the workers, which need no files, but this package in this version.
     """
     require("distributed")
     import distributed
@@ -57,7 +57,7 @@ def run_on_dask(
 
 
 def _outcome(job: Job, result: Callable[[], dict[str, Any]]) -> JobOutcome:
-    """Return a job's result; an error for a person becomes its outcome."""
+    """Return a job's outcome; an `MmtError` becomes its error."""
     try:
         return JobOutcome(job, result())
     except MmtError as error:
@@ -65,7 +65,7 @@ def _outcome(job: Job, result: Callable[[], dict[str, Any]]) -> JobOutcome:
 
 
 def _check_installed(client: Any) -> None:
-    """Ask each worker for this package, by what every worker knows."""
+    """Ask each worker for this package, by a function of the standard library."""
     for worker, found in client.run(metadata.version, DISTRIBUTION, on_error="return").items():
         if isinstance(found, Exception):
             raise MmtError(

@@ -1,1 +1,1 @@
-"""Generators of vibration by other methods, learned from the strokes that we model."""
+"""Generators of vibration by other methods, learned from the same strokes as our model."""

@@ -1,4 +1,4 @@
-"""Build generators online: gather what is observed, and ask the builder at each update."""
+"""Build generators online: gather the observed data, and call the builder at each update."""
 
 from collections.abc import Iterable
 
@@ -15,24 +15,24 @@ from mmt_methods.generators.protocol import Builder, Observed
 class GeneratorModeller:
     """Build a generator from a stream of frames, as `OnlineModeller` builds a model.
 
-    The frames are filtered and segmented in the same way. All of them are kept: it is for
-    sessions of minutes.
+    The frames are filtered and segmented in the same way. All frames are kept in memory, which
+    suits sessions of minutes.
 
     Parameters
     ----------
     name
-        What the generator is called in messages.
+        Name of the generator in messages.
     builder
         See `mmt_methods.generators.protocol`.
     settings
         How frames are filtered and segmented; None takes the defaults.
     limit_m_s2
-        Bound on the generator's output.
+        Limit to which the generator's output is clipped.
 
     Attributes
     ----------
     generator
-        The newest, None before there is one.
+        Newest generator, None if there is none.
     """
 
     def __init__(
@@ -66,13 +66,13 @@ class GeneratorModeller:
         Raises
         ------
         GeneratorFault
-            The builder has raised, or what it returned is no generator.
+            The builder has raised an exception, or has not returned a generator.
         """
         self._modeller = self._modeller or OnlineModeller(self._settings)
         return self.add(work.samples for work in self._modeller.segment(frames))
 
     def add(self, news: Iterable[NewSamples]) -> GuardedGenerator | None:
-        """Return the new generator, as `update`, where frames are segmented elsewhere."""
+        """Add samples that were segmented elsewhere; return the same as `update`."""
         observed = self._observe(news)
         previous = None if self.generator is None else self.generator.generator
         try:

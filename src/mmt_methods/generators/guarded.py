@@ -1,4 +1,4 @@
-"""A generator behind checks: what it gives can be felt, or it is told in a sentence why not."""
+"""A generator whose output is checked; a sentence says what is wrong with it."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -12,34 +12,34 @@ if TYPE_CHECKING:
 
 
 class GeneratorFault(MmtError):  # noqa: N818 - it is what was found
-    """A builder or a generator did not do what it must; the message names it, and says what."""
+    """A builder or generator has done something wrong; the message names it and the fault."""
 
 
 class GuardedGenerator:
-    """Ask a generator for blocks, and check each.
+    """Ask a generator for blocks, and check each block.
 
     Parameters
     ----------
     name
-        What it is called in messages.
+        Name of the generator in messages.
     generator
-        What a builder returned.
+        Result of a builder.
     limit_m_s2
-        Bound on the output, that of the actuator; beyond it the output is clipped.
+        Limit of the actuator, to which the output is clipped.
 
     Attributes
     ----------
     generator
-        The same.
+        The generator given.
     directed
-        Whether it is asked by velocity x, y and force, not by speed and force.
+        Whether the generator is asked by velocity x, y and force, not by speed and force.
     samples, clipped
-        How many samples it has given, and how many of them were clipped.
+        Number of samples so far, and of clipped ones among them.
 
     Raises
     ------
     GeneratorFault
-        It has no method ``reset`` or ``generate``.
+        The generator has no method ``reset`` or ``generate``.
     """
 
     def __init__(
@@ -58,12 +58,12 @@ class GuardedGenerator:
         self.samples = self.clipped = 0
 
     def reset(self, seed: int) -> None:
-        """Begin anew.
+        """Start over.
 
         Raises
         ------
         GeneratorFault
-            The generator has raised.
+            The generator has raised an exception.
         """
         try:
             self.generator.reset(seed)
@@ -76,13 +76,13 @@ class GuardedGenerator:
         Parameters
         ----------
         *inputs
-            Speed and normal force at each sample, or, where it is `directed`, velocity x, y and
-            normal force; each of shape (n,), n at least 1.
+            Speed and normal force at each sample or, if `directed`, velocity x, y and normal
+            force; each of shape (n,), n at least 1.
 
         Raises
         ------
         GeneratorFault
-            The generator has raised, or what it gave are not n finite numbers.
+            The generator has raised an exception, or has not given n finite numbers.
         """
         try:
             given = self.generator.generate(*(np.array(each) for each in inputs))
@@ -95,7 +95,7 @@ class GuardedGenerator:
         return bounded
 
     def _checked(self, given: Any, count: int) -> FloatArray:
-        """Return what was given as numbers (count,)."""
+        """Return the output as an array (count,), or raise the fault."""
         try:
             values = np.asarray(given, dtype=np.float64)
         except (TypeError, ValueError):
@@ -110,6 +110,6 @@ class GuardedGenerator:
 
 
 def raised(name: str, what: str, error: Exception) -> GeneratorFault:
-    """Return the fault of a generator that has raised."""
+    """Return the fault of a generator that has raised an exception."""
     reason = f"{type(error).__name__}: {brief(error)}" if str(error) else type(error).__name__
     return GeneratorFault(f"generator {name}: {what} raised {reason}")

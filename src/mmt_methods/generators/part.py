@@ -1,8 +1,8 @@
-"""The part that renders from another method's generator, which two processes fit and render.
+"""The leader's part that renders from another method's generator, which runs in two processes.
 
-It gets the samples of each update that our model gets, once that update is judged. Our model is
-built all the same: it is what completion is judged by, what is saved and shared, and what is
-rendered until the generator is there, and once it has failed.
+One process fits the generator, the other renders. The generator gets the samples of each update of
+our model, once that update is judged. Our model is built all the same: it decides on completion, is
+saved and shared, and is rendered until the generator is ready, and after the generator has failed.
 """
 
 import os
@@ -39,7 +39,7 @@ _LEAVE_S: Final = 1.0
 
 
 class GeneratingPart(Part):
-    """Run both processes, hand on samples, and say what they take and why they end.
+    """Run both processes, hand on samples, and report costs, and why the processes end.
 
     Parameters
     ----------
@@ -48,9 +48,9 @@ class GeneratingPart(Part):
     generator
         The generator's name, as the scene has it.
     modelling
-        Its samples are handed on.
+        Modelling whose samples are handed on.
     synthesizer
-        Renders until the generator does, and once it has failed.
+        Renders our model until the generator is ready, and after it has failed.
 
     Raises
     ------
@@ -75,14 +75,14 @@ class GeneratingPart(Part):
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         self._ways: dict[str, Connection] = {}
         self._sender = ThreadPoolExecutor(max_workers=1, thread_name_prefix="generator")
-        self._waiting = 0  # updates that no fit has taken
-        self._since_s = 0.0  # when the fit under way began at the latest
+        self._waiting = 0  # updates not fitted yet
+        self._since_s = 0.0  # latest possible start of the current fit
         self._seconds: list[float] = []
         self._segments = self._ended_looks = 0
         self._heard = False
         self._heard_from_s: float | None = None
         self._ended = False
-        self._ready: tuple[float, float] | None = None  # when, and the processor time until then
+        self._ready: tuple[float, float] | None = None  # time, and processor time until then
         self._cost: dict[str, float] = {}
         modelling.hand_on(self._feed)
 
@@ -103,7 +103,7 @@ class GeneratingPart(Part):
 
     @property
     def name(self) -> str:
-        """What a person calls it."""
+        """Name of the generator in messages."""
         return f"generator {self._generator}"
 
     def connect(self) -> None:
@@ -112,7 +112,7 @@ class GeneratingPart(Part):
         Raises
         ------
         InputError
-            It cannot be imported, or is none.
+            The builder cannot be imported, or is no builder.
         """
         between = Pipe()
         for role, end in zip((FIT, RENDER), between, strict=True):
@@ -132,7 +132,7 @@ class GeneratingPart(Part):
             "crossfade_samples": self._crossfade_samples,
         }
         for role in (FIT, RENDER):
-            with suppress(OSError):  # what it says is read below
+            with suppress(OSError):  # its reason is read below
                 self._ways[role].send(setup)
         for role in (FIT, RENDER):
             self._await_ready(role)
@@ -153,17 +153,17 @@ class GeneratingPart(Part):
             way.close()
 
     def take_over(self) -> None:
-        """Let the generator be heard in place of our model: the start criterion is met."""
+        """Render the generator instead of our model: the start criterion is met."""
         self.vibration.wanted = True
 
     def reset(self) -> None:
-        """Begin anew, as our model does."""
+        """Start over, as our model does."""
         self.vibration.wanted = False
         self.vibration.epoch += 1
         self._send(RESET)
 
     def look(self) -> None:
-        """Take note of the fits, and tell when the generator is heard, and why it is no more."""
+        """Read news of fits; report if rendering from the generator starts or ends, and why."""
         vibration = self.vibration
         if self._ended:
             return
@@ -177,14 +177,14 @@ class GeneratingPart(Part):
         if self._ended:
             self._end()
 
-    # --- what it says
+    # --- reports
 
     def faults(self) -> list[str]:
-        """Return why the generator renders no more."""
+        """Return why the generator has failed, empty if it has not."""
         return [] if self.vibration.fault is None else [self.vibration.fault]
 
     def summary(self, duration_s: float) -> dict[str, Any]:
-        """Return what the fits and the blocks took, and what became of the generator."""
+        """Return counts and times of fits and blocks, and the generator's state."""
         _ = duration_s
         vibration, seconds = self.vibration, self._seconds
         block = [vibration.times.quantile_ms(fraction) for fraction in (0.5, 0.99)]
@@ -208,7 +208,7 @@ class GeneratingPart(Part):
         }
 
     def metrics(self) -> "Iterable[Metric]":
-        """Return what was fitted and rendered."""
+        """Return metrics of fits and blocks."""
         from mmt.core.exposition import counter, gauge
 
         vibration = self.vibration
@@ -240,12 +240,12 @@ class GeneratingPart(Part):
             self._send(samples)
 
     def _send(self, item: object) -> None:
-        """Send in a thread: the event loop never waits for the process."""
+        """Send in a thread, so that the event loop never waits for the process."""
         if self._processes and not self._ended:
             self._sender.submit(self._ways[FIT].send, item)
 
     def _fault(self) -> str | None:
-        """Read what the process that fits says; return why it does so no more."""
+        """Read messages of the process that fits; return why it has failed, or None."""
         way = self._ways[FIT]
         try:
             while way.poll():
@@ -258,7 +258,7 @@ class GeneratingPart(Part):
                 if seconds:
                     self._seconds.append(seconds)
         except (EOFError, OSError):
-            self._ended_looks += 1  # the other one may have told why, in a tick to come
+            self._ended_looks += 1  # the other process may tell why before the next look
             return (
                 f"{self.name}: the process that fits has ended" if self._ended_looks > 1 else None
             )
@@ -279,7 +279,7 @@ class GeneratingPart(Part):
         self._session.journal.event(sentence, **details)
 
     def _end(self) -> None:
-        """Have both processes end, without waiting for it, and keep what they have cost."""
+        """Kill both processes without waiting, and keep their costs."""
         if self._ready is not None and not self._cost:
             seconds, memory_mb = self._measured()
             wall_s = time.monotonic() - self._ready[0]
@@ -301,15 +301,15 @@ class GeneratingPart(Part):
 
 
 def _start(role: str, *connections: Connection) -> "subprocess.Popen[bytes]":
-    """Start a process that imports what this one can, and that Ctrl-C does not reach.
+    """Start a process with our import path, which Ctrl-C does not reach.
 
-    It is of this one's session: a niceness counts only within one where Linux groups by them.
+    It stays in our session: if Linux groups processes by session, niceness counts only within one.
     """
     descriptors = [connection.fileno() for connection in connections]
     return subprocess.Popen(  # noqa: S603 - our own module
         python_command("-m", "mmt_methods.generators.process", role, *map(str, descriptors)),
         stdin=subprocess.DEVNULL,
-        stdout=2,  # the leader's own may be read by a program
+        stdout=2,  # a program may read the leader's stdout
         pass_fds=descriptors,
         process_group=0,
         env={**os.environ, "PYTHONPATH": import_path()},

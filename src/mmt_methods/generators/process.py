@@ -1,9 +1,9 @@
 """Another method's generator in two processes: one fits it, the other renders from it.
 
 Each is ``python -m mmt_methods.generators.process ROLE DESCRIPTOR DESCRIPTOR``, with a connection
-to the leader and one to the other process. What the one has fitted, the other gets as a copy
-(pickle), so that a long fit delays no block, whatever its code does; the leader imports none of it.
-Both end with the leader.
+to the leader and one to the other process. The renderer gets a copy (pickle) of each generator that
+was fitted, so that a long fit delays no block, whatever its code does. The leader imports none of
+that code. Both processes end with the leader.
 """
 
 import os
@@ -34,18 +34,18 @@ FIT: Final = "fit"
 RENDER: Final = "render"
 
 RESET: Final = "reset"
-"""What the leader sends to the process that fits, in place of samples, to begin anew."""
+"""Sent by the leader to the process that fits, instead of samples, to start over."""
 
 _NICENESS: Final = 10
-"""A fit may take what the machine has left."""
+"""Low priority: fits use the processor time that is left over."""
 
 
 _GRACE_S: Final = 2.0
-"""A process outlives the other one for so long: the leader finds out first which has ended."""
+"""Time by which a process outlives the other, so that the leader sees which ended first."""
 
 
 class _Slot:
-    """A generator used like a synthesizer; each time it begins, it has another seed."""
+    """A generator used like a synthesizer; each reset takes another seed."""
 
     directed = True
 
@@ -71,7 +71,7 @@ class _Slot:
 
 
 def fit(leader: Connection, renderer: Connection) -> None:
-    """Fit the generator to the samples that come, all that wait at once, and hand on a copy."""
+    """Fit the generator, to all waiting samples at once, and send the renderer a copy."""
     from mmt_methods.generators.building import GeneratorModeller
 
     setup = leader.recv()
@@ -106,9 +106,9 @@ def fit(leader: Connection, renderer: Connection) -> None:
 
 
 def render(leader: Connection, fitter: Connection) -> None:
-    """Render block by block from the newest copy, going over from one to the next by a fade."""
+    """Render block by block from the newest copy, with a fade from one copy to the next."""
     setup = leader.recv()
-    sys.setswitchinterval(SWITCH_INTERVAL_S)  # copies are read in a thread beside
+    sys.setswitchinterval(SWITCH_INTERVAL_S)  # another thread reads the copies
     name, limit_m_s2 = setup["name"], setup["limit_m_s2"]
     load(name)
     seeds = count(setup["seed"])
@@ -134,7 +134,7 @@ def render(leader: Connection, fitter: Connection) -> None:
 
 
 def _read(connection: Connection, use: Callable[[Any], object]) -> None:
-    """Read all the while, in a thread; end the process where the other side has ended."""
+    """Read a connection in a thread; end this process after the other side has ended."""
 
     def run() -> None:
         with suppress(EOFError, OSError):
@@ -159,7 +159,7 @@ def _restored(
     if copy is None:
         return None
     try:
-        return GuardedGenerator(name, pickle.loads(copy), limit_m_s2=limit_m_s2)  # noqa: S301 - from ours
+        return GuardedGenerator(name, pickle.loads(copy), limit_m_s2=limit_m_s2)  # noqa: S301
     except GeneratorFault as fault:
         return fault
     except Exception as error:  # noqa: BLE001 - it is told
@@ -167,7 +167,7 @@ def _restored(
 
 
 def main(role: str, leader: Connection, other: Connection) -> None:
-    """Run one of the two until the leader ends, or tell it in a sentence why not."""
+    """Run one of the two roles until the leader ends, or tell the leader why it failed."""
     handle_end_signals(signal.SIG_IGN)
     try:
         (fit if role == FIT else render)(leader, other)

@@ -1,4 +1,4 @@
-"""Builders of generators by name; none is imported before it is asked for."""
+"""Find builders of generators by name; a builder is imported only when it is loaded."""
 
 import inspect
 from contextlib import suppress
@@ -27,12 +27,12 @@ def load(name: str) -> "Builder":
     Raises
     ------
     InputError
-        There is none of that name, it cannot be imported, or it is no builder.
+        There is no builder of that name, it cannot be imported, or it is no builder.
     """
     entry = _find(name)
     builder = load_entry(entry, f"generator {name!r}")
     try:
-        with suppress(ValueError):  # one in C may have no signature
+        with suppress(ValueError):  # a builder in C may have no signature
             inspect.signature(builder).bind(None, None)
     except TypeError as error:
         raise InputError(
@@ -48,7 +48,7 @@ def origin(name: str) -> str:
     Raises
     ------
     InputError
-        There is none of that name.
+        There is no builder of that name.
     """
     entry = _find(name)
     of = "" if entry.dist is None else f" of {entry.dist.name} {entry.dist.version}"

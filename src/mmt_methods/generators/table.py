@@ -1,4 +1,4 @@
-"""The part that renders by another method's generator, as the leader finds it."""
+"""Declaration of the leader's part that renders by another method's generator."""
 
 from typing import Final
 

@@ -1,9 +1,9 @@
-"""Vibration by another method's generator, from a process of its own, in place of our model's.
+"""Vibration by another method's generator, which renders in a process of its own.
 
-Its code takes an unknown time, so the tick never waits for it. The hand's motion goes out in blocks
-of 10 ms, and what comes of a block is played 20 ms after the motion: 10 ms to gather a block, and
-10 ms to render it. One that is not there by then is left out and counted; the last one that was
-fades out, run backwards, and the next one fades in.
+The generator may take any time, so the tick never waits for it. The hand's motion is sent in blocks
+of 10 ms, and the vibration of a block is played 20 ms after the motion: 10 ms to gather the block,
+and 10 ms to render it. A late block is left out and counted: the last block before it fades out,
+reversed in time, and the next one fades in.
 """
 
 from contextlib import suppress
@@ -16,21 +16,21 @@ from mmt.core.ticking import TimeHistogram
 from mmt.leader.output.model_crossfade import Renderer, crossfaded
 
 BLOCK_MS: Final = 10
-"""So many frames of the stream."""
+"""Length of a block, which is also its number of frames."""
 
 _MOST_UNDER_WAY: Final = 3
-"""Blocks; a process that renders none gets no more, so that writing to it never waits."""
+"""Most blocks without an answer; no more are sent, so that sending never blocks."""
 
 _WINDOW: Final = 200
-"""Blocks; where half of so many are late, the generator is too slow."""
+"""Blocks in a window; if half of them are late, the generator is too slow."""
 
 
 class RenderedBlock(NamedTuple):
     """A block from the process that renders.
 
-    ``build`` is the number of the fit that it is from, 0 before the first, of the ``epoch``-th
-    model since the session's begin; ``clipped`` counts samples so far, and ``samples`` are the
-    bytes of its samples, float64.
+    ``epoch`` counts resets of our model since the session began, and ``build`` fits since then,
+    0 before the first. ``clipped`` counts clipped samples so far; ``samples`` are the bytes of the
+    block's samples, float64.
     """
 
     number: int
@@ -42,46 +42,46 @@ class RenderedBlock(NamedTuple):
 
 
 class ProcessChannel(Protocol):
-    """The way to the process; see `multiprocessing.connection.Connection`."""
+    """Channel to the process that renders; see `multiprocessing.connection.Connection`."""
 
     def send(self, block: tuple[int, bytes], /) -> None:
         """Send the number of a block, and the bytes of its motion, shape (3, n)."""
 
     def poll(self) -> bool:
-        """Return whether something has come."""
+        """Return whether a message has arrived."""
 
     def recv(self) -> RenderedBlock | str:
-        """Return it: a block, or a sentence that says why none follows."""
+        """Return a block, or a sentence that says why no more blocks follow."""
 
 
 class GeneratedVibration:
-    """Render from the generator where it is to be heard and can be, else from our model.
+    """Render from the generator if that is wanted and ready, else from our model.
 
     Parameters
     ----------
     name
-        What the generator is called in messages.
+        Name of the generator in messages.
     model
         Renders from our model.
     crossfade_samples
         Length of the fade between the two; 0 switches at once.
     samples_per_frame
-        Samples of vibration in a frame, that is in a millisecond.
+        Samples of vibration in a frame, which is a millisecond.
 
     Attributes
     ----------
     channel
-        The way to the process that renders, None before it runs.
+        Channel to the process that renders, None before it runs.
     wanted
-        Whether the generator is to be heard.
+        Whether the generator is to be rendered.
     epoch
-        How often the model was reset; what is of an earlier one is not heard.
+        Number of resets of our model; generators of an earlier epoch are not rendered.
     fault
-        Why the generator renders no more, None as long as it does.
+        Why the generator has failed, None as long as it has not.
     late, blocks, clipped
-        Blocks that were not there in time, blocks asked of a generator, and clipped samples.
+        Number of late blocks, of blocks asked of a generator, and of clipped samples.
     times
-        What its blocks took in their process.
+        Times that the blocks took to render, in their process.
     """
 
     directed = True
@@ -95,7 +95,7 @@ class GeneratedVibration:
         block = BLOCK_MS * samples_per_frame
         self._fade_in = np.arange(1, block + 1) / block
         self._motion, self._playing = np.zeros((3, block)), np.zeros(block)
-        self._sounds = False  # whether what is played was rendered
+        self._sounds = False  # whether a rendered block is played
         self._at = self._number = self._under_way = self._window = self._late_in_window = 0
         self._newest: tuple[int, int] = (0, 0)  # epoch and fit of the newest block
         self.channel: ProcessChannel | None = None
@@ -106,13 +106,13 @@ class GeneratedVibration:
 
     @property
     def ready(self) -> bool:
-        """Whether a generator of the present model renders."""
+        """Whether a generator of the present epoch renders."""
         epoch, build = self._newest
         return self.fault is None and epoch == self.epoch and build > 0
 
     @property
     def heard(self) -> bool:
-        """Whether it is the generator that is rendered."""
+        """Whether the generator is rendered, and not our model."""
         return self.wanted and self.ready
 
     def render(self, *motion: FloatArray) -> FloatArray:
@@ -138,7 +138,7 @@ class GeneratedVibration:
         return crossfaded(share, ours, generated)
 
     def follow(self, *motion: FloatArray) -> FloatArray:
-        """Return the generator's next n samples; so it also knows motion that is not rendered."""
+        """Return the generator's next n samples; call it even if they are not rendered."""
         output = np.empty(len(motion[0]))
         for index in range(len(output)):
             for row, values in zip(self._motion, motion, strict=True):
@@ -151,7 +151,7 @@ class GeneratedVibration:
         return output
 
     def _exchange(self) -> None:
-        """Take what has come of the block before, and send the one that is full."""
+        """Take the answer to the block before, and send the block that is full now."""
         channel = self.channel
         if channel is None or self.fault is not None:
             self._play(None)
@@ -177,7 +177,7 @@ class GeneratedVibration:
         self._play(arrived)
 
     def _last_words(self, channel: ProcessChannel) -> str:
-        """Return why the process has ended, as it may have said before."""
+        """Return why the process has ended: its last message, if there is one."""
         with suppress(OSError, EOFError):
             while channel.poll():
                 if isinstance(said := channel.recv(), str):
@@ -205,7 +205,7 @@ class GeneratedVibration:
             self._window = self._late_in_window = 0
 
     def _play(self, block: FloatArray | None) -> None:
-        """Play a block next; where there is none, let the last one fade out backwards."""
+        """Play a block next; if there is none, fade the last one out in reversed time."""
         if block is not None:
             self._playing = block if self._sounds else block * self._fade_in
         elif self._sounds:

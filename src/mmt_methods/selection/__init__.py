@@ -1,7 +1,7 @@
-"""Selection of a model's points: outliers and redundant ones removed.
+"""Selection of a model's points: removes outliers and redundant points.
 
-`select` does not depend on the order of the points; `mmt_methods.selection.published` is the
-algorithm of the paper. Both work on plain arrays.
+The result of `select` does not depend on the order of the points;
+`mmt_methods.selection.published` is the algorithm of the paper. Both work on plain arrays.
 """
 
 from mmt_methods.selection.points import ModelPoints

@@ -1,4 +1,4 @@
-"""``mmt model select``: which samples of trials or models are needed, and which are wrong."""
+"""``mmt model select``: find needed and redundant samples and outliers of trials or models."""
 
 from enum import StrEnum
 from pathlib import Path

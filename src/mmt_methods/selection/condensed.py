@@ -1,10 +1,10 @@
 """Removal of redundant points, independent of their order.
 
 Condensing starts with the corners of the convex hull. While the error at some point exceeds the
-threshold, a point is added near the largest error: of the nearest points that are not in the set,
-the one whose filter is closest to the prediction there. So the errors decide what is kept, not the
-numbering, and of several points in one place the most typical one stays, where a rule that adds
-the point in error keeps the most unusual.
+threshold, a point near the largest error is added: of the nearest points outside the set, the one
+whose filter is closest to the consensus at the largest error. So errors decide what is kept, not
+the order. Of several points in one place the most typical one stays; a rule that adds the point
+with the largest error itself would keep the most unusual one.
 
 The error is taken against the consensus of all points (`mmt_methods.selection.consensus`), not
 against a point's own filter with its scatter.
@@ -23,14 +23,14 @@ from mmt_methods.selection.simplices import enclose, hull_of
 TAU: Final = 0.27
 """Largest relative spectral error of the condensed model."""
 
-_NEAR: Final = 4  # candidates at the largest error, times the dimensions plus one
+_NEAR: Final = 4  # candidates near the largest error: so many times dimensions plus one
 
 
 class Condensed(NamedTuple):
     """Masks of n points: ``minimal`` (n,), corners of the hull, and ``kept`` (n,).
 
-    ``error`` (n,) is the relative spectral error of the thin model against the consensus at
-    every place that is not kept.
+    ``error`` (n,) is the relative spectral error of the condensed model against the
+    consensus, at every point that is not kept.
     """
 
     minimal: BoolArray
@@ -54,7 +54,7 @@ def condense(data: ModelPoints, tau: float = TAU, largest: int | None = None) ->
 
     Notes
     -----
-    O(n^3) for the consensus, and a triangulation of the kept points for each that joins.
+    O(n^3) for the consensus, and one triangulation of the kept points for each added point.
     """
     n = len(data)
     minimal = np.zeros(n, dtype=np.bool_)
@@ -73,7 +73,7 @@ def condense(data: ModelPoints, tau: float = TAU, largest: int | None = None) ->
             break
         places = nearest.query(data.points[worst], k=near)[1]
         places = places[~thin.kept[places]]
-        if not places.size:  # all that is there is kept: nothing more can be done
+        if not places.size:  # all points near it are kept: nothing more can be done
             thin.settled[worst] = True
             thin.error[worst] = 0.0
             continue
@@ -83,7 +83,7 @@ def condense(data: ModelPoints, tau: float = TAU, largest: int | None = None) ->
 
 
 def _first_least(values: FloatArray, points: FloatArray) -> int:
-    """Return the number of the least value; of equals, that of the least place."""
+    """Return the index of the least value; of equal values, that at the least place."""
     return int(np.lexsort((*points.T[::-1], values))[0])
 
 
@@ -99,7 +99,7 @@ class _Thin:
         self._ask()
 
     def add(self, index: int) -> None:
-        """Add a point, and update the errors where that changes the simplex."""
+        """Add a point, and update the errors at points whose simplex changes."""
         self.kept[index] = self.settled[index] = True
         self.error[index] = 0.0
         self._ask()
@@ -112,7 +112,7 @@ class _Thin:
         self._members[places] = np.sort(members, axis=1)
         values = around.interpolate(self._values[kept])[changed]
         found = np.isfinite(values[:, 0])
-        error = np.full(changed.size, np.inf)  # beyond the hull by a rounding: it has to join
+        error = np.full(changed.size, np.inf)  # beyond the hull by rounding: must be added
         error[found] = spectral_error(
             amplitude_of(values[found, :-1], values[found, -1], self._agreed.shape[1]),
             self._agreed[places[changed[found]]],

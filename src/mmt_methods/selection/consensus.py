@@ -1,17 +1,17 @@
-"""What the other points say of each: level and shape of its spectrum, with their error.
+"""Prediction of each point's spectrum by the other points: level and shape, with their error.
 
-The logarithm of a filter's spectrum is the *level*, its mean over frequency, which is the logarithm
-of the excitation's variance but for a constant, and the *shape*, what is left. Both are fields over
-speed, force and heading, and each point is predicted from all others
-(`mmt.texture.field.cross_validation`). The level has the prior of a texture's level, and so has the
-shape at each frequency, but that the means of its slopes are zero.
+The logarithm of a filter's spectrum is the sum of *level* and *shape*. The level is its mean over
+frequency: up to a constant, the logarithm of the excitation's variance. Both are fields over speed,
+force and heading, and each point is predicted from all others
+(`mmt.texture.field.cross_validation`). The level has the prior of a texture's level. The shape has
+the same prior at each frequency, except that the means of its slopes are zero.
 
-How a fit scatters is known for a texture that is stationary within the segment. In the logarithm of
-the spectrum the Fisher information of a stationary Gaussian signal does not depend on its spectrum
-(Whittle 1953; Bloomfield 1973): with r the difference of the logarithms of an autoregressive fit of
-order m to N samples and of the truth, ``N / 2 mean(r^2)`` has a chi-squared distribution of m + 1
-degrees of freedom, one of them the level's. So the level scatters by ``2 / N``, and the shape, in
-the mean over frequency, by ``2 m / N``. A texture that is not stationary scatters more.
+The scatter of fits is known for a texture that is stationary within the segment. For the logarithm
+of the spectrum, the Fisher information of a stationary Gaussian signal does not depend on the
+spectrum (Whittle 1953; Bloomfield 1973). With r the difference in log spectrum between an
+autoregressive fit of order m to N samples and the truth, ``N / 2 mean(r^2)`` has a chi-squared
+distribution of m + 1 degrees of freedom, one of them for the level. So the level has the variance
+``2 / N``, and the shape ``2 m / N``, averaged over frequency. Other textures scatter more.
 """
 
 from typing import Final, NamedTuple
@@ -24,8 +24,8 @@ from mmt.texture.field.cross_validation import LeaveOneOut, LeftOut
 from mmt_methods.selection.points import ModelPoints, log_density_of
 
 _STEPS: Final = np.arange(5) / 2.0
-"""Exponents of the order m that the level's scatter is multiplied by: from that of a stationary
-texture's level, by way of that of its shape, m times as much, to another m times that."""
+"""Exponents e of factors m^e by which the level's scatter ``2 / N`` is multiplied: 0 gives that of
+a stationary texture's level, 1 that of its shape, and 2 another m times that."""
 
 
 class Agreed(NamedTuple):
@@ -51,7 +51,7 @@ class Consensus:
     Attributes
     ----------
     level, shape
-        Of each point's own filter, (n, 1) and (n, f), nepers of power.
+        Level and shape of each point's own filter, (n, 1) and (n, f), nepers of power.
     """
 
     def __init__(self, data: ModelPoints) -> None:
@@ -64,7 +64,7 @@ class Consensus:
         self._others = LeaveOneOut(data.points, 2.0 / data.samples(), np.unique(factors).tolist())
 
     def predict_from(self, present: BoolArray) -> Agreed:
-        """Return the prediction of every point from the present others, at least two.
+        """Predict every point from the other points in the mask `present`, at least two.
 
         Notes
         -----
@@ -75,9 +75,9 @@ class Consensus:
         return Agreed(level._replace(mean=level.mean + self._law), shape)
 
     def smoothed(self, agreed: Agreed) -> FloatArray:
-        """Return the logarithms (n, f) of spectra from each point's own and the others' word."""
+        """Return log spectra (n, f) that combine each point's own with its prediction."""
         total = np.zeros_like(self.shape)
         for own, others in zip((self.level, self.shape), agreed, strict=True):
-            share = (others.scatter / others.variance)[:, None]  # of the others
+            share = (others.scatter / others.variance)[:, None]  # weight of the prediction
             total += share * others.mean + (1.0 - share) * own
         return np.asarray(total)

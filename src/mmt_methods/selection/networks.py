@@ -1,8 +1,8 @@
 """Leave-one-out prediction by a radial basis function network.
 
-The error of a network at a sample without that sample follows in closed form
-(`mmt.texture.interpolation.networks.solving`). Where one leaves for good or comes, the network is
-solved anew.
+The error of a network at a sample, with that sample left out, follows in closed form
+(`mmt.texture.interpolation.networks.solving`). If a sample is removed or added for good, the
+network is solved anew.
 """
 
 import numpy as np
@@ -21,9 +21,9 @@ class NetworkNeighbours:
     values
         Shape (n, v).
     present
-        Shape (n,): which are in the network, at least one.
+        Mask (n,) of the points in the network, at least one.
     smoothing
-        Of the network.
+        Smoothing of the network; 0 passes through every point.
     """
 
     def __init__(
@@ -37,7 +37,7 @@ class NetworkNeighbours:
         self._use(np.flatnonzero(present))
 
     def predict(self, index: int) -> FloatArray | None:
-        """Return the values (v,) without the point; None where the others do not suffice."""
+        """Predict the values (v,) at a point without it; None if the others do not suffice."""
         found = np.flatnonzero(self._numbers == index)
         if not len(found):
             return np.asarray(self._network.at(self._points[index : index + 1])[0])

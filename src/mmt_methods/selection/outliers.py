@@ -1,21 +1,21 @@
-"""Detection of outliers against what all other points predict, independent of point order.
+"""Detection of outliers by predictions from all other points, independent of point order.
 
-A knock adds to a segment. Two likelihood ratios say how much likelier a point is with something
-added than without:
+A knock adds vibration to a segment. Two likelihood ratios say how much likelier a point is with an
+added signal than without:
 
-- of the *filter*: what the logarithm of its spectrum has above the consensus, at its level and at
-  each frequency of its shape, squared and over the variance of the prediction.
-- of the segment's *samples*, where they are at hand: the likeliest damped tone in them
+- of the *filter*: the excess of its log spectrum over the consensus, in the level and at each
+  frequency of the shape, squared and divided by the variance of the prediction.
+- of the segment's *samples*, if there are any: the likeliest damped tone in them
   (`mmt_methods.selection.transients`).
 
-Twice the sum of their logarithms is the score. How high a score a good point may have is not
-assumed: few surfaces are as smooth, as stationary and as normal as the model says. The limit is
-that of the surface's own scores (`limit_of`).
+The score is twice the sum of their logarithms. Few surfaces are as smooth, stationary and normally
+distributed as the model, so no limit is assumed for the scores of good points. The limit comes from
+the surface's own scores (`limit_of`).
 
-Who is asked matters as much: knocks hide each other, and condemn their neighbours. So the search
-begins with the lowest 70 % of all scores, as least trimmed squares do (Rousseeuw 1984). They are
-asked about all; who is not above the limit comes back, who is above it leaves, and so on until
-nothing changes.
+Knocks also spoil predictions: they hide each other, and make their neighbours look like outliers.
+So the search begins with the lowest 70 % of all scores, as least trimmed squares do (Rousseeuw
+1984). These points predict all points. Then the points that are not above the limit predict all
+points, and so on until nothing changes.
 """
 
 from typing import Final, NamedTuple
@@ -29,15 +29,15 @@ from mmt_methods.selection.points import ModelPoints
 from mmt_methods.selection.transients import tone_evidence, whitening
 
 FALSE_ALARMS: Final = 0.01
-"""Share of good points that are taken for outliers, about."""
+"""Approximate share of good points that are taken for outliers."""
 
 LARGEST_RATE: Final = 0.2
-"""Largest share that may be asked for: the limit is told from quantiles below it."""
+"""Largest share allowed, since the quantiles that give the limit must be below it."""
 
 MOST: Final = 0.3
 """Largest share of outliers: with more, good points cannot be told from bad ones."""
 
-_ROUNDS: Final = 8  # mostly two or three are needed, and there may be no end to them
+_ROUNDS: Final = 8  # two or three mostly suffice, but the search may never settle
 _CENTRAL: Final = (0.5, 0.75)  # quantiles between which the limit's exponential is fitted
 _LEAST_SCALE: Final = 2.0  # of the exponential
 _WORDS: Final = (
@@ -51,7 +51,7 @@ class Outliers(NamedTuple):
     """Result of a search among n points.
 
     ``outlier`` (n,); ``score`` (n,), and ``limit``, above which a point is an outlier; ``parts``
-    (n, kinds), what the score is the sum of: level, shape and, with segments, tone.
+    (n, kinds), the summands of the score: level, shape and, with segments, tone.
     """
 
     outlier: BoolArray
@@ -61,7 +61,7 @@ class Outliers(NamedTuple):
 
 
 def find_outliers(data: ModelPoints, false_alarms: float = FALSE_ALARMS) -> Outliers | None:
-    """Return the points that contradict the others; None where there are too few points.
+    """Return the points that contradict the others, or None if there are too few points.
 
     Parameters
     ----------
@@ -77,8 +77,8 @@ def find_outliers(data: ModelPoints, false_alarms: float = FALSE_ALARMS) -> Outl
 
     Notes
     -----
-    O(n^3), and O(samples order), in each of a handful of rounds. They end where who is left out
-    is as in an earlier one.
+    O(n^3), and O(samples order), in each of a handful of rounds. The rounds end once the outliers
+    are those of an earlier round.
     """
     n, dimensions = data.points.shape
     if dimensions not in (2, 3) or (data.points[:, 2 * (dimensions > 2) :] < 0.0).any():
@@ -105,17 +105,17 @@ def find_outliers(data: ModelPoints, false_alarms: float = FALSE_ALARMS) -> Outl
 def limit_of(scores: FloatArray, false_alarms: float) -> float:
     """Return the score that good points exceed at a given rate.
 
-    The upper half of the scores is taken to fall exponentially, as likelihood ratios do. The scale
-    is that of largest likelihood from the median and what lies between it and the 75 % quantile,
-    so that it does not depend on the tail itself; it is at least 2, that of twice a log likelihood
-    ratio (Wilks 1938). The scale is known from a quarter of the points, which makes the tail of
-    another point that of a ratio of exponential variables (Lomax), and the limit for few points
-    wider.
+    The upper half of the scores is assumed to fall exponentially, as likelihood ratios do. The
+    scale is the maximum likelihood estimate from the scores between the median and the 75 %
+    quantile, so that it does not depend on the tail itself. It is at least 2, the scale of twice a
+    log likelihood ratio (Wilks 1938). Since the scale is known from a quarter of the points only,
+    the tail is that of a ratio of exponential variables (Lomax), and the limit is wider for few
+    points.
 
     Parameters
     ----------
     scores
-        Of the points that stay, shape (n,): what is above the limit is missing, which is accounted
+        Scores of the points that stay, shape (n,). The missing scores above the limit are accounted
         for.
     false_alarms
         Above 0, to `LARGEST_RATE`.
@@ -129,7 +129,7 @@ def limit_of(scores: FloatArray, false_alarms: float) -> float:
 
 
 def _evidence(data: ModelPoints, consensus: Consensus, present: BoolArray) -> FloatArray:
-    """Return the parts of the score, (n, 2), or (n, 3) with segments, by those present (n,)."""
+    """Return the parts of the score, (n, 2), or (n, 3) with segments; `present` (n,) predict."""
     order = data.lsf.shape[1]
     level, shape = agreed = consensus.predict_from(present)
     louder = np.maximum(consensus.level - level.mean, 0.0)[:, 0]
@@ -145,10 +145,10 @@ def _evidence(data: ModelPoints, consensus: Consensus, present: BoolArray) -> Fl
 
 
 def _above(score: FloatArray, false_alarms: float) -> tuple[float, BoolArray]:
-    """Return the limit, and who is above it: that of those who are not above it themselves.
+    """Return the limit, computed from the scores below it, and the mask of points above it.
 
-    It is first that of the lowest, as many as cannot be outliers, so that knocks do not hide
-    behind each other.
+    The first limit comes from the lowest scores, as many as cannot be outliers, so that knocks do
+    not hide each other.
     """
     most = float(np.quantile(score, 1.0 - MOST))
     found = score > most
@@ -161,7 +161,7 @@ def _above(score: FloatArray, false_alarms: float) -> tuple[float, BoolArray]:
 
 
 def reasons(outliers: Outliers) -> list[str]:
-    """Return a sentence for each point: what counts most against it, "" for good ones."""
+    """Return for each outlier a sentence with the strongest evidence, "" for good points."""
     over = outliers.parts - np.median(outliers.parts[~outliers.outlier], axis=0)
     result = []
     for parts, score, bad in zip(over, outliers.score, outliers.outlier, strict=True):

@@ -1,4 +1,4 @@
-"""The picture of a selection: which samples are kept, redundant and wrong."""
+"""Plot of a selection: kept samples, redundant samples and outliers."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,7 +11,7 @@ from mmt_methods.selection import Selection
 
 
 def selection_plane(samples: TextureSamples, selection: Selection) -> Figure:
-    """Draw what is kept, redundant and wrong; a panel more where the heading counts."""
+    """Draw kept and redundant samples and outliers, with a second panel if the heading counts."""
     directed = samples.space.directed
     figure = Figure(figsize=(9.6 if directed else 5.4, 4.0), layout="constrained")
     axes = figure.subplots(1, 2 if directed else 1, squeeze=False)[0]

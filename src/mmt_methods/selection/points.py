@@ -12,9 +12,9 @@ from mmt.texture.autoregression.order_limit import LARGEST_ORDER
 from mmt.texture.autoregression.spectra import lsf_spectrum
 
 USUAL_S: Final = 0.25
-"""Length that is assumed for a segment that is not available."""
+"""Length assumed for segments that are not available."""
 
-_GRID: Final = 96  # frequencies at 1 kHz, 5.2 Hz apart, as they are at every rate
+_GRID: Final = 96  # frequencies at 1 kHz; at every rate they are 5.2 Hz apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,7 @@ class ModelPoints:
     variance
         Variance of the excitation, shape (n,), positive.
     segments
-        Vibration that each was fitted to, n arrays; None where not available.
+        Vibration that each point was fitted to, n arrays; None if not available.
     rate_hz
         Sampling rate of the filters and the segments.
     """
@@ -71,8 +71,8 @@ class ModelPoints:
     def canonical(self) -> IntArray:
         """Return the order (n,) in which the points ascend by place, then by their filters.
 
-        Two points that it leaves in their order of arrival are the same in every number but
-        those of their segments, which come last.
+        Ties are broken by length and sum of the segments. Points that still tie keep their order;
+        they differ at most in samples of their segments.
         """
         ends = np.zeros((len(self), 2))
         if self.segments is not None:
@@ -95,25 +95,25 @@ class ModelPoints:
 
     @property
     def frequencies(self) -> int:
-        """At how many frequencies of `band` spectra are compared."""
+        """Number of frequencies of `band` at which spectra are compared."""
         return round(_GRID * self.rate_hz / 1000.0)
 
     def samples(self) -> FloatArray:
-        """Return the number of samples (n,) of each segment, those of `USUAL_S` where not known."""
+        """Return the number of samples (n,) of each segment, that of `USUAL_S` if not known."""
         if self.segments is None:
             return np.full(len(self), USUAL_S * self.rate_hz)
         return np.array([max(1.0, float(len(segment))) for segment in self.segments])
 
 
 def band(count: int = _GRID) -> FloatArray:
-    """Return frequencies in cycles a sample, the middles of equal parts of (0, 1/2)."""
+    """Return frequencies in cycles a sample, the midpoints of equal parts of (0, 1/2)."""
     return (np.arange(count, dtype=np.float64) + 0.5) * (0.5 / count)
 
 
 def log_density_of(lsf: FloatArray, variance: FloatArray, count: int = _GRID) -> FloatArray:
     """Return the logarithms of the filters' exact power densities (n, f) at `band`; rate 1."""
     density = np.empty((len(lsf), count))
-    for row, filter_lsf in enumerate(lsf):  # in one call they would fill the memory
+    for row, filter_lsf in enumerate(lsf):  # one call for all would fill the memory
         density[row] = lsf_spectrum(filter_lsf, 1.0, band(count), 1.0)
     return np.asarray(np.log(density) + np.log(variance)[:, None])
 

@@ -1,4 +1,4 @@
-"""Samples of several trials in one: from sessions, with their segments, or from saved models."""
+"""Pool samples of several trials: from sessions, with their segments, or from saved models."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -28,10 +28,10 @@ from mmt_methods.selection.simplices import enclose, enclose_without
 
 @dataclass(frozen=True)
 class Pool:
-    """Samples of one texture from all that was named.
+    """Samples of one texture from several sessions or models.
 
-    ``data`` holds them as points with, from sessions, their segments; ``origin`` says where
-    each came from; ``settings`` how a model is to be built from them.
+    ``data`` holds the samples as points, with their segments if they come from sessions;
+    ``origin`` names the source of each; ``settings`` are those to build a model with.
     """
 
     samples: TextureSamples
@@ -40,7 +40,7 @@ class Pool:
     settings: ModellingSettings
 
     def model(self, kept: BoolArray) -> TextureModel:
-        """Return the model of some of the samples, shape (n,)."""
+        """Return the model of the samples in the mask `kept`, shape (n,)."""
         samples = self.samples
         return TextureModel(
             TextureSamples(
@@ -135,14 +135,14 @@ def left_out_errors(
 ) -> dict[str, dict[str, float] | int]:
     """Compare the models before and after a selection at the places of the good points.
 
-    Each is left out where it is in the model that is asked. Before, the outliers are in it.
+    A point in a model is predicted without that point. The model before has the outliers in it.
 
     Returns
     -------
     dict
         ``before`` and ``after``: mean relative spectral error, mean GFC of the filters'
-        exact amplitude spectra, rms of the power error in dB. ``places``: how many could be
-        asked of both.
+        exact amplitude spectra, rms of the power error in dB. ``places``: how many places
+        both models can predict.
     """
     values = np.column_stack([data.lsf, data.variance])
     before = enclose_without(data.points).interpolate(values)

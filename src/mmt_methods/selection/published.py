@@ -2,23 +2,23 @@
 
 "Sample selection of multi-trial data for data-driven haptic texture modeling", algorithm 1:
 an edited nearest neighbour rule that removes outliers one after the other, then a condensed
-one that begins with the minimal set and adds what the model so far misses. The result depends
-on the order of the points, as the paper says.
+nearest neighbour rule that begins with the minimal set and adds points that the model so far
+predicts badly. The result depends on the order of the points, as the paper says.
 
-Where the paper leaves a choice, or contradicts itself:
+Choices, if the paper leaves one or contradicts itself:
 
 - The minimal set is the corners of the convex hull (section IV.B). They come first, are never
   tested, and always stay.
-- Text and pseudo-code disagree which sparsity stands on top of the fraction; only local over
-  average makes sparse places more tolerant, as the text wants. Both are of the initial set.
-- The pseudo-code trains the condensing model with the candidate in it, which an interpolation
-  then meets exactly, so that nothing would ever be added; the text trains without, as here.
-- The error compares spectra of signals, whose scatter alone (0.66 between two realisations)
-  exceeds both thresholds. Here it compares the exact amplitude spectra of the filters.
+- Text and pseudo-code disagree on the numerator of the ratio of sparsities. Only local over average
+  makes sparse places more tolerant, as the text wants. Both are those of the initial set.
+- The pseudo-code trains the condensing model with the candidate in it. An interpolation would then
+  predict the candidate exactly, and no point would be added. The text trains without it, as here.
+- The paper's error compares spectra of signals, whose scatter alone (0.66 between two realisations)
+  exceeds both thresholds. Here the error compares the exact amplitude spectra of the filters.
 - Inputs are normalised from 0 to 1 (section IV.B), here by their range over the points.
-- The model is the radial basis function network of the authors' earlier work, of all frequencies
-  and the variance (section IV). The papers name neither its radial function nor how its weights
-  are trained: see `SMOOTHING`.
+- The model is the radial basis function network of the authors' earlier work, for all frequencies
+  and the variance (section IV). The papers name neither its radial function nor the training of its
+  weights: see `SMOOTHING`.
 """
 
 from dataclasses import dataclass
@@ -33,8 +33,8 @@ from mmt_methods.selection.points import ModelPoints, amplitude_of, spectral_err
 from mmt_methods.selection.simplices import enclose_without, hull_of
 
 SMOOTHING: Final = 0.03
-"""Ridge regression: a network that goes through every point takes the scatter of each fit for the
-texture, and calls two to four times as many good points outliers."""
+"""Ridge regression. A network through every point would also follow the scatter of the fits, and
+take two to four times as many good points for outliers."""
 
 TAU_1: Final = 0.25
 TAU_2: Final = 0.42
@@ -45,8 +45,8 @@ _LEAST_GAP_RAD: Final = 0.01
 def valid_filter(lsf: FloatArray, variance: float) -> tuple[FloatArray, float]:
     """Return line spectral frequencies in order inside (0, pi), and a positive variance.
 
-    A network knows nothing of filters. Valid ones are returned unchanged; otherwise the
-    frequencies are sorted and pushed apart to 0.01 rad (less if the order leaves no room for it).
+    The prediction of a network may be no valid filter. Valid filters are returned unchanged;
+    otherwise frequencies are sorted and pushed apart to 0.01 rad (less if there is no room for it).
     """
     variance = max(variance, float(np.finfo(np.float64).tiny))
     if (np.diff(lsf, prepend=0.0, append=np.pi) > 0).all():
@@ -94,7 +94,7 @@ def local_sparsity(points: FloatArray) -> FloatArray:
 
 
 def thresholds(points: FloatArray, tau_1: float = TAU_1) -> FloatArray:
-    """Return the thresholds (n,) of points (n, d), lines 1, 6 and 7; NaN at corners."""
+    """Return the thresholds (n,) of points (n, d), lines 1, 6 and 7; NaN for corners."""
     sparsity = local_sparsity(points)
     known = sparsity[np.isfinite(sparsity)]
     average = float(known.mean()) if known.size else 0.0
@@ -121,10 +121,10 @@ def select_published(
     tau_1, tau_2
         Thresholds on the relative spectral error.
     smoothing
-        Of the network that is trained, on points in the unit box.
+        Smoothing of the network, for points in the unit box.
     threshold
-        Of the first stage, shape (n,), for another reading of the paper; by default that of
-        `thresholds`.
+        Thresholds of the first stage, shape (n,), for another reading of the paper; by default
+        those of `thresholds`.
 
     Raises
     ------
@@ -173,7 +173,7 @@ def _condense(
     candidates: BoolArray,
     tau_2: float,
 ) -> BoolArray:
-    """Return what the second stage keeps, lines 12 to 20; the model has the minimal set."""
+    """Return the mask of the second stage, lines 12 to 20; the model has the minimal set."""
     kept = minimal.copy()
     for index in np.flatnonzero(candidates & ~minimal).tolist():
         predicted = _amplitude(model, index, truth.shape[1])

@@ -44,20 +44,20 @@ class Selection:
     Attributes
     ----------
     outlier
-        Contradicts the others.
+        Points that contradict the others.
     kept
-        Belongs to the selected set. What is neither is redundant.
+        Points of the selected set. Points that are neither are redundant.
     minimal
-        A corner of the convex hull of what is no outlier.
+        Corners of the convex hull of the points that are no outliers.
     score
-        Evidence of being an outlier, see `mmt_methods.selection.outliers`; 0 where there
-        were too few points to say.
+        Evidence of being an outlier, see `mmt_methods.selection.outliers`; 0 if there are
+        too few points.
     reason
         A sentence for each outlier, "" for the others.
     error
-        Relative spectral error of the selected set at places that it does not hold.
+        Relative spectral error of the selected set, at points outside it.
     limit
-        The score from which a point is an outlier.
+        Score above which a point is an outlier, None if there is no such limit.
     """
 
     outlier: BoolArray
@@ -82,13 +82,13 @@ class Selection:
 def select(data: ModelPoints, settings: SelectionSettings | None = None) -> Selection:
     """Select the points of a model.
 
-    The result does not depend on the order of the points: they are first put into an order
-    of their own, so that not even the last rounding depends on it.
+    The result does not depend on the order of the points: they are sorted first, so that not
+    even rounding depends on it.
 
     Parameters
     ----------
     data
-        The points; where their segments are at hand, many more outliers are found.
+        The points; with their segments, many more outliers are found.
     settings
         See `SelectionSettings`.
 
@@ -99,7 +99,7 @@ def select(data: ModelPoints, settings: SelectionSettings | None = None) -> Sele
 
     Notes
     -----
-    O(n^3): of 500 points under a second, of 2000 some ten.
+    O(n^3): under a second for 500 points, some ten seconds for 2000.
     """
     settings = settings or SelectionSettings()
     n = len(data)

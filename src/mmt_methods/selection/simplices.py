@@ -1,8 +1,8 @@
-"""Delaunay simplices: around any place, and around each point's place without the point.
+"""Delaunay simplices around any place, and around each point's place with that point left out.
 
-Leaving a vertex out of a triangulation changes the star of that vertex alone, and the new
-simplices have their corners on the star's rim. So the simplex around the vertex's place is found
-in a triangulation of its neighbours, and not all n points are triangulated again.
+Leaving a vertex out of a triangulation changes only the star of that vertex, and the corners of the
+new simplices lie on the star's rim. So a triangulation of the vertex's neighbours is enough to find
+the simplex around its place, and not all n points are triangulated again.
 """
 
 from typing import NamedTuple
@@ -24,7 +24,7 @@ class Enclosing(NamedTuple):
 
     @property
     def found(self) -> IntArray:
-        """Which places have a simplex."""
+        """Indices of the places that have a simplex."""
         return np.flatnonzero(self.members[:, 0] >= 0)
 
     def interpolate(self, values: FloatArray) -> FloatArray:
@@ -37,9 +37,9 @@ class Enclosing(NamedTuple):
 
 
 def hull_of(points: FloatArray) -> IntArray:
-    """Return the numbers of the corners of the convex hull, ascending: the minimal set.
+    """Return the indices of the corners of the convex hull, ascending: the minimal set.
 
-    If the points do not span the space, every one counts as a corner.
+    If the points do not span the space, every point counts as a corner.
     """
     try:
         corners = ConvexHull(points).vertices
@@ -77,7 +77,7 @@ def enclose(points: FloatArray, places: FloatArray) -> Enclosing:
 
 
 def enclose_without(points: FloatArray) -> Enclosing:
-    """Return the simplex around the place of each of n points (n, d) without it.
+    """Return the simplex around each of n points (n, d), with that point left out.
 
     One triangulation of all points and one of each point's neighbours: O(n log n) for scattered
     points.
@@ -93,9 +93,9 @@ def enclose_without(points: FloatArray) -> Enclosing:
 
 
 def _stars(points: FloatArray) -> list[set[int]]:
-    """Return the neighbours of each point in the triangulation; of flat points there are none.
+    """Return the neighbours of each point in the triangulation; none if points are flat.
 
-    Points at one place are neighbours of each other, and share theirs.
+    Points at one place are neighbours of each other, and share all other neighbours.
     """
     try:
         triangulation = Delaunay(points)
@@ -103,7 +103,7 @@ def _stars(points: FloatArray) -> list[set[int]]:
         return [set() for _ in points]
     starts, neighbours = triangulation.vertex_neighbor_vertices
     stars = [set(neighbours[starts[i] : starts[i + 1]].tolist()) for i in range(len(points))]
-    for dropped, _, kept in triangulation.coplanar.tolist():  # at, or very near, another
+    for dropped, _, kept in triangulation.coplanar.tolist():  # at, or very near, another point
         stars[dropped] = stars[kept] | {kept}
         for other in stars[dropped]:
             stars[other].add(dropped)

@@ -1,12 +1,12 @@
-"""Evidence of knocks in a segment's own samples: damped tones behind the predicted filter.
+"""Evidence of knocks in a segment's own samples: damped tones after the prediction error filter.
 
 A struck object rings in its modes, each a damped sinusoid from the instant of the knock. Against a
-texture of known spectrum the most powerful test for one of them is the matched filter behind the
-prediction error filter of the texture (Kay, "Fundamentals of statistical signal processing", volume
-II, 1998, section 7.4): the squared projection of the prediction error on the filtered cosine and
-sine. Mode and instant are unknown, so the largest over a grid is taken, a generalised likelihood
-ratio. It also detects tones at the frequencies of the texture itself: behind the filter, such a
-tone leaves the click of its onset.
+texture of known spectrum, the most powerful test for a mode is a matched filter after the texture's
+prediction error filter (Kay, "Fundamentals of statistical signal processing", volume II, 1998,
+section 7.4): the squared projection of the prediction error on the filtered cosine and sine. Mode
+and instant are unknown, so the largest over a grid is taken, a generalised likelihood ratio. The
+test also detects tones at frequencies of the texture: after the filter, the click of their onset
+remains.
 """
 
 from collections.abc import Sequence
@@ -28,12 +28,12 @@ SHORTEST_MS: Final = 64
 """Least length of prediction error in which a tone is looked for."""
 
 LEFT_MS: Final = 8
-"""What a mode must have left in the segment."""
+"""Least part of a mode that must lie in the segment."""
 
-_LEAST: Final = 1e-9  # of the determinant: cosine and sine that cannot be told apart
+_LEAST: Final = 1e-9  # relative determinant; below, cosine and sine are too alike
 _TINY: Final = float(np.finfo(np.float64).tiny)
-_LARGEST: Final = 1e100  # times the energy that was expected: more makes no difference
-_LARGEST_SHARE: Final = 1.0 - 1e-9  # of the energy, that a tone explains
+_LARGEST: Final = 1e100  # times the expected energy; more makes no difference
+_LARGEST_SHARE: Final = 1.0 - 1e-9  # cap on the share of the energy that a tone explains
 
 
 def modes(rate_hz: float) -> ComplexArray:
@@ -75,16 +75,16 @@ def loudest_tone_energy(error: FloatArray, ar: FloatArray, modes: ComplexArray, 
     error
         Prediction error, shape (n,).
     ar
-        The filter that it comes from, without the leading 1, shape (m,).
+        Filter that has produced the error, without the leading 1, shape (m,).
     modes
         See `modes`, shape (k,).
     left
-        Samples that a mode must have left.
+        Least number of samples of a mode in the segment.
 
     Notes
     -----
-    O(n (m + k)): all instants of one mode are a recursion in reversed time. Every mode decays,
-    so that it is stable.
+    O(n (m + k)): one recursion in reversed time covers all instants of a mode. The recursion is
+    stable, since every mode decays.
     """
     whitener = np.append(1.0, ar)
     matched = np.convolve(error[::-1], whitener)[: len(error)]
@@ -95,8 +95,8 @@ def loudest_tone_energy(error: FloatArray, ar: FloatArray, modes: ComplexArray, 
 def _loudest(matched: FloatArray, whitener: FloatArray, modes: ComplexArray, least: int) -> float:
     """Return the largest energy from the error, filtered once more in reversed time.
 
-    ``w`` is the filtered mode's next sample: as the tone begins one sample earlier, one more of
-    them lies in the segment.
+    ``w`` is the next sample of the filtered mode: if the tone begins one sample earlier, one more
+    sample lies in the segment.
     """
     loudest = 0.0
     for k in range(modes.size):
@@ -125,14 +125,14 @@ def _loudest(matched: FloatArray, whitener: FloatArray, modes: ComplexArray, lea
 def tone_evidence(
     segments: Sequence[FloatArray], filters: Whitening, level_variance: FloatArray, rate_hz: float
 ) -> FloatArray:
-    """Return how much likelier segments are with the likeliest damped tone, in nepers, (n,).
+    """Return log likelihood ratios (n,) of the likeliest damped tone against none, in nepers.
 
     Parameters
     ----------
     segments
         Vibration.
     filters
-        Predicted ones.
+        Prediction error filters of the predicted spectra.
     level_variance
         Variance of the logarithm of the predicted excitation's variance, positive, shape (n,).
     rate_hz
@@ -140,10 +140,10 @@ def tone_evidence(
 
     Notes
     -----
-    The level is unknown within its predicted error, with the tone and without: each likelihood is
-    that of the likeliest level. Of more instants the largest is larger, by the logarithm of their
-    number (Gumbel), which is subtracted: one for each millisecond, within which a mode changes
-    little. Zero if a segment is too short to tell.
+    The level is unknown within its predicted error, so both likelihoods are those of the likeliest
+    level. The maximum over more instants is larger by the logarithm of their number (Gumbel), which
+    is subtracted: one instant for each millisecond, within which a mode changes little. Zero if a
+    segment is too short to tell.
     """
     found = np.zeros((3, len(segments)))
     order, per_ms, grid = filters.ar.shape[1], rate_hz / 1000.0, modes(rate_hz)
@@ -162,10 +162,10 @@ def tone_evidence(
 
 
 def _surprise(energy: FloatArray, count: FloatArray, variance: FloatArray) -> FloatArray:
-    """Return minus the log likelihood of white noise at the likeliest level, but for a constant.
+    """Return minus the log likelihood of white noise at the likeliest level, up to a constant.
 
-    The least over s, a normal offset of the level, of
-    ``count / 2 s + energy / 2 exp(-s) + s^2 / (2 variance)``, which is where
+    It is the minimum over s, a normal offset of the level, of
+    ``count / 2 s + energy / 2 exp(-s) + s^2 / (2 variance)``. The minimum is at
     ``s = omega(ln(variance energy / 2) + variance count / 2) - variance count / 2``, by Wright's
     omega function (Corless and Jeffrey, "The Wright omega function", 2002). There the derivative is
     zero, and ``energy exp(-s)`` is ``count + 2 s / variance``.

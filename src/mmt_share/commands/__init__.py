@@ -1,1 +1,1 @@
-"""Commands of what is shared."""
+"""Commands of sharing and of the player."""

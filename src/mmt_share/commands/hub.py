@@ -123,7 +123,7 @@ async def _run(scene: HubScene, duration_s: float | None, *, json_lines: bool) -
 
 
 async def _count(hub: "Hub", say: Callable[[str], None]) -> None:
-    """Say how many are listening, seldom."""
+    """Report the number of listeners if it has changed, at most every 5 s."""
     said = 0
     while True:
         await asyncio.sleep(_SPACING_S)

@@ -57,7 +57,7 @@ def listen(
         raise InputError("a listener has no follower: leave [link] out of the scene")
     from mmt.link.connection import check_url
 
-    check_url(url)  # before anything is compiled for it
+    check_url(url)  # before kernels are compiled
     options = ServiceOptions(json_file, json_lines, log, log_level, realtime, verbose)
     LeaderRun(scene, options, None).run()
 

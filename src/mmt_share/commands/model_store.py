@@ -61,7 +61,7 @@ def list_models(
 
 
 def _list_store(url: str, json_file: Path | None) -> None:
-    """Print what a store has, the newest first."""
+    """Print the models of a store, the newest first."""
     entries = _remote(url).entries()
     table = plain_table(
         "", "name", "hash", "made", "who", "licence", "samples", "error (dB)", "note"
@@ -84,7 +84,7 @@ def pull(
     ] = None,
     force: Force = False,
 ) -> None:
-    """Fetch a model from a leader's store; what broke off goes on where it was."""
+    """Fetch a model from a leader's store; an interrupted transfer is resumed."""
     remote = _remote(store)
     entry = remote.find(name)
     file = target or Path(f"{_file_name(entry.name)}{SUFFIX}")
@@ -125,6 +125,6 @@ def push(
 
 
 def _file_name(name: str) -> str:
-    """Return a name as a file has it: no folders, nothing hidden."""
+    """Return a name that is safe for a file: without folders, not hidden."""
     plain = "".join(c if c.isalnum() or c in "._- " else "-" for c in name).strip(" .")
     return plain or "model"

@@ -85,7 +85,7 @@ def play(
 
 
 async def _serve_shared(url: str, results: "ResultsFile", link: Link, everyone: bool) -> None:
-    """Serve pages with the surface that a leader shares, as many as come."""
+    """Serve the surface that a leader shares, to several pages at once."""
     from mmt_share.player.following import SharedTexture
     from mmt_share.player.server import PlayerServer
 
@@ -110,19 +110,19 @@ async def serve_until_ended(
     everyone: bool = False,
     on_page: Callable[[str], object] = lambda _: None,
 ) -> None:
-    """Serve pages until a signal, and tell what was recorded.
+    """Serve pages until a signal, and print what was recorded.
 
     Parameters
     ----------
     server, link, everyone
-        What is served, and as of `PlayerServer.start`.
+        The server, and the arguments of `PlayerServer.start`: `link` has host and port.
     on_page
         Called with the page's address.
 
     Raises
     ------
     MmtError
-        The port cannot be had, or a recording stopped.
+        The port cannot be used, or a recording has stopped.
     """
     ended, player = asyncio.Event(), server.player
     await server.start(link.host, link.port, everyone=everyone)

@@ -71,7 +71,7 @@ def _session(source: Path, options: "ImportOptions") -> "RecordedSession":
     from mmt.session.importing.recording import import_columns
 
     if source.suffix.lower() == ".mcap":
-        with suppress(InputError):  # it is another program's
+        with suppress(InputError):  # a file of another program
             return read_session(source)
     proposal, report, error = try_proposal(source, _completed(source, options))
     if report is None:
@@ -82,7 +82,7 @@ def _session(source: Path, options: "ImportOptions") -> "RecordedSession":
 
 
 def _completed(source: Path, options: "ImportOptions") -> "Proposal":
-    """Return how a file may be imported, asking a person for what its columns do not tell."""
+    """Return how to import a file, and ask a person for what its columns do not tell."""
     from mmt.session.importing.proposal import propose
 
     proposal = propose(source, options)

@@ -1,8 +1,8 @@
-"""The page of a model that is shared: an address, and its QR code, for whoever comes by.
+"""The page of a shared model for visitors: its process, its address and a QR code.
 
-It is `mmt play --from URL` as a process, open to the network that this machine is in: visitors feel
-the surface, and can move nothing. It ends when its standard input is closed, as it is where whoever
-started it is killed.
+The process is `mmt play --from URL`, open to this machine's network: visitors feel the surface, but
+cannot move the robot. The process ends when its standard input is closed, and so also if the
+program that started it is killed.
 """
 
 import asyncio
@@ -38,7 +38,7 @@ class VisitorsPage:
     Parameters
     ----------
     token
-        What the leader asks of its listeners, None for nothing.
+        Token that the leader asks of its listeners, or None.
     code
         Whether a QR code is shown.
     """
@@ -48,23 +48,23 @@ class VisitorsPage:
         self._process: subprocess.Popen[bytes] | None = None
         self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `close`
         self.address: str | None = None
-        """Where visitors find it, None until it can be had."""
+        """Address of the page, or None until it is served."""
 
     def entering(self, sentence: str) -> Coroutine[Any, Any, str] | None:
-        """Return what serves the page if an event says that the model is shared."""
+        """Return a coroutine that serves the page if an event says that the model is shared."""
         url = shared_at(sentence)
         return None if url is None else self.open(url)
 
     @property
     def lasting(self) -> str | None:
-        """That it can be felt, once there is the page."""
+        """Words that give the address of the page, or None before it is served."""
         return None if self.address is None else f"it can be felt at {self.address}"
 
     async def open(self, url: str) -> str:
-        """Serve what is shared at a URL; return a text for the terminal as soon as it can be had.
+        """Serve the model shared at a URL; return a text for the terminal when the page is up.
 
-        The text is a sentence and, if it is wanted and `segno` is installed, a QR code; or says
-        that it failed.
+        The text gives the address and, if wanted and if `segno` is installed, a QR code. If the
+        process has ended instead, the text says why.
         """
         port = _free_port()
         self._process = subprocess.Popen(  # noqa: S603 - our own program; returns at once
@@ -90,15 +90,15 @@ class VisitorsPage:
         return f"no page for visitors: {said or 'its process has ended'}"
 
     def wait(self) -> None:
-        """Wait for the page's end.
+        """Wait until the page's process ends.
 
-        By looking again and again: a signal that comes just before a wait would not end that.
+        This polls, because a signal that comes just before a blocking wait would not end it.
         """
         while self._process is not None and self._process.poll() is None:
             time.sleep(_POLL_S)
 
     def close(self) -> None:
-        """End it."""
+        """End the page's process."""
         self._errors.close()
         process, self._process = self._process, None
         if process is None:
@@ -131,13 +131,13 @@ def visitors_page(scene: Scene, *, terminal: bool) -> VisitorsPage:
 
 
 def reachable_url(table: ServedTable, port: int) -> str:
-    """Return where other machines reach what listens at a port by this table."""
+    """Return the URL by which other machines reach a server with this table and port."""
     host = _own_address() if table.host in _EVERYWHERE else table.host
     return table.model_copy(update={"host": host}).url(port)
 
 
 def _own_address() -> str:
-    """Return this machine's address in the network that it is in, or its name."""
+    """Return this machine's address in its network, or its name without a network."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as connection:
         try:
             connection.connect(_ELSEWHERE)
@@ -147,7 +147,7 @@ def _own_address() -> str:
 
 
 def qr_code(text: str) -> str:
-    """Return lines that show a text as a QR code, none where `segno` is not installed."""
+    """Return lines that show a text as a QR code, or "" if `segno` is not installed."""
     try:
         import segno
     except ImportError:
@@ -158,7 +158,7 @@ def qr_code(text: str) -> str:
 
 
 def _free_port() -> int:
-    """Return the usual port, or any free one where it is taken."""
+    """Return the usual port, or any free one if it is taken."""
     for port in (_PORT, 0):
         with socket.socket() as connection, suppress(OSError):
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -1,4 +1,4 @@
-"""A hub's copy of the shared model, from what the feeder hands on."""
+"""A hub's copy of the shared model, from the messages that the feeder passes on."""
 
 import struct
 import time
@@ -13,26 +13,26 @@ from mmt_share.relay import Relay
 from mmt_share.replica import ModelReplica
 
 _TIME_S: Final = struct.Struct("<d")
-"""How a state of the hand begins."""
+"""Session time, with which a state of the hand begins."""
 
 
 class HubCopy:
-    """Take a leader's messages in any number and order, and let listeners have what is new.
+    """Take a leader's messages, repeated or out of order, and offer listeners the new ones.
 
-    What is here already is passed over, so that two hubs may feed at once; where something is
-    missing, `lacking` says so until the whole model has come.
+    Repeated models and changes are ignored, so that two hubs may feed at once. If one is missing,
+    `lacking` is True until the whole model has come.
 
     Parameters
     ----------
     relay
-        Of the hub's server.
+        Relay of the hub's server.
     states_hz
-        How many states of the hand listeners get in a second at most.
+        Most states of the hand that listeners get in a second.
 
     Attributes
     ----------
     welcome
-        What the leader said of its session, empty before the first.
+        Identifier, name and rate of the leader's session, empty before the first.
     lacking
         Whether the session, or a state of the model, is missing.
     """
@@ -46,7 +46,7 @@ class HubCopy:
 
     @property
     def session_id(self) -> str:
-        """The leader's session, empty before the first."""
+        """Identifier of the leader's session, empty before the first."""
         return str(self.welcome.get("session_id", ""))
 
     @property
@@ -55,11 +55,11 @@ class HubCopy:
         return self._replica.number
 
     def whole(self) -> dict[str, Any] | None:
-        """Return the message of the whole model, None where there is none yet."""
+        """Return the message of the whole model, or None before the first."""
         return self._replica.message() if self.number else None
 
     def take(self, event: str, message: Any) -> None:
-        """Take a message."""
+        """Take a message that the feeder passes on."""
         if event == STATE:
             whole = isinstance(message, bytes) and len(message) == STATE_DTYPE.itemsize
             if whole and self._states.passes(time.monotonic()):

@@ -1,4 +1,4 @@
-"""As many open sockets as a hub's listeners need."""
+"""Limit of open files, raised to what a hub's listeners need."""
 
 from collections.abc import Callable
 from typing import Final
@@ -6,19 +6,19 @@ from typing import Final
 from mmt.link.listening import descriptors
 
 _SHARE: Final = 8
-"""A server of so many listeners admits twice as many connections, in a quarter of what it may
-open; see `mmt.link.accepting.Acceptor`."""
+"""Files per listener: a server admits two connections for each listener, and uses a quarter of its
+files for them; see `mmt.link.accepting.Acceptor`."""
 
 
 def make_room(listeners: int, say: Callable[[str], None]) -> None:
-    """Raise this process's limit of open files as far as it goes, and say if it is too low.
+    """Raise this process's limit of open files as far as possible, and say if it is too low.
 
     Parameters
     ----------
     listeners
-        How many are to be served at once.
+        Number of listeners to serve at once.
     say
-        Called with a sentence where it is too low.
+        Called with a sentence if the limit is too low.
     """
     try:
         import resource

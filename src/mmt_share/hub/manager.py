@@ -1,4 +1,4 @@
-"""What joins hubs: python-socketio's own client manager over Redis."""
+"""Client manager of python-socketio over Redis, by which hubs exchange messages."""
 
 import asyncio
 from collections.abc import Callable
@@ -16,7 +16,7 @@ from mmt.core.errors import InputError, MmtError
 from mmt.core.printable import without_secrets
 
 HUBS_NAMESPACE: Final = "/hubs"
-"""Of what hubs tell each other; no listener can connect to it."""
+"""Namespace of the messages between hubs; no listener can connect to it."""
 
 START_IT: Final = (
     "start one there (`apt install redis-server`, or `redis-server --port 6379`), "
@@ -35,19 +35,19 @@ _MENDED_BY: Final = {
 }
 
 _ANSWER_S: Final = 1.0
-"""How long Redis may take to answer, and to take a message."""
+"""Time-out of an answer of Redis, and of sending it a message."""
 _NOTHING: Final = "null"
-"""A message that python-socketio passes over."""
+"""A message that python-socketio ignores."""
 _RETRY_S: Final = 0.5
 _SILENCE_S: Final = 5.0
-"""Every hub's own beats come back from Redis once a second: a connection without them is dead."""
+"""Time-out of reading from Redis, which returns to each hub at least its own beat once a second."""
 
 
 class _LocalDelivery(socketio.AsyncManager):  # type: ignore[misc] # the library has no types
-    """What the manager over Redis calls to deliver an event to this process.
+    """Base class by which the manager over Redis delivers an event to this process.
 
-    Events of hubs go to the hub, which has room for the newest of each alone. To the listeners
-    they would go through the library's queues, which grow where a listener stalls.
+    Events between hubs go straight to the hub, which keeps only the newest messages. The library
+    would send them to listeners through queues that grow if a listener stalls.
     """
 
     deliver: Callable[[str, Any], None]
@@ -65,11 +65,11 @@ class HubManager(socketio.AsyncRedisManager, _LocalDelivery):  # type: ignore[mi
     Parameters
     ----------
     url
-        Of the Redis server.
+        URL of the Redis server.
     group
-        Hubs of the same group hear each other.
+        Only hubs of the same group exchange messages.
     deliver
-        Called with each event of a hub, this one included, and its argument.
+        Called with each event from a hub, this one included, and its argument.
 
     Raises
     ------
@@ -89,7 +89,7 @@ class HubManager(socketio.AsyncRedisManager, _LocalDelivery):  # type: ignore[mi
         once: dict[str, Any] = {"retry": Retry(NoBackoff(), 0)}
         try:
             self._probe = redis.asyncio.Redis.from_url(url, **options, **once)
-        except ValueError:  # which may quote a part of the password
+        except ValueError:  # its message may quote a part of the password
             raise InputError(
                 "--redis: this is no URL of Redis; allowed is redis://USER:PASSWORD@HOST:PORT, "
                 "with the characters / ? # of a password as %2F %3F %23"
@@ -98,15 +98,15 @@ class HubManager(socketio.AsyncRedisManager, _LocalDelivery):  # type: ignore[mi
         """Whether Redis answered when it was last asked."""
 
     def initialize(self) -> None:
-        """Listen to the other hubs; the server asks for it once more at its first listener."""
+        """Start to receive from the hubs; the server calls this again at its first listener."""
         if not self._begun:
             self._begun = True
             super().initialize()
 
     async def check(self) -> str | None:
-        """Tell the hubs' channel nothing; return None, or why that is not possible.
+        """Publish an empty message on the hubs' channel; return None, or why that fails.
 
-        While Redis was not reached, whether it can be heard as well.
+        Until Redis is `reached`, also check that the message is received.
         """
         try:
             async with asyncio.timeout(_ANSWER_S), AsyncExitStack() as stack:
@@ -123,12 +123,12 @@ class HubManager(socketio.AsyncRedisManager, _LocalDelivery):  # type: ignore[mi
         return None
 
     async def require(self) -> None:
-        """Check that Redis is there.
+        """Check that Redis can be used.
 
         Raises
         ------
         MmtError
-            It is not.
+            Redis cannot be used; the message says why.
         """
         problem = await self.check()
         if problem in _MENDED_BY:
@@ -137,7 +137,7 @@ class HubManager(socketio.AsyncRedisManager, _LocalDelivery):  # type: ignore[mi
             raise MmtError(f"no Redis server answers ({problem}): {START_IT}")
 
     async def tell(self, event: str, data: Any) -> None:
-        """Deliver an event to every hub; to this one alone while Redis is lost."""
+        """Send an event to every hub, or to this one alone while Redis is lost."""
         with suppress(TimeoutError):
             async with asyncio.timeout(_ANSWER_S):
                 await self.emit(
@@ -145,7 +145,7 @@ class HubManager(socketio.AsyncRedisManager, _LocalDelivery):  # type: ignore[mi
                 )
 
     async def close(self) -> None:
-        """Hear and tell no more."""
+        """Close the connections to Redis."""
         if self._begun:
             await cancel_until_ended([self.thread])
         for each in (self.pubsub, self.redis, self._probe):

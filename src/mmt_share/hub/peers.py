@@ -1,9 +1,9 @@
-"""Which hubs there are, and which of them takes the model from the leader.
+"""The list of hubs, and the choice of the feeder, which takes the model from the leader.
 
-Each hub tells the others once a second that it is there. One of them, the feeder, is connected to
-the leader, and hands on to the others what comes. Where none is, the oldest hub that can reach the
-leader becomes it; where two are, the older one stays. Nothing is agreed on: for a moment two hubs
-may feed, or none, and what they hand on is numbered, so that neither does any harm.
+Each hub sends the others a beat once a second. The feeder is connected to the leader and passes its
+messages on to the others. If there is no feeder, the oldest hub that can reach the leader becomes
+it; if there are two, the older one stays. There is no voting: for a moment two hubs may feed, or
+none. This does no harm, because the messages are numbered.
 """
 
 from dataclasses import dataclass
@@ -18,27 +18,27 @@ BEAT_S: Final = 1.0
 LOST_S: Final = 2.0
 """A hub without a beat for this long is gone."""
 FIRST_S: Final = 1.5
-"""How long a new hub waits for the beats of others before it turns to the leader."""
+"""How long a new hub waits for the beats of others before it connects to the leader."""
 TURN_S: Final = 1.0
-"""By how much sooner than the next younger hub an older one turns to the leader."""
+"""Each younger hub waits this much longer than the next older one before it connects."""
 
 
 @dataclass(frozen=True)
 class Beat:
-    """What a hub tells the others of itself.
+    """Message that a hub sends to the others once a second.
 
     Attributes
     ----------
     id
-        Its name; an older hub's comes first in alphabetical order.
+        Name of the hub; names sort by age, the oldest hub first.
     address
-        Where listeners connect.
+        Address for listeners.
     listeners
-        How many it has.
+        Number of its listeners.
     feeding
         Whether it is connected to the leader.
     session_id, number
-        Of the newest state of the model that it has.
+        Session and number of its newest state of the model.
     leaving
         Whether this is its last beat.
     """
@@ -52,12 +52,12 @@ class Beat:
     leaving: bool = False
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as a map for the wire."""
+        """Return the beat as a map for the wire."""
         return dict(vars(self))
 
     @classmethod
     def from_message(cls, message: Any) -> Self:
-        """Return what a hub tells.
+        """Parse a beat, which is not trusted.
 
         Raises
         ------
@@ -82,14 +82,14 @@ class Beat:
 
 
 class Peers:
-    """The other hubs, as one of them knows them.
+    """The other hubs, known by their beats.
 
     Parameters
     ----------
     own_id
-        Its own name.
+        Name of this hub.
     now_s
-        Monotonic time at which it begins.
+        Monotonic time at its start.
     """
 
     def __init__(self, own_id: str, now_s: float) -> None:
@@ -112,7 +112,7 @@ class Peers:
         return sorted((beat for _, beat in self._heard.values()), key=lambda beat: beat.id)
 
     def should_feed(self, now_s: float, *, feeding: bool) -> bool:
-        """Whether this hub is to be connected to the leader, `feeding` whether it is."""
+        """Whether this hub should be connected to the leader; `feeding` says whether it is now."""
         others = self.alive(now_s)
         feeders = [beat for beat in others if beat.feeding]
         if feeding:

@@ -33,19 +33,19 @@ class HubScene(Table):
 def load_hub_scene(
     path: Path | None, overrides: Mapping[str, Any], options: Mapping[str, str] | None = None
 ) -> HubScene:
-    """Read and validate the tables of a hub; the environment, then `overrides`, take precedence.
+    """Read and validate the tables of a hub; the environment overrides the file, `overrides` both.
 
     Parameters
     ----------
     path
-        A TOML file, None for the defaults.
+        A TOML file, or None for the defaults.
     overrides, options
         See `mmt.scene.files.load_scene`.
 
     Raises
     ------
     InputError
-        The file is missing or no TOML, or a key or a value is not allowed.
+        The file is missing or not TOML, or a key or a value is not allowed.
     """
     tables: dict[str, Any] = {}
     if path is not None:

@@ -1,4 +1,4 @@
-"""A hub as it runs: its listeners, the other hubs, and the leader where it is its turn."""
+"""The running hub: serves listeners, talks to the other hubs and, if it feeds, to the leader."""
 
 import asyncio
 import logging
@@ -23,11 +23,11 @@ LOG: Final = logging.getLogger("mmt_share")
 
 _BEAT: Final = "beat"
 _LOOK_S: Final = 0.25
-"""Time between two looks at whose turn it is."""
+"""Period at which a hub checks whether it should feed."""
 _MOST_WAITING: Final = 100
-"""Messages that wait for Redis; for more of them the oldest goes, and the whole is asked for."""
+"""Most messages queued for Redis. Beyond, the oldest are lost and hubs request the whole model."""
 _WELCOME: Final = {"session_id": "", "name": "", "rate_hz": 1000, "hubs": []}
-"""Of a hub that knows of no session yet."""
+"""Welcome of a hub that knows no session yet."""
 
 
 class Hub:
@@ -36,9 +36,9 @@ class Hub:
     Parameters
     ----------
     scene
-        Its tables; the leader's address is ``url`` of ``[listening]``.
+        Tables of the hub; the leader's address is ``url`` of ``[listening]``.
     own_address
-        Gives the address for listeners at a port, where ``[hub]`` has none.
+        Returns the address for listeners at a port; used if ``[hub]`` has no address.
     on_event
         Called with a sentence whenever something happens that a person wants to know.
 
@@ -57,7 +57,7 @@ class Hub:
         self._scene, self._own_address, self._on_event = scene, own_address, on_event
         self.id = f"{time.time_ns():020d}-{uuid.uuid4().hex[:8]}"
         self.address = ""
-        """Where listeners connect, empty before `start`."""
+        """Address for listeners, empty before `start`."""
         self.listeners = self.most_listeners = 0
         self.relay = Relay()
         self.copy = HubCopy(self.relay, scene.hub.states_hz)
@@ -67,7 +67,7 @@ class Hub:
         self.server = SharingServer(
             scene.sharing, self.relay, _WELCOME, self._on_listeners, self.manager
         )
-        self._feed: ListenerClient | None = self._new_feed()  # what is not valid is told now
+        self._feed: ListenerClient | None = self._new_feed()  # raises now if not valid
         self._connecting: asyncio.Task[None] | None = None
         self._leaders_welcome: dict[str, Any] = {}
         self._outbox: deque[tuple[str, Any]] = deque(maxlen=_MOST_WAITING)
@@ -85,12 +85,12 @@ class Hub:
         return self._feed is not None and self._feed.connected
 
     async def start(self) -> None:
-        """Find Redis and listen.
+        """Check that Redis answers, and listen.
 
         Raises
         ------
         InputError
-            Anyone could listen and the scene does not allow it, or a certificate cannot be used.
+            Anyone could listen although the scene does not allow it, or a certificate is unusable.
         MmtError
             No Redis server answers, or the host or the port cannot be used.
         """
@@ -105,7 +105,7 @@ class Hub:
         Raises
         ------
         MmtError
-            No hub has ever reached the leader, which did not answer in time or refused this one.
+            The leader did not answer in time or refused this hub, and no hub has reached it yet.
         """
         over = asyncio.create_task(ended.wait())
         parts: tuple[Coroutine[Any, Any, None], ...] = (self._beat(), self._look(), self._post())
@@ -118,7 +118,7 @@ class Hub:
             over.cancel()
 
     async def stop(self) -> None:
-        """Leave the other hubs and the listeners; without `start`, do nothing."""
+        """Leave the other hubs and disconnect the listeners; harmless without `start`."""
         await cancel_until_ended(self._tasks)
         if self.address:
             await self.manager.tell(_BEAT, self._own_beat(leaving=True).as_dict())
@@ -126,7 +126,7 @@ class Hub:
         await self.server.stop()
         await self.manager.close()
 
-    # --- what comes from the other hubs, and from this one
+    # --- events received from all hubs, this one included
 
     def _deliver(self, event: str, message: Any) -> None:
         if event == _BEAT:
@@ -151,10 +151,10 @@ class Hub:
         mine = (self.copy.session_id, self.copy.number)
         ahead = beat.session_id != mine[0] or beat.number > mine[1]
         self._behind = self._behind + 1 if ahead else 0
-        if self._behind > 1:  # what made the difference is not on its way: it was lost
+        if self._behind > 1:  # the missing message is not on its way, but lost
             self.copy.lacking = True
 
-    # --- what goes to them
+    # --- events sent to all hubs
 
     def _own_beat(self, *, leaving: bool = False) -> Beat:
         copy = self.copy
@@ -164,7 +164,7 @@ class Hub:
         )
 
     async def _beat(self) -> None:
-        """Tell once a second that this hub is there, and what it lacks."""
+        """Check Redis, send a beat and request what this hub lacks, once a second."""
         while True:
             problem = await self.manager.check()
             told = self._tell(
@@ -181,7 +181,7 @@ class Hub:
             await asyncio.sleep(BEAT_S)
 
     async def _ask(self) -> None:
-        """Ask for what is missing: the leader where this hub is connected to it, else the hubs."""
+        """Request what is missing, from the leader if connected to it, else from the other hubs."""
         if self._feed is not None and self._feed.connected:
             self._hand_on(WELCOME, self._leaders_welcome)
             self._feed.ask()
@@ -189,7 +189,7 @@ class Hub:
             await self.manager.tell(AGAIN, self.id)
 
     async def _look(self) -> None:
-        """See whose turn it is to feed, and which hubs there are."""
+        """Feed if it is this hub's turn, keep the list of hubs, and answer hubs that lack state."""
         while True:
             now_s = time.monotonic()
             if self._peers.should_feed(now_s, feeding=self.feeding):
@@ -220,12 +220,12 @@ class Hub:
         )
 
     async def _connect(self) -> None:
-        """Connect to the leader; the first time it must answer, later it is waited for.
+        """Connect to the leader; if a session is known already, retry until it answers.
 
         Raises
         ------
         MmtError
-            It did not answer the first time, or refused.
+            The leader did not answer or refused, and no session is known yet.
         """
         while not self.feeding:
             self._feed = self._feed or self._new_feed()
@@ -257,16 +257,16 @@ class Hub:
         self._posted.set()
 
     def _hand_on_whole(self) -> None:
-        """Let every hub have the session and the whole model."""
+        """Send every hub the session and the whole model."""
         self._hand_on(WELCOME, self.copy.welcome)
         whole = self.copy.whole()
         if whole is not None:
             self._hand_on(MODEL, whole)
 
     def _answers(self, now_s: float) -> bool:
-        """Whether it is this hub's turn to answer one that lacks something.
+        """Whether this hub is the one to answer a hub that lacks something.
 
-        That is the feeder's, and while there is none that of the oldest which has a session.
+        The feeder answers; while there is none, the oldest hub that has a session.
         """
         if self.copy.lacking or not self.copy.session_id:
             return False
@@ -276,17 +276,17 @@ class Hub:
         return not any(beat.session_id and beat.id < self.id for beat in others)
 
     async def _post(self) -> None:
-        """Hand on what has come from the leader, in its order."""
+        """Send the queued messages to all hubs, in order."""
         while True:
             await self._posted.wait()
             self._posted.clear()
             while self._outbox:
                 await self.manager.tell(*self._outbox.popleft())
 
-    # --- what is said
+    # --- reports
 
     def _tell(self, subject: str, problem: str | None, cured: str) -> bool:
-        """Say a problem once, and once that it is gone; return whether anything has changed."""
+        """Report a problem once, and its end once; return whether there was such a change."""
         before = self._told.get(subject)
         if (before is None) == (problem is None):
             return False

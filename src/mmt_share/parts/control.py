@@ -37,7 +37,7 @@ _DECISIONS: Final = {
     "refuse": "control is refused",
     "take back": "control is taken back: the robot holds first",
 }
-"""What a person decides on the monitor's page, and is answered."""
+"""Decisions of a person on the monitor's page, and the answers to them."""
 _SENTENCES: Final = {
     "asked": "{name} asks for control",
     "refused": "control refused to {name}",
@@ -49,7 +49,7 @@ _SENTENCES: Final = {
 
 
 class ControlPart(Part):
-    """Decide in each tick what the robot is commanded, where a listener may have control.
+    """Command the robot in each tick: by the leader's hand, by a listener's, or to hold.
 
     Parameters
     ----------
@@ -58,11 +58,11 @@ class ControlPart(Part):
     table
         The scene's ``[control]``.
     hand
-        Is told what the robot is commanded instead of its own position.
+        The leader's hand, which this part gives the command.
     sharing
-        Leads to the listeners.
+        Sends messages to the listeners.
     feedback
-        What is displayed to the leader's own hand, if anything is.
+        Force feedback of the leader's own hand, or None.
 
     Raises
     ------
@@ -78,7 +78,7 @@ class ControlPart(Part):
         sharing: "SharingPart",
         feedback: "Feedback | None",
     ) -> None:
-        control_access(table.token_file)  # the listeners' process reads it, too late to say so
+        control_access(table.token_file)  # raises now; the listeners' process would later
         self._session = session
         rate_hz, link = session.rate_hz, session.scene.link or Link()
         self._period_s = 1.0 / rate_hz
@@ -101,7 +101,7 @@ class ControlPart(Part):
 
     @classmethod
     def build(cls, session: Session, parts: "LeaderParts") -> "ControlPart | None":
-        """Return the part, None where there is no hand."""
+        """Return the part, or None if the scene has no ``[control]``, hand or ``[sharing]``."""
         table, hand = session.scene.table(Control), parts.hand
         sharing = parts.of(SharingPart)
         if table is None or hand is None or sharing is None:
@@ -110,20 +110,20 @@ class ControlPart(Part):
         feedback = None if displayed is None else displayed.feedback
         return cls(session, table, hand, sharing, feedback)
 
-    # --- what a person decides
+    # --- decisions of a person
 
     def shown(self) -> dict[str, dict[str, Any]]:
-        """Return who moves the robot, and who asks to."""
+        """Return who has control, and who asks for it."""
         over = self._over
         asking = [[who, name] for who, name in over.asking.items()]
         return {"control": {"state": over.state, "operator": over.name, "asking": asking}}
 
     def orders(self) -> "dict[str, Callable[[dict[str, Any]], str]]":
-        """Return the order that gives, refuses or takes back."""
+        """Return the order that gives, refuses or takes back control."""
         return {"control": self._decide}
 
     def signals(self) -> "dict[str, Callable[[], None]]":
-        """Return the one that gives or takes back."""
+        """Return the signal that gives control or takes it back."""
         return {"SIGUSR2": self.toggle}
 
     def _decide(self, order: dict[str, Any]) -> str:
@@ -145,7 +145,7 @@ class ControlPart(Part):
         Raises
         ------
         InputError
-            It does not ask, or no robot is there.
+            The listener does not ask, or no robot is connected.
         """
         remote = self._session.remote
         if self._command_mm is None or remote is None or not remote.connected:
@@ -161,7 +161,7 @@ class ControlPart(Part):
         Raises
         ------
         InputError
-            It does not ask.
+            The listener does not ask.
         """
         self._over.refuse(who)
         self._tell()
@@ -172,7 +172,7 @@ class ControlPart(Part):
         self._tell()
 
     def toggle(self) -> None:
-        """Take control back, or give it to who has asked for longest."""
+        """Take control back, or give it to the listener that has asked for longest."""
         over, tell = self._over, self._session.journal.event
         if over.operator is not None:
             self.take_back()
@@ -184,10 +184,10 @@ class ControlPart(Part):
             except InputError as error:
                 tell(str(error))
 
-    # --- what the listeners' process tells
+    # --- messages from the listeners' process
 
     def receive(self, line: dict[str, Any]) -> None:
-        """Handle what an operator has sent, which is not trusted."""
+        """Handle a message of an operator, which is not trusted."""
         who = line["who"]
         match line["control"]:
             case "ask":
@@ -196,7 +196,7 @@ class ControlPart(Part):
                 self._over.leave(who, "it was given back")
             case "gone":
                 self._over.leave(who, "the operator is lost")
-            case "refused":  # before it came here
+            case "refused":  # by the process
                 self._refused += line["count"]
             case "motion":
                 self._receive_motion(who, bytes.fromhex(line["data"]))
@@ -218,18 +218,18 @@ class ControlPart(Part):
 
     @property
     def away(self) -> bool:
-        """Whether the robot is not the own hand's to move."""
+        """Whether the robot does not follow the leader's hand now."""
         return self._over.state != "own"
 
     def command(self, tick: Tick, own_mm: Vector | None) -> Vector | None:
-        """Return what the robot is to be commanded (mm), None before anything was.
+        """Return the robot's command (mm), or None before the first.
 
         Parameters
         ----------
         tick
-            It has the state of the leader's own hand; what is said of the other is filled in.
+            With the state of the leader's hand; the operator's state and the offset are filled in.
         own_mm
-            What the leader's own hand asks for, None before it was read.
+            Position that the leader's own hand asks for, or None before the hand was read.
         """
         over = self._over
         if over.state == "own":
@@ -245,7 +245,7 @@ class ControlPart(Part):
         return self._command_mm
 
     def _follow_own(self, tick: Tick, own_mm: Vector | None) -> Vector | None:
-        """Command what the leader's hand asks for, and what it lacks since it was given away."""
+        """Command the position of the leader's hand, plus the offset since control was away."""
         state = tick.state
         if own_mm is None:
             return self._command_mm
@@ -265,12 +265,12 @@ class ControlPart(Part):
         return self._clutch.step(hand, elapsed * self._period_s)
 
     def _go(self, wanted_mm: Vector, elapsed: int) -> None:
-        """Command a position, or what of the way there the robot may make."""
+        """Move the command towards a position, no faster than the robot may move."""
         assert self._command_mm is not None  # noqa: S101 - the callers have looked
         self._command_mm = towards(self._command_mm, wanted_mm, self._limit_mm * elapsed)
 
     def tick(self, tick: Tick) -> None:
-        """Let time pass, and tell the operator what its own force is rendered from."""
+        """Advance the time, and send the operator the contact for its own force."""
         over = self._over
         over.tick(tick.elapsed)
         if over.changes:
@@ -288,7 +288,7 @@ class ControlPart(Part):
         return SharedContact(model, self._normal, 0.0 if table is None else table.limit_n)
 
     def _tell(self) -> None:
-        """Tell, record and send what has changed."""
+        """Report and record the changes of control, and send them to the listeners concerned."""
         changes = self._over.changes
         while changes:
             change = changes.popleft()
@@ -307,20 +307,20 @@ class ControlPart(Part):
         self._sharing.admit_motion(self._over.operator)
         self._sharing.send_to(change.who, news.encode())
 
-    # --- what it says
+    # --- reports
 
     def status(self) -> dict[str, Any]:
         """Return who moves the robot."""
         return {"control": self._over.name or self._over.state}
 
     def metrics(self) -> "Iterable[Metric]":
-        """Return whose hand moves the robot, and how often that has changed."""
+        """Return metrics of whose hand moves the robot, and of how often that has changed."""
         from mmt_share.parts.control_metrics import control_metrics
 
         return control_metrics(self._over.state, self._figures())
 
     def summary(self, duration_s: float) -> dict[str, Any]:
-        """Return how often control was given, and what came."""
+        """Return figures of control, and the delay of the operator's motion."""
         _ = duration_s
         delay_ms = round(self._motion.delay_ms, 1)
         return {"control": {**self._figures(), "delay_ms": delay_ms}}

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 def control_metrics(now: "State", figures: Mapping[str, Any]) -> Iterator["Metric"]:
-    """Yield whose hand moves the robot, and how often and for how long control was away."""
+    """Yield metrics of whose hand moves the robot, and of how often and long control was away."""
     from mmt.core.exposition import counter, state
 
     hand = {"own": "leader", "given": "listener"}.get(now, "none")

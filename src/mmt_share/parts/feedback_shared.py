@@ -1,4 +1,4 @@
-"""The force of a contact that another leader has modelled, rendered from this hand's place."""
+"""Force of a contact that another leader has modelled, rendered at this hand's position."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final
@@ -19,19 +19,19 @@ _SILENCE_TICKS: Final = 300
 
 
 class SharedContactForce(StreamedForce):
-    """Display what the leader's model of the contact gives for this hand's own place.
+    """Display the force of the leader's contact model at this hand's own position.
 
-    The force acts along the normal alone: friction is not modelled, and no streamed force is shown,
-    whose delay over a network could make it unstable. It passes the port of `ForcePort`.
+    The force acts along the normal alone: friction is not modelled, and the streamed force is not
+    shown, as its delay over a network could make it unstable. The force passes a `ForcePort`.
 
     Parameters
     ----------
     interface, limit_n
         As `StreamedForce`; no more is shown than the leader shows to its own hand.
     client
-        Has the contact while this hand has control.
+        Provides the contact while this hand has control.
     settings
-        Of passivity and rendering.
+        Settings of passivity and rendering.
     """
 
     def __init__(
@@ -80,5 +80,5 @@ class SharedContactForce(StreamedForce):
 
     @property
     def summary(self) -> Mapping[str, Any]:
-        """Energies, and the largest force that was displayed."""
+        """Energies, and the largest force displayed."""
         return {**super().summary, "method": "shared", **self._ports.summary}

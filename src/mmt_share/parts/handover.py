@@ -1,7 +1,7 @@
-"""Who moves the robot: the leader's own hand, a listener's, or nobody while it changes.
+"""State machine of control: the leader's hand moves the robot, or a listener's, or none.
 
-Between any two hands the robot holds. Nothing here knows a network or a clock: what happens is
-told by calls, time passes by `HandOver.tick`.
+Between any two hands the robot holds. Nothing here uses a network or a clock: the caller reports
+events, and time passes by `HandOver.tick`.
 """
 
 from collections import deque
@@ -10,19 +10,19 @@ from typing import Final, Literal, NamedTuple
 from mmt.core.errors import InputError
 
 State = Literal["own", "giving", "given", "returning"]
-"""The leader's hand moves the robot; it holds until the new operator's motion comes; a listener's
-hand moves it; it holds until the leader's hand may go on."""
+"""In this order: the leader's hand moves the robot; the robot holds until the operator's motion
+comes; the operator's hand moves it; the robot holds until the leader's hand may go on."""
 
 _MOST_ASKING: Final = 20
 
 
 What = Literal["asked", "refused", "giving", "given", "moves", "ended", "back"]
-"""A listener asks, or is refused; control goes to it, it may move, it moves; its control is over;
+"""In this order: a listener asks, is refused, is given control, may move, moves; its control ends;
 the leader's hand moves the robot again."""
 
 
 class Change(NamedTuple):
-    """What a person and an operator are to be told."""
+    """A change of control, to be told to people and to the operator."""
 
     what: What
     who: int
@@ -33,14 +33,14 @@ class Change(NamedTuple):
 
 
 class HandOver:
-    """The states of control, and what leads from one to the next.
+    """The states of control, and the transitions between them.
 
     Parameters
     ----------
     hold_ticks
-        The robot holds for at least this long between two hands: the fade of force and vibration.
+        Least time that the robot holds between two hands, in which force and vibration fade.
     silence_ticks
-        An operator that sends nothing for this long has lost control.
+        An operator that sends no motion for this long loses control.
     """
 
     def __init__(self, *, hold_ticks: int, silence_ticks: int) -> None:
@@ -53,21 +53,21 @@ class HandOver:
         self.grant = 0
         """Number of the newest grant."""
         self.operator: int | None = None
-        """Number of the listener that control is given to."""
+        """Number of the listener that control is given to, or None."""
         self.asking: dict[int, str] = {}
-        """Names of the listeners that ask, by number, who waits longest first."""
+        """Names of the listeners that ask, by number, the longest waiting first."""
         self.holds = self.refusals = 0
-        """How often the robot was held between two hands, and how often somebody was refused."""
+        """How often the robot was held between two hands, and how often a request was refused."""
         self.changes: deque[Change] = deque()
-        """What has happened and was not taken from here yet."""
+        """Changes that the caller has not taken yet."""
 
     @property
     def name(self) -> str:
-        """Name of the operator, empty where there is none."""
+        """Name of the operator, empty if there is none."""
         return "" if self.operator is None else self._names[self.operator]
 
     def ask(self, who: int, name: str) -> None:
-        """Note that a listener asks for control; once until it is answered."""
+        """Note that a listener asks for control, unless it asks already or is the operator."""
         if who in self.asking or who == self.operator:
             return
         if len(self.asking) >= _MOST_ASKING:
@@ -77,28 +77,28 @@ class HandOver:
         self._tell("asked", who, name)
 
     def leave(self, who: int, why: str) -> None:
-        """Note that a listener has gone, or asks no more, or gives control back."""
+        """Note that a listener has left, withdraws its request, or gives control back."""
         self.asking.pop(who, None)
         if who == self.operator:
             self._end(why)
 
     def refuse(self, who: int) -> None:
-        """Refuse who asks.
+        """Refuse control to a listener.
 
         Raises
         ------
         InputError
-            It does not ask.
+            The listener does not ask.
         """
         self._tell("refused", who, self._asker(who))
 
     def give(self, who: int) -> None:
-        """Give control to who asks: the robot holds, until this one's motion comes.
+        """Give control to a listener: the robot holds until the listener's motion comes.
 
         Raises
         ------
         InputError
-            It does not ask.
+            The listener does not ask.
         """
         name = self._asker(who)
         if self.operator is not None:
@@ -114,7 +114,7 @@ class HandOver:
             self._end(why)
 
     def accepts(self, who: int, grant: int) -> bool:
-        """Note motion; return whether it is that of the operator under the newest grant."""
+        """Note motion; return whether it comes from the operator, under the newest grant."""
         if not self._may_move or who != self.operator or grant != self.grant:
             return False
         self._silent_ticks = 0
@@ -124,7 +124,7 @@ class HandOver:
         return True
 
     def tick(self, elapsed: int) -> None:
-        """Let ticks pass."""
+        """Advance the time by ticks."""
         if self.state == "own":
             return
         if self._may_move:

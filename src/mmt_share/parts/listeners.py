@@ -1,4 +1,4 @@
-"""Who listens to a shared model, as the process that serves them tells it."""
+"""Figures of the listeners, as reported by the process that serves them."""
 
 from collections import deque
 from collections.abc import Iterable
@@ -8,37 +8,37 @@ if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
 _MOST_LEFT: Final = 100
-"""Listeners in the summary; the recording has all of them."""
+"""Past listeners in the summary; the recording has all of them."""
 _KINDS: Final = ("wholes", "changes", "states")
 
 
 class Listeners:
-    """The figures of those who listen, and of those who have left."""
+    """The figures of present and past listeners."""
 
     def __init__(self) -> None:
         self.figures: dict[str, Any] = {}
-        """As `mmt_share.server.SharingServer.figures`, of the last second; empty before."""
+        """Newest result of `mmt_share.server.SharingServer.figures`; empty before the first."""
         self.now = self.most = 0
-        """How many listen, and the most that did at once."""
+        """Number of listeners now, and the most at once."""
         self.sent: dict[str, float] = {}
-        """What all of them together were sent, known at the end."""
+        """Totals sent to all listeners; empty until the end."""
         self._left: deque[dict[str, Any]] = deque(maxlen=_MOST_LEFT)
 
     def take_event(self, details: dict[str, Any]) -> None:
-        """Take that one has come or gone."""
+        """Note that a listener has joined or left."""
         self.now = details["listeners"]
         self.most = max(self.now, self.most)
         if details["kind"] == "listener left":
             self._left.append(details["listener"])
 
     def take_figures(self, figures: dict[str, Any], listened_s: float | None) -> None:
-        """Take the figures of a second; with those of the end comes how long all have listened."""
+        """Take new figures; the last ones come with the total time of listening in s."""
         self.figures = figures
         if listened_s is not None:
             self.sent = {**figures["sent"], "listened_s": listened_s}
 
     def summary(self) -> dict[str, Any]:
-        """Return what is known at the end; of the listeners the 100 that left last."""
+        """Return the final figures, with the 100 listeners that left last."""
         return {
             "most_listeners": self.most,
             "joined": self.figures.get("joined", 0),
@@ -47,7 +47,7 @@ class Listeners:
         }
 
     def metrics(self) -> "Iterable[Metric]":
-        """Return how many listen, what they were sent, and how far they are behind."""
+        """Yield metrics of the number of listeners, of the messages sent, and of the lag."""
         from mmt.core.exposition import counter, gauge, labelled
 
         figures = self.figures

@@ -1,4 +1,4 @@
-"""The part that renders the model which another machine's leader shares."""
+"""The part that renders a model shared by another machine's leader."""
 
 import asyncio
 from collections.abc import Coroutine
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class ListeningPart(Part):
-    """Keep a copy of the shared model, and put each new state of it to use.
+    """Keep a copy of the shared model, and render from each new state of it.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class ListeningPart(Part):
 
     @classmethod
     def build(cls, session: Session, parts: "LeaderParts") -> "ListeningPart | None":
-        """Return the part."""
+        """Return the part, or None if the scene has no ``[listening]``."""
         table = session.scene.table(Listening)
         if table is None:
             return None
@@ -70,26 +70,26 @@ class ListeningPart(Part):
         return {"listening": self._run()}
 
     async def finish(self) -> None:
-        """Let a session that took its whole time and never heard a leader have failed."""
+        """Mark the session as failed if it has run its full time and never reached a leader."""
         ending = self._session.ending
         if ending.outcome == "completed" and not self.client.session:
             ending.outcome = f"{FAILED}no leader was heard at {self._url}"
 
     async def stop(self) -> None:
-        """Leave."""
+        """Disconnect from the leader."""
         await self.client.close()
 
     def faults(self) -> list[str]:
-        """Return that the leader is not there."""
+        """Return a sentence if the leader is not connected."""
         return [] if self.client.connected else ["the leader that shares the model is not there"]
 
     def status(self) -> dict[str, Any]:
-        """Return what is known of the model."""
+        """Return the model's number of samples and its progress."""
         about = self.client.replica.about
         return {} if about is None else {"samples": about.samples, "completion": about.completion}
 
     def summary(self, duration_s: float) -> dict[str, Any]:
-        """Return what came."""
+        """Return how much was received."""
         _ = duration_s
         client = self.client
         return {
@@ -105,7 +105,7 @@ class ListeningPart(Part):
         }
 
     async def _run(self) -> None:
-        """Connect, and put what comes to use, until cancelled.
+        """Connect, and render from each new state of the model until cancelled.
 
         Raises
         ------

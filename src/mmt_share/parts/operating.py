@@ -1,4 +1,4 @@
-"""The part with which this hand moves the robot of the leader that it listens to."""
+"""The part that lets this hand move another leader's robot."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 
 
 class OperatingPart(Part):
-    """Ask for control, and send the hand's motion while it is given.
+    """Ask for control, and send the hand's motion while this hand has control.
 
     Parameters
     ----------
     session
-        Session of the run; it has a hand, and listens.
+        Session of the run, with a hand and ``[listening]``.
     table
         The scene's ``[operating]``.
     contact
@@ -47,7 +47,7 @@ class OperatingPart(Part):
 
     @classmethod
     def build(cls, session: Session, parts: "LeaderParts") -> "OperatingPart | None":
-        """Return the part; the force is of the contact that the leader has modelled."""
+        """Return the part, or None without ``[operating]``; the part also displays the force."""
         table = session.scene.table(Operating)
         if table is None:
             return None
@@ -58,13 +58,13 @@ class OperatingPart(Part):
     def display(
         self, interface: "ForceDisplay", *, limit_n: float, settings: "ModelSettings"
     ) -> "Feedback":
-        """Return what displays the force; see `mmt.leader.motion.feedback_part.OtherForce`."""
+        """Return the display of the force; see `mmt.leader.motion.feedback_part.OtherForce`."""
         from mmt_share.parts.feedback_shared import SharedContactForce
 
         return SharedContactForce(interface, self.client, limit_n=limit_n, settings=settings)
 
     def signals(self) -> dict[str, Callable[[], None]]:
-        """Return the one that asks for control."""
+        """Return the signal that asks for control or gives it back."""
         return {"SIGUSR2": self.toggle}
 
     def toggle(self) -> None:
@@ -75,7 +75,7 @@ class OperatingPart(Part):
             self.client.ask()
 
     def tick(self, tick: Tick) -> None:
-        """Send where the hand asks the robot to be, beginning where the robot holds."""
+        """Send the robot's wanted position, which begins where the robot holds."""
         client, state = self.client, tick.state
         if client.news is not self._news:
             self._news, self._clutch = client.news, None
@@ -93,7 +93,7 @@ class OperatingPart(Part):
         client.put(tick.now_ns, robot_mm, state.velocity_mm_s, state.force_n, contact=state.contact)
 
     def status(self) -> dict[str, Any]:
-        """Return what has become of control."""
+        """Return the state of control."""
         news = self.client.news
         return {"control": None if news is None else news.state}
 

@@ -1,4 +1,4 @@
-"""The motion of an operator at another machine, evened out from messages that come with jitter."""
+"""Jitter buffer for the motion of an operator at another machine."""
 
 from collections import deque
 from typing import Final
@@ -7,23 +7,23 @@ from mmt.core.arrays import RecordArray
 from mmt.devices.protocols import InterfaceState, Vector
 
 _WINDOW: Final = 200
-"""Messages whose lateness is remembered: two seconds of a hundred a second."""
+"""Messages whose delay is remembered: two seconds at a hundred messages a second."""
 _MOST_RECORDS: Final = 4000
 _STRETCH: Final = 0.1
-"""The motion is played by at most this share slower or faster to follow the network's delay."""
+"""Largest relative change of the playback speed, by which it follows the network's delay."""
 
 
 class OperatorMotion:
-    """Records of a hand, given out at the leader's times.
+    """Buffer the records of a hand, and play them at the leader's times.
 
-    A record is given out so long after its own time that of the last two seconds' messages the
-    latest would have been in time for its first record. Between records the motion is
-    interpolated; after the newest it stands still.
+    The delay is chosen so that even the latest message of the last two seconds would have come in
+    time for its first record. Between records the position is interpolated; after the newest
+    record the hand stands still.
 
     Parameters
     ----------
     longest_ns
-        Messages that are later than the quickest by more are not waited for.
+        Messages that are later than the quickest by more than this do not count for the delay.
     """
 
     def __init__(self, longest_ns: int) -> None:
@@ -36,12 +36,12 @@ class OperatorMotion:
 
     @property
     def delay_ms(self) -> float:
-        """How long the motion waits here, counted from the quickest message."""
+        """Delay that the buffer adds to the quickest message, in ms."""
         lags = self._lags_ns
         return (self._lag_ns() - min(lags)) / 1e6 if lags else 0.0
 
     def add(self, records: RecordArray, arrival_ns: int) -> None:
-        """Take records (n,), n >= 1; those that are not newer than what came are left out."""
+        """Add records (n,), n >= 1; those that are not newer than the newest are left out."""
         added = False
         columns = [records[name].tolist() for name in records.dtype.names or ()]
         for time_ns, (x, y, z), (u, v, w), force_n, contact in zip(*columns, strict=True):
@@ -54,7 +54,7 @@ class OperatorMotion:
                 self._records.append((time_ns, (x, y, z), (u, v, w), pressed_n, contact != 0))
 
     def at(self, now_ns: int) -> InterfaceState | None:
-        """Return the hand as it is to be taken now, None before anything came."""
+        """Return the state of the hand to use now, or None before the first record."""
         if not self._records:
             return None
         self._advance(now_ns)
@@ -76,7 +76,7 @@ class OperatorMotion:
         return max(lag for lag in self._lags_ns if lag - quickest_ns <= self._longest_ns)
 
     def _advance(self, now_ns: int) -> None:
-        """Go on in the operator's time, so that it nears the instant that is due now."""
+        """Advance the playback time towards the time that is due now, at a bounded speed."""
         wanted_ns = float(now_ns - self._lag_ns())
         step_ns = now_ns - self._now_ns
         self._now_ns = now_ns

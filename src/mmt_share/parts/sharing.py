@@ -1,4 +1,4 @@
-"""The part that shares the model: it hands what is new to a process that serves listeners."""
+"""The part that shares the model, by a process of its own that serves the listeners."""
 
 import asyncio
 import json
@@ -30,13 +30,13 @@ if TYPE_CHECKING:
 
 _PERIOD_S: Final = 0.05
 _MOST_WAITING: Final = 1 << 20
-"""Bytes that may wait for the process; beyond, newer ones are kept back until it reads on."""
+"""Bytes that may wait for the process; beyond, nothing new is written until it has read on."""
 _LEAVE_S: Final = 3.0
-"""How long the process may take to say goodbye to all listeners."""
+"""How long the process may take to send all listeners their last messages."""
 
 
 class SharingPart(Part):
-    """Keep what listeners are to have, and hand it on twenty times a second.
+    """Pass the newest model and state of the hand to the process, twenty times a second.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class SharingPart(Part):
     table
         The scene's ``[sharing]``.
     completing
-        Has the model.
+        Provides the model.
     """
 
     def __init__(self, session: Session, table: Sharing, completing: "ModelOutput") -> None:
@@ -57,31 +57,31 @@ class SharingPart(Part):
         self._completing = completing
         self._process: asyncio.subprocess.Process | None = None
         self.models = 0
-        """States of the model that were handed on."""
+        """States of the model that were passed on."""
         self.listeners = Listeners()
         self._reading: asyncio.Task[None] | None = None
         self._publishing: asyncio.Future[PublishedModel] | None = None
         self.port: int | None = None
-        """The port that listeners connect to, None before there is one."""
+        """Port for listeners, or None before the process listens."""
         self.on_control: Callable[[dict[str, Any]], None] = lambda _: None
-        """Called with what operators send, where control may be handed over."""
+        """Called with each operator's message; set by `ControlPart`."""
 
     @classmethod
     def build(cls, session: Session, parts: "LeaderParts") -> "SharingPart | None":
-        """Return the part."""
+        """Return the part, or None if the scene has no ``[sharing]``."""
         table = session.scene.table(Sharing)
         return None if table is None else cls(session, table, parts.completing)
 
     def tasks(self) -> dict[str, Coroutine[Any, Any, None]]:
-        """Return the task that hands on what is new."""
+        """Return the task that runs the process and passes on what is new."""
         return {"sharing": self._run()}
 
     def tick(self, tick: Tick) -> None:
-        """Keep the hand's state."""
+        """Keep the tick, for the state of the hand."""
         self._state = tick
 
     async def stop(self) -> None:
-        """Let the listeners have the end of the session."""
+        """Send the listeners the last model and the end of the session; end the process."""
         process = self._process
         if process is None or process.stdin is None:
             return
@@ -101,7 +101,7 @@ class SharingPart(Part):
             await process.wait()
 
     def close(self) -> None:
-        """Add the model to the store, if the scene has one and it is ready."""
+        """Add the model to the store, if the scene has a store and the model is ready."""
         newest = self._now()
         if self._table.store is None or newest is None or not newest[1].ready:
             return
@@ -116,12 +116,12 @@ class SharingPart(Part):
             self._session.journal.say(f"stored as {entry.name} ({entry.hash[:12]})")
 
     def send_to(self, operator: int, message: bytes) -> None:
-        """Send a message to one operator."""
+        """Send a message to one operator; dropped if too much waits for the process."""
         if not self._congested:
             self._write({"to": [operator, message]})
 
     def admit_motion(self, operator: int | None) -> None:
-        """Have the motion of this operator alone handed on."""
+        """Receive only the motion of this operator; None receives none."""
         self._write({"admit": operator})
 
     def status(self) -> dict[str, Any]:
@@ -129,22 +129,22 @@ class SharingPart(Part):
         return {"listeners": self.listeners.now}
 
     def shown(self) -> dict[str, dict[str, Any]]:
-        """Return the figures of those who listen."""
+        """Return the figures of the listeners."""
         return {"listeners": {"figures": self.listeners.figures}}
 
     def summary(self, duration_s: float) -> dict[str, Any]:
-        """Return what was shared."""
+        """Return how much was shared, and with which listeners."""
         _ = duration_s
         return {
             "sharing": {"port": self.port, "models": self.models, **self.listeners.summary()},
         }
 
     def metrics(self) -> "Iterable[Metric]":
-        """Return how many listen, what they get, and how far they are behind."""
+        """Return the metrics of the listeners."""
         return self.listeners.metrics()
 
     async def _run(self) -> None:
-        """Start the process and hand on what is new, until cancelled.
+        """Start the process and pass on what is new, until cancelled.
 
         Raises
         ------
@@ -176,12 +176,12 @@ class SharingPart(Part):
         raise MmtError("the process that shares the model has ended")
 
     async def _read(self, process: asyncio.subprocess.Process) -> None:
-        """Take what the process says, until it ends.
+        """Handle the lines that the process writes, until it ends.
 
         Raises
         ------
         MmtError
-            It cannot listen.
+            The process cannot listen.
         """
         assert process.stdout is not None  # noqa: S101 - it was asked for
         async for raw in process.stdout:
@@ -207,7 +207,7 @@ class SharingPart(Part):
         await self._hand_on_model()
 
     async def _hand_on_model(self) -> None:
-        """Hand on a model that is new; it is made whole, also if this is cancelled meanwhile."""
+        """Pass on the model if it is new; its messages are completed even if this is cancelled."""
         now = self._now()
         if now is None or now == self._shared:
             return
@@ -219,14 +219,14 @@ class SharingPart(Part):
         self.models += 1
 
     def _now(self) -> "tuple[TextureModel, About] | None":
-        """Return the model that is rendered or grows, and what is to be said of it."""
+        """Return the newest model and its description, or None before the first."""
         log, completing = self._session.log, self._completing
         update = log.update
         model = completing.newest
         if model is None:
             if self._shared is None:
                 return None
-            model, about = self._shared  # it was reset
+            model, about = self._shared  # the model was reset
             return model, replace(about, ready=False)
         return model, About(
             session_id=log.session_id,
@@ -239,7 +239,7 @@ class SharingPart(Part):
         )
 
     def _packed_state(self, time_s: float) -> bytes | None:
-        """Return where the tool is at a session time, None before it is known."""
+        """Return the state of the hand that moves the robot as bytes, or None if not known."""
         state = None if self._state is None else self._state.moving
         if state is None:
             return None

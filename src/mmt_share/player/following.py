@@ -1,4 +1,4 @@
-"""A shared model as the player's texture, kept as the leader has it."""
+"""A shared model as the player's texture, kept up to date."""
 
 import asyncio
 from collections.abc import Callable
@@ -60,7 +60,7 @@ class SharedTexture:
         return self._player
 
     async def follow(self, player: Player) -> None:
-        """Let the player have each new state of the model, until cancelled."""
+        """Give the player each new state of the model, until cancelled."""
         while True:
             about, model = await self._client.next_state()
             player.completion = about.completion
@@ -72,7 +72,7 @@ class SharedTexture:
                 self._say(str(error))
 
     async def close(self) -> None:
-        """Leave."""
+        """Disconnect from the leader."""
         await self._client.close()
 
     def _say(self, sentence: str) -> None:

@@ -16,18 +16,18 @@ _LARGEST_N: Final = 100.0
 
 @dataclass(frozen=True)
 class Step:
-    """A short time of a stroke, in which the page rendered one velocity and force.
+    """A short part of a stroke, which the page rendered with one velocity and force.
 
     Attributes
     ----------
     duration_ms
-        How long it lasted.
+        Duration of the step.
     position_mm
-        Where the hand is, x to the right and y upwards.
+        Position of the hand, x to the right and y upwards.
     velocity_mm_s
-        Along x and y.
+        Velocity along x and y.
     force_n
-        Along the surface's normal.
+        Force along the surface's normal.
     """
 
     duration_ms: int
@@ -37,12 +37,12 @@ class Step:
 
 
 def parse(text: str) -> dict[str, Any]:
-    """Return a message of a page, a JSON object with ``do``.
+    """Parse a message of a page, a JSON object with a string ``do``.
 
     Raises
     ------
     InputError
-        It is not such an object.
+        The text is not such an object.
     """
     try:
         message = json.loads(text)
@@ -59,7 +59,7 @@ def steps_of(message: dict[str, Any]) -> tuple[Step, ...]:
     Raises
     ------
     InputError
-        Something in them is out of its range, or of another type.
+        A value is out of range or of another type, or there are too many steps.
     """
     steps = message.get("steps")
     if not isinstance(steps, list) or len(steps) > MOST_STEPS:
@@ -73,7 +73,7 @@ def whole(message: dict[str, Any], name: str, largest: int, least: int = 0) -> i
     Raises
     ------
     InputError
-        It is not a whole number, or out of range.
+        The value is not a whole number, or out of range.
     """
     value = message.get(name)
     if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= largest:
@@ -87,7 +87,7 @@ def line(message: dict[str, Any], name: str, longest: int = 40) -> str:
     Raises
     ------
     InputError
-        It is empty, too long, or not printable.
+        The text is empty, too long, or not printable.
     """
     value = message.get(name)
     text = value.strip() if isinstance(value, str) else ""

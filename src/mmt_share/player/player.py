@@ -1,4 +1,4 @@
-"""The texture player: its textures with their pictures, the scenario that runs, the recording."""
+"""The texture player: textures with their pictures, the running scenario, the recording."""
 
 import math
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ from mmt_share.player.study import BEST, MOST_TILES, SCENARIOS, Study
 _SLOWEST_STROKE_MM_S: Final = 5.0
 
 SIZE: Final = 96
-"""Pixels along each edge."""
+"""Pixels along each edge of a picture."""
 _WIDTH_MM: Final = 24.0
 _SPEED_MM_S: Final = 100.0
 _FORCE_N: Final = 1.0
@@ -29,20 +29,20 @@ _LONGEST_MM: Final = 8.0
 
 
 class Player:
-    """Textures that a page plays, one scenario at a time, and the recording of what is touched.
+    """Textures that a page plays, at most one running scenario, and the recording of touches.
 
     Parameters
     ----------
     names
-        The textures, 1 to 26.
+        Names of the textures, 1 to 26.
     models
-        Their models; none of a shared surface that has none yet.
+        Their models; empty for a shared surface that has no model yet.
     results
         Receives the scenarios' rows.
     record
         File of the sessions; None records nothing.
     replace
-        Whether these files are replaced where they exist.
+        Whether to replace recordings that exist.
     seed
         Seed of the scenarios' orders and of the excitation.
     scenarios
@@ -58,11 +58,11 @@ class Player:
     model_messages
         Messages to a page: each texture with its picture.
     hand
-        The hand that strokes a shared surface: x and y (mm), and whether it touches. None without.
+        Hand on a shared surface: x and y (mm), and whether it touches; None if there is none.
     said
-        What was said last of a shared surface.
+        Newest event of a shared surface.
     completion
-        How far the model of a shared surface is, in words; "" before it is known.
+        Progress of a shared surface's model, in words; "" before it is known.
     """
 
     def __init__(
@@ -91,18 +91,18 @@ class Player:
         self.use(models)
 
     def close(self) -> list[tuple[Path, float]]:
-        """End the scenario and the recordings; return each recording with its seconds."""
+        """End the scenario and the recordings; return each recording with its duration in s."""
         recorded = [] if self._recorder is None else self._recorder.close()
         self.leave()
         return recorded
 
     def use(self, models: Sequence[TextureModel]) -> None:
-        """Go on with other models of the same textures.
+        """Replace the models of the textures.
 
         Raises
         ------
         InputError
-            A page cannot render one of them; all stay what they were.
+            A page cannot render one of them; all stay as they were.
         """
         self.model_messages = tuple(
             pack(
@@ -125,7 +125,7 @@ class Player:
 
     @property
     def recording_problem(self) -> str | None:
-        """Why recording stopped, None without a problem."""
+        """Why recording stopped, or None if it did not."""
         return None if self._recorder is None else self._recorder.problem
 
     def status(self) -> dict[str, object]:
@@ -211,7 +211,7 @@ def _powers(model: TextureModel, per_mm: FloatArray, heading: FloatArray) -> Flo
         _SPEED_MM_S * np.cos(angles), _SPEED_MM_S * np.sin(angles), _FORCE_N
     )
     spectra = model.spectrum(*motion.T, frequencies_hz=frequencies)
-    # a relief looks the same from both sides, and a ring has more pixels the wider it is
+    # a relief has the same spectrum along opposite headings, and a wider ring has more pixels
     spectra = spectra + np.roll(spectra, _HEADINGS // 2, axis=0)
     row = np.round(heading / (2.0 * np.pi) * _HEADINGS).astype(int) % _HEADINGS
     column = per_mm * _SPEED_MM_S / (frequencies[1] - frequencies[0])

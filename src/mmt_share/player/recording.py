@@ -1,9 +1,9 @@
 """Record strokes on the page as sessions that the evaluation reads, one for each texture.
 
-The page tells its motion; the vibration is what the model renders of that, with an excitation of
-its own. A session's time is that of touching its texture. Where the hand is put down anew, one
-frame's number is left out, so that filters start anew there, as between trials. A frame has as many
-samples of vibration as the fastest of the models has in 1 ms, ten at most.
+The page sends its motion; the vibration is rendered here from the model, with another excitation.
+A session's time only counts while its texture is touched. At each new touch one frame number is
+skipped, so that filters start anew there, as between trials. A frame has as many samples of
+vibration as the fastest model has in 1 ms, ten at most.
 """
 
 import math
@@ -25,11 +25,11 @@ from mmt_share.player.messages import Step
 
 _FRAME_S: Final = FRAME_PERIOD_NS / 1e9
 _RETURN_S: Final = 1.0
-"""Time constant by which the recorded path, which is the integral of the velocity that was
-rendered, returns to the hand."""
+"""Time constant with which the recorded path returns to the position of the hand; the path is the
+integral of the rendered velocity."""
 _ESTIMATE_HZ: Final = 200.0
 _SILENCE: Final = 100
-"""Frames in which the vibration of one stroke has faded before the next one's."""
+"""Frames that are rendered between two touches, so that the vibration of the first one fades."""
 
 
 class TouchRecorder:
@@ -38,13 +38,13 @@ class TouchRecorder:
     Parameters
     ----------
     path
-        The file; with several textures, each one's name is put behind the stem.
+        The file; if there are several textures, each one's name is appended to the stem.
     names, models
         The textures.
     seed
         Seed of the excitation.
     replace
-        Whether files that exist are replaced.
+        Whether to replace files that exist.
 
     Raises
     ------
@@ -84,12 +84,12 @@ class TouchRecorder:
 
     @property
     def seconds(self) -> float:
-        """How long textures were touched."""
+        """Total time of touch in s."""
         return sum(file.frames for file in self._files.values()) * _FRAME_S
 
     @property
     def problem(self) -> str | None:
-        """Why a recording stopped, None while all is well."""
+        """Why a recording stopped, or None if none did."""
         if self._refusal is not None:
             return self._refusal
         for file in self._files.values():
@@ -127,7 +127,7 @@ class TouchRecorder:
             file.write(step, render(self._textures, step.duration_ms * self._samples))
 
     def close(self) -> list[tuple[Path, float]]:
-        """End the files; return each with its seconds."""
+        """Close the files; return each with its duration in s."""
         close(self._textures)
         for file in self._files.values():
             file.recorder.close()
@@ -157,7 +157,7 @@ class _TextureFile:
         self._path_mm = np.zeros(2)
 
     def begin(self, step: Step) -> None:
-        """Begin another touch, from where the hand is."""
+        """Begin another touch at the position of the hand."""
         self._sequence += 1
         self._path_mm = np.array(step.position_mm)
 

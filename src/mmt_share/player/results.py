@@ -1,4 +1,4 @@
-"""Results of the scenarios: a CSV file, row by row, each on the disk before the next."""
+"""CSV file with the results of the scenarios; each row is on the disk before the next comes."""
 
 import csv
 import io

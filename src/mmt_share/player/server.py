@@ -1,7 +1,7 @@
 """The texture player's server: its page, and the page's connection.
 
-The page renders: it gets the models, and again those that have grown. What it sends are strokes,
-for a recording and for how long a texture was felt, and a participant's answers.
+The page renders by itself: it receives the models, and each new state of them. The page sends
+strokes, which are recorded and timed, and the answers of a participant.
 """
 
 import asyncio
@@ -38,12 +38,12 @@ _NEWS_S: Final = 0.1
 _NEWS_A_STATUS: Final = 10
 _MOST_ORDERS: Final = 8
 _MESSAGES_HZ: Final = 2.0
-"""A page may send twenty messages a second, of 40 kB in all; it sends some ten, of 1 kB."""
+"""Rate limit of a page: twenty messages and 40 kB a second; it sends some ten, of 1 kB."""
 _FLOODED: Final = 1008
 _MOST_HELD_MS: Final = 10_000.0
 """Longest stroke that a slow network may hold back and deliver at once."""
 _FASTER: Final = 1.05
-"""How much faster than this machine's clock a page's may be."""
+"""How much faster than this machine's clock the clock of a page may be."""
 
 
 class PlayerServer:
@@ -56,7 +56,7 @@ class PlayerServer:
     access
         What is required of a page that connects.
     several
-        Whether several pages may be connected at once; otherwise the newest one is.
+        Whether several pages may be connected at once; if not, a new page replaces the old one.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class PlayerServer:
 
     @property
     def port(self) -> int:
-        """The port that is listened on, 0 before `start`."""
+        """Port of the server, 0 before `start`."""
         return self._listener.port
 
     async def start(self, host: str, port: int, *, everyone: bool = False) -> None:
@@ -84,7 +84,7 @@ class PlayerServer:
         Parameters
         ----------
         host, port
-            Where; port 0 takes any free one.
+            Address to listen on; port 0 takes any free one.
         everyone
             Whether pages without a token may play.
 
@@ -93,12 +93,12 @@ class PlayerServer:
         InputError
             Anyone could play although that is not allowed, or a certificate cannot be used.
         MmtError
-            The host or the port cannot be had.
+            The host or the port cannot be used.
         """
         await self._listener.start(host, port, self._access, allowed=everyone)
 
     async def stop(self) -> list[tuple[Path, float]]:
-        """Stop listening, and end recordings; return each with its seconds."""
+        """Stop listening, and end recordings; return each with its duration in s."""
         if self._connection is not None:
             await self._connection.socket.close()
         await self._listener.stop()
@@ -124,7 +124,7 @@ class PlayerServer:
 
 
 class PageConnection:
-    """The connection of one page: it gets models, sends strokes and orders, until it leaves.
+    """Connection of one page, which receives models, and sends strokes and orders.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ class PageConnection:
         self._earned_ms = 1000.0
 
     async def serve(self) -> None:
-        """Answer the page's messages."""
+        """Handle the page's messages until it disconnects."""
         await self.socket.send_bytes(self._player.hello())
         reporting = asyncio.create_task(self._send_news())
         try:
@@ -183,7 +183,7 @@ class PageConnection:
             await self._answer(message, str(error), good=False)
 
     def _stroke(self, message: dict[str, Any]) -> None:
-        """Take a part of a stroke, or with a null tile its end."""
+        """Take a part of a stroke, or its end if the tile is null."""
         player = self._player
         if message.get("tile") is None:
             player.lift()
@@ -199,7 +199,7 @@ class PageConnection:
         player.stroke(tile, steps)
 
     async def _order(self, message: dict[str, Any]) -> None:
-        """Carry out an order; rows are on the disk before it is answered."""
+        """Carry out an order and answer it; its rows are on the disk before the answer."""
         good = False
         try:
             async with self._order_lock:
@@ -208,7 +208,7 @@ class PageConnection:
         except MmtError as error:
             sentence = str(error)
         with suppress(ConnectionError):  # the page has gone meanwhile
-            await self._show_study()  # first, so that the page goes on from there
+            await self._show_study()  # first: the page goes on from this state
             await self._answer(message, sentence, good=good)
 
     def _order_function(self, message: dict[str, Any]) -> Callable[[], str]:

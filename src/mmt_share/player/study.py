@@ -1,9 +1,9 @@
 """Paper B's two scenarios (section 3.4): the order of the textures, and the participants' answers.
 
-Exploration: one real sample after the other, in random order, is compared with its texture, and
-the realism of the pair is rated. Matching: the tiles are shuffled and show no pictures; for each
-real sample the tile that feels like it is named; then the pictures are shown, the matches are
-counted, and the realism is rated once. The scale, 1 to 7, is a choice of ours.
+Exploration: the participant compares each real sample, in random order, with its texture, and rates
+the realism of the pair. Matching: the tiles are shuffled and show no pictures; for each real sample
+the participant names the tile that feels like it. Then the pictures are shown, the matches are
+counted, and the realism is rated once. The scale from 1 to 7 is not from the paper.
 """
 
 import hashlib
@@ -76,7 +76,7 @@ class Study(ABC):
         self._begun_utc = now_utc()
         self._since_s = clock()
         self.order, self._shuffled = orders(seed, participant, self.scenario, len(names))
-        """Real samples as they are asked for, and the texture under each tile."""
+        """Real samples in the order of the questions, and the texture under each tile."""
         self._stroked_s = [0.0] * len(names)
         self._row("begin")
 
@@ -86,7 +86,7 @@ class Study(ABC):
         return False
 
     def texture(self, tile: int) -> int | None:
-        """Return the texture under a tile, None where it is disabled now."""
+        """Return the texture under a tile, or None if the tile is disabled now."""
         return tile
 
     def stroked(self, tile: int, seconds: float) -> None:
@@ -94,7 +94,7 @@ class Study(ABC):
         self._stroked_s[tile] += seconds
 
     def leave(self) -> None:
-        """End it before its end."""
+        """Record that the participant leaves the run early, unless the run is done."""
         if not self.done:
             self._row("leave")
 
@@ -125,12 +125,12 @@ class Study(ABC):
         Raises
         ------
         InputError
-            It cannot be rated yet, or is rated already.
+            Nothing can be rated yet, or all is rated already.
         """
 
     @abstractmethod
     def state(self) -> dict[str, Any]:
-        """Return what the page shows; where it is `hidden`, the page plays `textures` unnamed."""
+        """Return the state for the page; if `hidden`, it plays the `textures` without names."""
 
     def _row(self, event: str, **values: Value) -> None:
         self._write(
@@ -157,7 +157,7 @@ class Study(ABC):
 
 
 class Exploration(Study):
-    """Rate one pair of a real and a rendered texture after the other."""
+    """Rate pairs of a real and a rendered texture, one after the other."""
 
     scenario = "exploration"
 
@@ -166,7 +166,7 @@ class Exploration(Study):
         super().__init__(*arguments, **options)
 
     def texture(self, tile: int) -> int | None:
-        """Return the texture of the pair's own tile, None of the others."""
+        """Return the texture under the current pair's tile, or None under the others."""
         return tile if self.done or tile == self.order[self.trial] else None
 
     def rate(self, rating: int) -> str:
@@ -193,7 +193,7 @@ class Exploration(Study):
         return f"rated {rating}: now {self.names[self.order[self.trial]]}"
 
     def state(self) -> dict[str, Any]:
-        """Return what the page shows."""
+        """Return the state for the page."""
         return {
             **self._common(),
             "trial": self.trial + 1,
@@ -214,7 +214,7 @@ class Matching(Study):
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         self.tiles: dict[int, int] = {}
-        """The tile that was named for each real sample."""
+        """Tile that was named, by real sample."""
         self.matches: int | None = None
         self._answers = 0
         super().__init__(*arguments, **options)
@@ -270,7 +270,7 @@ class Matching(Study):
         return "thank you"
 
     def state(self) -> dict[str, Any]:
-        """Return what the page shows."""
+        """Return the state for the page."""
         return {
             **self._common(),
             "samples": self.order,

@@ -17,7 +17,7 @@ from mmt.link.connection import check_url
 from mmt_share.store.store import LARGEST_BYTES, MOST_MODELS, Entry
 
 _LARGEST_ENTRY: Final = 10_000
-"""Most bytes of what is listed of a model."""
+"""Most bytes of one listed entry."""
 
 
 class RemoteStore:
@@ -44,12 +44,12 @@ class RemoteStore:
         self._tls = access.client_context()
 
     def entries(self) -> list[Entry]:
-        """Return what is known of all its models, the newest first.
+        """Return the entries of all models, the newest first.
 
         Raises
         ------
         MmtError
-            It does not answer, or has no store.
+            The leader does not answer, or has no store.
         """
         text = self._request("/models", MOST_MODELS * _LARGEST_ENTRY)
         with suppress(ValueError, RecursionError, InputError):
@@ -59,12 +59,12 @@ class RemoteStore:
         raise MmtError(f"{self._url} has no store of models that this program reads")
 
     def find(self, name: str) -> Entry:
-        """Return the newest model of a name, or that of a hash or its beginning.
+        """Return the newest model with this name, or with a hash that begins so (6 digits or more).
 
         Raises
         ------
         InputError
-            There is none.
+            There is no such model.
         MmtError
             The store does not answer.
         """
@@ -76,12 +76,12 @@ class RemoteStore:
         raise InputError(f"no model called {name} is at {self._url}; there are {names}")
 
     def fetch(self, digest: str, target: Path) -> None:
-        """Fetch a model into a file; what an earlier attempt has left (``.part``) is gone on with.
+        """Fetch a model into a file; resume an earlier attempt that has left a ``.part`` file.
 
         Raises
         ------
         MmtError
-            The store does not answer or breaks off, or what came is not the model.
+            The store does not answer or breaks off, or the received file is not the model.
         InputError
             The file cannot be written.
         """
@@ -92,7 +92,7 @@ class RemoteStore:
             except AnswerError as error:
                 if error.status != HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE:
                     raise
-                part.unlink()  # what was begun is not shorter than the model: it is of another
+                part.unlink()  # not shorter than the model: it is part of another one
                 self._fetch_rest(digest, part)
             if hashlib.sha256(part.read_bytes()).hexdigest() != digest:
                 part.unlink()
@@ -110,12 +110,12 @@ class RemoteStore:
                     file.write(chunk)
 
     def push(self, data: bytes, said: Entry) -> Entry:
-        """Add a model; return what the store says of it. One that is there already stays.
+        """Add a model and return its entry in the store; a model that is there already stays.
 
         Raises
         ------
         MmtError
-            The store does not answer, or does not take it; the message says why.
+            The store does not answer, or does not accept the model; the message says why.
         """
         given = said.as_dict()
         about = {key: given[key] for key in ("name", "who", "licence", "note") if given[key]}

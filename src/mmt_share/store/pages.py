@@ -1,4 +1,4 @@
-"""A store of models over HTTP, beside the shared model; ``docs/reference/sharing.md``."""
+"""HTTP pages of a store, at the port of the shared model; ``docs/reference/sharing.md``."""
 
 import asyncio
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ MODELS: Final = "/models"
 
 
 def store_pages(store: ModelStore, *, accepts: bool) -> "Page":
-    """Return the pages that list a store, give its models and, if it `accepts`, take others."""
+    """Return the pages that list the store, serve its models and, if it `accepts`, add models."""
 
     async def listed(_: web.Request) -> web.Response:
         entries = await asyncio.to_thread(store.entries)

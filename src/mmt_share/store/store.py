@@ -1,8 +1,8 @@
-"""A folder of texture models with what is known of them: a lab's library, shared.
+"""A folder of texture models with descriptions: the shared library of a lab.
 
-A model is named by the SHA-256 of its file, so that it is there once whoever brings it, and whoever
-fetches it can tell that it is whole. Beside each ``HASH.npz`` stands a ``HASH.json`` with who made
-it, when, of what, and under which licence.
+A model is named by the SHA-256 of its file, so that it is stored once even if several people add
+it, and a client can verify what it has fetched. Beside each ``HASH.npz`` is a ``HASH.json`` with
+its `Entry`.
 """
 
 import hashlib
@@ -12,7 +12,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, Final, Self
+from typing import Any, Final, Self, TypeGuard
 
 from mmt.core.errors import InputError, MmtError
 from mmt.core.existing_files import write_file
@@ -28,25 +28,25 @@ DIGITS: Final = 64
 """Hexadecimal digits of a hash."""
 
 _TEXTS: Final = ("name", "who", "licence", "note", "made", "hash", "inputs")
-"""What of an entry is text; the rest are numbers."""
+"""Fields of an entry that are text; the others are numbers."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """What is known of a model.
+    """Description of a model.
 
     Attributes
     ----------
     name
-        What a person calls it.
+        Name for people.
     who, licence, note
-        Who made it, the terms under which it may be used, and anything else; may be empty.
+        Who made it, the terms under which it may be used, and a remark; may be empty.
     made
         Date and time (ISO 8601, UTC) at which it came into the store.
     error_db
-        Its power error over the whole plane, where the texture is known; None otherwise.
+        Power error over the whole plane, or None if the true texture is not known.
     hash, file_bytes, inputs, samples, order, rate_hz
-        Of the file.
+        Properties of the file.
     """
 
     name: str
@@ -63,12 +63,12 @@ class Entry:
     rate_hz: float = 0.0
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it for JSON."""
+        """Return the entry as a map for JSON."""
         return asdict(self)
 
     @classmethod
     def listed(cls, given: Any) -> Self:
-        """Return what a store has listed of a model, which is not trusted.
+        """Parse an entry that a store has listed, which is not trusted.
 
         Raises
         ------
@@ -92,12 +92,12 @@ class Entry:
 
     @classmethod
     def said(cls, said: Mapping[str, object]) -> Self:
-        """Return what somebody says of a model, which is not trusted; the rest is found.
+        """Parse a person's description of a model, which is not trusted; other fields stay empty.
 
         Raises
         ------
         InputError
-            There is no name, or an error that is no number.
+            There is no name, or ``error_db`` is not a number.
         """
         name, who, licence, note = (
             printable(str(said.get(key, ""))[:LONGEST_TEXT])
@@ -117,14 +117,14 @@ class ModelStore:
     Parameters
     ----------
     folder
-        Made where it does not exist, with the first model.
+        Created with the first model if it does not exist.
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
     def entries(self) -> list[Entry]:
-        """Return what is known of all models, the newest first; what is damaged is left out."""
+        """Return the entries of all models, the newest first; damaged ones are left out."""
         found = []
         for path in self.folder.glob("*.json") if self.folder.is_dir() else ():
             entry = _read(path)
@@ -133,21 +133,21 @@ class ModelStore:
         return sorted(found, key=lambda entry: (entry.made, entry.name), reverse=True)
 
     def path(self, digest: str) -> Path | None:
-        """Return the file of a hash, None where it is not here."""
+        """Return the file of the model with this hash, or None if there is none."""
         if not _is_hash(digest):
             return None
         path = self.folder / f"{digest}.npz"
         return path if path.is_file() else None
 
     def add(self, data: bytes, said: Entry) -> Entry:
-        """Add a model file; one that is here already stays as it is.
+        """Add a model file; a model that is in the store already stays as it is.
 
         Raises
         ------
         InputError
-            It is no model, is too large, or the store is full.
+            The data is not a model or too large, or the store is full.
         MmtError, OSError
-            It cannot be written.
+            The model cannot be written.
         """
         if len(data) > LARGEST_BYTES:
             raise InputError(f"the model has {len(data)} bytes: {LARGEST_BYTES} are allowed")
@@ -173,12 +173,12 @@ class ModelStore:
         try:
             write_file(self.folder / f"{digest}.npz", data)
             write_file(about, json.dumps(entry.as_dict(), indent=1))
-        except InputError as error:  # the folder's fault, not that of what is added
+        except InputError as error:  # the fault of the folder, not of the model
             raise MmtError(str(error)) from error
         return entry
 
 
-def _is_finite(value: object) -> bool:
+def _is_finite(value: object) -> TypeGuard[float]:
     return isinstance(value, int | float) and abs(value) <= sys.float_info.max
 
 
@@ -187,7 +187,7 @@ def _is_hash(text: str) -> bool:
 
 
 def _read(path: Path) -> Entry | None:
-    """Return what a file beside a model says, None where it is damaged."""
+    """Read the entry beside a model; return None if it is damaged."""
     try:
         return Entry.listed(json.loads(path.read_text(encoding="utf-8")))
     except (OSError, ValueError, InputError):

@@ -1,1 +1,1 @@
-"""``mmt scene``: what a scene runs, sends, imports and costs."""
+"""``mmt scene``: describe and measure what a scene runs, sends, imports and costs."""

@@ -1,10 +1,10 @@
-"""What the parts of a scene cost: run it whole and with parts left out, and compare.
+"""Measure the costs of a scene's parts: run the scene whole and with parts left out, and compare.
 
-The cost of a part is the difference of means between the whole scene's runs and those
-without the part. All scenes take turns, so that they meet the same machine. What a figure
-scatters from run to run is estimated from the repetitions of all scenes together (the pooled
-variance of a one-way layout), and a difference comes with the half-width of its 95 %
-confidence interval by Student's t: one that does not exceed it is not significant.
+The cost of a part is the difference of means between the runs of the whole scene and those
+without the part. The scenes are run in turns, so that all see the same load of the machine. The
+variance between runs is estimated from the repetitions of all scenes together (pooled variance
+of a one-way layout). Each difference has the half-width of its 95 % confidence interval by
+Student's t; a difference that does not exceed the half-width is not significant.
 """
 
 import json
@@ -29,7 +29,7 @@ FIGURES: Final = ("start_s", "core_share", "memory_mb")
 CONFIDENCE: Final = 0.95
 
 REPEATS: Final = 2
-"""Fresh processes; the quickest import of each module counts."""
+"""Number of fresh processes; the shortest time of each module counts."""
 
 _LONGEST_S: Final = 300.0
 _LINE: Final = re.compile(r"import time:\s*(\d+) \|\s*\d+ \|\s*(\S+)")
@@ -44,14 +44,14 @@ for name in json.load(sys.stdin):
 
 @dataclass(frozen=True)
 class Variant:
-    """A scene without one part, and without those that need it.
+    """A scene without one part, and without parts that need it.
 
     Parameters
     ----------
     left_out
-        The part, then what had to go with it.
+        The part, then those that need it.
     scene
-        What is left.
+        The remaining scene.
     """
 
     left_out: tuple[str, ...]
@@ -59,16 +59,16 @@ class Variant:
 
     @property
     def name(self) -> str:
-        """The part, and in brackets what goes with it."""
+        """The part, and in brackets other parts that are left out with it."""
         first, *others = self.left_out
         return f"{first} (with {', '.join(others)})" if others else first
 
 
 def variants_of(scene: Scene) -> tuple[list[Variant], list[str]]:
-    """Return the scenes with one part left out, and the parts that cannot be.
+    """Return the scenes with one part left out, and the parts that cannot be left out.
 
-    Where others need the part, the fewest that make a valid scene are left out with it. The
-    link and the follower's source stay: without them a scene of two services is another one.
+    If other parts need the part, the fewest that give a valid scene are left out with it. The
+    link and the follower's source are kept: without them there would be only one service.
     """
     parts = [name for name, runs in scene.parts().items() if runs]
     fixed = {"link", scene.source} if scene.link is not None else set()
@@ -107,62 +107,62 @@ class MeasuredService:
     memory_mb: float
     modules: tuple[str, ...]
     tasks: Mapping[str, float]
-    """Share of the looks in which a task was seen, by its name."""
+    """Share of samples in which a task was seen, by its name."""
     threads: Mapping[str, float]
     system_threads: int
 
 
 @dataclass(frozen=True)
 class SceneRun:
-    """One run of a scene; `services` holds "leader" and, where there is one, "follower"."""
+    """One run of a scene; `services` has "leader" and, if there is a follower, "follower"."""
 
     services: Mapping[str, MeasuredService]
     bytes_per_s: Mapping[str, float]
-    """Sent, by way: "up", "down"."""
+    """Sent bytes by direction: "up", "down"."""
     model_from_s: float | None
-    """When the model began to drive the vibration."""
+    """Time at which the model began to drive the vibration, or None if it did not."""
     generator: Mapping[str, Any] | None = None
-    """What the leader's summary says of another method's generator, where the scene has one."""
+    """Summary of another package's generator, or None if the scene has none."""
 
 
 @dataclass(frozen=True)
 class CostDifference:
-    """What a part adds, and the half-width of its confidence interval."""
+    """Cost of a part, and the half-width of its confidence interval."""
 
     value: float
     half_width: float
 
     @property
     def told_apart(self) -> bool:
-        """Whether it is more than what scatters from run to run."""
+        """Whether the difference is significant."""
         return abs(self.value) > self.half_width
 
 
 @dataclass(frozen=True)
 class PartCost:
-    """What one service costs more with a part than without it."""
+    """Additional cost of one service with a part."""
 
     figures: Mapping[str, CostDifference]
     modules: tuple[str, ...]
-    """That nothing else in the scene imports."""
+    """Modules that only this part imports."""
     import_s: float
 
 
 @dataclass
 class SceneCosts:
-    """All runs, and the costs that follow from them."""
+    """All runs, and the costs computed from them."""
 
     whole: list[SceneRun] = field(default_factory=list)
     variants: dict[str, Variant] = field(default_factory=dict)
-    """The scenes with a part left out, by their names."""
+    """The scenes with a part left out, by name."""
     without: dict[str, list[SceneRun]] = field(default_factory=dict)
-    """Their runs; those that failed are not there."""
+    """Runs of each variant that did not fail, by name."""
     kept: list[str] = field(default_factory=list)
     """Parts that cannot be left out of this scene."""
     failed: dict[str, str] = field(default_factory=dict)
-    """Why a scene without a part did not run, by the variant's name."""
+    """Errors of variants that did not run, by name."""
     import_s: dict[str, dict[str, float]] = field(default_factory=dict)
-    """By service and module."""
+    """Import times by service and module."""
 
     @property
     def services(self) -> list[str]:
@@ -170,11 +170,11 @@ class SceneCosts:
         return list(self.whole[0].services)
 
     def values(self, service: str, figure: str) -> list[float]:
-        """Return a figure of the whole scene's runs."""
+        """Return a figure of each run of the whole scene."""
         return _values(self.whole, service, figure)
 
     def part(self, name: str, service: str) -> PartCost:
-        """Return what a variant's part costs in one service."""
+        """Return the cost of a variant's part in one service."""
         runs = self.without[name]
         left = {name for run in runs for name in run.services[service].modules}
         modules = tuple(m for m in self.whole[0].services[service].modules if m not in left)
@@ -200,7 +200,7 @@ def half_width(groups: Sequence[Sequence[float]], first: int, second: int) -> fl
     Parameters
     ----------
     groups
-        Repetitions, all taken to scatter alike; infinite where no group has two.
+        Repetitions, assumed to have equal variance; if no group has two, the result is infinite.
     first, second
         Sizes of the two groups that are compared.
     """
@@ -229,20 +229,20 @@ def measure_scene(
     Parameters
     ----------
     scene
-        What to run.
+        The scene.
     run
-        Runs a scene once; raises MmtError where that fails.
+        Runs a scene once; raises MmtError if that fails.
     rounds
-        How often every scene has its turn; among others the whole one has one more at the end.
+        Number of runs of each scene; with variants, the whole scene has one more run at the end.
     parts
-        Whether parts are left out at all.
+        Whether to run the scene with parts left out.
     on_step
-        Called before each step with what it is, its number from 0, and how many there are.
+        Called before each step with its description, its number from 0, and the number of steps.
 
     Raises
     ------
     MmtError
-        The whole scene does not run.
+        The whole scene fails, or the imports cannot be timed.
     """
     variants, kept = variants_of(scene) if parts else ([], [])
     costs = SceneCosts(variants={variant.name: variant for variant in variants}, kept=kept)
@@ -261,7 +261,7 @@ def measure_scene(
 
 
 def _turns(variants: list[Variant], rounds: int) -> Iterator[Variant | None]:
-    """Yield whose turn it is, None for the whole scene; the order moves on between rounds."""
+    """Yield the variants in turns, None for the whole scene; each round starts at another one."""
     for number in range(rounds):
         yield None
         shift = number * len(variants) // rounds
@@ -284,15 +284,15 @@ def _values(runs: Sequence[SceneRun], service: str, figure: str) -> list[float]:
 
 
 def import_times_s(modules: Sequence[str], repeats: int = REPEATS) -> dict[str, float]:
-    """Return the seconds that each module took, what it imported itself not counted.
+    """Return the import time of each module (s), without the modules that it imports.
 
     Parameters
     ----------
     modules
-        In the order in which they are imported, as ``sys.modules`` has them. One that cannot
-        be imported by its name stops nothing.
+        Modules in the order of their import, as in ``sys.modules``. Modules that cannot be
+        imported by name are skipped.
     repeats
-        How many processes import them.
+        Number of processes that import them.
 
     Raises
     ------

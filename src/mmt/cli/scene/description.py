@@ -1,4 +1,4 @@
-"""What a scene makes of a run, from its tables alone: parts, channels, bytes on the wire."""
+"""Describe a scene from its tables alone: parts, channels, bytes on the wire."""
 
 import math
 from dataclasses import asdict, dataclass
@@ -13,7 +13,7 @@ from mmt.scene import Scene, Service
 
 @dataclass(frozen=True)
 class SideParts:
-    """The parts that concern one service, and the tasks that run in it beside the ticks."""
+    """Parts of one service, and its tasks beside the ticks."""
 
     runs: tuple[str, ...]
     left_out: tuple[str, ...]
@@ -22,9 +22,9 @@ class SideParts:
 
 @dataclass(frozen=True)
 class Stream:
-    """What goes one way in the normal case: no tick missed, nothing sent again.
+    """One kind of message in the normal case, without missed ticks or repeated frames.
 
-    The headers of WebSocket, TCP and IP, the pings and the time stamps are not in it.
+    Headers of WebSocket, TCP and IP, pings and exchanges of time stamps are not counted.
     """
 
     way: str
@@ -32,32 +32,32 @@ class Stream:
     event: str
     holds: tuple[str, ...]
     record_bytes: int
-    """Bytes of a frame or a command."""
+    """Size of a frame or a command."""
     records_per_message: int
     message_bytes: int
-    """With Socket.IO's envelope, as the link's statistics count what is sent."""
+    """Size of a message with Socket.IO's envelope, as in the link's statistics of sent bytes."""
     messages_per_s: float
     payload_bytes_per_s: float
-    """Bytes of the records alone, as the link's statistics count them."""
+    """Rate of the records without envelope, as in the link's statistics."""
     bytes_per_s: float
 
 
 @dataclass(frozen=True)
 class SceneDescription:
-    """Parts of either service, None where the scene has no follower, and the streams."""
+    """Parts of both services, the streams between them, and limits in words."""
 
     leader: SideParts
     follower: SideParts | None
     streams: tuple[Stream, ...]
     robot_limits: str | None
-    """Where, how fast and how hard the robot may be moved, None where none is."""
+    """See `Scene.describe_motion_limits`."""
     acceleration: str | None
-    """Samples of acceleration in a frame and where their band ends, None where there is one."""
+    """See `Scene.describe_acceleration`."""
     hand_force: str | None
-    """Where the hand's force comes from and how late, None where no handle renders."""
+    """See `Scene.describe_hand_force`."""
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it for a program."""
+        """Return the description as JSON values."""
         return asdict(self)
 
 
@@ -66,7 +66,7 @@ FOLLOWER: Final[Service] = "follower"
 
 
 def describe_scene(scene: Scene) -> SceneDescription:
-    """Return what runs where and what goes over the wire; nothing is started or imported."""
+    """Describe the parts and streams of a scene; nothing is started or imported."""
     return SceneDescription(
         leader=_side(scene, LEADER),
         follower=_side(scene, FOLLOWER) if scene.source is not None else None,
@@ -92,7 +92,7 @@ def _streams(scene: Scene) -> tuple[Stream, ...]:
     rate_hz = float(scene.session.rate_hz)
     speed = scene.replay.speed if scene.replay is not None else 1.0
     channels = scene.channels()
-    at_once = max(1.0, speed)  # frames that fall due in a tick travel together
+    at_once = max(1.0, speed)  # frames that are due in one tick share a message
     gathered = at_once * math.ceil(scene.link.frames_per_message / at_once)
     frames = _stream(
         "up",
@@ -109,7 +109,7 @@ def _streams(scene: Scene) -> tuple[Stream, ...]:
 
 
 def _feedback_streams(scene: Scene, rate_hz: float) -> tuple[Stream, ...]:
-    """Return what force feedback adds; energies go while there is contact, in every tick."""
+    """Return the streams of force feedback; energies are sent in every tick during contact."""
     table = scene.force_feedback
     if table is not None and table.method == "passive":
         size = ENERGY_DTYPE.itemsize

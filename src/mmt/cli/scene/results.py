@@ -1,4 +1,4 @@
-"""What was measured of a scene: as plain values, and in sentences what it does not tell."""
+"""Results of measuring a scene: figures as JSON values, and remarks on their limits."""
 
 import statistics
 import sys
@@ -10,11 +10,11 @@ from mmt.cli.scene.description import Stream, describe_scene
 from mmt.scene import Scene
 
 _AT_ONCE: Final = 0.1
-"""Share of a run within which what begins counts as there from the start."""
+"""Share of a run: a model that drives the vibration earlier counts as used from the start."""
 
 
 def packages_of(modules: Iterable[str]) -> list[str]:
-    """Return the packages behind modules, without Python's own, mmt and what is private."""
+    """Return the packages of modules, without the standard library, mmt and private packages."""
     tops = {name.partition(".")[0] for name in modules}
     return sorted(
         (
@@ -27,7 +27,7 @@ def packages_of(modules: Iterable[str]) -> list[str]:
 
 
 def service_figures(costs: SceneCosts, service: str) -> dict[str, Any]:
-    """Return what one service of the whole scene costs, runs and imports."""
+    """Return costs, tasks, threads and imports of one service of the whole scene."""
     runs = [run.services[service] for run in costs.whole]
     modules = runs[0].modules
     return {
@@ -42,12 +42,12 @@ def service_figures(costs: SceneCosts, service: str) -> dict[str, Any]:
 
 
 def summary_of(values: list[float]) -> dict[str, float]:
-    """Return mean, least and most."""
+    """Return mean, least and largest value."""
     return {"mean": statistics.fmean(values), "least": min(values), "most": max(values)}
 
 
 def part_figures(costs: SceneCosts, name: str, scene: Scene) -> dict[str, Any]:
-    """Return what a part costs in each service, and what it adds to the streams."""
+    """Return the cost of a part in each service, and the bytes per second that it adds."""
     variant = costs.variants[name]
     result: dict[str, Any] = {
         "left_out": list(variant.left_out),
@@ -68,7 +68,7 @@ def part_figures(costs: SceneCosts, name: str, scene: Scene) -> dict[str, Any]:
 
 
 def added_bytes_per_s(scene: Scene, without: Scene) -> dict[str, float]:
-    """Return what a scene sends more each way than without a part, by the layout."""
+    """Return by direction how much more a scene sends than without a part, as computed."""
     whole, rest = (
         {stream.way: stream.bytes_per_s for stream in describe_scene(s).streams}
         for s in (scene, without)
@@ -77,12 +77,12 @@ def added_bytes_per_s(scene: Scene, without: Scene) -> dict[str, float]:
 
 
 def measured_bytes_per_s(costs: SceneCosts, stream: Stream) -> float:
-    """Return the mean over runs of what the link counted."""
+    """Return the bytes per second of a stream's direction that the link counted, mean over runs."""
     return statistics.fmean(run.bytes_per_s[stream.way] for run in costs.whole)
 
 
 def remarks(costs: SceneCosts, scene: Scene) -> list[str]:
-    """Return remarks on what the figures do not show."""
+    """Return sentences on the limits of the figures."""
     duration_s = scene.session.duration_s
     sentences = [f"{name}: not measured, {why}" for name, why in costs.failed.items()]
     if costs.kept and costs.without:
@@ -115,7 +115,7 @@ def remarks(costs: SceneCosts, scene: Scene) -> list[str]:
 
 
 def _generator_remarks(runs: list[Mapping[str, Any]]) -> list[str]:
-    """Say what another method's generator takes beside the leader, and what ended it."""
+    """Return sentences on the costs of another package's generator, and its faults."""
     if not runs:
         return []
 
@@ -132,7 +132,7 @@ def _generator_remarks(runs: list[Mapping[str, Any]]) -> list[str]:
 
 
 def costs_as_dict(costs: SceneCosts, scene: Scene) -> dict[str, Any]:
-    """Return everything for a program."""
+    """Return all results as JSON values."""
     streams = describe_scene(scene).streams
     return {
         "runs": len(costs.whole),
@@ -145,7 +145,7 @@ def costs_as_dict(costs: SceneCosts, scene: Scene) -> dict[str, Any]:
 
 
 def _seen(runs: Iterable[Mapping[str, float]]) -> dict[str, float]:
-    """Return the share of looks in which something was seen, in the run that had it most."""
+    """Return by name the largest share, over runs, of samples in which it was seen."""
     most: dict[str, float] = {}
     for run in runs:
         for name, share in run.items():

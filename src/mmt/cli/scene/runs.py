@@ -1,4 +1,4 @@
-"""Run scenes as processes to measure them, and leave nothing behind."""
+"""Run scenes as processes, to measure them."""
 
 import asyncio
 import os
@@ -19,17 +19,17 @@ from mmt.scene.added import added_parts
 from mmt.scene.files import ENVIRONMENT_PREFIX
 
 _MARGIN_S = 2.0
-"""A recording made for a replay is so much longer than the run."""
+"""Extra length of a recording that is simulated for a replay."""
 _MOMENT = {"duration_s": 0.2}
 
 
 class SceneRunner:
-    """Runs scenes for a set time each, with everything they write in one directory.
+    """Runs scenes for a given duration, with all their files in one directory.
 
     Parameters
     ----------
     directory
-        For the scene's file and its recording.
+        Directory for the scene's file and its recording.
     duration_s
         Duration of a run.
     """
@@ -37,7 +37,7 @@ class SceneRunner:
     def __init__(self, directory: Path, duration_s: float) -> None:
         self._directory = directory
         self._duration_s = duration_s
-        # the scene holds these already; they would bring back a table that is left out
+        # already applied to the scene; they would add a table again that is left out
         self._environment = {
             name: value
             for name, value in os.environ.items()
@@ -45,10 +45,10 @@ class SceneRunner:
         }
         for part in added_parts().values():
             for name in part.secrets:
-                self._environment.setdefault(name, secrets.token_hex(32))  # for nobody
+                self._environment.setdefault(name, secrets.token_hex(32))  # never used to connect
 
     def prepare(self, scene: Scene) -> Scene:
-        """Return the scene as it is run: its duration, its recording, what it replays."""
+        """Return the scene to run, with duration, recording and replay set."""
         changes: dict[str, Any] = {
             "session": scene.session.model_copy(update={"duration_s": self._duration_s})
         }
@@ -72,7 +72,7 @@ class SceneRunner:
         return file
 
     def warm_up(self, scene: Scene) -> None:
-        """Run it for a moment: compiling at the first start is not the scene's cost."""
+        """Run a scene briefly, so that compiling at the first start is not measured."""
         self(scene.model_copy(update={"session": scene.session.model_copy(update=_MOMENT)}))
 
     def __call__(self, scene: Scene) -> SceneRun:
@@ -83,7 +83,7 @@ class SceneRunner:
         MmtError
             A service failed.
         KeyboardInterrupt
-            It was interrupted; both services have ended.
+            The run was interrupted; both services have ended.
         """
         file = self._directory / "scene.toml"
         file.write_text(tomli_w.dumps(scene.dump()), encoding="utf-8")
@@ -121,7 +121,7 @@ def _service_run(
     summary: Mapping[str, Any], start_s: float, inventory: Mapping[str, Any]
 ) -> MeasuredService:
     looks = max(1, inventory["looks"])
-    modelling = (summary.get("texture") or {}).get("process") or {}  # the leader's own process
+    modelling = (summary.get("texture") or {}).get("process") or {}  # the leader's second process
     return MeasuredService(
         start_s=start_s,
         core_share=summary["process"]["core_share"] + modelling.get("core_share", 0.0),
@@ -134,7 +134,7 @@ def _service_run(
 
 
 def _model_from_s(vibration: Mapping[str, Any]) -> float | None:
-    """Return when the model began to drive the vibration, 0 where it did from the start."""
+    """Return when the model began to drive the vibration: 0 if from the start, None if never."""
     for switch in vibration.get("switches", []):
         if switch["mode"] == "synthesized":
             return float(switch["time_s"])

@@ -1,4 +1,4 @@
-"""A scene and its costs as tables for people."""
+"""Tables of a scene and its costs, for people."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any, Final
@@ -21,7 +21,7 @@ _LABELS: Final = {"start_s": "start (s)", "core_share": "core share", "memory_mb
 
 
 def parts_table(description: SceneDescription) -> Table:
-    """Return which parts run in which service, and which are left out."""
+    """Return a table of the parts that run in each service, and those left out."""
     table = plain_table("Parts")
     for name in ("service", "runs", "tasks", "left out"):
         table.add_column(name, ratio=None if name == "service" else 1)
@@ -40,7 +40,7 @@ def _sides(side: SideParts | None) -> tuple[str, str, str]:
 
 
 def wire_table(description: SceneDescription, costs: SceneCosts | None) -> Table:
-    """Return what goes each way: by the layout, and as the link counted it."""
+    """Return a table of the streams: sizes as computed, and the rates that the link counted."""
     table = plain_table("On the wire")
     table.add_column("way")
     table.add_column("carries", ratio=1)
@@ -68,7 +68,7 @@ def _carried(stream: Stream) -> str:
 
 
 def whole_table(costs: SceneCosts, scene: Scene) -> Table:
-    """Return what each service of the whole scene costs, runs and imports."""
+    """Return a table of costs, imports, tasks and threads of the whole scene's services."""
     runs, duration_s = len(costs.whole), scene.session.duration_s
     table = plain_table(f"The whole scene: mean of {runs} runs of {duration_s:g} s, least and most")
     table.add_column("")
@@ -93,7 +93,7 @@ def _mean(value: Mapping[str, float], digits: int) -> str:
 
 
 def _seen(seen: Mapping[str, float]) -> list[str]:
-    """Return names, and of what was seen in few looks that it was."""
+    """Return names, marked "(at times)" if seen in a small share of samples."""
     return [name if share > _AT_TIMES else f"{name} (at times)" for name, share in seen.items()]
 
 
@@ -102,7 +102,7 @@ def _threads(figures: Mapping[str, Any]) -> list[str]:
 
 
 def part_tables(costs: SceneCosts, scene: Scene) -> Iterable[Table]:
-    """Yield for each service what the parts cost; for the follower those that it sends for."""
+    """Yield a table of parts' costs for each service, for the follower if it sends more."""
     added = {
         name: added_bytes_per_s(scene, costs.variants[name].scene).get("up", 0.0)
         for name in costs.without

@@ -1,1 +1,1 @@
-"""The ADXL335, an analogue accelerometer of three axes, behind a converter of some kind."""
+"""Drivers of the ADXL335, an analogue accelerometer of three axes, behind an A/D converter."""

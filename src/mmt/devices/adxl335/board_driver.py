@@ -48,7 +48,7 @@ class BoardAdxl335(Adxl335):
 
     @property
     def arrival_ns(self) -> int:
-        """When the newest reading had come, by the host's clock, as far as the board tells."""
+        """Arrival time of the newest reading (ns, host's clock), or now if the board has none."""
         return arrival_of(self._board)
 
     def connect(self) -> None:
@@ -57,13 +57,13 @@ class BoardAdxl335(Adxl335):
         Raises
         ------
         MmtError
-            It is not there, may not be opened, or refuses.
+            The board is missing, may not be opened, or refuses a command.
         """
         self._board.connect()
         self._prepare(getattr(self._board, "serial", None))
 
     def voltages(self) -> Sequence[tuple[int, Vector]]:
-        """Return what has come as (time_ns, volts along the sensor's own axes).
+        """Return the new samples as (time_ns, volts along the sensor's own axes).
 
         Raises
         ------

@@ -3,8 +3,8 @@
 A frame is COBS-encoded (Cheshire and Baker, IEEE/ACM Trans. Networking 7(2), 1999) and ended by
 a zero byte. Before the encoding it holds, little-endian: version (u8), number of the last sample
 (u32), the board's time of the last sample (u32, us), n times three converter counts (u16), and
-CRC-16 of all that (polynomial 0x1021, begun with 0xFFFF). n is 1 to 32 and follows from the
-length.
+CRC-16 of all that (polynomial 0x1021, initial value 0xFFFF). n is 1 to 32 and follows from
+the length.
 """
 
 import struct
@@ -17,10 +17,10 @@ from mmt.devices.serial_ports import stuff, unstuff
 
 VERSION: Final = 1
 MOST_SAMPLES: Final = 32
-"""In one frame: it then stays below 254 bytes, where COBS adds exactly one."""
+"""Samples in one frame at most: it then stays below 254 bytes, and COBS adds exactly one byte."""
 
 Counts = tuple[int, int, int]
-"""x, y, z as the converter gives them."""
+"""x, y, z in counts of the converter."""
 
 _HEAD: Final = struct.Struct("<BII")
 _SAMPLE: Final = struct.Struct("<HHH")
@@ -36,7 +36,7 @@ class BoardFrame(NamedTuple):
     sequence: int
     """Number of the last sample, modulo 2^32."""
     time_us: int
-    """When the board took the last sample, by its own clock, modulo 2^32."""
+    """Board's own time of the last sample, modulo 2^32."""
     samples: tuple[Counts, ...]
     """Oldest first."""
 
@@ -59,15 +59,15 @@ def encode_frame(frame: BoardFrame) -> bytes:
 class FrameDecoder:
     """Cut a stream of bytes into frames; invalid ones are counted and left out.
 
-    What comes before the first zero is the end of a frame that began earlier, and not counted.
+    Bytes before the first zero end an earlier frame: they are dropped and not counted.
     """
 
     def __init__(self) -> None:
         self.faults: Counter[str] = Counter()
-        """``bad frames`` (not COBS, or of no possible length), ``bad checksums``,
+        """``bad frames`` (not COBS, or of an impossible length), ``bad checksums``,
         ``other versions``."""
         self.rejected = 0
-        """All of them, which a Counter would have to sum up."""
+        """Number of invalid frames of all kinds."""
         self._buffer = b""
         self._synchronised = False
 
@@ -80,7 +80,7 @@ class FrameDecoder:
         for piece in pieces:
             if not self._synchronised:
                 self._synchronised = True
-            elif piece:  # zeros in a row end nothing
+            elif piece:  # two zeros in a row hold no frame
                 frame = self._decode(piece)
                 if frame is not None:
                     frames.append(frame)
@@ -117,16 +117,16 @@ class FrameDecoder:
 
 _MASK: Final = 0xFFFFFFFF
 _LARGEST_GAP: Final = 1 << 20
-"""Samples; a counter that moves by more, or backwards, has started again."""
+"""Samples; if the counter moves by more, or backwards, the board has restarted."""
 _RESTART_GAP_US: Final = 1000
 
 
 class Timeline:
-    """Number and time the samples of frames that follow each other.
+    """Give the samples of successive frames their times, and count lost samples.
 
-    A frame gives the number and the time of its last sample; those before it lie evenly between
-    the last sample of the frame before and this one. So of the first frame, of which nothing
-    lies before, the last sample alone is used.
+    A frame gives the number and the time of its last sample. Its other samples are spaced evenly
+    between the previous frame's last sample and this one. Of the first frame, which has no
+    previous frame, only the last sample is used.
     """
 
     def __init__(self) -> None:
@@ -138,8 +138,8 @@ class Timeline:
     def place(self, frame: BoardFrame) -> Sequence[tuple[int, Counts]]:
         """Return the frame's samples as (time_ns, counts), oldest first.
 
-        Times begin at the board's own first one and never go back, also where its 32-bit counter
-        wraps (every 71.6 minutes) or the board restarts.
+        Times begin with the board's first time stamp. They never go back, even if the board's
+        32-bit counter wraps (every 71.6 minutes) or the board restarts.
         """
         last, self._last = self._last, frame
         if last is None:

@@ -1,8 +1,8 @@
-"""Calibration by gravity: what each axis gives at rest, turned up and turned down.
+"""Calibration by gravity, from readings at rest with each axis pointing up and down.
 
-At rest the sensor feels one g upwards. Turned so that an axis points up or down, that axis reads
-+g or -g and the two others nothing, so that readings in a few orientations give a straight line
-for each axis: the volts at zero g, and the volts per m/s2.
+At rest the sensor measures one g upwards. If an axis points up or down, that axis reads +g or -g
+and the two others zero. Readings in a few orientations therefore give a straight line for each
+axis: the volts at zero g, and the volts per m/s2.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,13 +20,13 @@ UPS: Final[tuple[Up, ...]] = get_args(Up)
 
 _AXES: Final = "xyz"
 _MOVED: Final = 0.1
-"""Standard deviation (g) from which a rest was none."""
+"""Standard deviation (g) from which the sensor counts as moving."""
 _SLANT: Final = 0.1
-"""Residual (g) from which a rest was not upright: six degrees."""
+"""Residual (g) from which the sensor counts as tilted: six degrees."""
 _GAIN_TOLERANCE: Final = 0.2
-"""Relative; the data sheet has 10 %, the supply some more."""
+"""Relative; the data sheet allows 10 %, the supply adds some."""
 _ZERO_TOLERANCE: Final = 1.2
-"""In g; the data sheet has 1 g for Z at 3 V, less for X and Y."""
+"""In g; the data sheet allows 1 g for Z at 3 V, less for X and Y."""
 _CHANGED_ZERO_M_S2: Final = 0.5
 _CHANGED_GAIN: Final = 0.02
 
@@ -46,30 +46,30 @@ class GravityCalibration(NamedTuple):
     """Straight lines from volts to m/s2."""
 
     zero_v: Vector
-    """Each axis at zero g (V)."""
+    """Output of each axis at zero g (V)."""
     gain_v_per_m_s2: Vector
-    """Each axis (V per m/s2), above zero."""
+    """Gain of each axis (V per m/s2), above zero."""
     residual_m_s2: float = 0.0
     """Largest distance of a rest from its line; 0 for nominal values."""
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what is stored."""
+        """Return the values as they are stored."""
         return {key: list(v) if isinstance(v, tuple) else v for key, v in self._asdict().items()}
 
 
 def nominal(supply_v: float) -> GravityCalibration:
-    """Return the data sheet's values: ratiometric, half the supply at zero g, a tenth per g."""
+    """Return the data sheet's values: half the supply at zero g, a tenth of the supply per g."""
     gain = 0.1 * supply_v / GRAVITY_M_S2
     return GravityCalibration((0.5 * supply_v,) * 3, (gain,) * 3)
 
 
 def from_dict(content: Mapping[str, Any]) -> GravityCalibration:
-    """Return a calibration that was stored.
+    """Return a stored calibration.
 
     Raises
     ------
     InputError
-        It lacks a value, or one is impossible.
+        A value is missing or impossible.
     """
     try:
         zero = _vector(content["zero_v"])
@@ -89,7 +89,7 @@ def rests_from(content: object) -> list[Rest]:
     Raises
     ------
     InputError
-        It is none.
+        The content is no such list.
     """
     try:
         rests = [
@@ -113,16 +113,16 @@ def calibrate(rests: Sequence[Rest], supply_v: float) -> GravityCalibration:
     Parameters
     ----------
     rests
-        Each axis must have pointed up or down at least once, and any two orientations must
-        differ; all six are best, since then a slant shows.
+        Each axis must have pointed up or down at least once, and at least three orientations
+        must differ; all six are best, since they reveal a tilt.
     supply_v
-        The sensor's supply, against which the result is judged.
+        The sensor's supply (V); zero and gain must fit it.
 
     Raises
     ------
     InputError
-        The rests do not determine it, or contradict each other or the data sheet; the message
-        says which, and what the likely reason is.
+        The rests do not determine the calibration, or contradict each other or the data sheet;
+        the message names the rest or the axis, and the likely reason.
     """
     missing = [axis for axis in _AXES if not any(rest.up[1] == axis for rest in rests)]
     if missing or len({rest.up for rest in rests}) < 3:
@@ -151,7 +151,7 @@ def calibrate(rests: Sequence[Rest], supply_v: float) -> GravityCalibration:
 
 
 def check_still(rest: Rest, supply_v: float) -> None:
-    """Raise `InputError` where the sensor moved."""
+    """Raise `InputError` if the sensor moved during the rest."""
     spread_g = max(rest.spread_v) / (0.1 * supply_v)
     if not spread_g < _MOVED:
         raise InputError(
@@ -161,7 +161,7 @@ def check_still(rest: Rest, supply_v: float) -> None:
 
 
 def changes(new: GravityCalibration, old: GravityCalibration) -> list[str]:
-    """Return a sentence for each axis whose calibration is not what it was."""
+    """Return a sentence for each axis whose zero or gain has clearly changed."""
     sentences = []
     for axis, name in enumerate(_AXES):
         zero = (new.zero_v[axis] - old.zero_v[axis]) / old.gain_v_per_m_s2[axis]
@@ -193,7 +193,7 @@ def _line(rests: Sequence[Rest], axis: int) -> tuple[float, float]:
 
 
 def _check_orientations(rests: Sequence[Rest]) -> None:
-    """Say where a rest looks like another orientation than the one that was named."""
+    """Raise `InputError` if a rest looks like another orientation than the one named."""
     middle = [sorted(rest.mean_v[axis] for rest in rests) for axis in range(3)]
     zero = [0.5 * (values[(len(values) - 1) // 2] + values[len(values) // 2]) for values in middle]
     for rest in rests:

@@ -1,4 +1,4 @@
-"""Options that every way to read an ADXL335 shares."""
+"""Options of the ADXL335 drivers."""
 
 from math import pi
 from typing import Final
@@ -8,7 +8,7 @@ from pydantic import ConfigDict, Field
 from mmt.devices.accelerometer_axes import AxesOptions
 
 _Z_HZ: Final = 550.0
-"""The sensor's own z axis ends here, whatever its capacitor; x and y at 1600 Hz (data sheet)."""
+"""Largest bandwidth of the sensor's own z axis; x and y reach 1600 Hz (data sheet)."""
 LARGEST_BANDWIDTH_HZ: Final = 1600.0
 BAND: Final = (
     f"the sensor itself ends at {LARGEST_BANDWIDTH_HZ:g} Hz along its X and Y, at {_Z_HZ:g} Hz "
@@ -24,15 +24,15 @@ class Adxl335Options(AxesOptions):
     model_config = ConfigDict(extra="forbid", frozen=True, coerce_numbers_to_str=True)
 
     supply_v: float = Field(3.3, ge=1.8, le=3.6)
-    """The sensor's supply; its output is a share of it."""
+    """Supply voltage of the sensor; the output is proportional to it."""
     bandwidth_hz: float = Field(50.0, ge=0.5, le=LARGEST_BANDWIDTH_HZ)
-    """-3 dB, by the board's capacitors; breakout boards ship with 0.1 uF, which is 50 Hz."""
+    """-3 dB, set by the board's capacitors; breakout boards ship with 0.1 uF, which is 50 Hz."""
     band_hz: float = Field(500.0, gt=0.0, le=LARGEST_BANDWIDTH_HZ)
-    """Highest frequency that is wanted: half the rate of the scene's acceleration, at most 1600."""
+    """Highest wanted frequency: half the rate of the scene's acceleration, at most 1600."""
     serial: str | None = Field(None, min_length=1, max_length=64)
-    """Names the stored calibration; None takes the number that USB gives."""
+    """Serial number of the stored calibration; None takes the one that USB reports."""
     stuck_s: float = Field(1.0, ge=0.05, le=3600.0)
-    """After this time without a change of a single bit, the sensor counts as stuck."""
+    """After this time with exactly the same value, the sensor counts as stuck."""
 
     @property
     def filter_delay_ns(self) -> int:
@@ -66,15 +66,15 @@ class SerialOptions(Adxl335Options):
     """Options of a microcontroller on a serial port."""
 
     port: str = Field(min_length=1)
-    """As ``/dev/ttyACM0`` or ``COM3``; better a name below ``/dev/serial/by-id``."""
+    """Port, as ``/dev/ttyACM0`` or ``COM3``; better a name below ``/dev/serial/by-id``."""
     baud_rate: int = Field(500_000, ge=9600, le=4_000_000)
-    """Boards with USB of their own ignore it."""
+    """Bits a second; boards with native USB ignore it."""
     reference_v: float = Field(3.3, ge=1.0, le=5.5)
     """Full scale of the converter."""
     resolution_bits: int = Field(12, ge=8, le=16)
     """Resolution of the converter."""
     start_s: float = Field(3.0, ge=0.1, le=30.0)
-    """How long the board may take for its first frame; some restart when they are opened."""
+    """Longest wait for the board's first frame; some boards restart when their port is opened."""
 
     @property
     def volts_per_count(self) -> float:

@@ -1,4 +1,4 @@
-"""What all ways to read an ADXL335 share: stored calibration, rest, faults."""
+"""Base class of the ADXL335 drivers: stored calibration, reading at rest, faults."""
 
 import logging
 import time
@@ -25,7 +25,7 @@ from mmt.devices.overload import OverloadNotice
 from mmt.devices.protocols import SensorReading, Vector
 
 RANGE_M_S2: Final = 3.0 * GRAVITY_M_S2
-"""Least full scale by the data sheet; a sensor that is typical goes to 3.6 g."""
+"""Guaranteed full scale (data sheet); a typical sensor reaches 3.6 g."""
 TYPICAL_RANGE_M_S2: Final = 3.6 * GRAVITY_M_S2
 
 _OVERLOADED: Final = (
@@ -42,9 +42,9 @@ class Converter:
     calibration
         Zero and gain of each of the sensor's own axes.
     options
-        Which axis lies where, and from when a value is stuck.
+        Mounting of the axes, and the time after which a value counts as stuck.
     stuck_at
-        The volts at which the sensor was stuck before, None where it was not.
+        Volts at which the sensor was stuck before, or None.
     """
 
     def __init__(
@@ -62,17 +62,17 @@ class Converter:
         )
         self._stuck_ns = round(1e9 * options.stuck_s)
         self.stuck_at = stuck_at
-        """The volts that have stayed the same for too long, None where they change."""
+        """Volts that have stayed the same for too long, or None."""
         self._last = stuck_at
         self._since_ns = 0
 
     def convert(self, time_ns: int, volts: Vector) -> SensorReading:
-        """Return the acceleration at that time.
+        """Return the acceleration for the volts of one sample.
 
         Raises
         ------
         DeviceLost
-            The volts have not changed by the least bit for too long.
+            The volts have been exactly the same for too long.
         """
         if volts != self._last:
             self._last, self._since_ns, self.stuck_at = volts, time_ns, None
@@ -98,19 +98,19 @@ CALIBRATED_AS: Final = "adxl335"
 
 _REST_S: Final = 0.2
 _LEAST_SAMPLES: Final = 20
-_LONGEST_PAUSE_S: Final = 1.0  # of a machine so busy that what arrived is read late
+_LONGEST_PAUSE_S: Final = 1.0  # a busy machine may read samples late
 _CALIBRATED_ERROR: Final = 0.05
 _NOMINAL_ERROR: Final = 0.15
 """Largest error of gravity at rest, relative, with and without a stored calibration."""
 
 
 class Adxl335(ABC):
-    """A `SampledSensor`; a subclass says how the volts come.
+    """A `SampledSensor`; a subclass reads the volts.
 
     Parameters
     ----------
     options
-        Checked already.
+        Validated options.
     """
 
     def __init__(self, options: Adxl335Options) -> None:
@@ -118,7 +118,7 @@ class Adxl335(ABC):
         self.latency_ns = options.filter_delay_ns
         """Delay of the board's filter."""
         self.calibration: GravityCalibration = nominal(options.supply_v)
-        """What is used: nominal until `connect` finds a stored one."""
+        """Calibration in use: nominal until `connect` finds a stored one."""
         self._serial: str | None = None
         self._calibrated = False
         self._converter = Converter(self.calibration, options)
@@ -126,12 +126,12 @@ class Adxl335(ABC):
 
     @property
     def serial_number(self) -> str:
-        """Under which the calibration is stored, empty where there is none; after `connect`."""
+        """Serial number of the stored calibration, known after `connect`; empty if none."""
         return self._serial or ""
 
     @property
     def named(self) -> str | None:
-        """The serial number of the options, None where it is left to the device."""
+        """Serial number of the options, or None to take the device's own."""
         return self._common.serial
 
     @property
@@ -141,25 +141,25 @@ class Adxl335(ABC):
 
     @property
     def band_hz(self) -> float:
-        """Where what it passes ends, by its board's capacitors and by itself."""
+        """Highest frequency that the sensor passes, set by its board's capacitors."""
         return self._common.bandwidth_hz
 
     @property
     def faults(self) -> Mapping[str, int]:
-        """Counts by what was survived."""
+        """Counts of tolerated faults, by kind."""
         return {kind: n for counter in self._counters() for kind, n in counter.items() if n}
 
     def remarks(self) -> Sequence[str]:
-        """Return a sentence for each doubtful option, as a capacitor that passes too little."""
+        """Return a sentence for each doubtful option, such as a capacitor that is too large."""
         return self._common.remarks()
 
     def read(self) -> Sequence[SensorReading]:
-        """Return what has come, in m/s2 along the scene's axes.
+        """Return the new readings, in m/s2 along the scene's axes.
 
         Raises
         ------
         DeviceLost
-            It was unplugged, or its value is stuck.
+            The sensor was unplugged, or its value is stuck.
         """
         convert = self._converter.convert
         return [convert(time_ns, volts) for time_ns, volts in self.voltages()]
@@ -170,17 +170,17 @@ class Adxl335(ABC):
 
     @abstractmethod
     def voltages(self) -> Iterable[tuple[int, Vector]]:
-        """Return what has come as (time_ns, volts along the sensor's own axes)."""
+        """Return the new samples as (time_ns, volts along the sensor's own axes)."""
 
     @abstractmethod
     def close(self) -> None:
         """Release the device; calling it twice is harmless."""
 
     def calibrate(self) -> None:
-        """Compare the value at rest with gravity, and say where they differ.
+        """Compare the value at rest with gravity, and warn if they differ.
 
-        Nothing is subtracted: gravity is part of what an accelerometer measures, and modelling
-        and rendering leave out what does not vibrate.
+        No bias is subtracted: an accelerometer measures gravity too, and modelling and rendering
+        leave out constant parts.
         """
         rest = self.rest("+z", _REST_S)
         used = self.calibration
@@ -204,7 +204,7 @@ class Adxl335(ABC):
             )
 
     def rest(self, up: Up, duration_s: float) -> Rest:
-        """Measure for a while at rest; blocks, for up to a second more while too few samples came.
+        """Measure for `duration_s` at rest; blocks up to 1 s longer if too few samples came.
 
         Raises
         ------
@@ -212,7 +212,7 @@ class Adxl335(ABC):
             Too few samples came.
         """
         volts: list[Vector] = []
-        list(self.voltages())  # what came before
+        list(self.voltages())  # discard older samples
         end = time.monotonic() + duration_s
         while (now := time.monotonic()) < end or (
             len(volts) < _LEAST_SAMPLES and now < end + _LONGEST_PAUSE_S
@@ -231,7 +231,7 @@ class Adxl335(ABC):
         return (self._converter.faults,)
 
     def _prepare(self, serial: str | None) -> None:
-        """Take the stored calibration of a sensor that was just connected."""
+        """Load the stored calibration of the sensor that was just connected."""
         self._serial = self._common.serial or serial
         stored = load_calibration(CALIBRATED_AS, self._serial) if self._serial else None
         self._calibrated = stored is not None

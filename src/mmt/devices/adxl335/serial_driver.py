@@ -21,7 +21,7 @@ _AT_ONCE: Final = 16384
 
 
 class SerialBoard:
-    """The bytes of a microcontroller.
+    """Receives bytes from a microcontroller.
 
     Parameters
     ----------
@@ -35,12 +35,12 @@ class SerialBoard:
         self._port: serial.Serial | None = None
 
     def open(self) -> None:
-        """Open the port, and throw away what waits in it.
+        """Open the port and discard its input buffer.
 
         Raises
         ------
         MmtError
-            There is none, somebody else has it, or it is not permitted.
+            The port is missing, in use by another program, or not permitted.
         """
         self.close()
         try:
@@ -50,12 +50,12 @@ class SerialBoard:
         empty_port(self._port)
 
     def read(self) -> bytes:
-        """Return what has come.
+        """Return the received bytes.
 
         Raises
         ------
         DeviceLost
-            It is not open, or was unplugged.
+            The port is not open, or the board was unplugged.
         """
         if self._port is None:
             raise DeviceLost(f"the accelerometer's port {self.name} is not open")
@@ -73,7 +73,7 @@ class SerialBoard:
         close_port(port)
 
     def serial_number(self) -> str | None:
-        """Return the number that the board gives over USB, None where there is none."""
+        """Return the serial number that the board reports over USB, or None."""
         here = os.path.realpath(self.name)
         for info in list_ports.comports():
             if os.path.realpath(info.device) == here:
@@ -112,7 +112,7 @@ class SerialAdxl335(Adxl335):
         self._timeline = Timeline()
         self._earlier: Counter[str] = Counter()
         self._newest: Counts | None = None
-        self._survived = 0  # faults of the line until the newest good frame
+        self._survived = 0  # invalid frames before the newest good one
         self._stuck_at: Counts | None = None
 
     def connect(self) -> None:
@@ -121,7 +121,7 @@ class SerialAdxl335(Adxl335):
         Raises
         ------
         MmtError
-            The port cannot be opened, or no frames come; the message says what came instead.
+            The port cannot be opened, or no frames come; the message explains what came instead.
         """
         self._earlier.update(self._decoder.faults)
         self._earlier.update(self._timeline.faults)
@@ -137,7 +137,7 @@ class SerialAdxl335(Adxl335):
         self._prepare(self._board.serial_number())
 
     def voltages(self) -> Sequence[tuple[int, Vector]]:
-        """Return what has come as (time_ns, volts along the sensor's own axes).
+        """Return the new samples as (time_ns, volts along the sensor's own axes).
 
         Raises
         ------
@@ -155,7 +155,7 @@ class SerialAdxl335(Adxl335):
         return placed
 
     def complaint(self) -> str:
-        """Return what is wrong with what comes, where no frame of it is good."""
+        """Return the problem if only invalid frames have come since the last good one, else ""."""
         broken = self._decoder.rejected - self._survived
         if broken <= 0:
             return ""
@@ -166,7 +166,7 @@ class SerialAdxl335(Adxl335):
         )
 
     def read(self) -> Sequence[SensorReading]:
-        """Return what has come, in m/s2 along the scene's axes; see `Adxl335.read`."""
+        """Return the new readings, in m/s2 along the scene's axes; see `Adxl335.read`."""
         try:
             return super().read()
         except DeviceLost:

@@ -1,1 +1,1 @@
-"""Force sensors by ATI, as the Nano17: Net F/T box, Digital F/T, and gauges on a board."""
+"""Force sensors by ATI, such as the Nano17: Net F/T box, Digital F/T, and gauges on a board."""

@@ -9,20 +9,20 @@ from mmt.devices.wrench import Positive, WrenchOptions
 
 
 class AtiOptions(WrenchOptions):
-    """What the sensor is expected to be, and how it is mounted."""
+    """Expected identity of the sensor, and its mounting."""
 
     serial: str | None = None
     """Serial number that the calibration must have, as ``FT12345``."""
     calibration: str | None = None
     """Name that the calibration must have, as ``SI-12-0.12``."""
     force_unit: str | None = None
-    """Unit of force that the device must be set to; any known one is converted where None."""
+    """Unit of force that the device must be set to; None accepts and converts any known unit."""
     range_n: tuple[Positive, Positive, Positive] | None = None
     """Calibrated range of Fx, Fy, Fz (N) that the device must have."""
 
 
 def force_in_newton(unit: str, device: str) -> float:
-    """Return how many newton one of the unit is.
+    """Return the size of a unit of force in N.
 
     Raises
     ------
@@ -38,7 +38,7 @@ def force_in_newton(unit: str, device: str) -> float:
 
 
 def torque_in_newton_mm(unit: str, device: str) -> float:
-    """Return how many newton millimetres one of the unit is: ``Nm``, ``N-mm``, ``lbf-in`` ...
+    """Return the size of a unit of torque, such as ``Nm``, ``N-mm`` or ``lbf-in``, in N mm.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def torque_in_newton_mm(unit: str, device: str) -> float:
 
 
 def length_in_mm(unit: str, device: str) -> float:
-    """Return how many millimetres one of the unit is.
+    """Return the size of a unit of length in mm.
 
     Raises
     ------
@@ -77,9 +77,9 @@ class Calibration:
     """Identity and calibrated range of a sensor."""
 
     serial: str
-    """Empty where the device does not say it."""
+    """Serial number; empty if the device does not report it."""
     part: str
-    """As ``SI-12-0.12``; empty where the device does not say it."""
+    """Name, as ``SI-12-0.12``; empty if the device does not report it."""
     force_unit: str
     torque_unit: str
     range_n: Vector
@@ -96,12 +96,12 @@ class Calibration:
 
 
 def check_calibration(device: str, found: Calibration, expected: AtiOptions) -> None:
-    """Compare what the device has with what the options expect.
+    """Compare the device's calibration with the expected one.
 
     Raises
     ------
     InputError
-        They differ; the message names each difference and what to do.
+        The two differ; the message names each difference and what to do.
     """
     problems = []
     if expected.serial is not None and _differ(expected.serial, found.serial):

@@ -29,7 +29,7 @@ class FileCalibration:
     matrix: Matrix
     """From volts to N and N mm."""
     output_v: float
-    """Largest magnitude that the amplifier puts out."""
+    """Largest magnitude of the amplifier's output voltage."""
 
 
 def load_calibration_file(path: Path) -> FileCalibration:
@@ -38,7 +38,7 @@ def load_calibration_file(path: Path) -> FileCalibration:
     Raises
     ------
     InputError
-        It cannot be read or used; the message says why.
+        The file cannot be read or used; the message says why.
     """
     try:
         with path.open("rb") as file:
@@ -59,13 +59,13 @@ def load_calibration_file(path: Path) -> FileCalibration:
 def parse_calibration_file(content: bytes) -> FileCalibration:
     """Read a ``.cal`` file's content.
 
-    The ``UserAxis`` rows are the matrix. Files of version 1.0 have none: their ``Axis`` rows
-    are divided by the scales, and torques are moved to the displaced origin, T - D x F.
+    The ``UserAxis`` rows are the matrix. Files of version 1.0 have no ``UserAxis``: their ``Axis``
+    rows are divided by the scales, and torques are moved to the displaced origin, T - D x F.
 
     Raises
     ------
     InputError
-        It cannot be used; the message says why.
+        The content cannot be used; the message says why.
     """
     root = parse_xml(content)
     calibration = root.find("Calibration")
@@ -144,7 +144,7 @@ def _from_axes(calibration: ET.Element, newton: float, newton_mm: float) -> list
 
 
 def _rows(calibration: ET.Element, tag: str) -> Mapping[str, ET.Element]:
-    """Return the elements of the six axes by their names; none where there are none."""
+    """Return the elements of the six axes by name; empty if the file has no such elements."""
     found = {element.get("Name", ""): element for element in calibration.findall(tag)}
     missing = [name for name in _AXES if name not in found]
     if found and missing:

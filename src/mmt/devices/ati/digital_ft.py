@@ -32,10 +32,10 @@ DRIVER: Final = "ati-digital-ft"
 
 NOMINAL_HZ: Final = 7000.0
 _READINGS_HZ: Final = 3500.0
-"""Wanted: the last of the records that make a reading is waited for, and an adapter hands them on
-in bundles; a rate in step with those would hide the drift of the sensor's clock."""
+"""Target rate of readings. A reading waits for its last record, and an adapter passes records on in
+bundles: a rate in step with the bundles would hide the drift of the sensor's clock."""
 _BITS: Final = 11 * SIZE
-"""A record on the line: start, eight bits, parity and stop a byte."""
+"""Bits of a record on the line: start, eight data bits, parity and stop for each byte."""
 _START_PATIENCE_S: Final = 1.0
 _HIGHEST, _LOWEST = 32767, -32768
 _BROKEN_NS: Final = 100_000_000
@@ -51,11 +51,11 @@ class DigitalFtOptions(AtiOptions):
     calibration_number: int = Field(default=1, ge=1, le=CALIBRATIONS)
     """Which of its stored calibrations to use."""
     average: int | None = Field(default=None, ge=1, le=100)
-    """Records that make one reading; None for as many as give about 3500 readings a second."""
+    """Records averaged into one reading; None gives about 3500 readings a second."""
 
 
 def record_rate_hz(baud: int) -> float:
-    """Return how many records a second come: the sensor's own rate, or what the line passes."""
+    """Return the rate of records (Hz): the sensor's own, or less if the line is slower."""
     return min(NOMINAL_HZ, baud / _BITS)
 
 
@@ -92,17 +92,17 @@ class DigitalFt(WrenchSensor):
             else round(delay_ms * 1e6)
         )
         self.stored: StoredCalibration | None = None
-        """The calibration in use, once it is connected."""
+        """Calibration in use; None before the sensor is connected."""
 
     def connect(self) -> None:
-        """Open the port, read and check the calibration, then have the sensor stream.
+        """Open the port, read and check the calibration, then start the stream.
 
         Raises
         ------
         InputError
             The sensor or its calibration is not the one that the options expect.
         MmtError
-            The port cannot be opened, or the sensor does not answer, or not as it should.
+            The port cannot be opened, or the sensor does not answer correctly.
         """
         self.close()
         line = self._line = DigitalLine(self._options.port, self._options.baud, self.name)
@@ -115,7 +115,7 @@ class DigitalFt(WrenchSensor):
             raise
 
     def close(self) -> None:
-        """Have the sensor stop; calling it twice is harmless."""
+        """Stop the stream and close the port; calling it twice is harmless."""
         if self._line is not None:
             self._line.close()
             self._line = None
@@ -144,7 +144,7 @@ class DigitalFt(WrenchSensor):
         )
 
     def _amplify(self, line: DigitalLine, stored: StoredCalibration) -> None:
-        """Have the gauges amplified as the calibration wants it, where they are not."""
+        """Write the calibration's gains and offsets to the sensor if its own differ."""
         wanted = {GAINS: stored.gains, OFFSETS: stored.offsets}
         differing = {
             start: values
@@ -164,7 +164,7 @@ class DigitalFt(WrenchSensor):
         self._clock.interrupt()
         self._summed = 0
         self._sums = [0.0] * 6
-        self._usable_ns = time.monotonic_ns() + round(1e9 * _START_PATIENCE_S)  # no judgement yet
+        self._usable_ns = time.monotonic_ns() + round(1e9 * _START_PATIENCE_S)  # no loss before
         if self._await_record(_START_PATIENCE_S):
             return
         if self._stream.errors or self._stream.bad:
@@ -191,7 +191,7 @@ class DigitalFt(WrenchSensor):
         return records
 
     def complaint(self) -> str:
-        """Return what is wrong with the records, where they have come but could not be used."""
+        """Return why the newest records are unusable, or "" if they are usable."""
         broken_ns = self._heard_ns - self._usable_ns
         return self._explain_unusable(broken_ns / 1e9) if broken_ns > 0 else ""
 
@@ -203,7 +203,7 @@ class DigitalFt(WrenchSensor):
         )
 
     def _averaged(self, gauges: list[Gauges | None]) -> list[Stamped]:
-        """Return means of successive records, stamped by the last one's time."""
+        """Return means of successive records, with the time of the last one."""
         records: list[Stamped] = []
         count, next_ns = self._average, self._clock.next
         u, v, w, x, y, z = self._sums
@@ -231,7 +231,7 @@ class DigitalFt(WrenchSensor):
 
     @property
     def faults(self) -> dict[str, int]:
-        """Counts by what was survived."""
+        """Counts of tolerated faults, by kind."""
         counts = {
             **super().faults,
             "wrong sum": self._stream.bad,

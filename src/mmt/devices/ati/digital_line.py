@@ -1,4 +1,4 @@
-"""The serial line to a Digital F/T: requests and answers, then bytes as they come."""
+"""The serial line to a Digital F/T: requests and answers, then the bytes of the stream."""
 
 import contextlib
 import time
@@ -24,20 +24,20 @@ _ANSWER_S: Final = 0.15
 _ATTEMPTS: Final = 3
 _JAM: Final = bytes(72)
 _QUIET_S: Final = 0.5
-"""The device takes so long to leave its stream."""
+"""Time that the device needs to stop its stream."""
 
 
 class DigitalLine(SensorLine):
-    """The line, once it is open; see `SensorLine`."""
+    """An open line; see `SensorLine`."""
 
     def __init__(self, port: str, baud: int, name: str) -> None:
         super().__init__(port, baud, name, parity=serial.PARITY_EVEN)
         self._baud = baud
         self._surplus = b""
-        self._garbage = 0  # bytes that were no answers
+        self._garbage = 0  # received bytes that were no answer
 
     def read(self) -> bytes:
-        """Return what has come, without waiting; see `SensorLine`."""
+        """Return the received bytes without waiting; see `SensorLine`."""
         received, self._surplus = self._surplus + super().read(), b""
         return received
 
@@ -77,7 +77,7 @@ class DigitalLine(SensorLine):
             )
 
     def ask(self, request: bytes) -> bytes:
-        """Send a request and return the answer's content; what follows is kept for `read`.
+        """Send a request and return the answer's content; keep the bytes after it for `read`.
 
         Raises
         ------

@@ -11,9 +11,9 @@ from mmt.devices.ati.calibration import Calibration, force_in_newton, torque_in_
 from mmt.devices.wrench import Matrix, matrix_of
 
 DEVICE: Final = 10
-"""Its Modbus number, always the same."""
+"""Modbus address of the device, always the same."""
 START_STREAM: Final = (0x46, 0x55)
-"""Function and byte; answered by a byte, 1 for accepted."""
+"""Function and data byte; the device answers with one byte, 1 if it accepts."""
 UNLOCK: Final = (0x6A, 0xAA)
 LOCK: Final = (0x6A, 0x18)
 
@@ -25,7 +25,7 @@ CALIBRATION_REGISTERS: Final = 168
 
 FORCE_UNITS: Final = ("lbf", "N", "klbf", "kN", "kgf", "gf")
 TORQUE_UNITS: Final = ("lbf-in", "lbf-ft", "N-m", "N-mm", "kgf-cm", "kN-m")
-"""By the codes 1 to 6."""
+"""Units by their codes 1 to 6."""
 
 _FIRST_CALIBRATION: Final = 0x00E3
 _CALIBRATION_STEP: Final = 192
@@ -54,7 +54,7 @@ class StoredCalibration:
     matrix: Matrix
     """From gauge counts to N and N mm."""
     gains: tuple[int, ...]
-    """What the gauges must be amplified by for this calibration, six register values."""
+    """Gains that the gauges need for this calibration, six register values."""
     offsets: tuple[int, ...]
 
 
@@ -75,7 +75,7 @@ def parse_calibration(registers: Sequence[int], device: str) -> StoredCalibratio
     Raises
     ------
     MmtError
-        There is none, or a value cannot be.
+        The registers hold no calibration, or an impossible value.
     """
     content = struct.pack(f">{len(registers)}H", *registers)
     values = struct.unpack(">36f", content[64:208])
@@ -131,7 +131,7 @@ def pack_calibration(
     gains: Sequence[int],
     offsets: Sequence[int],
 ) -> list[int]:
-    """Return the 168 registers of a calibration, all in its own units."""
+    """Return the 168 registers of a calibration; all values are in its own units."""
     content = b"".join(
         (
             serial.encode("ascii").ljust(8, b"\0"),

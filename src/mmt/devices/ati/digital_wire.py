@@ -18,15 +18,15 @@ _REASONS: Final = {
 }
 
 LONGEST_READ: Final = 64
-"""Registers asked for at once."""
+"""Registers in one request at most."""
 
 
 class NoFrame(MmtError):  # noqa: N818 - its message names what came
-    """What came is no answer to the request: too short, another's, or with a wrong checksum."""
+    """The received bytes are no answer to the request: too short, to another one, or corrupted."""
 
 
 def checksum(content: bytes) -> bytes:
-    """Return the CRC-16 of Modbus (polynomial 0xA001, from 0xFFFF), low byte first."""
+    """Return the CRC-16 of Modbus (polynomial 0xA001, initial value 0xFFFF), low byte first."""
     crc = 0xFFFF
     for byte in content:
         crc ^= byte
@@ -42,30 +42,30 @@ def frame(device: int, function: int, content: bytes) -> bytes:
 
 
 def read_request(device: int, start: int, count: int) -> bytes:
-    """Ask for registers."""
+    """Return a request to read registers."""
     return frame(device, READ_REGISTERS, struct.pack(">HH", start, count))
 
 
 def write_request(device: int, start: int, values: Sequence[int]) -> bytes:
-    """Write registers."""
+    """Return a request to write registers."""
     head = struct.pack(">HHB", start, len(values), 2 * len(values))
     return frame(device, WRITE_REGISTERS, head + struct.pack(f">{len(values)}H", *values))
 
 
 def answer_length(request: bytes) -> int:
-    """Return how many bytes answer a request."""
+    """Return the length (bytes) of the answer to a request."""
     if request[1] == READ_REGISTERS:
         return 5 + 2 * int.from_bytes(request[4:6], "big")
     return 8 if request[1] == WRITE_REGISTERS else 5
 
 
 def parse_answer(request: bytes, received: bytes) -> bytes:
-    """Return what an answer holds between function and checksum.
+    """Return the content of an answer, between its function code and checksum.
 
     Raises
     ------
     NoFrame
-        What was received does not begin with an answer to the request.
+        The received bytes do not begin with an answer to the request.
     MmtError
         The device refuses.
     """
@@ -84,14 +84,14 @@ def parse_answer(request: bytes, received: bytes) -> bytes:
 
 
 def registers_of(content: bytes) -> list[int]:
-    """Return the registers of an answer's content, whose first byte counts bytes."""
+    """Return the registers of an answer's content, whose first byte is the byte count."""
     return list(struct.unpack(f">{content[0] // 2}H", content[1 : 1 + content[0]]))
 
 
 SIZE: Final = 13
 _GAUGES: Final = struct.Struct(">6h")
 _CONFIRMED: Final = 3
-"""Records in a row whose sums are right: what is found by chance is one in two million."""
+"""Records in a row whose checksums must be right; by chance this is one in two million."""
 
 Gauges = tuple[int, int, int, int, int, int]
 """G0 to G5 in counts."""
@@ -104,17 +104,17 @@ def pack_record(gauges: Gauges, *, error: bool = False) -> bytes:
 
 
 class RecordStream:
-    """Find records among bytes, and their place again after garbage.
+    """Cut a stream of bytes into records, and resynchronise after garbage.
 
-    While the sums are right each 13 bytes are a record. After one that is wrong, the next
-    place is searched from which three in a row are right; what lies before it is left out.
+    While the checksums are right, each 13 bytes are a record. After a wrong checksum, the next
+    three valid records in a row are searched; the bytes before them are dropped.
     """
 
     def __init__(self) -> None:
         self.bad = 0
-        """How often the sum was wrong where a record was expected."""
+        """How often the checksum of an expected record was wrong."""
         self.errors = 0
-        """Records with the error bit, left out."""
+        """Records dropped because of their error bit."""
         self.reset()
 
     def reset(self) -> None:
@@ -124,12 +124,12 @@ class RecordStream:
         self._skipped = 0
 
     def feed(self, received: bytes) -> list[Gauges | None]:
-        """Take bytes and return the records that are whole.
+        """Take bytes and return the complete records.
 
         Returns
         -------
         records
-            None in the place of each that was broken or had the error bit set.
+            None for each record that was broken or had the error bit set.
         """
         content = self._rest + received if self._rest else received
         records: list[Gauges | None] = []
@@ -158,7 +158,7 @@ class RecordStream:
         return records
 
     def _search(self, content: bytes, start: int) -> tuple[int, bool]:
-        """Return where records begin, or from where to go on searching, and which it is."""
+        """Return (position, found): the first record, or where to resume the search."""
         place, found = start, False
         while len(content) - place >= SIZE * _CONFIRMED:
             if all(_is_right(content, place + SIZE * i) for i in range(_CONFIRMED)):

@@ -49,7 +49,7 @@ class Gauges(WrenchSensor):
     options
         See `GaugesOptions`.
     board
-        What samples the voltages.
+        Board that samples the voltages.
 
     Raises
     ------
@@ -77,7 +77,7 @@ class Gauges(WrenchSensor):
         Raises
         ------
         MmtError
-            It does not answer, or gives nothing.
+            The board does not answer, or gives no voltages.
         """
         self.close()
         self._board.connect()
@@ -102,7 +102,7 @@ class Gauges(WrenchSensor):
 
     @property
     def arrival_ns(self) -> int:
-        """When the newest reading had come, by the host's clock, as far as the board tells."""
+        """Arrival time of the newest reading (ns, host's clock), or now if the board has none."""
         return arrival_of(self._board)
 
     def _where(self) -> str:
@@ -122,6 +122,6 @@ class Gauges(WrenchSensor):
 
     @property
     def faults(self) -> Mapping[str, int]:
-        """Counts by what was survived, the board's among them."""
+        """Counts of tolerated faults by kind, including the board's."""
         board = {f"board: {reason}": count for reason, count in self._board.faults.items()}
         return {**super().faults, **board}

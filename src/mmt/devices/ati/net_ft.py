@@ -33,7 +33,7 @@ from mmt.devices.wrench_sensor import Stamped, WrenchSensor
 DRIVER: Final = "ati-net-ft"
 
 _MOST_RECORDS: Final = 1024
-"""Drained in one call at most."""
+"""Records read in one call at most."""
 _REPEAT_START_NS: Final = 50_000_000
 _START_PATIENCE_S: Final = 1.0
 _BROKEN_NS: Final = 100_000_000
@@ -48,7 +48,7 @@ class NetFtOptions(AtiOptions):
     rate_hz: int = Field(default=2000, ge=1, le=7000)
     """Records a second; the box may round up to 7000 / n."""
     filter: int = Field(default=2, ge=0, le=12)
-    """The box's low-pass filter: 0 none, 1 to 8 838 to 5 Hz, 9 to 12 1500 to 3000 Hz."""
+    """Low-pass filter of the box: 0 none, 1 to 8 for 838 to 5 Hz, 9 to 12 for 1500 to 3000 Hz."""
     rdt_port: int = Field(default=PORT, ge=1, le=65535)
     http_port: int = Field(default=80, ge=1, le=65535)
 
@@ -82,20 +82,20 @@ class NetFt(WrenchSensor):
         self._broken_ns = 0  # when it came
         self._looked_ns = 0
         self.arrival_ns = 0
-        """When the newest record had come, by the host's monotonic clock."""
+        """Arrival time of the newest record (ns, host's monotonic clock)."""
         self._buffer = bytearray(2048)
         self.settings: NetSettings | None = None
         """Settings that the box reports; None until it is connected."""
 
     def connect(self) -> None:
-        """Read, check and set the box's settings, then have it send records.
+        """Read, check and set the box's settings, then start its stream of records.
 
         Raises
         ------
         InputError
             The box has another sensor or calibration than the options expect.
         MmtError
-            It does not answer, or sends nothing.
+            The box does not answer, or sends no records.
         """
         self.close()
         settings = self._settle()
@@ -124,7 +124,7 @@ class NetFt(WrenchSensor):
             self._bias_in_box = self.settings.bias
 
     def close(self) -> None:
-        """Have the box stop; calling it twice is harmless."""
+        """Stop the stream and close the socket; calling it twice is harmless."""
         if self._socket is not None:
             with contextlib.suppress(OSError):
                 self._socket.send(request(STOP))
@@ -132,7 +132,7 @@ class NetFt(WrenchSensor):
             self._socket = self._packets = None
 
     def _settle(self) -> NetSettings:
-        """Bring the box to the options' settings and return what it then has."""
+        """Set the box as the options ask and return its resulting settings."""
         pages, options = self._pages, self._options
         settings = pages.settings()
         check_calibration(self.name, settings.calibration, options)
@@ -183,7 +183,7 @@ class NetFt(WrenchSensor):
     def _await_first_record(self) -> None:
         """Ask for records until one comes, since a request can be lost."""
         self._started_ns = self._broken_status = 0
-        self._usable_ns = time.monotonic_ns() + round(1e9 * _START_PATIENCE_S)  # no judgement yet
+        self._usable_ns = time.monotonic_ns() + round(1e9 * _START_PATIENCE_S)  # no loss before
         if self._await_record(_START_PATIENCE_S):
             return
         self.close()
@@ -237,7 +237,7 @@ class NetFt(WrenchSensor):
         return records
 
     def _ask(self, udp: socket.socket, now_ns: int) -> None:
-        """Ask for records; a request can be lost, as can the box's answer."""
+        """Ask for records; the caller repeats this, since request or answer can be lost."""
         self._started_ns = now_ns
         with contextlib.suppress(OSError):  # the silence that follows is reported
             udp.send(request(START))
@@ -254,7 +254,7 @@ class NetFt(WrenchSensor):
         return False
 
     def complaint(self) -> str:
-        """Return what the box reports, where its records have come but could not be used."""
+        """Return the box's fault if its newest records are unusable, else ""."""
         return self._explain_broken() if self._broken_ns > self._usable_ns else ""
 
     def _explain_broken(self) -> str:
@@ -265,7 +265,7 @@ class NetFt(WrenchSensor):
 
     @property
     def faults(self) -> dict[str, int]:
-        """Counts by what was survived."""
+        """Counts of tolerated faults, by kind."""
         counts = dict(super().faults)
         if self._clock is not None:
             clock = self._clock

@@ -55,7 +55,7 @@ def request(command: int, count: int = 0) -> bytes:
 
 
 def parse_request(packet: bytes) -> tuple[int, int] | None:
-    """Return command and count of a request; None where it is none."""
+    """Return command and count of a request, or None if the packet is no request."""
     if len(packet) != _REQUEST.size:
         return None
     mark, command, count = _REQUEST.unpack(packet)
@@ -68,7 +68,7 @@ def pack_record(record: Record) -> bytes:
 
 
 def is_broken(status: int) -> bool:
-    """Whether a record of this status is not to be used."""
+    """Return whether a record with this status must be discarded."""
     return status & ~_HARMLESS != 0
 
 
@@ -104,12 +104,11 @@ class NetSettings:
 
 
 def filter_delay_ns(number: int) -> int:
-    """Return a filter's delay of slow signals (ns), 0 where it is not known.
+    """Return a filter's group delay at low frequencies (ns), or 0 if it is not known.
 
-    The maker states none. Filter k of 1 to 8 halves its cut-off from one to the next as the
-    recursion ``y += (x - y) / 2**k`` at the box's 7 kHz does, whose group delay at low
-    frequencies is ``2**k - 1`` measurements. Those above 1 kHz delay by a fraction of that of
-    the first.
+    The maker states no delay. The cut-offs of filters k = 1 to 8 halve from one to the next,
+    like those of the recursion ``y += (x - y) / 2**k`` at the box's 7 kHz, whose delay is
+    ``2**k - 1`` measurements. The filters above 1 kHz delay by a fraction of filter 1's delay.
     """
     if number not in FIRST_ORDER:
         return 0
@@ -169,9 +168,9 @@ class NetPages:
     Parameters
     ----------
     host, port
-        Its address.
+        Address of the web server.
     device
-        What a person calls the box.
+        Name of the box in messages.
     """
 
     def __init__(self, host: str, port: int, device: str) -> None:
@@ -194,7 +193,7 @@ class NetPages:
         return parse_settings(page, calibration, self._device)
 
     def set_rate(self, rate_hz: int) -> None:
-        """Set how many records a second come; the box may round up."""
+        """Set the rate of records (Hz); the box may round up."""
         self._get(f"/comm.cgi?comrdtrate={rate_hz}")
 
     def set_filter(self, number: int) -> None:
@@ -202,7 +201,7 @@ class NetPages:
         self._get(f"/setting.cgi?setuserfilter={number}")
 
     def set_bias(self, bias: str) -> None:
-        """Write the gauges' software bias, as `NetSettings` has it."""
+        """Write the gauges' software bias, in the form of `NetSettings.bias`."""
         query = "&".join(f"setbias{i}={part.strip()}" for i, part in enumerate(bias.split(";")))
         self._get(f"/setting.cgi?{query}")
 

@@ -27,7 +27,7 @@ class HaptuatorBoard:
     def __init__(self, port: str, baud_rate: int) -> None:
         self.name = f"Haptuator's board on {port}"
         self.faults: Counter[str] = Counter()
-        """``bad frames``, ``bad checksums``, ``other versions`` that came, and ``dropped bytes``
+        """``bad frames``, ``bad checksums`` and ``other versions`` received, and ``dropped bytes``
         that the port did not take."""
         self._path = port
         self._baud_rate = baud_rate
@@ -36,12 +36,12 @@ class HaptuatorBoard:
         self._backlog = bytearray()
 
     def open(self) -> None:
-        """Open the port, and throw away what waits in it.
+        """Open the port and discard its input buffer.
 
         Raises
         ------
         MmtError
-            There is none, somebody else has it, or it is not permitted.
+            The port is missing, in use by another program, or not permitted.
         """
         self.close()
         try:
@@ -50,10 +50,10 @@ class HaptuatorBoard:
             raise MmtError(f"{self.name}: {error}") from error
         empty_port(self._port)
         self._decoder = Decoder()
-        self._backlog = bytearray(b"\0")  # ends whatever the board has half of
+        self._backlog = bytearray(b"\0")  # ends a frame that the board has half of
 
     def receive(self) -> Sequence[Message]:
-        """Return the messages that have come.
+        """Return the received messages.
 
         Raises
         ------
@@ -71,7 +71,7 @@ class HaptuatorBoard:
         return messages
 
     def send(self, *messages: Message) -> None:
-        """Send messages; what the port does not take now goes with the next ones.
+        """Send messages; bytes that the port does not take now go with the next ones.
 
         Raises
         ------
@@ -82,7 +82,7 @@ class HaptuatorBoard:
         for message in messages:
             backlog += encode(message)
         try:
-            # pyserial's own write spins where the system's buffer is full
+            # pyserial's own write spins if the system's buffer is full
             sent = os.write(port.fileno(), backlog) if os.name == "posix" else port.write(backlog)
         except BlockingIOError:
             sent = 0

@@ -1,9 +1,9 @@
-"""From a session that writes its samples each millisecond to a board that buffers and plays.
+"""Resample a session's samples, written each millisecond, for a board that buffers and plays them.
 
-Each sample is interpolated to the board's rate at once. How far the board's buffer is filled tells
-which clock is ahead, and the step from instant to instant follows it by 0.5 % at most, as in
-`mmt.devices.haptuator.card_buffer`. A buffer that is far too full is emptied at twice the speed,
-which keeps the signal continuous, and counted as a slip. An empty one gets silence first.
+Samples are interpolated to the board's rate at once. The fill of the board's buffer shows which
+clock is ahead, and the resampling step is adjusted by 0.5 % at most, as in
+`mmt.devices.haptuator.card_buffer`. A buffer that is far too full is drained at twice the speed,
+which keeps the signal continuous and counts as a slip. An empty buffer gets silence first.
 """
 
 import math
@@ -18,7 +18,7 @@ from mmt.devices.haptuator.resampling import AFTER, BEFORE, FillController, Samp
 _CAPACITY_BITS: Final = 12
 _LARGEST_WRITE: Final = 1024
 _LEAST_SLACK_S: Final = 0.02
-"""Beyond the wanted fill before it is caught up with."""
+"""Least excess over the wanted fill from which the buffer is drained."""
 
 
 class BoardResampler:
@@ -31,7 +31,7 @@ class BoardResampler:
     board_rate_hz
         Rate of the board's converter.
     buffer_ms
-        What lies in the board's buffer before it is topped up.
+        Wanted fill of the board's buffer before each write.
     """
 
     def __init__(self, rate_hz: float, board_rate_hz: float, buffer_ms: float) -> None:
@@ -45,17 +45,17 @@ class BoardResampler:
         self._slipping = False
         self.follower = FillController(rate_hz)
         self.slips = 0
-        """How often a full buffer had to be caught up with."""
+        """How often a buffer that was too full had to be drained."""
 
     def push(self, samples: Sequence[float], ahead: int) -> FloatArray:
-        """Return what the board gets next, shape (m,).
+        """Return the next samples for the board, shape (m,).
 
         Parameters
         ----------
         samples
-            Samples of the session; of a backlog longer than 1024 the oldest are left out.
+            Samples of the session; only the newest 1024 are used.
         ahead
-            The board's samples in its buffer and on their way.
+            Samples in the board's buffer and on their way to it.
         """
         count = len(samples)
         dry = ahead <= 0 and count < self._target

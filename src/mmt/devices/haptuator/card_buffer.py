@@ -1,13 +1,13 @@
-"""Between a session that writes its samples each millisecond and a card that asks for blocks.
+"""Buffer between a session that writes samples each millisecond and a card that asks for blocks.
 
-The two run on clocks of their own. A ring takes the session's samples; the card's blocks are
-interpolated from it. How far the ring is filled tells which clock is ahead, and the step from
-instant to instant follows it: a proportional-integral controller, critically damped with a time
-constant of 2 s, that learns the drift and changes the pitch by 0.5 % at most. What is beyond that
-is a slip: the reading jumps, under a crossfade of one block, and is counted.
+The two run on separate clocks. A ring takes the session's samples; the card's blocks are
+interpolated from it. The fill of the ring shows which clock is ahead. A proportional-integral
+controller, critically damped with a time constant of 2 s, learns the drift and adjusts the
+resampling step, and so the pitch, by 0.5 % at most. If that is not enough, the read position
+jumps under a crossfade of one block, which counts as a slip.
 
-One thread writes and another reads. Each index is changed by one of them alone, after the samples
-that it refers to; the interpreter makes each assignment whole.
+One thread writes and another reads. Each index is changed by only one of them, after the samples
+that it refers to; the interpreter makes each assignment atomic.
 """
 
 import math
@@ -20,9 +20,9 @@ from mmt.core.arrays import FloatArray
 from mmt.devices.haptuator.resampling import AFTER, BEFORE, FillController, SampleRing
 
 _CAPACITY_S: Final = 4
-"""At least; what lies in it is a power of two of samples."""
+"""Least capacity; the number of samples is a power of two."""
 _LEAST_SLACK_S: Final = 0.02
-"""Beyond the wanted fill before the reading jumps."""
+"""Least excess over the wanted fill from which the read position jumps."""
 _FADE_S: Final = 0.002
 
 
@@ -38,7 +38,7 @@ class CardBuffer:
     card_rate_hz
         Rate of the samples read.
     block_frames
-        Read at a time, as a rule.
+        Usual length of a block.
     buffer_ms
         How late a sample may be written.
     """
@@ -51,7 +51,7 @@ class CardBuffer:
         self._card_rate_hz = card_rate_hz
         block = block_frames * rate_hz / card_rate_hz
         self.target = block + AFTER + buffer_ms * rate_hz / 1000.0
-        """Samples that lie ahead of the reading when a block is asked for."""
+        """Wanted number of unread samples when a block is asked for."""
         self._most = self.target + max(_LEAST_SLACK_S * rate_hz, self.target)
         self._fade = max(1, round(_FADE_S * card_rate_hz))
         self._position = 0.0
@@ -63,11 +63,11 @@ class CardBuffer:
         self._rise = False
         self.follower = FillController(rate_hz)
         self.fill = 0.0
-        """Samples that lay ahead of the reading at the last block."""
+        """Unread samples at the last block."""
         self.underruns = 0
-        """How often the card asked for what was not yet written."""
+        """How often the card asked for samples that were not yet written."""
         self.slips = 0
-        """How often the reading jumped."""
+        """How often the read position jumped."""
 
     @property
     def silent(self) -> bool:
@@ -75,7 +75,7 @@ class CardBuffer:
         return not self._playing and not self._tail.size
 
     def write(self, samples: Iterable[float]) -> None:
-        """Append samples; those that are never read are written over."""
+        """Append samples; unread ones are overwritten when the ring is full."""
         self._ring.write(samples)
 
     def mute(self) -> None:
@@ -132,14 +132,14 @@ class CardBuffer:
         return block
 
     def _jump(self, frames: int, written: int) -> FloatArray:
-        """Go to where the reading should be, under a crossfade from where it was."""
+        """Jump to the wanted read position, under a crossfade from the old one."""
         self.slips += 1
         step = self._rate_hz / self._card_rate_hz
         aim = written - self.target
         share = np.linspace(0.0, 1.0, frames)
         there = (written - AFTER - aim) / step >= frames
         if not there or written - self._position > 0.5 * _CAPACITY_S * self._rate_hz:
-            # what lay there is written over, or the block is longer than agreed: start again
+            # the old samples are overwritten, or the block is longer than agreed: start again
             self._stop(written)
             self._idle_since = written - math.ceil(self.target) - BEFORE
             return self._silence(frames)
@@ -151,6 +151,6 @@ class CardBuffer:
         return block
 
     def _step(self, fill: float, frames: int) -> float:
-        """Return the step from instant to instant (samples), and learn from the fill."""
+        """Return the resampling step (samples), and learn the drift from the fill."""
         correction = self.follower.correction(fill - self.target, frames / self._card_rate_hz)
         return self._rate_hz / self._card_rate_hz * (1.0 + correction)

@@ -1,4 +1,4 @@
-"""From the acceleration that is wanted to the voltage that an actuator may get."""
+"""Conversion of a wanted acceleration to the voltage for an actuator, within its limits."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -28,9 +28,9 @@ def level_of(options: HaptuatorOptions, directory: Path | None = None) -> Actuat
     Raises
     ------
     InputError
-        Nothing usable is stored.
+        No usable calibration is stored.
     MmtError
-        It cannot be read.
+        The calibration cannot be read.
     """
     if options.volts_per_m_s2 is not None:
         return ActuatorLevel(options.volts_per_m_s2, (1.0,))
@@ -51,27 +51,27 @@ def level_of(options: HaptuatorOptions, directory: Path | None = None) -> Actuat
 
 
 def store_level(equaliser: Equaliser, serial: str, directory: Path | None = None) -> Path:
-    """Store what a sweep gave; return the file.
+    """Store the level and equaliser of a sweep; return the file.
 
     Raises
     ------
     MmtError
-        It cannot be written.
+        The file cannot be written.
     """
     return save_calibration(DEVICE, serial, asdict(equaliser), directory)
 
 
 FADE_S: Final = 0.01
-"""Over this a voltage that is not finite fades out, and the next in again."""
+"""Time over which the output fades out at a voltage that is not finite, and in again."""
 _HIGHEST_SHARE: Final = 0.4999
-"""A low-pass above this share of the rate would pass all that there is."""
+"""A low-pass above this share of the rate would pass everything."""
 
 
 class VoltageDrive:
-    """Keep samples within the band, even them out, scale them to volts, and limit the voltage.
+    """Band-limit samples, equalise them, scale them to volts, and limit the voltage.
 
-    Plain Python, some 2 us a sample, and 4 us a call for an equaliser, by numpy. A sample that is
-    not finite counts as clipped, and the filters let it die away.
+    It takes some 2 us a sample, and 4 us a call for an equaliser. A sample that is not finite
+    counts as clipped; the high-pass lets the output die away during such samples.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class VoltageDrive:
     rate_hz
         Sampling rate. A low-pass at or above half of it is left out.
     level
-        In place of what the options name.
+        Level and equaliser in place of those that the options name.
 
     Raises
     ------
@@ -114,7 +114,7 @@ class VoltageDrive:
         self.rest()
 
     def rest(self) -> None:
-        """Begin at rest: what comes next is not taken for what has always been."""
+        """Reset the filters to zero, not to the steady state of the next sample."""
         for section in self._sections:
             section.reset()
             section.step(0.0)
@@ -131,7 +131,7 @@ class VoltageDrive:
             else:
                 self._not_finite += 1
             wanted = value
-            for step in filters:  # they take what is not finite for what came before
+            for step in filters:  # a value that is not finite repeats the filter's last input
                 wanted = step(wanted)
             kept.append(wanted)
         volts = []
@@ -143,7 +143,7 @@ class VoltageDrive:
         return volts
 
     def _evened(self, values: list[float]) -> list[float]:
-        """Return samples (n,) behind the equaliser."""
+        """Return samples (n,) after the equaliser."""
         if len(self._taps) == 1 or not values:
             return values
         known = self._before + values
@@ -152,9 +152,9 @@ class VoltageDrive:
         return evened
 
     def gain(self, frequencies_hz: FloatArray) -> FloatArray:
-        """Return the acceleration at the handle over the one that is asked for, by frequency.
+        """Return the acceleration at the handle over the wanted one, by frequency.
 
-        By the sweep; without one the actuator is taken to be even, and this is what the filters do.
+        The stored sweep gives the actuator's part. Without one only the filters' gain is returned.
         """
         unit = np.exp(-2j * np.pi * frequencies_hz / self._rate_hz)
         gain = np.abs(np.polyval(self._taps[::-1], unit))
@@ -169,7 +169,7 @@ class VoltageDrive:
 
     @property
     def statistics(self) -> ActuatorStatistics:
-        """Counts and levels; the RMS is that of the voltage, over the level."""
+        """Counts and levels; the RMS is that of the voltage, divided by the level."""
         rms_v = math.sqrt(self._sum_squares / self._samples) if self._samples else 0.0
         clipped = self._not_finite + self._guard.limited + self._guard.not_finite
         return ActuatorStatistics(self._samples, clipped, rms_v / self._scale, self._peak)

@@ -1,4 +1,4 @@
-"""What every way to a Haptuator shares: from m/s2 or volts to bounded voltages, and counts."""
+"""Base class of the Haptuator drivers: from m/s2 or volts to bounded voltages, and counts."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -19,16 +19,16 @@ _SMOOTHING: Final = 0.02
 
 
 class HaptuatorDriver(ABC):
-    """A `VoltageActuator` that is `RateFollowing`; a driver adds how voltages get to the converter.
+    """A `VoltageActuator` that is `RateFollowing`; a subclass sends the voltages to the converter.
 
     Parameters
     ----------
     options
         Level, band and limits.
     output_rate_hz
-        Rate of the converter: what it gets passes `_guard`, the last step of all.
+        Rate of the converter; its samples pass `_guard` as the last step.
     level
-        In place of the one that the options name.
+        Level in place of the one that the options name.
     """
 
     def __init__(
@@ -58,14 +58,14 @@ class HaptuatorDriver(ABC):
 
     @abstractmethod
     def _check(self) -> None:
-        """Raise `DeviceLost` where nothing can be played."""
+        """Raise `DeviceLost` if nothing can be played."""
 
     @abstractmethod
     def _play(self, volts: list[float]) -> None:
-        """Play voltages (n,), V, at the samples' rate, after those before; never blocks."""
+        """Play voltages (n,), V, at the samples' rate, after the earlier ones; never blocks."""
 
     def calibrate(self) -> None:  # noqa: B027 - nothing is missing
-        """Do nothing: what the actuator makes of a volt is an option."""
+        """Do nothing: the actuator's level is an option."""
 
     def write(self, samples_m_s2: Sequence[float] | FloatArray) -> None:
         """Play samples (n,), m/s2; never blocks.
@@ -73,13 +73,13 @@ class HaptuatorDriver(ABC):
         Raises
         ------
         DeviceLost
-            What plays them is gone, or takes nothing any more.
+            The card or board is gone, or takes no more samples.
         """
         self._check()
         self._play(self._drive.convert(samples_m_s2))
 
     def response(self, frequencies_hz: FloatArray) -> tuple[FloatArray, float]:
-        """Return the gain from what is asked for to the handle; see `RespondingActuator`."""
+        """Return the gain from wanted to actual acceleration; see `RespondingActuator`."""
         return self._drive.gain(frequencies_hz), self._drive.low_hz
 
     @property
@@ -88,12 +88,12 @@ class HaptuatorDriver(ABC):
         return self._to_volts.largest_v
 
     def write_volts(self, volts: Sequence[float] | FloatArray) -> None:
-        """Play voltages (n,), V, as they are; see `VoltageActuator`.
+        """Play voltages (n,), V, cut to the limit but not filtered; see `VoltageActuator`.
 
         Raises
         ------
         DeviceLost
-            As by `write`.
+            See `write`.
         """
         self._check()
         self._play(self._to_volts.cut(volts))
@@ -104,5 +104,5 @@ class HaptuatorDriver(ABC):
 
     @property
     def _latency_ms(self) -> float | None:
-        """The mean of the last ones, None before any."""
+        """Running mean, or None before the first value."""
         return None if self._latency_s is None else round(1e3 * self._latency_s, 2)

@@ -1,11 +1,11 @@
 """Level and equaliser of an actuator, fitted to a sweep that an accelerometer measured.
 
-The transfer from voltage to acceleration is estimated segment by segment (H1: cross spectrum over
-power spectrum), after both signals were aligned. Its power mean over the band gives the level. The
-equaliser corrects the magnitude alone: its gain is the inverse of the transfer's, smoothed, within
-a bound, and its phase is the least that goes with it (A. V. Oppenheim, R. W. Schafer:
-*Discrete-Time Signal Processing*, the minimum-phase sequence from the real cepstrum), cut to a
-short FIR filter. So it adds no delay, cannot be unstable, and never amplifies beyond the bound.
+The transfer function from voltage to acceleration is estimated over segments (H1: cross spectrum
+over power spectrum) of the aligned signals. Its power mean over the band gives the level. The
+equaliser corrects only the magnitude: its gain is the smoothed inverse of the transfer function's,
+within a bound, and its phase is the minimum one (A. V. Oppenheim, R. W. Schafer: *Discrete-Time
+Signal Processing*, the minimum-phase sequence from the real cepstrum). It is cut to a short FIR
+filter, which adds no delay, cannot be unstable, and never amplifies beyond the bound.
 """
 
 from dataclasses import dataclass
@@ -29,10 +29,10 @@ _LEAST_SEGMENTS: Final = 16
 _LEAST_COHERENCE: Final = 0.8
 _LONGEST_SHIFT: Final = 200
 _SMOOTHING: Final = 2
-"""Neighbours on each side over which the squared magnitude is averaged, 3.9 Hz each."""
+"""Neighbours on each side, 3.9 Hz apart, over which the squared magnitude is averaged."""
 _FADE: Final = 8
 _PROVISIONAL_HZ: Final = 100.0
-"""Every actuator of this kind is within its band from here on."""
+"""From this frequency on, every actuator of this kind is within its band."""
 _DRIVEN: Final = 1e-4
 """Share of the largest power of the voltage above which a frequency counts as driven."""
 _FREQUENCIES_HZ: Final = np.fft.rfftfreq(_SEGMENT, 1.0 / RATE_HZ)
@@ -45,23 +45,23 @@ _Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 
 @dataclass(frozen=True)
 class ActuatorLevel:
-    """The level of an actuator on its handle, and what evens it out.
+    """The level of an actuator on its handle, and its equaliser.
 
     Raises
     ------
     ValueError
-        The response is not one number for each of rising frequencies.
+        The response does not have one number for each frequency, or these do not rise.
     """
 
     volts_per_m_s2: Annotated[_Number, Field(gt=0)]
     taps: Annotated[tuple[_Number, ...], Field(min_length=1, max_length=TAPS)]
     """Taps of an FIR filter at 1 kHz, (1.0,) for none."""
     low_hz: Annotated[_Number, Field(ge=1, lt=RATE_HZ / 2)] = DATA_SHEET_LOW_HZ
-    """From here on the actuator can be driven."""
+    """Lowest frequency at which the actuator can be driven."""
     response_hz: tuple[_Number, ...] = ()
     """Frequencies at which its own response is known."""
     response: tuple[_Number, ...] = ()
-    """Acceleration over voltage there, m/s2 for 1 V, smoothed."""
+    """Acceleration over voltage at these frequencies, m/s2 for 1 V, smoothed."""
 
     def __post_init__(self) -> None:
         rising = all(low < high for low, high in pairwise(self.response_hz))
@@ -71,20 +71,20 @@ class ActuatorLevel:
 
 @dataclass(frozen=True, kw_only=True)
 class Equaliser(ActuatorLevel):
-    """A level as it was fitted, and how well."""
+    """A fitted level and equaliser, and the quality of the fit."""
 
     unevenness_db: float
-    """Standard deviation of the level over the band, in dB, without it."""
+    """Standard deviation of the level over the band, in dB, without the equaliser."""
     remaining_db: float
-    """And with it."""
+    """The same with the equaliser."""
     coherence: float
     """Share of the acceleration's power that the voltage explains, median over the band."""
 
 
 def taps_at(taps: tuple[float, ...], rate_hz: float) -> tuple[float, ...]:
-    """Return the taps of 1 kHz for another rate, k kHz: the same gain, of minimum phase again.
+    """Return taps of 1 kHz for another rate, k kHz, with the same gain and minimum phase.
 
-    It lasts as long, with k times as many taps. Above 500 Hz the gain of 500 Hz goes on.
+    The filter lasts as long, with k times as many taps. Above 500 Hz it keeps the gain of 500 Hz.
     """
     several = round(rate_hz / RATE_HZ)
     if several == 1 or len(taps) == 1:
@@ -130,16 +130,16 @@ def fit_equaliser(
     volts, acceleration_m_s2
         Shape (n,) each, at 1 kHz, begun within 0.2 s of each other.
     low_hz, high_hz
-        The band that is evened out; beyond it the gain of its edges goes on. Without `low_hz` the
-        band begins where the actuator can be raised to its level by the largest gain, and obeys:
-        its own resonance and distortion decide, not a data sheet.
+        The band that is equalised; outside it the gain of its edges is kept. Without `low_hz` the
+        band starts at the lowest frequency that the largest gain raises to the level and at which
+        the coherence is high: the actuator decides, not a data sheet.
     largest_gain_db
-        By which a frequency is raised or lowered at most.
+        Largest gain and largest attenuation at any frequency.
 
     Raises
     ------
     InputError
-        The signals are too short, of different lengths, or have little to do with each other.
+        The signals are too short, of different lengths, or have too little coherence.
     """
     first_hz = _PROVISIONAL_HZ if low_hz is None else low_hz
     band = _check(volts, acceleration_m_s2, first_hz, high_hz, largest_gain_db)
@@ -192,7 +192,7 @@ def _check(
     high_hz: float,
     largest_gain_db: float,
 ) -> "np.ndarray[tuple[int], np.dtype[np.bool_]]":
-    """Check what was given, and return which frequencies lie in the band."""
+    """Check the arguments, and return a mask of the frequencies in the band."""
     least = (_LEAST_SEGMENTS + 1) * _SEGMENT // 2 + _LONGEST_SHIFT
     if volts.ndim != 1 or volts.shape != acceleration.shape or len(volts) < least:
         raise InputError(
@@ -213,7 +213,7 @@ def _check(
 
 
 def _align(volts: FloatArray, acceleration: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Cut both so that the acceleration comes with the voltage that made it."""
+    """Cut both signals so that the acceleration is aligned with the voltage."""
     size = 2 * len(volts)
     product = np.fft.rfft(acceleration, size) * np.conj(np.fft.rfft(volts, size))
     correlation = np.abs(np.fft.irfft(product, size))
@@ -227,7 +227,7 @@ def _align(volts: FloatArray, acceleration: FloatArray) -> tuple[FloatArray, Flo
 def _transfer(
     volts: FloatArray, acceleration: FloatArray
 ) -> "tuple[Spectrum, FloatArray, np.ndarray[tuple[int], np.dtype[np.bool_]]]":
-    """Return transfer, coherence and what was driven by frequency, from Hann windows."""
+    """Return transfer, coherence and a mask of the driven frequencies, from Hann windows."""
     starts = np.arange(0, len(volts) - _SEGMENT + 1, _SEGMENT // 2)
     places = starts[:, np.newaxis] + np.arange(_SEGMENT)
     window = np.hanning(_SEGMENT)

@@ -1,8 +1,8 @@
 """Frames between the host and a microcontroller that plays samples: bytes to records, no I/O.
 
 A frame is COBS-encoded (Cheshire and Baker, IEEE/ACM Trans. Networking 7(2), 1999) and ended by
-a zero byte. Before the encoding it holds, little-endian: version (u8), kind (u8), what belongs to
-the kind, and CRC-16 of all that (polynomial 0x1021, begun with 0xFFFF).
+a zero byte. Before the encoding it holds, little-endian: version (u8), kind (u8), the kind's
+content, and CRC-16 of all that (polynomial 0x1021, initial value 0xFFFF).
 """
 
 import struct
@@ -15,7 +15,7 @@ from mmt.devices.serial_ports import stuff, unstuff
 
 VERSION: Final = 1
 MOST_SAMPLES: Final = 120
-"""In one frame: it then stays below 254 bytes, where COBS adds exactly one."""
+"""Samples in one frame at most: it then stays below 254 bytes, and COBS adds exactly one byte."""
 FULL_SCALE: Final = 32_767
 
 _SAMPLES: Final = 1
@@ -38,7 +38,7 @@ class BoardSamples(NamedTuple):
 
 
 class Reset(NamedTuple):
-    """Empty the buffer and count from zero again; the frame of number 0."""
+    """Command to empty the buffer and restart the counts; it is frame number 0."""
 
 
 class BoardReport(NamedTuple):
@@ -51,11 +51,11 @@ class BoardReport(NamedTuple):
     fill: int
     """Samples in the buffer that are still to be played."""
     sequence: int
-    """Number of the newest frame that came, also where it did not fit; 0 after a reset."""
+    """Number of the newest frame received, even if it did not fit; 0 after a reset."""
     underruns: int
     """How often the buffer ran dry since the reset, modulo 2^16."""
     lost: int
-    """Frames that were missing, bad, or found the buffer full since the reset, modulo 2^16."""
+    """Frames missing, invalid, or rejected by a full buffer since the reset, modulo 2^16."""
 
 
 Message = BoardSamples | Reset | BoardReport
@@ -67,7 +67,7 @@ def encode(message: Message) -> bytes:
     Raises
     ------
     ValueError
-        Samples are none, more than 120, or beyond full scale.
+        There are no samples or more than 120, or a sample is beyond full scale.
     """
     if isinstance(message, BoardSamples):
         if not 1 <= len(message.values) <= MOST_SAMPLES:
@@ -86,7 +86,7 @@ def encode(message: Message) -> bytes:
 class Decoder:
     """Cut a stream of bytes into messages; invalid ones are counted and left out.
 
-    What comes before the first zero is the end of a frame that began earlier, and not counted.
+    Bytes before the first zero end an earlier frame: they are dropped and not counted.
     """
 
     def __init__(self) -> None:

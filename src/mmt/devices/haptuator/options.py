@@ -1,4 +1,4 @@
-"""Options that a Haptuator takes whichever way it is driven."""
+"""Options of all Haptuator drivers."""
 
 import math
 from collections.abc import Sequence
@@ -19,23 +19,23 @@ DATA_SHEET_HIGH_HZ = 1000.0
 
 
 class HaptuatorOptions(BaseModel):
-    """What the actuator stands, and what it makes of a volt."""
+    """Limits, band and level of the actuator."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     volts_per_m_s2: float | None = Field(default=None, gt=0, le=100)
-    """Voltage at the actuator for 1 m/s2; None takes what is stored for `serial`."""
+    """Voltage at the actuator for 1 m/s2; None takes the value stored for `serial`."""
     serial: str | None = Field(default=None, min_length=1)
-    """Under which its level and equaliser were stored."""
+    """Serial number under which its level and equaliser are stored."""
     full_scale_v: float = Field(gt=0, le=100)
     """Voltage at the actuator for the largest number that the converter takes."""
     limit_v: float = Field(default=3.0, gt=0, le=100)
     """Largest voltage that the actuator may get."""
     low_hz: float | None = Field(default=None, ge=1, le=400)
-    """Below this it is not driven: a second-order high-pass. None takes what the sweep that is
-    stored for `serial` has found, or the data sheet's `DATA_SHEET_LOW_HZ` without one."""
+    """The actuator is not driven below this, by a second-order high-pass. None takes the value of
+    the sweep stored for `serial`, or the data sheet's `DATA_SHEET_LOW_HZ` without a sweep."""
     high_hz: float = Field(default=DATA_SHEET_HIGH_HZ, ge=20, le=LARGEST_HZ)
-    """Above this it is not driven: a second-order low-pass, where the signal reaches so far."""
+    """The actuator is not driven above this, by a second-order low-pass if the rate allows it."""
 
     @model_validator(mode="after")
     def _band(self) -> Self:
@@ -52,10 +52,10 @@ class HaptuatorOptions(BaseModel):
 
     @property
     def largest_v(self) -> float:
-        """What limits the voltage: the actuator or the amplifier."""
+        """Largest voltage (V): the lower limit of actuator and amplifier."""
         return min(self.limit_v, self.full_scale_v)
 
     def cut(self, volts: Sequence[float] | FloatArray) -> list[float]:
-        """Return voltages within the limit; what is not finite is 0."""
+        """Return voltages cut to the limit; those that are not finite become 0."""
         most = self.largest_v
         return [min(max(float(v), -most), most) if math.isfinite(v) else 0.0 for v in volts]

@@ -1,8 +1,8 @@
-"""Samples between samples: a short windowed sinc, for a card that runs faster than the session.
+"""Interpolation by a short windowed sinc, for a card that is faster than the session.
 
-Six taps lie around each instant, so that it can be computed once the third sample after it is
-there: the delay is three samples. The taps of an instant sum to 1. Between 64 tabulated instants
-they are interpolated linearly, which leaves an error under 1e-3 of the signal.
+An instant takes six samples around it. It can be computed once the third sample after it has come:
+the delay is three samples. The taps of an instant sum to 1. They are interpolated linearly between
+64 tabulated instants, which leaves an error under 1e-3 of the signal.
 """
 
 from collections.abc import Iterable
@@ -14,9 +14,9 @@ from mmt.core.arrays import FloatArray
 
 TAPS: Final = 6
 BEFORE: Final = TAPS // 2 - 1
-"""Samples that are needed before the one just at or before an instant."""
+"""Samples needed before the one at or just before an instant."""
 AFTER: Final = TAPS // 2
-"""Samples that are needed after it."""
+"""Samples needed after that one."""
 
 _PHASES: Final = 64
 _KAISER_BETA: Final = 3.0
@@ -34,19 +34,19 @@ def tap_table() -> FloatArray:
 
 
 class SampleRing:
-    """Keeps the newest samples, and reads them at instants between them.
+    """Keeps the newest samples, and interpolates the signal between them.
 
     Parameters
     ----------
     bits
-        It holds two to the power of so many; what is older is written over.
+        The ring holds ``2**bits`` samples; older ones are overwritten.
     """
 
     def __init__(self, bits: int) -> None:
         self._mask = (1 << bits) - 1
         self._ring = np.zeros(1 << bits)
         self.written = 0
-        """Samples so far, changed after they are there."""
+        """Samples written so far; changed only after the samples are stored."""
         self._table = tap_table()
         self._slopes = np.diff(self._table, axis=0)
         self._offsets = np.arange(-BEFORE, AFTER + 1)
@@ -67,7 +67,7 @@ class SampleRing:
         position
             In samples, at least `BEFORE`; the sample `AFTER` the last instant must be there.
         step
-            From instant to instant, in samples.
+            Distance between instants, in samples.
         """
         instants = position + step * np.arange(count)
         whole = np.floor(instants).astype(np.int64)
@@ -96,17 +96,17 @@ class FillController:
     def __init__(self, rate_hz: float) -> None:
         self._rate_hz = rate_hz
         self.drift = 0.0
-        """By what share the writing clock is ahead of the reading one, as learnt."""
+        """Learnt share by which the writing clock is faster than the reading one."""
 
     def correction(self, error: float, passed_s: float) -> float:
-        """Return by what share to read faster, within 0.5 %, and learn the drift.
+        """Return the share by which to read faster, within 0.5 %, and learn the drift.
 
         Parameters
         ----------
         error
-            Samples in the buffer beyond those that are wanted.
+            Samples in the buffer beyond the wanted number.
         passed_s
-            Since the last call.
+            Time since the last call.
         """
         natural = 1.0 / _TIME_CONSTANT_S
         drift = self.drift + natural * natural / self._rate_hz * error * passed_s

@@ -31,29 +31,29 @@ class HaptuatorSerialOptions(HaptuatorOptions):
     port: str = Field(min_length=1)
     baud_rate: int = Field(default=1_000_000, ge=9600, le=4_000_000)
     board_rate_hz: int = Field(default=8000, ge=2000, le=48_000)
-    """Rate of the board's converter; the board reports its own, which must be the same."""
+    """Rate of the board's converter; must be the rate that the board reports."""
     buffer_ms: float = Field(default=6.0, ge=2, le=200)
-    """Kept in the board's buffer: how late a sample may be written."""
+    """Fill of the board's buffer: how late a sample may be written."""
 
 
 @dataclass(frozen=True, slots=True)
 class SerialStatistics(ActuatorStatistics):
-    """Counts and levels, and how the board went along."""
+    """Counts and levels, and those of the board."""
 
     underruns: int
     """How often the board's buffer ran dry."""
     lost_frames: int
     """Frames that the board missed, found bad or had no room for."""
     bad_messages: int
-    """What came from the board and was no message."""
+    """Invalid frames from the board, plus the bytes that the port did not take."""
     slips: int
-    """How often a board's buffer that was too full was caught up with at twice the speed."""
+    """How often a board's buffer that was too full was drained at twice the speed."""
     limited_frames: int
-    """Samples that went beyond the limit between those of the session and were cut."""
+    """Interpolated samples that were beyond the limit and were cut."""
     drift_ppm: float
     """How much faster the session's clock runs than the board's."""
     latency_ms: float | None
-    """From writing a sample to the converter, the mean of the last ones; without the wire."""
+    """Running mean of the time from `write` to the converter, without the wire."""
 
 
 def haptuator_serial(**options: Any) -> "SerialHaptuator":
@@ -70,9 +70,9 @@ def haptuator_serial(**options: Any) -> "SerialHaptuator":
 class SerialHaptuator(HaptuatorDriver):
     """A `VibrationActuator` that sends samples to a board's buffer.
 
-    How far the board's buffer is filled is known from its newest report, from what was sent after
-    that, and from what has been played since; a `BoardResampler` follows it. The wire is
-    described in ``docs/reference/haptuator-framing.md``. Counts go on when it is connected again.
+    The fill of the board's buffer follows from its newest report, the samples sent after that,
+    and those played since; a `BoardResampler` follows it. The wire format is described in
+    ``docs/reference/haptuator-framing.md``. Counts continue after a reconnection.
     """
 
     def __init__(self, options: HaptuatorSerialOptions) -> None:
@@ -99,7 +99,7 @@ class SerialHaptuator(HaptuatorDriver):
         Raises
         ------
         MmtError
-            The port cannot be opened, the board does not answer, or has another rate.
+            The port cannot be opened, or the board does not answer or does not fit the options.
         """
         self.close()
         self._board.open()
@@ -123,7 +123,7 @@ class SerialHaptuator(HaptuatorDriver):
         self._under_way.clear()
 
     def _check(self) -> None:
-        """Hear the board, and see that it still reports and takes what it is sent."""
+        """Receive reports; raise `DeviceLost` if the board no longer reports or takes frames."""
         now_ns = time.monotonic_ns()
         for message in self._board.receive():
             if isinstance(message, BoardReport):
@@ -153,7 +153,7 @@ class SerialHaptuator(HaptuatorDriver):
 
     @property
     def statistics(self) -> SerialStatistics:
-        """Counts and levels since it was made."""
+        """Counts and levels since the driver was made."""
         pusher = self._resampler
         return SerialStatistics(
             **asdict(self._drive.statistics),
@@ -207,7 +207,7 @@ class SerialHaptuator(HaptuatorDriver):
                 pass
 
     def _ahead(self, since_report_ns: int) -> int:
-        """Return how many samples lie before the board's converter, as far as is known."""
+        """Return the estimated number of samples that the board has yet to play."""
         under_way = sum(count for _, count in self._under_way)
         played = round(since_report_ns * 1e-9 * self._options.board_rate_hz)
         return max(0, self._report.fill + under_way - played)

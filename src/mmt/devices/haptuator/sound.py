@@ -27,14 +27,14 @@ FINDERS, missing = sound_library.FINDERS, sound_library.missing
 def find_output(library: Any, device: str | int | None, channel: int) -> int:
     """Return the number of an output that has the channel.
 
-    A card that was plugged in after PortAudio had looked is unknown to it: where none is found,
-    it looks again.
+    PortAudio does not know a card that was plugged in after its last search: if no output is
+    found, it searches again.
 
     Raises
     ------
     InputError
-        There is none, or several of that name, or it has fewer channels; the message lists what
-        there is.
+        There is no such output, there are several, or it has fewer channels; the message lists
+        the outputs.
     """
     try:
         found = library.query_devices(device, "output")
@@ -85,27 +85,27 @@ class SoundOptions(HaptuatorOptions):
     """Output that the amplifier is plugged into, counted from 1; the others are silent."""
     card_rate_hz: int = Field(default=48_000, ge=8000, le=192_000)
     block_ms: float = Field(default=2.0, ge=0.5, le=50)
-    """What the card asks for at a time."""
+    """Length of the blocks that the card asks for."""
     buffer_ms: float = Field(default=4.0, ge=1, le=200)
     """How late a sample may be written."""
 
 
 @dataclass(frozen=True, slots=True)
 class SoundStatistics(ActuatorStatistics):
-    """Counts and levels, and how the card went along."""
+    """Counts and levels, and those of the card."""
 
     underruns: int
     """How often samples came too late for the card."""
     slips: int
-    """How often the reading jumped to be in time again."""
+    """How often the read position jumped to be in time again."""
     card_underflows: int
     """How often the card's own buffer ran dry, as PortAudio reports it."""
     limited_frames: int
-    """Frames that went beyond the limit between the samples and were cut."""
+    """Interpolated frames that were beyond the limit and were cut."""
     drift_ppm: float
     """How much faster the session's clock runs than the card's."""
     latency_ms: float | None
-    """From writing a sample to the converter, the mean of the last blocks; None before any."""
+    """Running mean of the time from `write` to the converter; None before the first block."""
 
 
 def haptuator_sound(**options: Any) -> "SoundHaptuator":
@@ -124,19 +124,19 @@ def haptuator_sound(**options: Any) -> "SoundHaptuator":
 class SoundHaptuator(HaptuatorDriver):
     """A `VibrationActuator` at a sound card.
 
-    The card's thread takes blocks from a `CardBuffer` that `write` fills. Counts go on when it is
-    connected again.
+    The card's thread takes blocks from a `CardBuffer` that `write` fills. Counts continue after a
+    reconnection.
 
     Parameters
     ----------
     options
         See `SoundOptions`.
     library
-        What `sounddevice` offers, as an emulated card does; None imports it.
+        The module `sounddevice` or an emulated card in its place; None imports it.
     clock_ns
-        The monotonic time.
+        Monotonic clock.
     level
-        In place of the one that the options name.
+        Level in place of the one that the options name.
     """
 
     def __init__(
@@ -207,7 +207,7 @@ class SoundHaptuator(HaptuatorDriver):
             ) from error
 
     def _check(self) -> None:
-        """Raise where the card takes nothing."""
+        """Raise `DeviceLost` if the card is closed or asks for no more blocks."""
         if self._stream is None:
             raise DeviceLost(f"{self.name} is closed: connect it again")
         if self._ended or self._clock_ns() - self._called_ns > SILENCE_NS:
@@ -232,7 +232,7 @@ class SoundHaptuator(HaptuatorDriver):
 
     @property
     def statistics(self) -> SoundStatistics:
-        """Counts and levels since it was made."""
+        """Counts and levels since the driver was made."""
         puller = self._buffer
         return SoundStatistics(
             **asdict(self._drive.statistics),

@@ -1,4 +1,4 @@
-"""The library of sound cards: whether it is there, and the outputs that it finds."""
+"""The library of sound cards: whether it is installed, and the outputs that it finds."""
 
 from typing import Any, Final
 
@@ -13,9 +13,9 @@ def load_sounddevice() -> Any:
     Raises
     ------
     InputError
-        It is not installed.
+        The library is not installed.
     MmtError
-        It lacks PortAudio.
+        PortAudio is missing.
     """
     require("sounddevice")
     try:
@@ -43,7 +43,7 @@ def find_sound_outputs() -> list[FoundPort]:
     Raises
     ------
     MmtError
-        There is no library to ask.
+        The library or PortAudio is missing.
     """
     return [
         FoundPort(str(entry["index"]), f"{entry['name']}, {channels} channels", "", "")

@@ -1,7 +1,7 @@
-"""Play a sweep on an actuator and record what an accelerometer on its handle feels of it.
+"""Play a sweep on an actuator and record the acceleration of its handle.
 
-How loud it may be is not known before: quiet sweeps, each twice the last, are played until the
-accelerometer measures one, and the wanted level follows by proportion.
+The right voltage is not known beforehand: quiet sweeps, each twice as loud as the last, are played
+until the accelerometer measures one, and the wanted level follows by proportion.
 """
 
 import contextlib
@@ -19,16 +19,16 @@ from mmt.devices.lanes import Lane
 from mmt.devices.protocols import SensorReading, VoltageActuator
 
 _BEFORE: Final = 400
-"""Samples of silence before a sweep: what the sensor feels at rest, and how its clock goes."""
+"""Samples of silence before a sweep, to learn the sensor's value at rest and its clock."""
 _AFTER: Final = 300
 _PROBE_S: Final = 1.0
 _PROBE_SHARE: Final = 1.0 / 32.0
 """Share of the largest voltage at which the first probe is played."""
 _HEARD: Final = 8.0
-"""Least peak of a sweep over the noise; below that it is not told from noise."""
+"""Least ratio of a sweep's peak to the noise; a smaller peak may be noise."""
 _HEADROOM: Final = 0.8
 _BEYOND: Final = 1.6
-"""A sweep is ended when the handle is shaken this many times harder than was asked for."""
+"""A sweep is ended if the handle is shaken this many times harder than asked for."""
 _TRIES: Final = 3
 _PAUSE_S: Final = 0.0005
 _LEAST_READINGS_PER_HZ: Final = 2.2
@@ -36,18 +36,18 @@ _LEAST_READINGS_PER_HZ: Final = 2.2
 
 @dataclass(frozen=True)
 class SweepSettings:
-    """What is played.
+    """Settings of a sweep.
 
     Parameters
     ----------
     low_hz, high_hz
         Lowest and highest frequency of the sweep.
     duration_s
-        At least 1.
+        Duration of the sweep, at least 1.
     largest_m_s2
-        The handle is shaken by no more than about this.
+        Largest acceleration of the handle, about.
     level_v
-        Peak of the sweep; None finds the one that makes `largest_m_s2`, within the actuator's
+        Peak of the sweep; None finds the voltage that causes `largest_m_s2`, within the actuator's
         limit.
     """
 
@@ -67,7 +67,7 @@ class SweepSettings:
 
 
 class SweepRecording(NamedTuple):
-    """What was played and felt, at 1 kHz by one clock."""
+    """Voltage played and acceleration measured, at 1 kHz by one clock."""
 
     volts: FloatArray
     """Shape (n,), V."""
@@ -76,7 +76,7 @@ class SweepRecording(NamedTuple):
     level_v: float
     """Peak of the sweep."""
     peak_m_s2: float
-    """Largest acceleration that was felt."""
+    """Largest measured acceleration."""
 
 
 def record_sweep(
@@ -85,7 +85,7 @@ def record_sweep(
     settings: SweepSettings,
     say: Callable[[str], None] = lambda _: None,
 ) -> SweepRecording:
-    """Connect both devices, play, record, and close them whatever happens.
+    """Connect both devices, play a sweep and record it, and close both in any case.
 
     Parameters
     ----------
@@ -94,14 +94,14 @@ def record_sweep(
     accelerometer
         A `SampledSensor` or an `Accelerometer`, on the handle.
     settings
-        What is played.
+        Settings of the sweep.
     say
-        Called with a sentence for each thing that is played.
+        Called with a sentence before each sweep.
 
     Raises
     ------
     InputError
-        The actuator takes no voltages, or not so large ones; the accelerometer is too slow.
+        The actuator takes no voltages or not so large ones, or the accelerometer is too slow.
     MmtError
         A device fails, the accelerometer measures nothing, or the handle is shaken too hard.
     """
@@ -134,7 +134,7 @@ class _Rig:
         self._sensor = accelerometer
 
     def find_level(self, say: Callable[[str], None]) -> float:
-        """Return the voltage at which the handle is shaken as hard as is wanted."""
+        """Return the voltage at which the handle is shaken as hard as wanted."""
         most_v, wanted = self._actuator.largest_v, self._settings.largest_m_s2
         level_v = _PROBE_SHARE * most_v
         while True:
@@ -151,7 +151,7 @@ class _Rig:
             level_v = min(2.0 * level_v, most_v)
 
     def record(self, level_v: float, say: Callable[[str], None]) -> SweepRecording:
-        """Play the sweep itself, again where it had gaps; the one with the fewest counts."""
+        """Play the sweep, again if it had gaps; return the one with the fewest gaps."""
         settings = self._settings
         best: SweepRecording | None = None
         fewest = 0
@@ -172,12 +172,12 @@ class _Rig:
         return best
 
     def _gaps(self) -> int:
-        """Return how often what was played had a gap."""
+        """Return the number of gaps in the playback so far."""
         counts = asdict(self._actuator.statistics)
         return sum(int(counts.get(name, 0)) for name in ("underruns", "slips", "lost_frames"))
 
     def _play(self, level_v: float, duration_s: float) -> tuple[FloatArray, FloatArray]:
-        """Return what was played (n,) and what was felt along its main direction (n,)."""
+        """Return the volts played (n,) and the acceleration along its main direction (n,)."""
         settings = self._settings
         signal = sweep(level_v, settings.low_hz, settings.high_hz, duration_s)
         volts = np.concatenate([np.zeros(_BEFORE), signal, np.zeros(_AFTER)])
@@ -203,7 +203,7 @@ class _Rig:
 
 
 class _Hearing:
-    """What the accelerometer feels, and when."""
+    """Records the accelerometer's readings."""
 
     def __init__(self, sensor: Any, *, sampled: bool) -> None:
         self._sensor = sensor
@@ -211,10 +211,10 @@ class _Hearing:
         self._kept: list[SensorReading] = []
         self._rest: FloatArray | None = None
         self.beyond = 0.0
-        """Largest magnitude (m/s2) of the newest readings, without what is felt at rest."""
+        """Largest magnitude (m/s2) of the newest readings, less the value at rest."""
 
     def listen(self) -> None:
-        """Take what has come."""
+        """Take the new readings."""
         if self._lane is None:
             fresh = [SensorReading(time.monotonic_ns(), self._sensor.read())]
         else:
@@ -226,12 +226,12 @@ class _Hearing:
             self.beyond = float(np.sqrt((values**2).sum(axis=1)).max())
 
     def rest(self) -> None:
-        """Take what was felt so far as what is felt at rest."""
+        """Take the mean of the readings so far as the value at rest."""
         if self._kept:
             self._rest = np.array([reading.value for reading in self._kept]).mean(axis=0)
 
     def at(self, begun_ns: int, count: int, high_hz: float) -> FloatArray:
-        """Return what was felt at each millisecond, shape (count, 3)."""
+        """Return the acceleration at each millisecond, shape (count, 3)."""
         from scipy.interpolate import CubicSpline
 
         times = np.array([reading.time_ns for reading in self._kept], dtype=np.int64)
@@ -267,5 +267,5 @@ def _main(felt: FloatArray) -> FloatArray:
 
 
 def _peak(felt: FloatArray) -> float:
-    """Return the largest magnitude but for one sample in a thousand."""
+    """Return the largest magnitude, without one sample in a thousand."""
     return float(np.quantile(np.abs(felt), 0.999))

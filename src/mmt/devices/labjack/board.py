@@ -26,14 +26,14 @@ RATES: Final = f"100 to {MOST_SAMPLES_HZ} samples a second (rate_hz), of all inp
 class U6Voltages(SharedInputs[AnalogInput]):
     """A `VoltageBoard` that streams inputs at an even rate.
 
-    Several may read one U6 at the same time, each its own inputs.
+    Several drivers may read one U6 at the same time, each with its own inputs.
 
     Parameters
     ----------
     channels
         The inputs, in the order of the volts; 1 to 14.
     rate_hz
-        Scans a second, 100 and above; with the inputs, 50 000 samples a second.
+        Scans a second, at least 100; at most 50 000 samples a second of all inputs together.
     box
         Serial number of the U6; None takes the only one.
     backend
@@ -59,7 +59,7 @@ class U6Voltages(SharedInputs[AnalogInput]):
         super().__init__(channels, rate_hz, limit_v, box, backend)
 
     def require_one(self) -> None:
-        """Raise where several U6 are there."""
+        """Raise if several U6 are connected."""
         check_alone(find_boxes(self.backend))
 
     def open_stream(self, channels_of: ChannelsOf[AnalogInput]) -> BoardStream:
@@ -69,7 +69,7 @@ class U6Voltages(SharedInputs[AnalogInput]):
         return U6Stream(box, self.backend, self.rate_hz, channels_of)
 
     def misfit(self, others: Sequence[SharedInputs[AnalogInput]]) -> str:
-        """Return why one stream cannot have its inputs beside others', empty where it can."""
+        """Return why one stream cannot hold these inputs and the others', or ''."""
         taken = {number for other in others for number in terminals(other.channels)}
         wanted = terminals(self.channels)
         free = set(range(INPUTS)) - taken
@@ -93,7 +93,7 @@ class U6Voltages(SharedInputs[AnalogInput]):
 
 
 def terminals(channels: Iterable[AnalogInput]) -> set[int]:
-    """Return the inputs that channels take, a differential one two."""
+    """Return the inputs that channels occupy; a differential channel occupies two."""
     return {c.number + half for c in channels for half in range(1 + c.differential)}
 
 
@@ -123,14 +123,14 @@ def _check(channels: Sequence[AnalogInput], rate_hz: float) -> None:
 
 
 class BoardOptions(BaseModel):
-    """Which inputs, how fast and how amplified."""
+    """Inputs, rate and gain of the board."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     inputs: tuple[int, ...] = Field((0, 1, 2, 3, 4, 5), min_length=1, max_length=14)
-    """In the order of the voltages; 0 to 13."""
+    """Inputs in the order of the voltages, 0 to 13."""
     differential: bool = False
-    """Each against the next input of its pair; the inputs are then even."""
+    """Measure each input against the next one of its pair; the inputs must then be even."""
     gain: Literal[1, 10, 100, 1000] = 1
     """Gain of every input: +-10 V, +-1 V, +-0.1 V, +-0.01 V."""
     rate_hz: float = Field(2000.0, ge=100.0, le=MOST_SAMPLES_HZ)
@@ -147,7 +147,7 @@ def labjack_u6(*, backend: Any = None, **options: Any) -> U6Voltages:
     backend
         The pyusb backend; None takes the one that the system has.
     options
-        As the scene gives them.
+        Options as the scene gives them.
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """Packets of a LabJack U6: commands, replies and streamed data; bytes alone, no I/O.
 
-After the low-level function reference of the vendor's U6 data sheet, section 5.2.
+Source: low-level function reference of the vendor's U6 data sheet, section 5.2.
 """
 
 import struct
@@ -15,20 +15,20 @@ READ_CALIBRATION: Final = 0x2D
 START_STREAM: Final = b"\xa8\xa8"
 STOP_STREAM: Final = b"\xb0\xb0"
 BAD_CHECKSUM: Final = b"\xb8\xb8"
-"""What the U6 answers to a command whose checksum is wrong."""
+"""Reply of the U6 to a command with a wrong checksum."""
 
 MOST_SAMPLES: Final = 25
-"""In one packet of the stream."""
+"""Samples in one packet of the stream."""
 RECOVERING: Final = 59
 RECOVERED: Final = 60
 STREAM_IS_ACTIVE: Final = 48
 BAD_STREAM: Final = 50
 STREAM_NOT_RUNNING: Final = 52
 DUMMY: Final = 0xFFFF
-"""Each sample of the scan that stands where others were thrown away."""
+"""Value of each sample in the scan that replaces discarded scans."""
 
 GAINS: Final = (1, 10, 100, 1000)
-"""By their index: +-10 V, +-1 V, +-0.1 V, +-0.01 V."""
+"""Gains by their index: +-10 V, +-1 V, +-0.1 V, +-0.01 V."""
 
 _EXTENDED: Final = 0xF8
 _STREAMED: Final = 0xF9
@@ -52,7 +52,7 @@ class AnalogInput(NamedTuple):
     gain: int = 1
     """1, 10, 100 or 1000."""
     differential: bool = False
-    """Against the next input of the pair; the number is then even."""
+    """Measured against the next input of the pair; the number is then even."""
 
 
 class Scanning(NamedTuple):
@@ -67,11 +67,11 @@ class Scanning(NamedTuple):
 
     @property
     def samples_per_packet(self) -> int:
-        """Whole scans, so that a packet never begins within one."""
+        """Samples of whole scans, so that no packet begins within a scan."""
         return len(self.channels) * self.scans_per_packet
 
     def time_ns(self, scan: int) -> int:
-        """Return when a scan was taken, from the first one on, by the U6's clock."""
+        """Return the time of a scan after the first one, by the U6's clock."""
         return scan * self.interval * 1_000_000_000 // self.clock_hz
 
 
@@ -79,10 +79,10 @@ class StreamPacket(NamedTuple):
     """Samples that the U6 sent together."""
 
     counter: int
-    """Counts packets, modulo 256."""
+    """Number of the packet, modulo 256."""
     error: int
     missed: int
-    """Scans thrown away, the dummy included; where the error is `RECOVERED`."""
+    """Discarded scans, including the dummy, if the error is `RECOVERED`."""
     samples: tuple[int, ...]
     """Counts, scan after scan."""
 
@@ -103,12 +103,12 @@ def command(number: int, payload: bytes) -> bytes:
 
 
 def read_reply(reply: bytes, number: int) -> bytes:
-    """Return what a reply holds after its error byte and the one that follows it.
+    """Return the content of a reply, after its error byte and the byte that follows.
 
     Raises
     ------
     ValueError
-        It is not the reply to that command, is spoilt, or says that something is wrong.
+        The bytes are no reply to that command, are corrupted, or report an error.
     """
     if reply[:2] == BAD_CHECKSUM:
         raise ValueError("it received a spoilt command")
@@ -123,12 +123,12 @@ def read_reply(reply: bytes, number: int) -> bytes:
 
 
 def read_short_reply(reply: bytes, sent: bytes) -> int:
-    """Return the error of the reply to `START_STREAM` or `STOP_STREAM`, 0 where all is well.
+    """Return the error of the reply to `START_STREAM` or `STOP_STREAM`, 0 for none.
 
     Raises
     ------
     ValueError
-        It is not the reply to that.
+        The bytes are no reply to that command.
     """
     if len(reply) < 4 or reply[1] != sent[1] + 1 or reply[0] != checksum8(reply[1:4]):
         raise ValueError(f"it sent another reply ({reply[:4].hex(' ')})")
@@ -141,9 +141,9 @@ def explain(error: int) -> str:
 
 
 def plan(channels: Sequence[AnalogInput], rate_hz: float) -> Scanning:
-    """Return the scanning that comes nearest to a rate of at least 62 Hz, with little delay.
+    """Return the stream settings nearest to a rate of at least 62 Hz, with little delay.
 
-    A packet holds what comes in a millisecond, as far as it fits.
+    A packet holds the scans of a millisecond, as far as they fit.
     """
     clock_hz = 48_000_000 if rate_hz >= 733.0 else 4_000_000
     scans = max(1, min(MOST_SAMPLES // len(channels), round(rate_hz / 1000.0)))
@@ -171,7 +171,7 @@ def stream_config(scanning: Scanning) -> bytes:
 
 
 def decode_stream(packet: bytes, number: int) -> StreamPacket | None:
-    """Return a packet of the stream with this number of samples, None where it is invalid."""
+    """Return a packet of the stream with this number of samples, or None if it is invalid."""
     layout, head = _stream_layout(number)
     if len(packet) != layout.size or packet[1:4] != head or not is_sound(packet):
         return None

@@ -17,23 +17,23 @@ from mmt.devices.labjack.packets import (
 from mmt.devices.protocols import VoltageReading
 
 BLOCKS: Final = 4
-"""Blocks of 32 bytes at the beginning of the calibration memory that hold the inputs' values."""
+"""Blocks of 32 bytes at the start of the calibration memory that hold the inputs' values."""
 
 _NOMINAL_V: Final = 3.1580578e-4
-"""A count at gain 1."""
+"""Volts per count at gain 1."""
 _CENTRE: Final = 33523.0
 _TOLERANCE: Final = 0.05
 
 
 class CentredLines(NamedTuple):
-    """Two straight lines that meet at the centre."""
+    """Two straight lines from counts to volts that meet at the centre."""
 
     centre: float
     """Count at 0 V."""
     above_v: float
-    """Volts a count above the centre."""
+    """Volts per count above the centre."""
     below_v: float
-    """Volts a count below it, negative as it is stored: by how much the volts fall."""
+    """Volts per count below the centre, negative as in the calibration memory."""
 
     def volts(self, count: int) -> float:
         """Return the volts of a count of 16 bits."""
@@ -43,7 +43,7 @@ class CentredLines(NamedTuple):
 
 
 def nominal_lines() -> tuple[CentredLines, ...]:
-    """Return what the vendor gives for a U6 without calibration, by the gain's index."""
+    """Return the vendor's values for a U6 without calibration, by the gain's index."""
     return tuple(CentredLines(_CENTRE, _NOMINAL_V / gain, -_NOMINAL_V / gain) for gain in GAINS)
 
 
@@ -53,7 +53,7 @@ def read_lines(blocks: Sequence[bytes]) -> tuple[CentredLines, ...]:
     Raises
     ------
     ValueError
-        The values are not near the nominal ones, as in a memory that was erased.
+        The values are not near the nominal ones, as in an erased memory.
     """
     numbers = [
         whole + fraction / 2**32
@@ -82,19 +82,19 @@ def write_lines(lines: Sequence[CentredLines]) -> list[bytes]:
 
 
 class StreamDecoder:
-    """Follow one stream from its first packet on.
+    """Decode the packets of one stream, from the first one on.
 
     Parameters
     ----------
     scanning
         The stream settings sent to the U6.
     lines
-        Its calibration by the gain's index.
+        Calibration of the U6, by the gain's index.
     """
 
     def __init__(self, scanning: Scanning, lines: Sequence[CentredLines]) -> None:
         self.faults: Counter[str] = Counter()
-        """``bad packets``, ``lost scans``, ``overflows`` and, by their number, errors."""
+        """``bad packets``, ``lost scans``, ``overflows``, and ``error N`` by its number."""
         self._scanning = scanning
         self._volts = [lines[GAINS.index(channel.gain)].volts for channel in scanning.channels]
         self._scan = 0
@@ -102,7 +102,7 @@ class StreamDecoder:
         self._missed = 0
 
     def decode(self, raw: bytes) -> list[VoltageReading]:
-        """Return the scans of a packet, with the volts of every channel; none of a spoilt one."""
+        """Return the scans of a packet, with the volts of every channel; [] if it is invalid."""
         packet = decode_stream(raw, self._scanning.samples_per_packet)
         if packet is None:
             self.faults["bad packets"] += 1
@@ -111,7 +111,7 @@ class StreamDecoder:
         return self._take(packet)
 
     def _follow(self, packet: StreamPacket) -> None:
-        """Count the packets that are missing before this one, and what it says is wrong."""
+        """Count the packets missing before this one, and the error that it reports."""
         expected = packet.counter if self._counter is None else (self._counter + 1) & 0xFF
         missing = (packet.counter - expected) & 0xFF
         if missing:
@@ -133,7 +133,7 @@ class StreamDecoder:
         for at in range(0, len(samples), number):
             counts = samples[at : at + number]
             if self._missed and all(count == DUMMY for count in counts):
-                self._scan += self._missed  # the dummy is one of those that were thrown away
+                self._scan += self._missed  # the dummy is one of the discarded scans
                 self._missed = 0
                 continue
             volts = tuple([line(count) for line, count in zip(of_channels, counts, strict=True)])

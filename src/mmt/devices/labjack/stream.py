@@ -33,7 +33,7 @@ class U6Stream:
     Raises
     ------
     MmtError
-        It is not there, may not be opened, or refuses.
+        The U6 is missing, may not be opened, or refuses a command.
     """
 
     def __init__(
@@ -54,18 +54,18 @@ class U6Stream:
 
     @property
     def flows(self) -> bool:
-        """Whether packets have been coming until now."""
+        """Whether packets are still arriving."""
         return self._link.flows
 
     def take(self) -> Arrived:
-        """Decode what has come; see `BoardStream`."""
+        """Decode the received packets; see `BoardStream`."""
         packets, decoder = self._link.packets(), self._decoder
         scans = [scan for _, raw in packets for scan in decoder.decode(raw)]
         faults, decoder.faults = decoder.faults, Counter()
         return Arrived(scans, packets[-1][0] if packets else 0, faults)
 
     def close(self) -> None:
-        """End the stream and let the U6 go; calling it twice is harmless."""
+        """End the stream and release the U6; calling it twice is harmless."""
         self._link.close()
 
 

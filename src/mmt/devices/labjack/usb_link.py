@@ -1,4 +1,4 @@
-"""A LabJack U6 on USB: find it, command it, and take its stream in a thread."""
+"""A LabJack U6 on USB: find it, command it, and receive its stream in a thread."""
 
 import contextlib
 import errno
@@ -36,15 +36,15 @@ _STREAM_MS: Final = 100
 _PACKET: Final = 64
 _SILENT_NS: Final = 200_000_000
 _MOST_WAITING: Final = 8192
-"""Packets; the oldest are dropped, and their numbers tell that they are missing."""
+"""Packets in the buffer; beyond that the oldest are dropped, and a gap in the numbers shows it."""
 
 
 Arrived = tuple[int, bytes]
-"""When a packet of the stream had come, by the host's monotonic clock (ns), and the packet."""
+"""Arrival time of a stream packet (ns, host's monotonic clock), and the packet."""
 
 
 class U6Link:
-    """One U6.
+    """Connection to one U6.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ class U6Link:
         Raises
         ------
         MmtError
-            There is none, several, or it may not be opened.
+            No U6 or several are connected, or the U6 may not be opened.
         """
         self.close()
         found = find_boxes(self._backend)
@@ -83,7 +83,7 @@ class U6Link:
             self._device = device
             try:
                 self.serial = self._open_box()
-            except MmtError as error:  # another program may have it, and another one be wanted
+            except MmtError as error:  # perhaps another program's, and not the wanted one
                 if self._wanted is None:
                     raise
                 told.append(f"the serial number of one cannot be read: {error}")
@@ -96,17 +96,17 @@ class U6Link:
         raise MmtError("; ".join([f"there is no LabJack U6{which} on USB: plug it in", *told]))
 
     def ask(self, number: int, payload: bytes) -> bytes:
-        """Return the reply to an extended command, without its error.
+        """Send an extended command and return the content of its reply.
 
         Raises
         ------
         MmtError
-            It does not answer, or refuses.
+            The U6 does not answer, or refuses.
         """
         return self._reply(command(number, payload), number)
 
     def send(self, packet: bytes, number: int) -> bytes:
-        """Return the reply to an extended command that is encoded already; see `ask`."""
+        """Send an encoded extended command and return the content of its reply; see `ask`."""
         return self._reply(packet, number)
 
     def start(self) -> None:
@@ -115,7 +115,7 @@ class U6Link:
         Raises
         ------
         MmtError
-            It does not answer, or refuses.
+            The U6 does not answer, or refuses.
         """
         error = self._short(START_STREAM)
         if error:
@@ -131,17 +131,17 @@ class U6Link:
 
     @property
     def flows(self) -> bool:
-        """Whether the stream's packets have been coming until now."""
+        """Whether the stream's packets are still arriving."""
         silent_ns = time.monotonic_ns() - self._heard_ns
         return self._thread is not None and not self._lost.is_set() and silent_ns < _SILENT_NS
 
     def packets(self) -> list[Arrived]:
-        """Return the stream's packets that have come, oldest first.
+        """Return the received packets of the stream, oldest first.
 
         Raises
         ------
         DeviceLost
-            It was unplugged, or is not open.
+            The U6 was unplugged, or is not open.
         """
         waiting = self._packets
         taken = [waiting.popleft() for _ in range(len(waiting))]
@@ -150,7 +150,7 @@ class U6Link:
         return taken
 
     def close(self) -> None:
-        """End the stream and let the U6 go; calling it twice is harmless."""
+        """End the stream and release the U6; calling it twice is harmless."""
         self._ending.set()
         if self._thread is not None:
             self._thread.join(timeout=2.0)
@@ -175,7 +175,7 @@ class U6Link:
             self._packets.append((arrival_ns, buffer[:size].tobytes()))
 
     def _open_box(self) -> int:
-        """End a stream that runs, throw away what waits, return the serial number."""
+        """End a running stream, discard waiting packets, and return the serial number."""
         try:
             try:
                 self._device.get_active_configuration()
@@ -227,7 +227,7 @@ def find_boxes(backend: Any) -> list[Any]:
     Raises
     ------
     MmtError
-        USB cannot be looked at.
+        USB cannot be searched.
     """
     try:
         return list(
@@ -241,7 +241,7 @@ def find_boxes(backend: Any) -> list[Any]:
 
 
 def check_alone(found: Sequence[Any]) -> None:
-    """Refuse several boxes where none is named.
+    """Refuse several boxes, since the options name none.
 
     Raises
     ------

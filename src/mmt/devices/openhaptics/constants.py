@@ -1,4 +1,4 @@
-"""The numbers of the interface of OpenHaptics HD, as the vendor's ``hdDefines.h`` has them."""
+"""Constants of OpenHaptics HD, from the vendor's ``hdDefines.h``."""
 
 from typing import Final, NamedTuple
 

@@ -19,9 +19,9 @@ from mmt.devices.openhaptics.servo import Servo
 LOG: Final = logging.getLogger("mmt.devices.openhaptics")
 
 _LOST_NS: Final = 100_000_000
-"""The device does not answer, frame after frame."""
+"""The device is lost if it does not answer for this long, frame after frame."""
 _STOPPED_NS: Final = 1_000_000_000
-"""The library does not call: its thread has ended or is stuck."""
+"""The device is lost if the library does not call for this long: its thread ended or is stuck."""
 _FIRST_TICK_S: Final = 5.0
 _POLL_S: Final = 0.02
 _SHORT_S: Final = 2e-5
@@ -40,7 +40,7 @@ AnyServo = TypeVar("AnyServo", bound=Servo)
 
 
 class HdDevice(Generic[AnyServo]):
-    """The life of a device between `connect` and `close`.
+    """One HD device from `connect` to `close`.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ class HdDevice(Generic[AnyServo]):
                 self._open(stack)
                 self._stack = stack
             self._wait_for_tick()
-            if self._calibrated:  # it comes back, perhaps from a loss of power
+            if self._calibrated:  # it was reconnected, perhaps after a loss of power
                 self.calibrate()
         except BaseException:
             self.close()
@@ -91,7 +91,7 @@ class HdDevice(Generic[AnyServo]):
         atexit.register(self.close)
 
     def _open(self, stack: Stack) -> None:
-        stack.pop_errors()  # of a device that was closed
+        stack.pop_errors()  # left by a closed device
         name = self._options.device
         handle = stack.hd.hdInitDevice(name.encode() if name is not None else None)
         errors = stack.pop_errors()
@@ -121,7 +121,7 @@ class HdDevice(Generic[AnyServo]):
         self._servo = servo
 
     def _force_limit_n(self, stack: Stack) -> float:
-        """Return the least of the scene's limit and the device's own."""
+        """Return the lower of the scene's limit and the device's own."""
         largest_n = _double(stack, hd.NOMINAL_MAX_FORCE)
         stack.check(self.name)
         if not largest_n > 0.0:
@@ -147,12 +147,12 @@ class HdDevice(Generic[AnyServo]):
             time.sleep(_SHORT_S)
 
     def calibrate(self) -> None:
-        """Bring the encoders to their zero, as the device does it.
+        """Calibrate the encoders in the device's own way.
 
         Raises
         ------
         MmtError
-            The person must do something first; the message says what.
+            The operator must do something first; the message says what.
         """
         stack = self._connected()
         offered = ctypes.c_int32()
@@ -183,7 +183,7 @@ class HdDevice(Generic[AnyServo]):
             time.sleep(_POLL_S)
 
     def _in_frame(self, function: Callable[[], object]) -> object:
-        """Let the servo run a function within its next frame and return what it returns."""
+        """Run a function within the servo's next frame and return its result."""
         servo = self.servo
         servo.ask(function)
         while servo.request is not None:
@@ -194,7 +194,7 @@ class HdDevice(Generic[AnyServo]):
         return servo.answer
 
     def _calibrate_once(self, stack: Stack, style: int, *, reset: bool) -> int | MmtError:
-        """Update the calibration where it is due, and return the state before; in a frame."""
+        """Update the calibration if it is due; return the state before. Runs within a frame."""
         status: int = stack.hd.hdCheckCalibration()
         if reset or (status == hd.CALIBRATION_NEEDS_UPDATE and style != hd.ENCODER_RESET):
             stack.hd.hdUpdateCalibration(style)
@@ -203,7 +203,7 @@ class HdDevice(Generic[AnyServo]):
         return MmtError(explain(self.name, errors[0])) if errors else status
 
     def close(self) -> None:
-        """Take the force away and release the device; calling it twice is harmless."""
+        """Switch the force off and release the device; calling it twice is harmless."""
         stack, self._stack = self._stack, None
         atexit.unregister(self.close)
         if stack is None:
@@ -218,7 +218,7 @@ class HdDevice(Generic[AnyServo]):
         stack.hd.hdMakeCurrentDevice(self._handle)
         stack.hd.hdDisable(hd.FORCE_OUTPUT)
         stack.hd.hdDisableDevice(self._handle)
-        stack.pop_errors()  # a device that is gone complains about each of them
+        stack.pop_errors()  # a device that is gone reports an error for each of these calls
         self._scheduled = self._callback = None
         self._handle = hd.INVALID_HANDLE
 
@@ -237,16 +237,16 @@ class HdDevice(Generic[AnyServo]):
 
     @property
     def counts(self) -> Mapping[str, int]:
-        """What went wrong and was survived."""
+        """Counts of tolerated faults, by kind."""
         return dict(self._counts)
 
     def check(self) -> AnyServo:
-        """Return the callback of a device that works.
+        """Return the callback if the device works.
 
         Raises
         ------
         DeviceLost
-            It does not answer any more.
+            The device does not answer any more.
         MmtError
             The driver itself failed.
         """
@@ -275,7 +275,7 @@ class HdDevice(Generic[AnyServo]):
         return servo
 
     def _say(self, error: HdError | None) -> None:
-        """Tell the person once why there is no force."""
+        """Warn once why there is no force."""
         if error is not None and (self._said is None or self._said.code != error.code):
             LOG.warning("%s", explain(self.name, error))
         self._said = error
@@ -293,7 +293,7 @@ def _double(stack: Stack, what: int) -> float:
 
 
 def _closed_ports() -> str:
-    """Return what to add where serial ports are there that this person may not open."""
+    """Return a text about serial ports that this user may not open, or ''."""
     from mmt.devices.discovery import find_serial_ports
 
     return "".join(f"; {port.problem}" for port in find_serial_ports() if port.problem)

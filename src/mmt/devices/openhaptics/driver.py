@@ -1,4 +1,4 @@
-"""What an arm and a handle share: one HD device from `connect` to `close`, in a scene's axes."""
+"""Base class of arm and handle: one HD device from `connect` to `close`, in a scene's axes."""
 
 import math
 from abc import ABC, abstractmethod
@@ -13,12 +13,12 @@ from mmt.devices.protocols import Vector
 
 
 class HdDriver(ABC, Generic[AnyServo]):
-    """A `Device`; a driver adds its servo, and what is read and written.
+    """A `Device`; a subclass adds its servo, `read` and `write`.
 
     Parameters
     ----------
     options
-        Checked already.
+        Validated options.
     """
 
     def __init__(self, options: HdOptions) -> None:
@@ -32,37 +32,37 @@ class HdDriver(ABC, Generic[AnyServo]):
         """Make the callback; see `HdDevice`."""
 
     def connect(self) -> None:
-        """Open it; there is no force until the first command.
+        """Open the device; there is no force until the first command.
 
         Raises
         ------
         MmtError
-            It does not answer, or does not do what the options ask for.
+            The device does not answer, or cannot do what the options ask for.
         """
         self._device.connect()
 
     def calibrate(self) -> None:
-        """Bring the encoders to their zero; the scene's zero is the option `origin_mm`.
+        """Calibrate the encoders; the option `origin_mm` sets the scene's zero.
 
         Raises
         ------
         MmtError
-            The person must do something first; the message says what.
+            The operator must do something first; the message says what.
         """
         self._device.calibrate()
 
     def close(self) -> None:
-        """Take the force away and release the device."""
+        """Switch the force off and release the device."""
         self._device.close()
 
     @property
     def faults(self) -> Mapping[str, int]:
-        """Counts by what went wrong and was survived."""
+        """Counts of tolerated faults, by kind."""
         return self._device.counts
 
     @staticmethod
     def _is_finite(servo: AnyServo, command: Vector) -> bool:
-        """Return whether a command is one that can be obeyed; one that is not is counted."""
+        """Return whether a command is finite, and count it if it is not."""
         x, y, z = command
         if math.isfinite(x + y + z):
             return True

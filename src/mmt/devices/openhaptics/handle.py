@@ -13,8 +13,8 @@ from mmt.devices.protocols import InterfaceState, Vector
 class OpenHapticsHandle(HdDriver[Servo]):
     """Implements `LeaderInterface`; the options are those of `HdOptions`.
 
-    It measures no force: with ``hand_force = "contact"`` of ``[handle]`` the leader concludes it
-    from the motion.
+    The handle measures no force: with ``hand_force = "contact"`` of ``[handle]`` the leader
+    estimates the hand's force from the motion.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class OpenHapticsHandle(HdDriver[Servo]):
         Raises
         ------
         DeviceLost
-            It does not answer any more.
+            The handle does not answer any more.
         """
         servo = self._device.check()
         position = self._axes.place_in_scene(servo.position)
@@ -54,9 +54,9 @@ class OpenHapticsHandle(HdDriver[Servo]):
         return InterfaceState(position, velocity, 0.0, contact=False)
 
     def write(self, force_n: Vector) -> None:
-        """Display a force (N); one that is not finite is counted and left out.
+        """Display a force (N), cut to the limit.
 
-        What is displayed is cut to the limit.
+        A force that is not finite is counted and ignored.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""The vendor's library through ctypes: loading it, its types, one driver stack a process."""
+"""The vendor's library through ctypes: loading, types, and one driver stack for the process."""
 
 import ctypes
 import os
@@ -17,7 +17,7 @@ from mmt.devices.openhaptics.constants import HdError, explain
 CALLBACK: Final = ctypes.CFUNCTYPE(ctypes.c_uint32, ctypes.c_void_p)
 Vector3: Final[Any] = ctypes.c_double * 3
 VECTOR: Final = struct.Struct("3d")
-"""Takes the numbers out of one, all at once."""
+"""Unpacks all numbers of a `Vector3` at once."""
 
 _MOST_ERRORS: Final = 64
 
@@ -38,8 +38,8 @@ _COPIES: Final[dict[str, tuple[Any, list[Any] | None]]] = {
     "hdSetDoublev": (None, None),
     "hdGetError": (ErrorInfo, []),
 }
-"""Without types of arguments: converting them takes longer than the call. They are given as what
-they are, `ctypes.c_uint32` and `Vector3`."""
+"""No argument types, since converting takes longer than the call: callers pass `ctypes.c_uint32`
+and `Vector3`."""
 _PROTOTYPES: Final[dict[str, tuple[Any, list[Any] | None]]] = {
     "hdGetDoublev": (None, [ctypes.c_uint32, _DOUBLES]),
     "hdSetDoublev": (None, [ctypes.c_uint32, _DOUBLES]),
@@ -68,23 +68,23 @@ class Stack:
     Parameters
     ----------
     path
-        As the scene names it.
+        File of the library.
 
     Attributes
     ----------
     hd
-        The library. Its calls let go of the interpreter, so that one that waits, for the
-        servo loop or the device, holds up no other thread.
+        The library. Its calls release the interpreter lock, so that a call that waits for the
+        servo loop or the device holds up no other thread.
     copies
-        The same library for what only copies numbers. These calls keep the interpreter, which
-        to let go of and to wait for costs more than they do.
+        The same library for calls that only copy numbers. They keep the interpreter lock:
+        releasing it and waiting for it would cost more than the call.
     running_since_ns
-        When the scheduler was started the last time, None while it stands.
+        Time of the scheduler's last start, None while it is stopped.
 
     Raises
     ------
     InputError
-        The library is not there, may not be read, or is another one.
+        The library is missing, may not be read, or is no HD library.
     """
 
     def __init__(self, path: str) -> None:
@@ -102,7 +102,7 @@ class Stack:
 
     @contextmanager
     def rearranged(self, devices: int = 0) -> Iterator[None]:
-        """Stop the scheduler for as long as devices come or go, `devices` of them."""
+        """Stop the scheduler while the number of devices changes, by `devices`."""
         with self._lock:
             if self._running:
                 self.running_since_ns = None
@@ -116,7 +116,7 @@ class Stack:
                     self.running_since_ns = time.monotonic_ns()
 
     def pop_errors(self) -> list[HdError]:
-        """Return what lies on the stack of errors, newest first, and empty it."""
+        """Empty the stack of errors and return them, newest first."""
         errors = []
         for _ in range(_MOST_ERRORS):
             error = self.hd.hdGetError()
@@ -131,7 +131,7 @@ class Stack:
         Raises
         ------
         MmtError
-            There is one.
+            There is an error.
         """
         errors = self.pop_errors()
         if errors:
@@ -143,12 +143,12 @@ _stack_lock = threading.Lock()
 
 
 def open_stack(path: str) -> Stack:
-    """Return the process's driver stack, loaded from `path` where there is none yet.
+    """Return the process's driver stack; the first call loads it from `path`.
 
     Raises
     ------
     InputError
-        The library cannot be used, or this process has another one.
+        The library cannot be used, or this process has loaded another one.
     """
     global _stack  # noqa: PLW0603 - a process has one, and it cannot be unloaded
     path = library_file(path)

@@ -9,17 +9,17 @@ from mmt.devices.axes import Axes, Millimetres
 from mmt.devices.protocols import Vector
 
 DEFAULT_AXES: Final = "x,-z,y"
-"""The scene's x is HD's x, its y leads away from the user, its z, the normal, up."""
+"""The scene's x is HD's x; its y points away from the user; its z, the normal, points up."""
 
 _DELAY_TICKS: Final = 1.5
-"""A force that holds for a tick is half a tick late; the measurement costs another one."""
+"""Delay of the loop: half a tick, since a force holds for a tick, and one for the measurement."""
 
 
 Newtons = Annotated[float, Field(gt=0, le=40)]
 
 
 class HdOptions(BaseModel):
-    """What robot and handle share."""
+    """Options that robot and handle share."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -28,7 +28,7 @@ class HdOptions(BaseModel):
     axes: str = DEFAULT_AXES
     origin_mm: tuple[Millimetres, Millimetres, Millimetres] = (0.0, 0.0, 0.0)
     force_limit_n: Newtons | tuple[Newtons, Newtons, Newtons] = 3.0
-    """Of the whole force, or along each of the scene's axes by itself."""
+    """Limit of the whole force, or one along each of the scene's axes."""
     stale_ms: float = Field(50.0, ge=5, le=1000)
     ramp_ms: float = Field(100.0, ge=5, le=2000)
     calibration_s: float = Field(5.0, ge=0, le=120)

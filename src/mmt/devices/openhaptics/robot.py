@@ -15,7 +15,7 @@ from mmt.devices.protocols import Vector
 
 _LONGEST_STEP_S: Final = 0.005
 _STUCK_NS: Final = 200_000_000
-"""Under the largest force a tip moves by the least bit within this, unless it is held fast."""
+"""A position that stays exactly the same for this long under the largest force is stuck."""
 
 
 def missing() -> str:
@@ -29,10 +29,10 @@ def missing() -> str:
 
 
 class PositionServo(Servo):
-    """A spring to a point that moves towards the target, a damper, and a limit to the force.
+    """Position controller: a spring to a point that moves towards the target, and a damper.
 
-    The point starts where the tip is and moves at a bounded speed, so that neither the first
-    command nor one after a pause throws the arm.
+    The point starts at the tip and moves at a bounded speed, so that neither the first command
+    nor one after a pause jerks the arm.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class PositionServo(Servo):
         self._pushed_ns = 0
 
     def drive(self, now_ns: int) -> Vector:
-        """Return the force of this tick, before it is bounded and faded."""
+        """Return the force of this tick, before it is limited and faded."""
         x, y, z = self.position
         if self.share == 0.0:
             self._point = (x, y, z)
@@ -106,7 +106,7 @@ class OpenHapticsRobot(HdDriver[PositionServo]):
         return PositionServo(stack.hd, stack.copies, handle, self._options, limit_n)
 
     def await_turn(self) -> None:
-        """Return soon after the servo's next tick: positions are fresh, and it does not wait."""
+        """Return soon after the servo's next tick, when the position is fresh."""
         self._device.await_turn()
 
     def read(self) -> Vector:
@@ -115,17 +115,17 @@ class OpenHapticsRobot(HdDriver[PositionServo]):
         Raises
         ------
         DeviceLost
-            It does not answer any more.
+            The robot does not answer any more.
         """
         return self._axes.place_in_scene(self._device.check().position)
 
     def write(self, position_mm: Vector) -> None:
-        """Command a position (mm); one that is not finite is counted and not obeyed.
+        """Command a position (mm); one that is not finite is counted and ignored.
 
         Raises
         ------
         DeviceLost
-            It does not answer any more.
+            The robot does not answer any more.
         """
         servo = self._device.check()
         if self._is_finite(servo, position_mm):

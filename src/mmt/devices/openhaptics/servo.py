@@ -1,4 +1,4 @@
-"""What runs in the library's thread a thousand times a second: state out, force in."""
+"""The callback that the library's thread runs a thousand times a second: state out, force in."""
 
 import ctypes
 import threading
@@ -34,28 +34,28 @@ _MOST_ERRORS: Final = 8
 _POSITION, _VELOCITY, _FORCE = (
     ctypes.c_uint32(name) for name in (CURRENT_POSITION, CURRENT_VELOCITY, CURRENT_FORCE)
 )
-"""Made once: a conversion at each tick takes as long as the call."""
+"""Made once, since a conversion at each tick takes as long as the call."""
 
 
 class Servo:
-    """One device's callback; the force is `force`, faded while commands are stale.
+    """Callback of one device; it displays `force`, faded out while commands are stale.
 
     Other threads read `position` and `velocity`, which are replaced as a whole, and `displayed` by
     slicing it; they write `force` as a whole. The velocity may be a tick newer than the position
-    that is read beside it.
+    read with it.
 
-    A `request` runs once, within the next frame, and leaves its `answer`: HD allows one frame a
-    tick and has calls that belong into one.
+    A `request` runs once, within the next frame, and leaves its result in `answer`: HD allows one
+    frame a tick, and some of its calls need a frame.
 
     Parameters
     ----------
     hd, copies
         The library, see `Stack`.
     handle
-        The device's.
+        Handle of the device.
     options
-        The force fades to zero within their `ramp_ms` when no command has come for `stale_ms`,
-        and comes back as slowly. It does so as well after a measurement that makes no sense.
+        The force fades to zero within `ramp_ms` if no command has come for `stale_ms`, and comes
+        back as slowly. After an implausible measurement it is zero at once and comes back slowly.
     limit_n
         Largest force, along any direction.
     clock
@@ -82,7 +82,7 @@ class Servo:
         self._measured = Vector3(), Vector3()
         self._watch = Watch()
         self.senseless: tuple[str, int] | None = None
-        """What is wrong with the measurements, and since when."""
+        """Problem of the measurements and the time (ns) of its start, or None."""
         self.force: Vector = (0.0, 0.0, 0.0)
         self.guard: Final = ForceGuard(limit_n, options.axes_limit_n)
         self.displayed = Vector3()
@@ -100,7 +100,7 @@ class Servo:
         self._rest_until_ns = 0
 
     def ask(self, function: Callable[[], object]) -> None:
-        """Let a function run within the next frame; when `request` is None again, it has."""
+        """Have a function run within the next frame; it has run once `request` is None again."""
         self.answer, self.request = None, function
 
     def tick(self, _: Any) -> int:
@@ -132,17 +132,17 @@ class Servo:
         return CONTINUE
 
     def _settle_in(self) -> None:
-        """Prepare the library's own thread, another one after each start of its scheduler.
+        """Prepare the library's own thread, a new one after each start of its scheduler.
 
-        The interpreter makes itself a state of a foreign thread for each call, and maps memory for
-        it, unless one is held: a quarter of what a tick costs. It is held until the process ends.
+        For each call from a foreign thread the interpreter makes a thread state and maps memory,
+        a quarter of a tick's cost, unless a state is held. This one is held until the process ends.
         """
         self._thread = threading.get_ident()
         ctypes.pythonapi.PyGILState_Ensure()
         follow_real_time()
 
     def _measure(self, now_ns: int) -> None:
-        """Take position and velocity where they make sense; else the last ones stay."""
+        """Take position and velocity if they are plausible; else the last ones stay."""
         of_position, of_velocity = self._measured
         self._get(_POSITION, of_position)
         self._get(_VELOCITY, of_velocity)
@@ -157,27 +157,27 @@ class Servo:
             self.distrust(problem, now_ns)
 
     def measure_anew(self) -> None:
-        """Believe the next position wherever it is: a calibration moves the zero."""
+        """Accept the next position wherever it is: a calibration moves the zero."""
         self._watch = Watch()
 
     def _moves(self, position: Vector) -> bool:
-        """Whether a position that makes sense ends what was wrong: one that is stuck goes on."""
+        """Return whether a plausible position ends the problem: a stuck one must have changed."""
         stuck = self.senseless is not None and self.senseless[0] == STUCK
         return not stuck or position != self.position
 
     def distrust(self, problem: str, since_ns: int) -> None:
-        """Take the force away: the measurements make no sense, since then at the latest."""
+        """Switch the force off: measurements have been implausible since this time or longer."""
         self.counts[problem] += 1
         self.share = 0.0
         first_ns = since_ns if self.senseless is None else self.senseless[1]
         self.senseless = (problem, first_ns)
 
     def drive(self, now_ns: int) -> Vector:  # noqa: ARG002 - a controller needs it
-        """Return the force of this tick from what is commanded, before it is bounded and faded."""
+        """Return the commanded force of this tick, before it is limited and faded."""
         return self.force
 
     def _display(self, force_n: Vector) -> None:
-        """Set `displayed`, after which nothing is computed: finite, within the limit, and faded."""
+        """Set `displayed`, the final force: finite, within the limit, and faded."""
         bad = self.guard.not_finite
         self.displayed[:] = self.guard.step(force_n, self.share)
         if self.guard.not_finite != bad:
@@ -198,7 +198,7 @@ class Servo:
             self.share = self.share - change if self.share > change else 0.0
 
     def _note(self, error: Any, now_ns: int) -> None:
-        """Count the frame's errors, and let the force rest after them."""
+        """Count the frame's errors, and switch the force off after them."""
         answers = True
         for _ in range(_MOST_ERRORS):
             if not error.code:

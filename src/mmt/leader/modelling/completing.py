@@ -4,6 +4,6 @@ from mmt.leader.modelling.stage import StageTask
 
 
 class CompletingTask(StageTask):
-    """Judge the model of one update after the other."""
+    """Judges the model of each update."""
 
     stage = "judge"

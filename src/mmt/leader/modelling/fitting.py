@@ -1,9 +1,9 @@
-"""The task that fits: segments in, filters of Burg's method as line spectral frequencies out."""
+"""The task that fits segments: filters by Burg's method, as line spectral frequencies."""
 
 from mmt.leader.modelling.stage import StageTask
 
 
 class FittingTask(StageTask):
-    """Fit the segments of one update after the other."""
+    """Fits the segments of each update."""
 
     stage = "fit"

@@ -9,14 +9,14 @@ class FrameQueue:
     """A bounded queue of frames; a full one drops the oldest.
 
     Frames are copied into one array as they come: joining a thousand single frames at the
-    end of a period would hold up the event loop for several milliseconds.
+    end of a period would block the event loop for several milliseconds.
 
     Parameters
     ----------
     capacity
         Most frames that may wait.
     least_drop
-        Least number that is dropped at a time, so that a full queue is seldom moved up.
+        Fewest frames dropped at a time, so that a full queue seldom moves its frames up.
     """
 
     def __init__(self, capacity: int, least_drop: int) -> None:
@@ -25,7 +25,7 @@ class FrameQueue:
         self._frames: RecordArray | None = None
         self._count = 0
         self._ordered = True
-        self._first: int | None = None  # once it was asked for
+        self._first: int | None = None  # cached number of the oldest frame
 
     def __len__(self) -> int:
         """Return how many frames wait."""
@@ -33,13 +33,13 @@ class FrameQueue:
 
     @property
     def first_sequence(self) -> int | None:
-        """The number of the oldest frame, None where nothing waits."""
+        """The number of the oldest frame, or None if the queue is empty."""
         if self._first is None and self._count:
             self._first = int(self._in_order()["sequence"][0])
         return self._first
 
     def put(self, frames: RecordArray) -> int:
-        """Queue frames (n,) behind those that wait; return how many were dropped."""
+        """Append frames (n,) to the queue; return how many were dropped."""
         if self._frames is None:
             self._frames = np.empty(self._capacity, dtype=frames.dtype)
         dropped = max(0, len(frames) - self._capacity)
@@ -55,20 +55,20 @@ class FrameQueue:
         return dropped
 
     def insert(self, frames: RecordArray) -> int:
-        """Queue frames (n,) at the places of their numbers; return how many were dropped."""
+        """Insert frames (n,) in the order of their numbers; return how many were dropped."""
         self._ordered, self._first = False, None
         return self.put(frames)
 
     def pop_period(self, numbers: int, before: int | None) -> RecordArray | None:
-        """Remove and return the frames of one period, None while some are not there yet.
+        """Remove and return the frames of one period, or None while some may still come.
 
         Parameters
         ----------
         numbers
-            Length of the period; it begins with the oldest frame, missing ones count.
+            Length of the period, from the oldest frame on; missing frames count.
         before
-            Number of the first frame that may still come, None where none may; return no
-            period that reaches it.
+            Number of the first missing frame that may still come, or None. A period that
+            contains this number is not returned.
         """
         waiting = self._in_order()
         if not len(waiting):
@@ -88,7 +88,7 @@ class FrameQueue:
         return frames
 
     def _remove(self, count: int) -> None:
-        """Remove `count` of the oldest."""
+        """Remove the `count` oldest frames."""
         if self._frames is not None:
             self._frames[: self._count - count] = self._frames[count : self._count].copy()
             self._count -= count

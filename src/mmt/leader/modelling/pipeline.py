@@ -1,10 +1,10 @@
 """The modelling beside the rendering: four tasks joined by bounded queues.
 
 Frames go to `segmenting`, segments to `fitting`, fits to `synthesizing` and models to
-`completing`, which says what each update has come to. Each task has its numerics done by one
-process (`mmt.leader.modelling.process`), which shares no interpreter lock with the ticks. The model
-is the same to the bit as that of an offline pass over the same frames. A process that ends leaves
-the stream and the model that there is as they are.
+`completing`, which judges each update. One process (`mmt.leader.modelling.process`) does the
+numerics of all tasks; it shares no interpreter lock with the ticks. The model is the same to the
+bit as that of an offline pass over the same frames. If the process ends, the stream and the
+newest model stay as they are.
 """
 
 import asyncio
@@ -38,7 +38,7 @@ _LAST_UPDATES_S: Final = 1.0
 
 
 class Modelling(Part):
-    """Build the model of the stream, an update a period.
+    """Build the model of the stream, one update per period.
 
     Parameters
     ----------
@@ -47,12 +47,12 @@ class Modelling(Part):
     period_s
         Time between updates.
     on_update
-        Called on the event loop after each update, with it and the seconds that the tasks have
-        worked on it.
+        Called on the event loop after each update, with the update and the seconds that the tasks
+        have worked on it.
     keep_frames
         How many frames the follower can send again: this many more may wait.
     process
-        Where the numerics run; None for one that is started when the parts connect.
+        Process that runs the numerics; None for one that is started when the parts connect.
     """
 
     def __init__(
@@ -77,10 +77,10 @@ class Modelling(Part):
         self._models: Models = {}
         self._newest_sample = -1
         self.fault: str | None = None
-        """Why it has ended before the session; None where it has not."""
+        """Why modelling has ended before the session, or None."""
         self.finished = False
         self.frozen = False
-        """Whether frames are not modelled for now, because a person wants it."""
+        """Whether a person has frozen the model, so that no frames are modelled."""
 
     @classmethod
     def build(
@@ -108,17 +108,17 @@ class Modelling(Part):
         return made
 
     def hand_on(self, on_samples: Callable[[NewSamples], None]) -> None:
-        """Call a function with the samples of each update that is judged, from the first on."""
+        """Set the function to call with the samples of each judged update, from the first on."""
         self._on_samples = on_samples
         self._process.tell("hand_on")
 
     def connect(self) -> None:
-        """Start the process where it is not, and wait until it can model.
+        """Start the process, if necessary, and wait until it can model.
 
         Raises
         ------
         MmtError
-            It cannot.
+            The process cannot model.
         """
         self._process.start().result()
 
@@ -156,7 +156,7 @@ class Modelling(Part):
 
     @property
     def dropped_frames(self) -> int:
-        """Frames that found no room."""
+        """Frames dropped because the queue was full."""
         return self.segmenting.figures.drops
 
     @property
@@ -165,7 +165,7 @@ class Modelling(Part):
         return self.segmenting.late_frames
 
     def wait_for_missing(self, first_missing: Callable[[], int | None]) -> None:
-        """Let updates wait for frames from this number on, None where none may be filled in."""
+        """Set the function that returns the first number that may be filled in; updates wait."""
         self.segmenting.first_missing = first_missing
 
     def on_frames(self, frames: RecordArray, arrival_ns: int = 0) -> None:
@@ -176,17 +176,17 @@ class Modelling(Part):
             self.segmenting.put(frames)
 
     def on_backfill(self, frames: RecordArray, arrival_ns: int = 0) -> None:
-        """Queue frames (n,) that came late at their place; never blocks."""
+        """Insert late frames (n,) in the order of their numbers; never blocks."""
         _ = arrival_ns
         if self._grows:
             self.segmenting.insert(frames)
 
     def on_settled(self) -> None:
-        """Go on if that which was missing has come, or will not come."""
+        """Go on: some missing frames have come, or will not come."""
         self.segmenting.look_again()
 
     def freeze(self, frozen: bool) -> None:
-        """Leave the model as it is, or let it grow again; an update under way still counts."""
+        """Freeze the model, or let it grow again; an update under way still counts."""
         self.frozen = frozen
         if frozen:
             self.segmenting.clear()
@@ -204,20 +204,20 @@ class Modelling(Part):
         self._process.tell("say", SaidSurface(self._newest_sample + 1, surface))
 
     def reset(self) -> None:
-        """Start a new model; updates that are under way are thrown away."""
+        """Start a new model; discard updates under way."""
         self._clear()
         self._models = {}
         self.finished = self.frozen = False
 
     async def finish(self, timeout_s: float = _LAST_UPDATES_S) -> None:
-        """Wait until whole periods that wait are modelled, for at most this long."""
+        """Wait until all whole periods in the queue are modelled, for at most `timeout_s`."""
         with suppress(TimeoutError):
             async with asyncio.timeout(timeout_s):
                 while self.working or self._behind_segmenting or self._frames_due:
                     await asyncio.sleep(_POLL_S)
 
     def tasks(self) -> dict[str, Coroutine[Any, Any, None]]:
-        """Return what the event loop is to run, by name."""
+        """Return the coroutines of the four tasks, by name."""
         return {
             "segmenting": self._until_fault(self.segmenting.run()),
             "fitting": self._until_fault(self.fitting.run()),
@@ -239,11 +239,11 @@ class Modelling(Part):
         self._last_ns = tick.now_ns
 
     def faults(self) -> list[str]:
-        """Return why nothing is modelled any more."""
+        """Return why modelling has ended, if it has."""
         return [] if self.fault is None else [self.fault]
 
     def status(self) -> dict[str, Any]:
-        """Return how far the model is."""
+        """Return the state of the model."""
         update = self._session.log.update if self._session is not None else None
         if update is None:
             return {}
@@ -295,13 +295,13 @@ class Modelling(Part):
             yield from modelling_metrics(self.figures, self.dropped_frames, self._session.log)
 
     def models(self) -> "dict[int, TextureModel]":
-        """Return the model of each surface by number; none where they are not told apart."""
+        """Return the model of each surface by number; empty if surfaces are not told apart."""
         return {
             n: model for n, model in self._models.items() if n is not None and model is not None
         }
 
     async def _until_fault(self, task: Coroutine[Any, Any, None]) -> None:
-        """Run a task; where the process has ended, say so once and model no more."""
+        """Run a task; if the process ends, report it once and stop modelling."""
         try:
             await task
         except MmtError as error:
@@ -325,7 +325,7 @@ class Modelling(Part):
         return self.segmenting.due and not self.finished and self.fault is None
 
     def _clear(self) -> None:
-        """Throw away everything that waits or is under way."""
+        """Discard everything that waits or is under way."""
         for task in (self.fitting, self.synthesizing, self.completing):
             task.clear()
         self.segmenting.start_model()
@@ -333,7 +333,7 @@ class Modelling(Part):
         self._behind_segmenting.clear()
 
     def _judged(self, item: Item) -> None:
-        """Tell of an update; after the last one throw away what came behind it."""
+        """Report an update; after the last one discard all later work."""
         judged: Judged = item.answer
         if judged.samples is not None:
             self._on_samples(judged.samples)

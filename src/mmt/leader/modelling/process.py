@@ -1,8 +1,8 @@
-"""The process that models, so that the leader's ticks share no interpreter lock with it.
+"""The modelling process, which shares no interpreter lock with the leader's ticks.
 
-It is a child of the leader, which writes pickled calls of `Stages` to its standard input and
-reads an answer to each from its standard output. It ends with that input, so that no leader leaves
-one behind.
+The leader writes pickled calls of `Stages` to the standard input of this child process and reads
+an answer to each from its standard output. The process ends when its input is closed, so that no
+leader leaves one behind.
 """
 
 import gc
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 class ModellingProcess:
-    """Start the process, and call `Stages` in it, one call after the other.
+    """Start the modelling process, and call `Stages` in it, one call after the other.
 
     Calls wait for `start`. A thread waits for the answers; the event loop never does.
 
@@ -51,13 +51,13 @@ class ModellingProcess:
         self._closed = Event()
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="modelling")
         self.started: Future[None] | None = None
-        """Is done when the process can model; None before it is started."""
+        """Done when the process can model; None before `start`."""
         self.cost: ProcessCost | None = None
-        """What the process has taken while it modelled, once it is closed."""
+        """Cost of the process while it modelled; None before `close`."""
 
     @classmethod
     def of(cls, scene: "Scene") -> Self | None:
-        """Return the process of a scene's texture, None where it models none."""
+        """Return the process for a scene's texture, or None if the scene has none."""
         texture = scene.texture
         if texture is None:
             return None
@@ -65,12 +65,12 @@ class ModellingProcess:
         return cls(settings, texture.update_period_s)
 
     def launch(self) -> None:
-        """Launch the process, unless it is: it imports what it needs, and waits for `start`.
+        """Launch the process, unless launched: it imports its modules, and waits for `start`.
 
         Raises
         ------
         InputError
-            A package that it needs is not installed.
+            A package that the process needs is not installed.
         """
         if self._process is None:
             for package in ("numba", "scipy"):
@@ -83,7 +83,7 @@ class ModellingProcess:
             )
 
     def start(self) -> Future[None]:
-        """Have it begin, launched before or not; return what is done when it can model."""
+        """Start to model, launch if necessary; return a future that is done when ready."""
         if self.started is None:
             self.started = self._worker.submit(self._start)
             for call in self._waiting:
@@ -91,7 +91,7 @@ class ModellingProcess:
         return self.started
 
     async def call(self, name: str, *arguments: object, **named: object) -> Any:
-        """Call a method of `Stages` and return what it returns.
+        """Call a method of `Stages` and return its result.
 
         Raises
         ------
@@ -101,7 +101,7 @@ class ModellingProcess:
         return await wrap_future(self._worker.submit(self._exchange, (name, arguments, named)))
 
     def tell(self, name: str, *arguments: object, **named: object) -> None:
-        """Call a method without waiting for it; where the process has ended, nothing happens."""
+        """Call a method without waiting for it; do nothing if the process is closed."""
         call = name, arguments, named
         if self.started is None:
             self._waiting.append(call)
@@ -109,7 +109,7 @@ class ModellingProcess:
             self._worker.submit(self._exchange, call)
 
     def close(self) -> None:
-        """End the process, whatever it is at."""
+        """End the process, whatever it is doing."""
         self._closed.set()
         if self._process is not None:
             if self._meter is not None and self._process.poll() is None:
@@ -117,7 +117,7 @@ class ModellingProcess:
             self._process.kill()
         self._worker.shutdown(cancel_futures=True)
         if self._process is not None:
-            with suppress(OSError), self._process:  # what is not sent cannot be
+            with suppress(OSError), self._process:  # unsent data cannot be flushed
                 pass
 
     def _start(self) -> None:
@@ -156,7 +156,7 @@ def main() -> None:
     """Run the process until its input is closed."""
     handle_end_signals(signal.SIG_IGN)  # the leader says when it ends
     answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # whatever prints does not answer
+    os.dup2(2, 1)  # printed text must not mix with the answers
     with suppress(EOFError, BrokenPipeError):
         try:
             _answer(answers)

@@ -1,9 +1,9 @@
-"""The task that segments: frames in, one period at a time, segments out.
+"""The task that segments the frames, one period at a time.
 
 Frames wait in a bounded queue; a full one drops the oldest and counts it. An update takes the
-frames of one period, which the numbers of the frames delimit and not the moment at which they
-came: so the model is the same whether frames come in time or are filled in later. An update
-whose frames may still be filled in waits for them.
+frames of one period. The numbers of the frames delimit the period, not their times of arrival, so
+that the model is the same whether frames come in time or are filled in later. An update waits for
+frames that may still be filled in.
 """
 
 import asyncio
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from mmt.leader.modelling.process import ModellingProcess
 
 LONGEST_QUEUE_S: Final = 10.0
-"""Frames of this time may wait, and work of as many updates."""
+"""Frames of this time may wait, and the work of the updates in this time."""
 
 
 class SegmentingTask:
@@ -28,7 +28,7 @@ class SegmentingTask:
     Parameters
     ----------
     period_frames
-        How many frames a modeller wants at a time.
+        Number of frames that a modeller takes at a time.
     rate_hz
         Frames a second.
     keep_frames
@@ -36,11 +36,11 @@ class SegmentingTask:
     in_step
         Whether each update is finished before the next.
     process
-        Where the numerics run.
+        Process that runs the numerics.
     activity
         Shared by all tasks of the modelling.
     behind
-        Counts the items from here to the end of the pipeline.
+        Counts the items from this task to the end of the pipeline.
     deliver
         Called on the event loop with each item.
     """
@@ -67,10 +67,10 @@ class SegmentingTask:
         self._deliver = deliver
         self._due = asyncio.Event()
         self._generation = 0
-        self._newest = -1  # that an update has
+        self._newest = -1  # number of the newest frame in an update
         self.figures = Figures(lambda: len(self._queue))
         self.first_missing: Callable[[], int | None] = lambda: None
-        """Gives the least number that may still be filled in, None where none may."""
+        """Returns the smallest number that may still be filled in, or None."""
         self.late_frames = 0
         """Frames that were filled in after an update had gone on without them."""
 
@@ -88,21 +88,21 @@ class SegmentingTask:
             self._due.set()
 
     def insert(self, frames: RecordArray) -> None:
-        """Queue frames (n,) that came late at their place; never blocks."""
+        """Insert late frames (n,) in the order of their numbers; never blocks."""
         early = frames[frames["sequence"] > self._newest]
         self.late_frames += len(frames) - len(early)
         self.figures.drops += self._queue.insert(early)
 
     def look_again(self) -> None:
-        """Go on if that which was missing has come, or will not come."""
+        """Check for a due update: some missing frames have come, or will not come."""
         self._due.set()
 
     def clear(self) -> None:
-        """Throw away the frames that wait."""
+        """Discard the frames that wait."""
         self._queue.pop_all()
 
     def start_model(self) -> None:
-        """Segment for a new model from now on; what is under way is thrown away."""
+        """Segment for a new model from now on; discard work under way."""
         self._generation += 1
         self.clear()
 
@@ -117,7 +117,7 @@ class SegmentingTask:
             await self._segment(frames)
 
     async def _segment(self, frames: RecordArray) -> None:
-        """Segment the frames of one period, and hand on the work that they give."""
+        """Segment the frames of one period, and deliver the resulting work."""
         generation, seconds, started = self._generation, 0.0, perf_counter()
         number = await self._call("segment", frames)
         while number is not None and generation == self._generation:
@@ -140,7 +140,7 @@ class SegmentingTask:
             self._activity.busy -= 1
 
     def _next_period(self) -> RecordArray | None:
-        """Return the frames of the next update, None where it is not due."""
+        """Return the frames of the next update, or None if it is not due."""
         if len(self._queue) > self._overloaded_frames:  # updates cannot keep up: make fewer
             frames: RecordArray | None = self._queue.pop_all()
         else:

@@ -1,4 +1,4 @@
-"""What the modelling's tasks share: a bounded queue between two of them, and their figures."""
+"""Shared by the modelling's tasks: the bounded queue between two of them, and their figures."""
 
 import asyncio
 from collections import deque
@@ -50,7 +50,7 @@ class Figures:
         self.longest_s = max(self.longest_s, seconds)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the figures for a program."""
+        """Return the figures as a dictionary."""
         return {
             "items": self.items,
             "queue": self.queue_now,
@@ -63,7 +63,7 @@ class Figures:
 
 @dataclass
 class Activity:
-    """How many of the tasks that share this are at work."""
+    """Number of the modelling's tasks that are at work."""
 
     busy: int = 0
 
@@ -75,11 +75,11 @@ class Item:
     Attributes
     ----------
     number
-        That the process knows it by.
+        Number of the work in the process.
     seconds
-        That it has taken so far.
+        Time that the work has taken so far.
     answer
-        What the last stage has returned.
+        Result of the last stage.
     """
 
     number: int
@@ -99,18 +99,18 @@ class InFlight:
         return self._count > 0
 
     def enter(self) -> None:
-        """Count one more."""
+        """Count one more item."""
         self._count += 1
         self._none.clear()
 
     def leave(self) -> None:
-        """Count one less."""
+        """Count one item less."""
         self._count -= 1
         if self._count <= 0:
             self.clear()
 
     def clear(self) -> None:
-        """Count none: all were thrown away."""
+        """Count no items: all were discarded."""
         self._count = 0
         self._none.set()
 
@@ -123,9 +123,9 @@ class InFlight:
 class ItemQueue:
     """A bounded queue of work for one model, oldest first; a full one drops the oldest.
 
-    What dropped work removes from the model, and what it has observed of the stream, is left to
-    the work behind it. Where more than half of the queue waits, the task cannot keep up, and
-    takes everything as one update.
+    The next work takes over the removals from the model and the observations of the stream of
+    dropped work. If the queue is at least half full, the task cannot keep up and takes all items
+    as one update.
 
     Attributes
     ----------
@@ -133,10 +133,10 @@ class ItemQueue:
         Most items that may wait.
     drops_segments
         Whether the new segments of dropped work are lost; later in the pipeline they are among
-        the fits of the work behind it.
+        the fits of the next work.
     on_absorbed
-        Called for each item that another one took over: with that other one, with it, and whether
-        its new segments count.
+        Called for each item that a later one has taken over: with the later item, the earlier
+        item, and whether the earlier item's new segments count.
     """
 
     capacity: int
@@ -157,7 +157,7 @@ class ItemQueue:
         return dropped
 
     def get(self) -> Item | None:
-        """Return the oldest item, or all in one where too many wait; None where none does."""
+        """Return the oldest item, or all in one if too many wait; None if none waits."""
         if not self.items:
             self.filled.clear()
             return None
@@ -171,17 +171,17 @@ class ItemQueue:
         return item
 
     def clear(self) -> None:
-        """Forget what waits."""
+        """Discard all items that wait."""
         self.items.clear()
 
 
 class StageTask:
-    """Takes items from its queue, has each worked on in the process, and hands them on.
+    """Takes items from its queue, lets the process work on each one, and delivers it.
 
     Parameters
     ----------
     process
-        Where the numerics run.
+        Process that runs the numerics.
     queue
         Items that wait.
     activity
@@ -213,7 +213,7 @@ class StageTask:
         self.figures.look()
 
     def clear(self) -> None:
-        """Throw away what waits and what is under way."""
+        """Discard the items that wait and the one under way."""
         self._generation += 1
         self.queue.clear()
 

@@ -1,7 +1,7 @@
-"""The stages of the modelling by names and numbers, as the leader's tasks ask for them.
+"""The stages of the modelling, which the leader's tasks call by name and by number of a work.
 
-They run in a process of their own (`mmt.leader.modelling.process`): no step of them, however it
-uses the interpreter lock, delays a tick.
+They run in a process of their own (`mmt.leader.modelling.process`), so that no step delays a tick
+by holding the interpreter lock.
 """
 
 import itertools
@@ -20,25 +20,25 @@ if TYPE_CHECKING:
     from mmt.texture.surfaces.modeller import SurfaceModeller
 
 Models = dict[int | None, "TextureModel | None"]
-"""The newest model of each surface by number, by None where surfaces are not told apart."""
+"""The newest model of each surface by number, or by None if surfaces are not told apart."""
 
 
 class Unchanged(Made):
-    """Stands for the model of the last update of the same surface; `received` puts that here."""
+    """Placeholder for the model in the last update of the surface; `received` replaces it."""
 
 
 @dataclass(frozen=True)
 class Judged:
-    """What has come of an update.
+    """Result of an update.
 
     Attributes
     ----------
     update
-        None where nobody is told of it.
+        The update, or None if it is not announced.
     kept
-        Numbers of the surfaces whose models are kept; None where they are not told apart.
+        Numbers of the surfaces whose models are kept; None if surfaces are not told apart.
     samples
-        What the work has observed, and which segments came and went, where this is handed on.
+        Observed samples, and segments added and removed; None unless `Stages.hand_on` was called.
     """
 
     update: ModelUpdate | None
@@ -64,7 +64,7 @@ class Stages:
         self.begin()
 
     def begin(self, said: "Sequence[SaidSurface]" = ()) -> None:
-        """Begin a new model, and throw away all that is under way.
+        """Begin a new model, and discard all work under way.
 
         Parameters
         ----------
@@ -77,20 +77,20 @@ class Stages:
         self._sent: Models = {}
 
     def hand_on(self) -> None:
-        """Hand on the samples of each update from now on."""
+        """Return the samples of each update from now on."""
         self._hands_on = True
 
     def say(self, said: "SaidSurface") -> None:
-        """Take a person's word on the surface, where surfaces are told apart."""
+        """Take a person's word on the surface; call only if surfaces are told apart."""
         cast("SurfaceModeller", self._modeller).say(said)
 
     def segment(self, frames: RecordArray) -> int | None:
-        """Segment frames (n,) of one period; return the number of the first work, None for none."""
+        """Segment frames (n,) of one period; return the number of the first work, or None."""
         self._steps = self._modeller.segment(frames)
         return self.go_on()
 
     def go_on(self) -> int | None:
-        """Segment on; return the number of the next work, None where there is no more."""
+        """Continue to segment; return the number of the next work, or None if there is no more."""
         work = next(self._steps, None)
         if work is None:
             return None
@@ -99,7 +99,7 @@ class Stages:
         return number
 
     def absorb(self, later: int, earlier: int, *, segments: bool) -> None:
-        """Let a work do also what an earlier one has left to do; see `Work.absorb`."""
+        """Let a work take over the rest of an earlier one; see `Work.absorb`."""
         self._works[later].absorb(self._works.pop(earlier), segments=segments)
 
     def fit(self, number: int) -> None:
@@ -131,7 +131,7 @@ class Stages:
 
 
 def received(update: ModelUpdate, models: Models) -> ModelUpdate:
-    """Return an update with all its models, and note these."""
+    """Return an update with all its models filled in, and store these in `models`."""
 
     def source(each: ModelUpdate) -> Made:
         if not isinstance(each.source, Unchanged):
@@ -142,6 +142,6 @@ def received(update: ModelUpdate, models: Models) -> ModelUpdate:
 
 
 def _with_models(update: ModelUpdate, source: Callable[[ModelUpdate], Made]) -> ModelUpdate:
-    """Return an update with other sources of its models, those of surfaces that were left first."""
+    """Return an update with new sources of its models; surfaces that were left come first."""
     left = tuple(_with_models(each, source) for each in update.left)
     return replace(update, left=left, source=source(update))

@@ -1,1 +1,1 @@
-"""The hand's motion, who moves the robot, and force feedback."""
+"""The hand's motion, control of the robot, and force feedback."""

@@ -18,11 +18,11 @@ class Feedback(Protocol):
     """A way to display the remote force to the hand, one tick after another."""
 
     event: str | None
-    """The further event that comes from the follower, None where frames are enough."""
+    """Name of the further event from the follower, or None if frames are enough."""
     dtype: "np.dtype[np.void] | None"
-    """Type of that event's records."""
+    """Dtype of that event's records."""
     offset_mm: Vector
-    """What the follower's command has more than the hand's position."""
+    """The follower's command minus the hand's position."""
 
     def on_frames(self, frames: RecordArray) -> None:
         """Handle frames (n,), n >= 1, the newest last."""
@@ -31,7 +31,7 @@ class Feedback(Protocol):
         """Handle validated records (n,) of the further event."""
 
     def restart(self) -> None:
-        """Expect a new connection, perhaps of a follower that begins anew."""
+        """Prepare for a new connection, perhaps of a restarted follower."""
 
     def tick(self, elapsed: int, state: InterfaceState | None) -> RecordArray | None:
         """Display the force for the elapsed ticks.
@@ -41,31 +41,31 @@ class Feedback(Protocol):
         elapsed
             Ticks since the last call, at least 1.
         state
-            The handle's state, None where it is not read.
+            State of the handle, or None if it is not read.
 
         Returns
         -------
         records
-            Shape (1,), to be sent to the follower under the same event; None for none.
+            Shape (1,), to send to the follower as the same event, or None.
         """
 
     def rest(self, elapsed: int) -> None:
-        """Display nothing for the elapsed ticks, in the place of `tick`: the handle is lost.
+        """Display no force for the elapsed ticks, in place of `tick`: the handle is lost.
 
-        Afterwards the force comes back from zero, wherever the handle then is.
+        Afterwards the force returns from zero, wherever the handle then is.
         """
 
     @property
     def felt(self) -> "ContactModel | None":
-        """The model of the contact that the hand feels, None if it feels none."""
+        """The model of the contact that the hand feels, or None if it feels none."""
 
     @property
     def summary(self) -> Mapping[str, Any]:
-        """What was counted and estimated, for a program."""
+        """Counts and estimates so far, by name."""
 
 
 class ForceDisplay(Protocol):
-    """What shows a force to the hand; every `LeaderInterface` does."""
+    """A device that displays a force to the hand, such as every `LeaderInterface`."""
 
     def write(self, force_n: Vector) -> None:
         """Display a force (N)."""
@@ -104,7 +104,7 @@ class StreamedForce:
         self._ramp.renew()
 
     def on_records(self, records: RecordArray) -> None:
-        """Do nothing: frames are all that comes."""
+        """Do nothing: there is no further event."""
 
     def restart(self) -> None:
         """Do nothing: the newest force is displayed, whichever follower sent it."""
@@ -119,7 +119,7 @@ class StreamedForce:
         return None
 
     def rest(self, elapsed: int) -> None:
-        """Display nothing; see `Feedback`."""
+        """Display no force; see `Feedback`."""
         self._ramp.rest(elapsed)
         self._show((0.0, 0.0, 0.0))
 
@@ -130,11 +130,11 @@ class StreamedForce:
 
     @property
     def summary(self) -> Mapping[str, Any]:
-        """Which method it is, and the largest force that was displayed."""
+        """Name of the method, and the largest force displayed (N)."""
         return {"method": "streamed", "largest_n": round(self._largest_n, 3)}
 
     def _streamed(self, elapsed: int) -> Vector:
-        """Return the newest force, shaped by how long ago it came."""
+        """Return the newest force (N), faded if its source is silent."""
         return self._ramp.shape(self._force, elapsed)
 
     def _show(self, force_n: Vector) -> None:

@@ -23,7 +23,7 @@ _M: Final = 1e-3
 _HANDOVER_S: Final = 0.02
 """Time constant of the change from the streamed force to the model's."""
 _RENEWAL: Final = 10
-"""Samples after which the model is taken anew."""
+"""Samples after which the rendered model is updated."""
 _BEYOND: Final = 1.25
 """The model displays at most this times the largest force that was measured."""
 _AXES: Final = ("x", "y", "z")
@@ -31,7 +31,7 @@ _AXES: Final = ("x", "y", "z")
 
 @dataclass(frozen=True)
 class ModelSettings:
-    """What the model method consists of."""
+    """Settings of the model method."""
 
     passivity: PassivitySettings = field(default_factory=PassivitySettings)
     estimation: EstimationSettings = field(default_factory=EstimationSettings)
@@ -40,28 +40,27 @@ class ModelSettings:
 
 
 class ModelForce(StreamedForce):
-    """Display what a model of the contact gives for the hand's own place.
+    """Display the force of a contact model at the hand's own position.
 
-    The follower sends its command, place and force (event `CONTACT`). From command and force
-    the model is made that the hand feels: it is that of robot and surface together, as the
-    hand meets them, so that the force displayed is the one that the follower will measure.
-    From place and force the surface itself is estimated, for the summary. Where the hand moves
-    over places that the tool has met at a like speed, the force met there counts beside the
-    model (`mmt.contact.force_map`). Until there is a
-    model the streamed force is displayed; along the surface it always is. Both pass the
-    passive port of `ForcePort`, so that nothing that the estimate does can give the hand
-    energy. About 20 us a tick, and 35 us a sample.
+    The follower sends its command, position and force (event `CONTACT`). Command and force give
+    the model that the hand feels: the model of robot and surface together, so that the displayed
+    force is the one that the follower will measure. Position and force give an estimate of the
+    surface itself, for the summary. If the hand moves over positions that the tool has met at a
+    similar speed, the force measured there is mixed with the model's (`mmt.contact.force_map`).
+    Until there is a model, the streamed force is displayed; along the surface it always is. Both
+    forces pass the passive port of `ForcePort`, so that no estimate can give the hand energy.
+    About 20 us a tick, and 35 us a sample.
 
     Parameters
     ----------
     interface, limit_n, silence_ticks
         As `StreamedForce`.
     settings
-        What it consists of.
+        Settings of the method; None for the default.
     opening_j
         Energy that each account begins with.
     hand
-        Learns the surface from the same samples; None makes one.
+        Estimates the surface from the same samples; None makes one.
     """
 
     event: str | None = CONTACT
@@ -119,14 +118,14 @@ class ModelForce(StreamedForce):
         return None
 
     def rest(self, elapsed: int) -> None:
-        """Display nothing; see `Feedback`. The models stay."""
+        """Display no force; see `Feedback`. The models stay."""
         self._ports.rest()
         self._contact.rest()
         self._hand_speed = SmoothSpeed()
         super().rest(elapsed)
 
     def _modelled_n(self, state: InterfaceState, elapsed: int) -> float:
-        """Return the force along the normal: streamed, modelled and remembered."""
+        """Return the force along the normal (N), mixed from stream, model and force map."""
         axis = self._normal
         depth_m = -_M * (state.position_mm[axis] + self.offset_mm[axis])
         period_s = elapsed * self._tick_s
@@ -146,7 +145,7 @@ class ModelForce(StreamedForce):
 
     @property
     def felt(self) -> ContactModel | None:
-        """The model that the hand feels, None before there is one."""
+        """The model that the hand feels, or None before there is one."""
         return self._contact.rendered
 
     @property
@@ -174,7 +173,7 @@ class ModelForce(StreamedForce):
 
 
 def _table(model: ContactModel | None) -> dict[str, float]:
-    """Return a model in the units of a scene, empty where there is none."""
+    """Return a model in the units of a scene, empty if there is none."""
     if model is None:
         return {}
     table = {

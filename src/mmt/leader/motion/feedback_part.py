@@ -18,16 +18,16 @@ if TYPE_CHECKING:
 
 
 class OtherForce(Protocol):
-    """Makes the display of a force that comes from elsewhere than the follower."""
+    """Makes the feedback of a force that does not come from the follower."""
 
     def __call__(
         self, interface: ForceDisplay, *, limit_n: float, settings: "ModelSettings"
     ) -> Feedback:
-        """Return what displays it, at most so much."""
+        """Return the feedback, which displays at most `limit_n`."""
 
 
 class ForceFeedbackPart(Part):
-    """Display force once a tick: none where the handle is lost; it fades without a stream.
+    """Display force once a tick: none while the handle is lost; the force fades without a stream.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class ForceFeedbackPart(Part):
     feedback
         The method's side at the leader.
     bound
-        Bounds what the method writes.
+        Bounds the forces that the method writes.
     """
 
     def __init__(self, session: Session, feedback: Feedback, bound: GuardedDisplay) -> None:
@@ -49,7 +49,7 @@ class ForceFeedbackPart(Part):
     def build(
         cls, session: Session, hand: "HandPart | None", other_force: OtherForce | None
     ) -> "ForceFeedbackPart | None":
-        """Return the scene's method, None where there is no hand to display to."""
+        """Return the part of the scene's method, or None if there is no hand to display to."""
         table = session.scene.force_feedback
         if table is None or hand is None:
             return None
@@ -68,13 +68,13 @@ class ForceFeedbackPart(Part):
         return cls(session, feedback, display)
 
     def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
-        """Use the newest frame's force; without it, as while control is away, the force fades."""
+        """Use the newest frame's force, but not while control is away: then the force fades."""
         _ = arrival_ns
         if not self._given_ticks:
             self.feedback.on_frames(frames)
 
     def tick(self, tick: Tick) -> None:
-        """Show the hand its force, and send the follower what the method has for it."""
+        """Display the force, and send the method's records to the follower."""
         self._given_ticks = self._given_ticks + tick.elapsed if tick.given else 0
         self.feedback.offset_mm = tick.offset_mm
         if tick.hand_lost or self._given_ticks > FADE_TICKS:
@@ -85,7 +85,7 @@ class ForceFeedbackPart(Part):
             self._session.remote.send_extra(news)
 
     def summary(self, duration_s: float) -> dict[str, Any]:
-        """Return what the method has counted and estimated."""
+        """Return the counts and estimates of the method."""
         _ = duration_s
         bound = self._bound
         counts = {"slew_limited": bound.limited_writes, "not_finite": bound.guard.not_finite}
@@ -119,7 +119,7 @@ def build_feedback(
     opening_j
         Energy that each account begins with, in a method that counts it.
     contact
-        Learns the surface, in a method that models it; None makes one.
+        Estimates the surface, in a method that models it; None makes one.
     """
     if table.method == "streamed":
         return StreamedForce(interface, limit_n=table.limit_n, silence_ticks=silence_ticks)

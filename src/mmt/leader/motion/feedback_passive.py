@@ -16,10 +16,10 @@ from mmt.leader.motion.passivity_ports import PassivityPorts
 
 
 class PassiveForce(StreamedForce):
-    """Display the newest streamed force as far as its energy has been paid for.
+    """Display the newest streamed force as far as its energy is covered.
 
-    The follower says what came back to it (event `ENERGY`), this side says what the hand put
-    in. About 15 us a tick.
+    The follower reports the energy returned to it (event `ENERGY`), and this side reports the
+    energy that the hand has put in. About 15 us a tick.
 
     Parameters
     ----------
@@ -49,27 +49,27 @@ class PassiveForce(StreamedForce):
         self._report = EnergyReport()
 
     def on_records(self, records: RecordArray) -> None:
-        """Read the energy that the follower reports as returned."""
+        """Take the energy that the follower reports as returned."""
         self._given.receive(records)
 
     def restart(self) -> None:
-        """Go on counting from here if the next follower begins anew."""
+        """Prepare for a follower whose energy count may start again from zero."""
         self._given.restart()
 
     def tick(self, elapsed: int, state: InterfaceState | None) -> RecordArray | None:
-        """Display the force for the elapsed ticks; return what the hand put in, if news."""
+        """Display the force for the elapsed ticks; return a report of energy, if one is due."""
         wanted = self._streamed(elapsed)
         self._show(self._ports.step(wanted, state, elapsed, self._given.energy_j))
         return self._report.make(self._ports.in_j, elapsed)
 
     def rest(self, elapsed: int) -> None:
-        """Display nothing; see `Feedback`."""
+        """Display no force; see `Feedback`."""
         self._ports.rest()
         super().rest(elapsed)
 
     @property
     def summary(self) -> Mapping[str, Any]:
-        """Energies, and what the follower says came back to it."""
+        """Energies (mJ), with the energy that the follower reports as returned."""
         return {
             **super().summary,
             "method": "passive",

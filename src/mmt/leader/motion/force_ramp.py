@@ -1,17 +1,17 @@
-"""Let a force out when its source falls silent and in again when it comes back, without a step."""
+"""Fade a force out when its source falls silent, and in when the source returns."""
 
 from typing import Final
 
 from mmt.devices.protocols import Vector
 
 SILENCE_TICKS: Final = 50
-"""Silence up to this is the network's jitter."""
+"""Longest silence that counts as the network's jitter."""
 
 RAMP_TICKS: Final = 50
-"""Length of a ramp out or in: where no tick is missed, there is no force after 100 ms."""
+"""Length of a ramp out or in: if no tick is missed, the force is zero after 100 ms of silence."""
 
 FADE_TICKS: Final = SILENCE_TICKS + RAMP_TICKS
-"""From the last force of a source until none is displayed."""
+"""Ticks from the last force of a source until no force is displayed."""
 
 _NONE: Final[Vector] = (0.0, 0.0, 0.0)
 
@@ -20,11 +20,11 @@ class ForceRamp:
     """Shape a force by the time since its source last gave one.
 
     After `silence_ticks` without `renew` the force goes linearly to zero over `ramp_ticks`.
-    When the source returns, the output goes linearly from what is displayed to the
-    source's force over `ramp_ticks`, wherever the ramp out had got to.
+    When the source returns, the output goes linearly from the displayed force to the
+    source's force over `ramp_ticks`, however far the ramp out had gone.
 
-    Missed ticks count for the silence. A ramp goes one tick further at each call of `shape`, that
-    is, with each force written: a call that was held up makes no step.
+    Missed ticks count for the silence. A ramp advances by one tick at each call of `shape`, that
+    is, with each force written, so that a late call makes no step.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class ForceRamp:
         return self._age_ticks > self._silence_ticks
 
     def fall_silent(self) -> None:
-        """Note that the source gives no force any more, without waiting for its silence."""
+        """Note that the source gives no force any more, without waiting for `silence_ticks`."""
         self._age_ticks = max(self._age_ticks, self._silence_ticks + 1)
 
     def renew(self) -> None:
@@ -67,7 +67,7 @@ class ForceRamp:
         """Return the force (N) to display now, `elapsed` ticks after the last call."""
         self._age_ticks += elapsed
         step = 1.0 / self._ramp_ticks
-        if self.silent:  # a ramp in that has not ended waits: both at once would be too fast
+        if self.silent:  # an unfinished ramp in waits: both at once would be too fast
             self._left = max(0.0, self._left - step)
         else:
             self._share = min(1.0, self._share + step)

@@ -19,22 +19,22 @@ _NO_OFFSET: Final[Vector] = (0.0, 0.0, 0.0)
 
 
 class CommandSource(Protocol):
-    """What decides on the robot's command where not only this hand may move it."""
+    """Decides on the robot's command if other hands may move the robot too."""
 
     @property
     def away(self) -> bool:
-        """Whether the robot is not this hand's to move."""
+        """Whether this hand may not move the robot now."""
 
     def command(self, tick: Tick, own_mm: Vector | None) -> Vector | None:
-        """Return the command (mm), from what this hand asks for; None for none."""
+        """Return the command (mm), given this hand's own command; or None."""
 
 
 class OperatorHandle(ReconnectingHandle):
     """A handle that may be lost and return elsewhere, and the follower's position command.
 
-    While the handle is lost the command stays what it was: the robot holds. After its return
-    the difference between the command and the handle's position is reduced at a bounded speed,
-    with the hand's motion added, so that no command jumps.
+    While the handle is lost the command does not change: the robot holds. After the handle's
+    return the difference between the command and the handle's position is reduced at a bounded
+    speed, in addition to the hand's motion, so that the command does not jump.
 
     Parameters
     ----------
@@ -50,15 +50,15 @@ class OperatorHandle(ReconnectingHandle):
         self._offset: Vector | None = None
         self._read_losses = 0
         self.command_mm: Vector | None = None
-        """The follower's position command, None before the handle was ever read."""
+        """The follower's position command (mm), or None before the handle was ever read."""
 
     def read(self, elapsed_ticks: int) -> InterfaceState | None:
-        """Return the state now, None while the handle is lost, and set the command."""
+        """Return the state now, or None while the handle is lost; set the command."""
         state = super().read(elapsed_ticks)
         if state is None:
             return None
         position = state.position_mm
-        if self.losses != self._read_losses:  # it is back, perhaps since an earlier `write`
+        if self.losses != self._read_losses:  # returned, perhaps during an earlier `write`
             self._read_losses = self.losses
             if self.command_mm is not None:
                 self._offset = difference(self.command_mm, position)
@@ -81,9 +81,9 @@ class HandPart(Part):
     device
         The hand.
     handle
-        The same, where it is a driver's handle that may be lost and come back.
+        The same device, if it is a driver's handle that may be lost and come back.
     contact
-        Gives contact and force, if the handle measures none.
+        Estimates contact and force, if the handle measures none.
     """
 
     def __init__(
@@ -98,20 +98,20 @@ class HandPart(Part):
         self.handle = handle
         self.contact = contact
         self.control: CommandSource | None = None
-        """Decides on the command; None where this hand alone does."""
+        """Decides on the command; None if this hand alone does."""
         self.command_mm: Vector | None = None
-        """What the follower was commanded last, None before that."""
+        """The last command sent to the follower (mm), or None before the first."""
         if handle is not None:
             handle.watch(session.journal.event)
 
     @classmethod
     def build(cls, session: Session) -> "HandPart | None":
-        """Return the scene's hand, None where it has none.
+        """Return the scene's hand, or None if the scene has none.
 
         Raises
         ------
         InputError
-            Its driver cannot be used.
+            The handle's driver cannot be used.
         """
         scene = session.scene
         if scene.hand is not None:
@@ -154,13 +154,13 @@ class HandPart(Part):
         self.device.close()
 
     def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
-        """Let the contact know of frames (n,)."""
+        """Pass frames (n,) to the contact."""
         _ = arrival_ns
         if self.contact is not None:
             self.contact.on_frames(frames)
 
     def tick(self, tick: Tick) -> None:
-        """Read the hand while there is a follower, and command it."""
+        """Read the hand and command the follower, while a follower is connected."""
         tick.state = tick.operating = None
         tick.given = self.control is not None and self.control.away
         tick.offset_mm = _NO_OFFSET
@@ -186,7 +186,7 @@ class HandPart(Part):
         return [self.handle.problem] if self.handle is not None and self.handle.problem else []
 
     def summary(self, duration_s: float) -> dict[str, Any]:
-        """Return how often and how long a handle was lost, and what its driver has survived."""
+        """Return how often and how long a handle was lost, and the faults its driver survived."""
         _ = duration_s
         if self.handle is None:
             found = survived(self.device)
@@ -202,7 +202,7 @@ class HandPart(Part):
 
 
 def loss_metrics(device: Any) -> "Iterable[Metric]":
-    """Return whether a device that may be lost is, and how often it was; None has none."""
+    """Return whether a reconnecting device is lost, and how often it was; nothing for None."""
     if device is None:
         return
     from mmt.core.exposition import counter, gauge

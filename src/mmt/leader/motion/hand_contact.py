@@ -1,4 +1,4 @@
-"""Contact and force of a hand whose handle measures none, without the network's delay."""
+"""Contact and force of a hand whose handle measures no force, without the network's delay."""
 
 from typing import Any, Final
 
@@ -15,22 +15,22 @@ from mmt.scene import Texture
 _M: Final = 1e-3
 _AXES: Final = ("x", "y", "z")
 _LEAST_N: Final = 0.05
-"""The follower's force is contact above this; it has noise."""
+"""The follower's force, which has noise, counts as contact above this."""
 
 
 class FollowerContact:
-    """The contact that the follower tells of, and the hand's by it.
+    """Contact of the hand, estimated from the contact samples of the follower.
 
-    Until the first touch has shown where the surface is and how stiff, the hand's force is that
-    of the follower, and as late. Without a follower the surface is at the scene's zero, or where
-    another leader says that it is.
+    Until the first touch has shown the place and the stiffness of the surface, the hand's force is
+    the follower's, with its delay. Without a follower the surface is at the scene's zero, or at
+    the place that another leader reports.
 
     Parameters
     ----------
     session
         Session of the run.
     stiffness_n_mm
-        Of a surface that nobody measures.
+        Stiffness of the surface at the scene's zero, which nobody measures.
     """
 
     event: str | None = CONTACT
@@ -45,7 +45,7 @@ class FollowerContact:
         self.model: Final = HandContact(
             EstimationSettings(**given, tick_s=1.0 / scene.session.rate_hz)
         )
-        """Where the surface is and how stiff."""
+        """Estimate of the surface's place and stiffness."""
         self._has_follower = scene.link is not None
         self._assumed = ContactModel(0.0, 1e3 * stiffness_n_mm)
         self._streamed_n = 0.0
@@ -63,10 +63,10 @@ class FollowerContact:
             self.model.update(-_M * command, -_M * place, force)
 
     def restart(self) -> None:
-        """Do nothing: samples stand for themselves."""
+        """Do nothing: samples do not depend on earlier ones."""
 
     def on_frames(self, frames: RecordArray) -> None:
-        """Note the newest force of frames (n,), for as long as the contact is not known."""
+        """Note the newest force of frames (n,), which is used until the contact is known."""
         if frames.dtype.names and "force_n" in frames.dtype.names:
             self._streamed_n = float(frames["force_n"][-1, self._normal])
 
@@ -78,9 +78,9 @@ class FollowerContact:
         Parameters
         ----------
         state
-            As the handle gives it.
+            State from the handle.
         place_mm
-            Where the hand is in the robot's space.
+            Position of the hand in the robot's space (mm).
         shared
             The contact of another leader's robot, if this hand moves it.
         """
@@ -107,7 +107,7 @@ class FollowerContact:
 
     @property
     def summary(self) -> dict[str, Any]:
-        """Where the surface is and how stiff, empty while it is not known."""
+        """Place and stiffness of the surface, empty while they are not known."""
         surface_m, stiffness_n_m = self.model.surface_m, self.model.stiffness_n_m
         if surface_m is None or stiffness_n_m is None:
             return {}

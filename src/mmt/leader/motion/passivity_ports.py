@@ -53,7 +53,7 @@ class PassivityPorts:
         elapsed: int,
         given_j: Vector = _UNLIMITED,
     ) -> Vector:
-        """Return the force (N) to display; a handle that is not read is taken to stand still."""
+        """Return the force (N) to display; a handle that is not read is assumed to stand still."""
         if state is not None:
             self._position = state.position_mm
         if self._position is None:
@@ -72,7 +72,7 @@ class PassivityPorts:
 
     @property
     def summary(self) -> Mapping[str, Any]:
-        """Energies (mJ) that were observed and kept from the hand."""
+        """Energies (mJ) that were observed at the ports, and dissipated there."""
         ports = self._ports
         return {
             "energy_in_mj": round(1e3 * sum(port.in_j - self._opening_j for port in ports), 3),

@@ -1,4 +1,4 @@
-"""The leader's last step before its devices: finite, within a limit, and changing no faster."""
+"""The leader's guards right before its devices: values are finite, and bounded in size and slew."""
 
 import math
 from typing import Final
@@ -9,11 +9,11 @@ from mmt.devices.protocols import Vector
 from mmt.leader.motion.feedback import ForceDisplay
 
 _FADE_TICKS: Final = 10
-"""Over so many the vibration fades out, and in again."""
+"""Ticks over which the vibration fades out, and in again."""
 
 
 class GuardedDisplay:
-    """Writes forces to a display, each finite, bounded and near the one before.
+    """Writes forces to a display, each finite, bounded and close to the one before.
 
     Parameters
     ----------
@@ -32,9 +32,9 @@ class GuardedDisplay:
         self._largest_step_n = largest_step_n
         self._written: Vector = (0.0, 0.0, 0.0)
         self.guard: Final = ForceGuard(limit_n)
-        """Counts what was not finite."""
+        """Bounds forces, and counts those that are not finite."""
         self.limited_writes = 0
-        """Writes that were asked to change the force by more."""
+        """Writes that would have changed the force by more than the largest step."""
 
     def write(self, force_n: Vector) -> None:
         """Display a force (N), or go towards it by the largest step."""
@@ -67,12 +67,12 @@ class VibrationSlew:
         self._loudness = 1.0
         self._loudness_step = 1.0 / fade
         self.guard: Final = SampleGuard(limit_m_s2, fade)
-        """Counts what was not finite."""
+        """Bounds samples, and counts those that are not finite."""
         self.limited_samples = 0
-        """Samples that were to change by more."""
+        """Samples that would have changed by more than the largest step."""
 
     def limit(self, vibration: FloatArray, *, silent: bool = False) -> None:
-        """Bound the next samples (n,) in m/s2, in place; fade them out where they are silent."""
+        """Bound the next samples (n,) in m/s2, in place; fade them out if `silent`."""
         last, step, guarded = self._last, self._largest_step, self.guard.step
         goal, fade = 0.0 if silent else 1.0, self._loudness_step
         for index, wanted in enumerate(vibration.tolist()):

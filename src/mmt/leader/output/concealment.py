@@ -1,9 +1,9 @@
-"""What is played in the place of vibration that did not arrive in time.
+"""Conceal vibration that did not arrive in time.
 
-Three ways: go on from a model of the newest samples, repeat these, or fade out. The first two
-share their course: a gap begins with a continuation of what was played last, at full level for
-50 ms, silent after 100 ms; when frames are there again, the output fades over to the stream within
-5 ms. All of them take and give a frame of 1 ms at a time, of one sample or several.
+There are three ways: continue by a model of the newest samples, repeat these, or fade out. The
+first two fill a gap with a continuation of the last output, at full level for 50 ms and silent
+after 100 ms; when frames come again, the output crossfades to the stream within 5 ms. All ways
+take and give one frame of 1 ms at a time, with one sample or several.
 """
 
 from collections import deque
@@ -19,10 +19,10 @@ Way = Literal["model", "repetition", "silence"]
 """How gaps are concealed."""
 
 GoOn = Callable[[FloatArray, FloatArray], FloatArray]
-"""Continues the samples of the newest 128 ms (m,) under a course of gains (n,): returns (n,)."""
+"""Continues the samples of the newest 128 ms (m,), times gains (n,); returns (n,)."""
 
 LONGEST_FRAMES: Final = 100
-"""Longest gap that is concealed: 100 ms."""
+"""Longest gap that is concealed, in frames of 1 ms."""
 
 _PAST_FRAMES: Final = 128
 _FULL_FRAMES: Final = 50
@@ -32,12 +32,12 @@ _FADE_STEP: Final = 0.2
 _PAID_BACK: Final = 2
 _ORDER_OF_ONE: Final = 16
 _LARGEST_ORDER: Final = 32
-"""Of the model that goes on; a fit must take a small part of a tick."""
+"""Largest order of the model; its fit must take a small part of a tick."""
 
 
 @cache
 def _courses(samples_per_frame: int) -> tuple[FloatArray, FloatArray]:
-    """Return the gains of an endless gap's samples (n,), and those of a fade (n,)."""
+    """Return the gains of the samples of an endless gap (n,), and those of a fade (n,)."""
     fading = (LONGEST_FRAMES - _FULL_FRAMES) * samples_per_frame
     falling = 0.5 + 0.5 * np.cos(np.pi * (np.arange(1, fading + 1) / fading))
     full, silent = _FULL_FRAMES * samples_per_frame, _RUN_OUT_FRAMES * samples_per_frame
@@ -47,9 +47,9 @@ def _courses(samples_per_frame: int) -> tuple[FloatArray, FloatArray]:
 
 
 def course(invented: int, samples_per_frame: int = 1) -> FloatArray:
-    """Return the gains of a gap, (n,), where so many frames of the allowance are used up.
+    """Return the gains of a gap (n,) if `invented` frames of the allowance are used up.
 
-    Full, a raised cosine down, zero; none falls by more than a fade does from one to the next.
+    Full level, a raised cosine down, then zero; but never below the gains of a fade.
     """
     gains, release = _courses(samples_per_frame)
     left = gains[invented * samples_per_frame :]
@@ -57,14 +57,14 @@ def course(invented: int, samples_per_frame: int = 1) -> FloatArray:
 
 
 class Concealment(Protocol):
-    """Makes the output from frames that are there and frames that are missing."""
+    """Makes the output from frames that have arrived and frames that are missing."""
 
     @property
     def silent(self) -> bool:
         """Whether the output is silent, so that the stream may jump."""
 
     def play(self, values: Sequence[float]) -> Sequence[float]:
-        """Return the output for the samples of a frame that is there."""
+        """Return the output for the samples of a frame that has arrived."""
 
     def bridge(self) -> Sequence[float]:
         """Return the output for a frame that is missing."""
@@ -109,11 +109,11 @@ class FadeOut:
 
 
 class Continuation:
-    """Go on with what was played last, and fade back to the stream.
+    """Continue the last output in a gap, and fade back to the stream.
 
-    A continuation is made once, when a gap begins. What is invented is bounded: each frame of
-    it takes from an allowance of `LONGEST_FRAMES`, each that arrives gives two back, and the
-    level falls as the allowance runs out. While nothing is missing, the output is the stream.
+    A continuation is made once, when a gap begins. Invented frames are bounded: each takes one
+    from an allowance of `LONGEST_FRAMES`, each frame that arrives gives two back, and the level
+    falls as the allowance runs out. While no frame is missing, the output is the stream.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ class Continuation:
         return self._share == 0.0 and self._place >= len(self._continued)
 
     def play(self, values: Sequence[float]) -> Sequence[float]:
-        """Return the samples, faded over to after a gap."""
+        """Return the samples, with a crossfade to them after a gap."""
         self._invented = max(0, self._invented - _PAID_BACK)
         if self._share < 1.0:
             values = self._faded_over(values)
@@ -161,7 +161,7 @@ class Continuation:
         return values
 
     def _faded_over(self, values: Sequence[float]) -> list[float]:
-        """Return a frame of the stream, over what is left of the continuation."""
+        """Return a frame of the stream, crossfaded with the rest of the continuation."""
         share, mixed = self._share, []
         for value, continued in zip(values, self._next(), strict=True):
             share = min(1.0, share + self._step)
@@ -183,7 +183,7 @@ def backwards(past: FloatArray, gain: FloatArray) -> FloatArray:
 
 
 def modelled(seed: int, samples_per_frame: int = 1) -> GoOn:
-    """Return what goes on from a model of the newest samples; imports the compiled numerics."""
+    """Return a continuation by a model of the newest samples; imports the compiled numerics."""
     from mmt.texture.synthesis.concealment import continuation
 
     generator = np.random.default_rng(seed)
@@ -196,7 +196,7 @@ def modelled(seed: int, samples_per_frame: int = 1) -> GoOn:
 
 
 def build_concealment(way: Way, seed: int, samples_per_frame: int = 1) -> Concealment:
-    """Return the concealment of a scene; `seed` decides what a model invents."""
+    """Return the concealment of a scene; `seed` is for the noise of a model."""
     if way == "silence":
         return FadeOut(samples_per_frame)
     go_on = modelled(seed, samples_per_frame) if way == "model" else backwards

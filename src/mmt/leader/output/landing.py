@@ -1,4 +1,4 @@
-"""How fast a hand meets the surface."""
+"""The speed at which a hand meets the surface."""
 
 from collections import deque
 from typing import Final
@@ -6,11 +6,11 @@ from typing import Final
 from mmt.devices.protocols import InterfaceState
 
 APPROACH_S: Final = 0.02
-"""The speed into the surface is the mean over so long before the contact."""
+"""Time before the contact over which the approach speed is averaged."""
 
 
 class Landing:
-    """Tell the approach speed where a hand's contact begins.
+    """Measure the approach speed when a hand's contact begins.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ class Landing:
     def step(self, state: InterfaceState | None, elapsed: int) -> float:
         """Return the approach speed (mm/s) at the first tick of a contact, else 0.
 
-        It is 0 too if the hand was not in the air for `APPROACH_S`. ``elapsed`` is the number of
+        Return 0 too if the hand was not in the air for `APPROACH_S`. ``elapsed`` is the number of
         ticks since the last call.
         """
         if state is not None and not state.contact:

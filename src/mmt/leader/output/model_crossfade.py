@@ -1,4 +1,4 @@
-"""From one model's vibration to another's, without a step."""
+"""Crossfade from one model's vibration to another's, without a step."""
 
 import math
 from typing import Any, Protocol, runtime_checkable
@@ -14,9 +14,9 @@ def crossfaded(share: FloatArray, before: FloatArray, after: FloatArray) -> Floa
     Parameters
     ----------
     share
-        How much of `after`, 0 to 1; all of shape (n,).
+        Share of `after`, 0 to 1, shape (n,).
     before, after
-        The signals.
+        The signals, shape (n,).
     """
     angle = 0.5 * math.pi * share
     mixed: FloatArray = np.cos(angle) * before + np.sin(angle) * after
@@ -24,20 +24,20 @@ def crossfaded(share: FloatArray, before: FloatArray, after: FloatArray) -> Floa
 
 
 class Renderer(Protocol):
-    """What renders from one model: a `Synthesizer`, or what is used like one."""
+    """Renders from one model: a `Synthesizer`, or an object used like one."""
 
     model: Any
 
     @property
     def directed(self) -> bool:
-        """Whether the model is one of velocity, not of speed."""
+        """Whether the model's inputs are velocity and force, not speed and force."""
 
     def render(self, *inputs: FloatArray) -> FloatArray:
         """Return the next n samples in m/s2."""
 
 
 class RestartedRenderer(Renderer, Protocol):
-    """One that begins anew with each surface's model."""
+    """A renderer that is reset for each surface's model."""
 
     def reset(self) -> None:
         """Begin anew."""
@@ -45,10 +45,10 @@ class RestartedRenderer(Renderer, Protocol):
 
 @runtime_checkable
 class TouchDownRenderer(Protocol):
-    """One that renders the transient of a touch-down too."""
+    """A renderer that renders the transient of a touch-down too."""
 
     def touch_down(self, approach_speed_mm_s: float) -> None:
-        """Add it to the samples that follow."""
+        """Add the transient to the samples that follow."""
 
 
 class ModelCrossfade:
@@ -59,7 +59,7 @@ class ModelCrossfade:
     Parameters
     ----------
     one, other
-        With different seeds, so that their vibrations are uncorrelated.
+        Renderers with different seeds, so that their vibrations are uncorrelated.
     crossfade_samples
         Length of a fade; 0 switches at once.
     """
@@ -74,7 +74,7 @@ class ModelCrossfade:
 
     @property
     def model(self) -> Any:
-        """The model that is rendered, or will be; assigning another of its surface is no fade."""
+        """The model that is rendered, or will be; assign one of the same surface: no fade."""
         return self._current.model if self._next is None else self._next
 
     @model.setter
@@ -86,7 +86,7 @@ class ModelCrossfade:
 
     @property
     def directed(self) -> bool:
-        """Whether the models are ones of velocity, not of speed."""
+        """Whether the models' inputs are velocity and force, not speed and force."""
         return self._current.directed
 
     def cross_to(self, model: Any) -> None:

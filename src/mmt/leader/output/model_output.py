@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 
 class OtherGenerator(Protocol):
-    """What renders in the model's place by another method."""
+    """Renders by another method, in place of the model."""
 
     @property
     def vibration(self) -> "SynthesizedVibration":
-        """What it renders."""
+        """Vibration from the generator."""
 
     def take_over(self) -> None:
-        """Render, since the start criterion is met."""
+        """Start to render: the start criterion is met."""
 
     def reset(self) -> None:
         """Start anew."""
@@ -42,13 +42,13 @@ class ModelOutput(Part):
     recording
         Gets the models and events, while it records.
     modelling
-        What the models come from.
+        Makes the models.
     synthesizing
-        What they are rendered by.
+        Renders from the models.
     generating
-        Another method's generator that is rendered by instead.
+        Another method's generator, which renders instead.
     vibration
-        Plays it, or the stream.
+        Plays the rendered vibration, or the stream.
     """
 
     def __init__(
@@ -68,9 +68,9 @@ class ModelOutput(Part):
         self._new_faults = SignalFaults()  # of the newest update
         self._said_rate = ""  # of the newest shared model
         self.fell = ""
-        """Why the newest update expects less to be right than the one before, "" if it does not."""
+        """Why the expected share has fallen with the newest update, "" if it has not."""
         self._rendered: int | None = None  # the surface whose model is rendered
-        self._recorded: dict[int, TextureModel] = {}  # by surface, into:
+        self._recorded: dict[int, TextureModel] = {}  # by surface, in this recorder:
         self._recorder: McapRecorder | None = None
         self._recording, self._modelling = recording, modelling
         self._synthesizing, self._generating = synthesizing, generating
@@ -78,13 +78,13 @@ class ModelOutput(Part):
         if recording is not None:
             recording.before_end = self.record_last
         self.takes_over = self.rendered is not None
-        """Whether the model is good enough to be rendered, whatever a person holds on to."""
+        """Whether the model is good enough to be rendered, whatever a person has fixed."""
         self.forced: Literal["streamed", "synthesized"] | None = None
-        """Which vibration a person holds on to, None where the criterion decides."""
+        """Vibration that a person has fixed, or None if the criterion decides."""
 
     @property
     def rendered(self) -> "TextureModel | None":
-        """The model that is rendered, or would be."""
+        """The synthesizer's model, played or not; None if there is none."""
         return None if self._synthesizing is None else self._synthesizing.synthesizer.model
 
     @property
@@ -100,13 +100,13 @@ class ModelOutput(Part):
         return None if self._log.update is None else self._log.update.model
 
     def begin(self) -> None:
-        """Tell if a saved model is of another rate, and what the actuator makes of it."""
+        """Report if a saved model has another rate, and how much of it the actuator plays."""
         if self._synthesizing is not None and self._synthesizing.said:
             self._event(self._synthesizing.said)
         self._tell_of_skin(self.rendered)
 
     def faults(self) -> list[str]:
-        """Return what of the newest signals was no measurement; frames that lack are the link's."""
+        """Return the faults of the newest signals; the link reports missing frames."""
         modelling = self._modelling
         if modelling is None or modelling.finished or modelling.frozen:
             return []
@@ -120,10 +120,10 @@ class ModelOutput(Part):
             self._session.journal.say(problem)
 
     def update(self, update: "ModelUpdate", seconds: float) -> None:
-        """Put an update of the model to use, which took some seconds.
+        """Put an update of the model to use; `seconds` is the time that the update took.
 
-        Vibration is rendered from it as soon as the start criterion is met; until then from
-        the saved model that the scene names, if it does.
+        Vibration is rendered from the new model once the start criterion is met; until then
+        from the saved model, if the scene names one.
         """
         log = self._log
         update = replace(update, time_s=self._since_s + update.time_s)
@@ -153,7 +153,7 @@ class ModelOutput(Part):
             self._criterion_met("stop", update)
 
     def _say_fall(self, update: "ModelUpdate", before: "ModelUpdate | None") -> None:
-        """Say why less is expected to be right than before, on the same surface."""
+        """Report why the expected share is lower than before, on the same surface."""
         same = before is not None and before.surface == update.surface
         self.fell = update.progress.why_less_than(before.progress) if before and same else ""
         if self.fell:
@@ -165,7 +165,7 @@ class ModelOutput(Part):
         self._tell_of_skin(update.model)
 
     def _tell_of_skin(self, model: "TextureModel | None") -> None:
-        """Tell, and record, how much of a model's power the actuator plays, if that is known."""
+        """Report and record how much of a model's power the actuator plays, if that is known."""
         found = None if self._vibration is None else self._vibration.response()
         if found is None or model is None:
             return
@@ -178,7 +178,7 @@ class ModelOutput(Part):
         self._session.journal.record({"event": "actuator response", **response.as_dict()})
 
     def _follow_surface(self, update: "ModelUpdate", *, usable: bool) -> None:
-        """Go over to the model of another surface, where the tool has come onto one."""
+        """Change to the model of another surface, if the tool has moved onto one."""
         from mmt.leader.surface_log import SurfaceLog
 
         log = self._log
@@ -196,7 +196,7 @@ class ModelOutput(Part):
         self._choose()
 
     def _render(self, model: "TextureModel", surface: int | None) -> None:
-        """Render from a model; that of another surface than before is faded in."""
+        """Render from a model; fade it in if its surface is another one than before."""
         synthesizing, vibration = self._synthesizing, self._vibration
         if synthesizing is None:
             return
@@ -208,7 +208,7 @@ class ModelOutput(Part):
         self._rendered = surface
 
     async def use_shared(self, model: "TextureModel", surface: int | None) -> None:
-        """Render a model that another leader shares; that of another surface is faded in."""
+        """Render a model that another leader shares; fade it in if its surface is another one."""
         from mmt.leader.output.synthesis import at_session_rate
 
         rate_hz = self._session.acceleration_rate_hz
@@ -243,12 +243,12 @@ class ModelOutput(Part):
         self._event("model reset")
 
     def force(self, mode: Literal["streamed", "synthesized"] | None) -> None:
-        """Hold on to one vibration, or let the start criterion decide (None).
+        """Fix one vibration, or let the start criterion decide (None).
 
         Raises
         ------
         InputError
-            The scene streams none, or there is no model to render from.
+            The scene does not play or stream vibration, or there is no model to render from.
         """
         update, synthesizing = self._log.update, self._synthesizing
         if self._vibration is None:
@@ -266,13 +266,13 @@ class ModelOutput(Part):
         self._choose()
 
     def _choose(self) -> None:
-        """Let the switch play what is forced, or else what the criterion says."""
+        """Make the switch play the forced vibration, or else that of the criterion."""
         if self._vibration is not None:
             model = self.takes_over if self.forced is None else self.forced == "synthesized"
             self._vibration.switch.use_model(model)
 
     def record_last(self) -> None:
-        """Attach the newest model to the recording, and those of other surfaces it lacks."""
+        """Attach the newest model to the recording, and other surfaces' models that it lacks."""
         update, modelling = self._log.update, self._modelling
         if update is None:
             return
@@ -284,7 +284,7 @@ class ModelOutput(Part):
         self._record(update)
 
     def save_surfaces(self) -> list[str]:
-        """Write the model of each surface beside the recording; return what went wrong."""
+        """Write each surface's model beside the recording; return a sentence for each failure."""
         modelling, recorder = self._modelling, self._running_recorder
         if self._log.surfaces is None or modelling is None or recorder is None:
             return []

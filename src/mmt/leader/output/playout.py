@@ -1,11 +1,11 @@
 """Streamed vibration through a buffer that bridges the network's jitter.
 
 Frames of vibration are played in the order of their sequence numbers, one a tick, a delay after
-the quickest frame would have arrived. The delay follows the jitter that is seen. A frame that is
-missing when its turn comes is concealed (`mmt.leader.output.concealment`); when the stream stops,
-the buffer runs empty and the output falls silent, so that nothing older than the buffer is ever
-played. A step in either clock is noticed, the follower's by its sequence numbers and the
-leader's by its ticks, and the clocks are compared anew.
+the quickest frame would have arrived. The delay follows the measured jitter. A frame that is
+missing at its turn is concealed (`mmt.leader.output.concealment`). When the stream stops, the
+buffer runs empty and the output falls silent, so that no frame older than the buffer is played. A
+step in either clock is detected, the follower's by its sequence numbers and the leader's by its
+ticks, and the clocks are compared anew.
 """
 
 from bisect import bisect_right
@@ -27,11 +27,11 @@ _CLOCK_STEP_NS: Final = 100_000_000
 
 @dataclass(frozen=True)
 class PlayoutStatistics:
-    """What the buffer did.
+    """Delay and counts of the buffer.
 
-    ``delay_ms`` is the present distance between the newest frame's instant and the one
-    that is played; ``bridged`` counts frames that were missing at their turn, ``late`` those
-    that came after it, ``slips`` single frames skipped or repeated to hold the delay and
+    ``delay_ms`` is the current delay between the time at which the quickest frame would have
+    arrived and its turn. ``bridged`` counts frames that were missing at their turn, ``late``
+    frames that came after it, ``slips`` single frames skipped or repeated to hold the delay, and
     ``resyncs`` jumps after an interruption.
     """
 
@@ -50,14 +50,14 @@ class PlayoutBuffer:
     ----------
     delay_ms
         Fixed delay, or "auto": the 99th percentile of the arrivals' lateness over the last
-        two seconds and two frames more. Frames that are later than the longest delay do not
-        count, since no delay would save them.
+        two seconds, plus two frames. Frames that are later than the longest delay do not
+        count, because no delay would save them.
     longest_delay_ms
         Bound of the automatic delay.
     period_ns
         Time between frames.
     concealment
-        What is played where frames are missing; None fades out and in, with one sample a frame.
+        Fills in for missing frames; None fades out and in, with one sample a frame.
     """
 
     def __init__(
@@ -139,12 +139,12 @@ class PlayoutBuffer:
         )
 
     def age_ms(self, clock_offset_ns: int | None) -> float | None:
-        """Return how long after its measurement a frame is played.
+        """Return how long after its measurement a frame is played (ms), or None if unknown.
 
         Parameters
         ----------
         clock_offset_ns
-            The follower's clock minus this one; without it there is no answer.
+            The follower's clock minus this one, or None if it is not known.
         """
         if clock_offset_ns is None or self._anchor is None:
             return None
@@ -152,7 +152,7 @@ class PlayoutBuffer:
         return round((quickest_ns + self._delay * self._period_ns) / 1e6, 3)
 
     def _forget_clocks(self) -> None:
-        """Compare the clocks anew from the next frame on; what is queued is played on."""
+        """Compare the clocks anew from the next frame on; frames in the buffer are still played."""
         self._lags.clear()
         self._anchor = None
 

@@ -1,4 +1,4 @@
-"""The parts that use each frame at once: vibration to play; motion and force, to render from.
+"""The parts that use each frame at once: vibration to play, motion and force for rendering.
 
 Plain Python filters, a few microseconds a frame, so that a leader that only streams needs
 neither numba nor scipy.
@@ -35,9 +35,9 @@ _PEAKS: Final = 2.0
 
 
 class StreamedVibration(Part):
-    """High-pass the streamed acceleration and hand it to the playout buffer.
+    """High-pass the streamed acceleration and pass it to the playout buffer.
 
-    Where the model is of three axes together, by DFT321, so is the stream: `ThreeAxes`.
+    If the model reduces three axes by DFT321, the stream does so too, by `ThreeAxes`.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ class StreamedVibration(Part):
 
     @classmethod
     def build(cls, session: Session) -> "StreamedVibration | None":
-        """Return the scene's playout, None where no vibration is ever streamed."""
+        """Return the scene's playout, or None if no vibration is ever streamed."""
         scene, table = session.scene, session.scene.playout
         if table is None or not scene.streams:
             return None
@@ -85,18 +85,18 @@ class StreamedVibration(Part):
         return made
 
     def status(self) -> dict[str, Any]:
-        """Return the present delay."""
+        """Return the current delay."""
         return {"playout_delay_ms": self.buffer.statistics().delay_ms}
 
     def summary(self, duration_s: float) -> dict[str, Any]:
-        """Return what the buffer did."""
+        """Return delay and counts of the buffer."""
         _ = duration_s
         remote = self._session.remote if self._session is not None else None
         age_ms = self.buffer.age_ms(remote.clock_offset_ns if remote is not None else None)
         return {"vibration": {"playout": {**asdict(self.buffer.statistics()), "age_ms": age_ms}}}
 
     def metrics(self) -> "Iterable[Metric]":
-        """Return the present delay."""
+        """Return the current delay."""
         from mmt.core.exposition import gauge
 
         delay_s = self.buffer.statistics().delay_ms / 1e3
@@ -105,9 +105,9 @@ class StreamedVibration(Part):
     def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
         """Filter frames (n,) and queue their vibration.
 
-        A gap that can be concealed leaves the filter as it was: restarted at rest it would
-        return with an offset that decays for longer than the gap lasted. It restarts after a
-        longer one, and where the acceleration has moved by more than it vibrates.
+        The filter is not reset at a gap that can be concealed: after a reset its output would
+        have an offset that decays for longer than the gap lasted. The filter is reset after a
+        longer gap, and if the acceleration has moved by more than it vibrates.
         """
         samples = frames["acceleration_m_s2"].reshape(-1, self._samples_per_frame, 3)
         values = samples[..., self._axis].tolist()
@@ -125,13 +125,13 @@ class StreamedVibration(Part):
             self.buffer.push(sequence, time_ns, arrival_ns, vibration)
 
     def _goes_on(self, sequence: int, vibration: Sequence[float]) -> bool:
-        """Say whether a frame's samples continue those before the gap."""
+        """Return whether a frame's samples continue those before the gap."""
         near = self._next is not None and 0 < sequence - self._next <= LONGEST_FRAMES
         return near and max(map(abs, vibration)) <= _PEAKS * self._peak
 
 
 class _AllAxes:
-    """Stands for the filter of one axis where all three are played, high-passed and reduced."""
+    """Replaces the filter of one axis if three are played: high-passes and reduces all three."""
 
     def __init__(self, high_pass: Biquad, rate_hz: float) -> None:
         self._filters = tuple(BiquadFilter(high_pass) for _ in range(3))
@@ -151,8 +151,8 @@ class _AllAxes:
 class StreamedMotion(Part):
     """The follower's velocity and normal force, for a scene without a hand at the leader.
 
-    Low-passed at 20 Hz (Bessel); they trail the follower by the network's delay and about
-    11 ms of the filter.
+    Both are low-passed at 20 Hz (Bessel) and lag by the network's delay plus about 11 ms of the
+    filter.
     """
 
     def __init__(self, normal: Axis, rate_hz: float) -> None:
@@ -174,7 +174,7 @@ class StreamedMotion(Part):
 
     @classmethod
     def build(cls, session: Session) -> "StreamedMotion | None":
-        """Return what drives the scene's model, None where a hand does."""
+        """Return the motion that drives the scene's model, or None if a hand does."""
         if session.scene.commands:
             return None
         return cls((session.scene.texture or Texture()).normal, session.rate_hz)

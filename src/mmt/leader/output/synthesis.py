@@ -1,4 +1,4 @@
-"""The part that holds what the tick renders from."""
+"""The part that holds the synthesizer from which the tick renders."""
 
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def at_session_rate(model: "TextureModel", rate_hz: float) -> "tuple[TextureModel, str]":
-    """Return a model at the rate of a session's vibration, and a sentence if it was of another.
+    """Return a model at the rate of a session's vibration, and a sentence if its own rate differs.
 
     Slow for a large model: not for the event loop.
     """
@@ -26,16 +26,16 @@ def at_session_rate(model: "TextureModel", rate_hz: float) -> "tuple[TextureMode
 
 
 class SynthesizingPart(Part):
-    """Holds what the tick renders from; the newest model is assigned to it.
+    """Holds the synthesizer from which the tick renders; the newest model is assigned to it.
 
     Parameters
     ----------
     synthesizer
         Renders from one model.
     crossfade
-        The same, where it goes from one surface's model to another's.
+        The same synthesizer, if it crossfades from one surface's model to another's.
     said
-        A sentence that is to be told of the saved model, "" for none.
+        Sentence for the user about the saved model, "" for none.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class SynthesizingPart(Part):
 
     @classmethod
     def build(cls, session: Session) -> "SynthesizingPart | None":
-        """Return the synthesizer with the scene's saved model, None without an actuator.
+        """Return the part with the scene's saved model, or None without rendering or actuator.
 
         Raises
         ------

@@ -1,14 +1,14 @@
-"""One channel of vibration that has the power of three, frame by frame.
+"""Reduce vibration along three axes to one channel of the same power, frame by frame.
 
 DFT321 keeps the sum of the three axes' power spectra, but needs blocks of samples (Landin, Romano,
 McMahan and Kuchenbecker, "Dimensional reduction of high-frequency accelerations for haptic
-rendering", EuroHaptics 2010). What is streamed must leave at once. It is the sum of the
-acceleration along three directions at right angles, those in which it is uncorrelated: so the power
-of the sum is the sum of the powers, and the spectrum is that of DFT321 wherever the three are
-uncorrelated at each frequency, as for a vibration along one direction or from independent axes.
-The directions follow the covariance of the last tenth of a second, one Jacobi rotation a frame
-(Golub and Van Loan, *Matrix Computations*, section 8.5), of at most 45 degrees: no direction
-changes its sense. Cost: about 5 us a frame in plain Python, and 0.5 us a sample.
+rendering", EuroHaptics 2010). A stream cannot wait for a block. So this module adds the
+accelerations along three orthogonal directions in which they are uncorrelated. The power of the
+sum is then the sum of the powers, and the spectrum is that of DFT321 if the three are uncorrelated
+at each frequency, as for a vibration along one direction or from independent axes. The directions
+follow the covariance of the last tenth of a second by one Jacobi rotation a frame (Golub and Van
+Loan, *Matrix Computations*, section 8.5) of at most 45 degrees, so that no direction is reversed.
+Cost: about 5 us a frame in plain Python, and 0.5 us a sample.
 """
 
 import math
@@ -19,7 +19,7 @@ from mmt.core.arrays import Vector
 
 _MEMORY_S: Final = 0.1
 _SMALLEST: Final = 1e-20
-"""(m/s2)^2: below this there is no direction."""
+"""Least power, in (m/s2)^2, for which a direction is determined."""
 _PAIRS: Final = ((0, 1), (0, 2), (1, 2))
 
 
@@ -41,7 +41,7 @@ class ThreeAxes:
     def steps(
         self, x_m_s2: Sequence[float], y_m_s2: Sequence[float], z_m_s2: Sequence[float]
     ) -> list[float]:
-        """Return a frame's samples (m/s2) for those of three axes (k,), their offsets removed."""
+        """Return a frame's samples (m/s2) from those of three axes, each (k,), without offset."""
         new_xx = new_yy = new_zz = new_xy = new_xz = new_yz = 0.0
         for x, y, z in zip(x_m_s2, y_m_s2, z_m_s2, strict=True):
             new_xx += x * x
@@ -71,7 +71,7 @@ class ThreeAxes:
         ]
 
     def _rotate(self, rows: tuple[Vector, Vector, Vector]) -> None:
-        """Rotate the next pair of directions to where the two are uncorrelated."""
+        """Rotate the next pair of directions so that the two become uncorrelated."""
         first, second = _PAIRS[self._turn]
         self._turn = (self._turn + 1) % 3
         p, q = self._directions[first], self._directions[second]

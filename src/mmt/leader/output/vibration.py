@@ -33,11 +33,11 @@ Mode = Literal["silent", "streamed", "fading", "synthesized"]
 
 
 class SynthesizedVibration(Protocol):
-    """What renders from a model, or from another method's generator."""
+    """Renders vibration from a model, or from another method's generator."""
 
     @property
     def directed(self) -> bool:
-        """Whether it is asked by velocity x, y and force, not by speed and force."""
+        """Whether the inputs are velocity x, y and force, not speed and force."""
 
     def render(self, *inputs: FloatArray) -> FloatArray:
         """Return one sample for each moment of the inputs, shape (n,)."""
@@ -45,25 +45,25 @@ class SynthesizedVibration(Protocol):
 
 @runtime_checkable
 class MotionFollowing(SynthesizedVibration, Protocol):
-    """One that wants to know the motion also while it is not heard."""
+    """Synthesized vibration that follows the motion even while it is not played."""
 
     def follow(self, *inputs: FloatArray) -> object:
-        """Take note of the motion, as `render` does."""
+        """Follow the motion, given the inputs of `render`, without rendering."""
 
 
 class VibrationSwitch:
     """Choose between two sources of vibration, sample by sample, some samples a tick.
 
     The crossfade keeps the power of two uncorrelated signals (gains cosine and sine). It can
-    be turned round at any moment, also in mid-fade, without a step.
+    be reversed at any moment without a step.
 
     Parameters
     ----------
     streamed
         Called once a tick with the leader's time in ns, returns the samples of the streamed
-        vibration in m/s2; None where the scene has none.
+        vibration in m/s2; None if the scene has none.
     synthesized
-        The model's vibration, None where the scene has none.
+        The model's vibration, or None if the scene has none.
     crossfade_samples
         Length of a full fade; 0 switches at once.
     period_ns
@@ -83,7 +83,7 @@ class VibrationSwitch:
     ) -> None:
         self._streamed = streamed
         self.synthesized: Final = synthesized
-        """What renders, None where nothing does."""
+        """The model's vibration, or None."""
         self._unheard = synthesized if isinstance(synthesized, MotionFollowing) else None
         renderer: object = synthesized
         self._touching = renderer if isinstance(renderer, TouchDownRenderer) else None
@@ -124,7 +124,7 @@ class VibrationSwitch:
         now_ns
             The leader's time of the last of these ticks.
         *inputs
-            What drives the model, in the order of its input space, each of shape (n,).
+            Inputs of the model, in the order of its input space, each of shape (n,).
         """
         count = len(inputs[0])
         streamed = self._pulled(now_ns, count // self._samples_per_tick)
@@ -143,14 +143,14 @@ class VibrationSwitch:
                 value = heard
             elif self._share == 1.0:
                 value = float(synthesized[index])
-            else:  # in plain numbers, of which a tick has few: arrays take longer
+            else:  # plain floats: for the few samples of a tick arrays take longer
                 angle = 0.5 * math.pi * self._share
                 value = math.cos(angle) * heard + math.sin(angle) * float(synthesized[index])
             output[index] = value
         return output
 
     def _pulled(self, now_ns: int, ticks: int) -> Sequence[float]:
-        """Return the streamed samples of the elapsed ticks, none where nothing is streamed."""
+        """Return the streamed samples of the elapsed ticks, none if nothing is streamed."""
         if self._streamed is None:
             return ()
         if ticks == 1:
@@ -174,17 +174,17 @@ class VibrationPart(Part):
     session
         Session of the run.
     actuator
-        What plays.
+        Plays the vibration.
     switch
-        What is played.
+        Chooses the vibration.
     slew
-        Bounds what is played.
+        Bounds the vibration.
     reconnecting
-        The actuator, where it is a driver's, which may be lost and come back.
+        The same actuator, if it is a driver's and may be lost and come back.
     motion
         Drives the model if there is no hand.
     landing
-        Tells when the hand touches down; None if no touch-down is rendered.
+        Detects when the hand touches down; None if no touch-down is rendered.
     """
 
     def __init__(
@@ -210,7 +210,7 @@ class VibrationPart(Part):
         self._inputs_before: tuple[float, ...] = ()
         self._samples = session.samples_per_frame
         self._back = np.arange(self._samples - 1, 0, -1) / self._samples
-        """How far the motion still is from a tick's end, in ticks, at its samples but the last."""
+        """Ticks from each sample of a tick, but the last, to the end of the tick."""
         self._on_output: list[Callable[[int, str, FloatArray], None]] = []
         if reconnecting is not None:
             reconnecting.watch(session.journal.event)
@@ -272,7 +272,7 @@ class VibrationPart(Part):
         self._on_output = self._session.parts.verbs("on_output")
 
     def response(self) -> "Callable[[FloatArray], tuple[FloatArray, float]] | None":
-        """Return what gives the actuator's response by frequency, None where it is not known."""
+        """Return the function for the actuator's response by frequency, or None if unknown."""
         device = self.actuator if self.reconnecting is None else self.reconnecting.device
         return device.response if isinstance(device, RespondingActuator) else None
 
@@ -316,7 +316,7 @@ class VibrationPart(Part):
         )
 
     def summary(self, duration_s: float) -> dict[str, Any]:
-        """Return the mode at the end, every switch, and what the actuator did."""
+        """Return the mode at the end, every switch, and the counts of the actuator."""
         _ = duration_s
         actuator = asdict(self.actuator.statistics)
         if self.reconnecting is not None:
@@ -332,7 +332,7 @@ class VibrationPart(Part):
         }
 
     def metrics(self) -> "Iterable[Metric]":
-        """Return what drives the actuator, and its losses."""
+        """Return the mode of vibration, and the actuator's losses."""
         from mmt.core.exposition import state
 
         text = "What drives the actuator."
@@ -340,9 +340,9 @@ class VibrationPart(Part):
         yield from loss_metrics(self.reconnecting)
 
     def _guard(self, vibration: FloatArray, *, silent: bool) -> None:
-        """Bound the vibration (n,) in place, and tell once if it was no number.
+        """Bound the vibration (n,) in place, and report once if it was not finite.
 
-        It fades out while handle or control is away, and in again.
+        The vibration fades out while handle or control is away (`silent`), and in again.
         """
         before = self._slew.guard.not_finite
         self._slew.limit(vibration, silent=silent)
@@ -353,7 +353,7 @@ class VibrationPart(Part):
             )
 
     def _drive(self, tick: Tick) -> tuple[float, float, float]:
-        """Return the velocity over the surface and the force: the hand's where there is one."""
+        """Return the velocity over the surface and the force: the hand's, if there is one."""
         state = tick.state
         if state is not None:
             velocity = state.velocity_mm_s
@@ -365,7 +365,7 @@ class VibrationPart(Part):
         return x_mm_s, y_mm_s, force_n
 
     def _inputs(self, x_mm_s: float, y_mm_s: float, force_n: float) -> tuple[float, ...]:
-        """Return what the present model is a function of."""
+        """Return the inputs of the current model."""
         synthesized = self.switch.synthesized
         if synthesized is not None and synthesized.directed:
             return x_mm_s, y_mm_s, force_n
@@ -374,8 +374,8 @@ class VibrationPart(Part):
     def _courses(self, inputs: tuple[float, ...], elapsed: int) -> list[FloatArray]:
         """Return the inputs at each sample of the elapsed ticks, each of shape (n,).
 
-        They go over from those of the tick before within one tick, along a line: in steps the
-        amplitude would change a thousand times a second.
+        Within one tick they go linearly from the inputs of the tick before to the new ones: steps
+        would change the amplitude a thousand times a second.
         """
         count = elapsed * self._samples
         courses = [np.full(count, value) for value in inputs]
@@ -394,7 +394,7 @@ def _normal(session: Session) -> int:
 def _actuator(
     table: Actuator, rate_hz: float
 ) -> "tuple[VibrationActuator, ReconnectingActuator | None]":
-    """Return the scene's actuator, and once more where it may be lost and come back.
+    """Return the scene's actuator, and the same again if it may be lost and come back, else None.
 
     Raises
     ------

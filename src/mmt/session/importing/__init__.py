@@ -1,1 +1,1 @@
-"""Recordings of other programs: columns of any name, unit and rate become frames at 1 kHz."""
+"""Import recordings of other programs: convert columns of any name, unit and rate to frames."""

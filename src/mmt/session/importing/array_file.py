@@ -1,4 +1,4 @@
-"""Arrays: NumPy's files, what belongs to a session in those that mmt wrote, and sound."""
+"""Read arrays from NumPy files, including exported sessions, and from sound files."""
 
 import warnings
 from collections.abc import Callable
@@ -35,7 +35,7 @@ def read_archive(
     ------
     InputError
         The file is missing or not an archive, an array does not hold numbers, or the session's
-        scene or events are not JSON of such.
+        scene or events are not valid.
     """
     origin = f"import {path}"
     with reading(origin, "an .npz archive"):
@@ -55,7 +55,7 @@ def read_archive(
 
 
 def read_array(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> SourceColumns:
-    """Read the wanted columns of a ``.npy``: its fields, or "1", "2" and on of an array (n, k).
+    """Read the wanted columns of a ``.npy``: its fields, or columns "1", "2", ... of shape (n, k).
 
     Raises
     ------
@@ -79,14 +79,14 @@ def read_array(path: Path, wanted: Callable[[str], bool], _options: ImportOption
 
 
 def read_sound(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> SourceColumns:
-    """Read the channels of a ``.wav`` as "1", "2" and on, in shares of full scale, with times.
+    """Read the channels of a ``.wav`` as "1", "2", ..., in the unit "full scale", with times.
 
-    One that mmt wrote tells its full scale: it has ``acceleration_m_s2`` too.
+    An exported session has its full scale in the file and gives ``acceleration_m_s2`` too.
 
     Raises
     ------
     InputError
-        scipy is not installed, or the file is missing or no sound.
+        scipy is not installed, or the file is missing or not valid.
     """
     origin = f"import {path}"
     require("scipy")
@@ -118,7 +118,7 @@ def read_sound(path: Path, wanted: Callable[[str], bool], _options: ImportOption
 
 
 def _frames(acceleration_m_s2: FloatArray, rate_hz: int) -> RecordArray | None:
-    """Return samples (n, 3) as frames, None if their rate is not one of frames."""
+    """Return samples (n, 3) as frames, or None if their rate is not a possible one of frames."""
     several, rest = divmod(rate_hz, FRAMES_HZ)
     if rest or not 1 <= several <= MOST_SAMPLES:
         return None

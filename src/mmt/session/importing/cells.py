@@ -1,4 +1,4 @@
-"""Cells of tables: numbers, dates and times of day, and words for no value."""
+"""Parse the cells of tables: numbers, dates, times of day, and marks of missing values."""
 
 from collections.abc import Iterable, Sequence
 from datetime import UTC, date, datetime, time, timedelta
@@ -15,12 +15,12 @@ _DATES: Final = ("%d.%m.%Y %H:%M:%S.%f", "%d.%m.%Y %H:%M:%S", "%M:%S.%f")
 
 
 def text_of(cell: Cell) -> str:
-    """Return what stands in a cell, without blanks around it."""
+    """Return a cell's text without surrounding blanks."""
     return "" if cell is None else str(cell).strip()
 
 
 def weigh_numbers(rows: Iterable[Sequence[Cell]], options: ImportOptions) -> int:
-    """Return how many more cells are numbers than are not, in the rows with numbers."""
+    """Return the count of numeric cells minus that of others, over rows that have a number."""
     number, weight = Numbers(options), 0
     for row in rows:
         filled = [cell for cell in row if text_of(cell)]
@@ -30,17 +30,17 @@ def weigh_numbers(rows: Iterable[Sequence[Cell]], options: ImportOptions) -> int
 
 
 class Numbers:
-    """What a cell holds: a number, or None of one without; ValueError of a text."""
+    """Parser of cells: returns a number, or None for a missing value; ValueError for other text."""
 
     def __init__(self, options: ImportOptions) -> None:
         self.commas = ""
-        """A number whose comma was taken for the decimal sign, "" if there was none."""
+        """A cell whose comma was taken for the decimal sign, or "" if there was none."""
         self._missing = MISSING | {text.strip().lower() for text in options.missing}
         self._thousands = {".": ",", ",": "."}.get(options.decimal or "")
         self._plain = not (options.missing or options.decimal)
 
     def __call__(self, cell: Cell) -> float | None:
-        """Return the number of a cell."""
+        """Return the number in a cell, or None for a missing value."""
         if self._plain and isinstance(cell, str | float | int):
             try:
                 return float(cell)
@@ -61,11 +61,11 @@ class Numbers:
         return value
 
     def reads(self, cell: Cell) -> bool:
-        """Whether a cell holds a number."""
+        """Return whether a cell holds a number."""
         return self.takes(cell) and text_of(cell).lower() not in self._missing
 
     def takes(self, cell: Cell) -> bool:
-        """Whether a cell holds a number or none."""
+        """Return whether a cell holds a number or a missing value."""
         try:
             self(cell)
         except ValueError:
@@ -73,7 +73,7 @@ class Numbers:
         return True
 
     def has_point(self, cell: Cell) -> bool:
-        """Whether a cell holds a number with a decimal point."""
+        """Return whether a cell holds a number with a decimal point."""
         return (
             isinstance(cell, str)
             and "." in cell
@@ -84,7 +84,7 @@ class Numbers:
 
 
 def seconds_of(cell: Cell) -> float | None:
-    """Return the seconds of a date since 1970, of a time of day since midnight, None of others."""
+    """Return a date in seconds since 1970, a time of day in seconds since midnight, else None."""
     if isinstance(cell, str):
         cell = _moment(cell.strip().replace(",", "."))
     if isinstance(cell, timedelta):

@@ -1,6 +1,6 @@
-"""What an imported recording looks like, and what in it looks wrong.
+"""Describe an imported recording, and warn of implausible data.
 
-The bounds are those of a hand that strokes a surface with a tool; they are wide, and only warn.
+The bounds are wide ones for a hand that strokes a surface with a tool.
 """
 
 from collections.abc import Mapping
@@ -25,29 +25,29 @@ _SMALLEST_FORCE_N = 0.05
 _LEAST_VIBRATION_M_S2 = 0.05
 _LOWEST_RATE_HZ = 700.0
 _SAME_RATE = 0.99
-"""Share of a rate down to which another counts as the same."""
+"""Least ratio of two rates that count as equal."""
 _LEAST_LEFT_OUT = 0.01
-"""Share of the power above the band that is kept from which it is said."""
+"""Least share of the power above the kept band for a warning."""
 _WELCH_ROWS: Final = 1024
 _LONGEST_HELD_S = 0.05
 _LEAST_CLIPPED = 0.005
-"""Share of the rows at the end of a range from which it is said."""
+"""Least share of rows at the largest value for a warning."""
 _CLIPPED_STEP = 5
-"""Times by which these must be more than those at the next value."""
+"""Least ratio of rows at the largest value to rows at the next one for a warning."""
 _HIGHEST_RATE_HZ = 1e6
 _NOTED_JITTER = 0.05
-"""Periods of jitter from which it is said."""
+"""Least jitter for a warning, in periods."""
 
 
 @dataclass(frozen=True)
 class ChannelReport:
-    """A channel as it stood in the file, in the units of frames."""
+    """A channel before resampling, in the units of frames."""
 
     channel: Channel
     rows: int
     rate_hz: float
     jitter_ms: float
-    """Root mean square of what the stamps lie off regular times."""
+    """RMS deviation of the stamps from regular times."""
     missing_rows: int
     low: tuple[float, ...]
     mean: tuple[float, ...]
@@ -56,15 +56,15 @@ class ChannelReport:
 
 @dataclass(frozen=True)
 class ImportReport:
-    """What was found in a recording when it was imported."""
+    """Description of an imported recording, and warnings."""
 
     channels: tuple[ChannelReport, ...]
     speed_mm_s: float | None
-    """The speed that is exceeded in one frame of a hundred, over 20 ms; None without position."""
+    """99th percentile of the speed, measured over 20 ms; None without position."""
     warnings: tuple[str, ...]
-    """What looks wrong, each with the option that mends it."""
+    """Sentences about implausible data, with options that may correct them."""
     told: frozenset[str] = frozenset()
-    """As of `Samples`."""
+    """See `Samples`."""
 
 
 def assess(
@@ -80,13 +80,13 @@ def assess(
     Parameters
     ----------
     frames
-        What became of the samples, (n,).
+        The imported frames, (n,).
     samples, stamps
-        The channels, and the times that were taken for their rows.
+        The channels, and the assessed times of their rows.
     options
-        How they were read, for what a warning proposes.
+        Options of the import, for the proposals in warnings.
     resampled
-        Whether `frames` are others than the rows of the file.
+        Whether `frames` differ from the rows of the file.
     """
     speed_mm_s = None
     if "position" in samples.values:
@@ -243,7 +243,7 @@ def _of_acceleration(
 
 
 def _left_out(acceleration_m_s2: FloatArray, rate_hz: float, kept_hz: float) -> list[str]:
-    """Say how much of the power is above the band that a rate keeps, and how it would be kept."""
+    """Warn of power above the band that is kept, and name the option that would keep it."""
     if _SAME_RATE * rate_hz <= kept_hz:
         return []
     from scipy.signal import welch
@@ -263,7 +263,7 @@ def _left_out(acceleration_m_s2: FloatArray, rate_hz: float, kept_hz: float) -> 
 
 
 def _of_sensor(channel: str, values: FloatArray, rate_hz: float) -> list[str]:
-    """Say where a sensor stood still, or at the end of its range."""
+    """Warn if a sensor held one value, or stood at the end of its range."""
     sentences = []
     still = np.concatenate([[0], np.all(np.diff(values, axis=0) == 0, axis=1), [0]]).astype(int)
     edges = np.flatnonzero(np.diff(still))
@@ -284,7 +284,7 @@ def _of_sensor(channel: str, values: FloatArray, rate_hz: float) -> list[str]:
 
 
 def unit_by_gravity(mean_m_s2: float) -> str | None:
-    """Return the unit in which a mean of this length, read as m/s2, is gravity; None for none."""
+    """Return the unit ("g", "mg") in which a mean, read as m/s2, equals gravity; else None."""
     if 0.8 < mean_m_s2 < 1.2:
         return "g"
     return "mg" if 800.0 < mean_m_s2 < 1200.0 else None
@@ -297,7 +297,7 @@ def _other_unit(quantity: str, unit: str, options: ImportOptions) -> str:
 
 
 def _turned(options: ImportOptions) -> str:
-    """Return the options that turn the sign of the force."""
+    """Return the options that invert the force."""
     given = {target: text for target, text in options.columns.items() if "time" not in target}
     mapped = {target: text for target, text in given.items() if target.startswith("force")}
     if not mapped:

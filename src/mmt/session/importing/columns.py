@@ -1,4 +1,4 @@
-"""The columns of a recording as they stand in its file."""
+"""The columns of a recording as read from its file."""
 
 import json
 import re
@@ -22,12 +22,12 @@ MESSAGE_PARTS: Final = {
     "force": ("force",),
     "acceleration": ("linear_acceleration", "linear", "vector"),
 }
-"""Names that a vector has within a ROS message, by quantity."""
+"""Names of a vector within a ROS message, by quantity."""
 
 BEGAN: Final = "began_utc_ns"
-"""Under which exported sessions hold the date of their first frame."""
+"""Name of the date of the first frame in exported sessions."""
 OF_THE_SESSION: Final = ("scene_json", "annotations", "events_json", BEGAN)
-"""What files of arrays hold of an exported session beside its frames."""
+"""Names of the data beside the frames in an exported session, in files of arrays."""
 
 SHOWN_COLUMNS = 12
 _SHOWN_CHARACTERS = 60
@@ -42,55 +42,55 @@ STANDARD_NAMES: Final[Mapping[str, str]] = {
         for axis, name in zip("xyz", axis_columns(channel), strict=True)
     },
 }
-"""The column that a target takes where it is not mapped."""
+"""Name of the column for each target that is not mapped."""
 
 
 @dataclass(frozen=True, eq=False)
 class SourceColumns:
-    """What a file holds, unchanged."""
+    """Content of a file, unchanged."""
 
     origin: str
-    """The file, for errors."""
+    """Name of the file in error messages."""
     values: Mapping[str, FloatArray]
     """Columns (n,) and arrays (n, k) by name."""
     names: Sequence[str] = ()
-    """Every name in the file, also of what was not read."""
+    """Names of all columns in the file, including those that were not read."""
     units: Mapping[str, str] = field(default_factory=dict)
     """Units that the file states, by column."""
     times: Mapping[str, FloatArray] = field(default_factory=dict)
-    """Times (n,) in s of columns that have them from the file itself, as ROS messages have."""
+    """Times (n,) in s of columns whose times are part of the file format, as in ROS messages."""
     row_name: Callable[[int], str] = ROW_NUMBER.format
     scene: JsonObject | None = None
     annotations: bytes = b""
     events: Sequence[JsonObject] = ()
     frames: RecordArray | None = None
-    """The frames (n,) themselves, where the file is a session that mmt wrote."""
+    """The frames (n,) of an exported session, if its format preserves them, else None."""
     notes: Sequence[str] = ()
-    """What a person should know of how the file was read."""
+    """Sentences for the user on how the file was read."""
     began_utc_ns: int | None = None
     """UTC since 1970 of the earliest of `times`, or of an exported session's first frame; None
-    where the file has no dates."""
+    if the file has no dates."""
     episode: int | None = None
-    """Number of the episode that was read, None if it is no data set with episodes."""
+    """Number of the episode that was read, or None if the file has no episodes."""
 
 
 @contextmanager
 def reading(
     origin: str, kind: str, damage: tuple[type[Exception], ...] = (Exception,)
 ) -> Iterator[None]:
-    """Explain what hinders reading a file: it is missing, or not of its kind.
+    """Convert exceptions of the block to errors that name the file and the expected kind.
 
     Parameters
     ----------
     origin, kind
-        The file, and what it should be, for errors.
+        The file and its expected kind, for messages.
     damage
-        What a reader raises of other files; of a foreign library anything.
+        Exceptions that the reader raises on a file of another kind; by default any.
 
     Raises
     ------
     InputError
-        In place of `damage` and OSError.
+        Instead of `damage` and OSError.
     """
     try:
         yield
@@ -105,7 +105,7 @@ def reading(
 
 
 def wanted_names(options: ImportOptions) -> Callable[[str], bool]:
-    """Return a function that says whether a column of a name is to be read."""
+    """Return a function that tells whether to read the column of a given name."""
     names = {"sequence", BEGAN, *STANDARD_NAMES.values(), *options.mapped_names()}
     return lambda name: (
         name in names
@@ -114,9 +114,9 @@ def wanted_names(options: ImportOptions) -> Callable[[str], bool]:
 
 
 def distinct(names: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Return names of which no two are alike, and what was done: columns of one name are numbered.
+    """Make column names unique by numbering equal ones; return the names, and notes for the user.
 
-    A column without a name is called by its place.
+    A column without a name gets its number.
     """
     counts = Counter(filter(None, names))
     taken, numbers, found = set(counts), dict.fromkeys(counts, 0), []
@@ -135,7 +135,7 @@ def distinct(names: Sequence[str]) -> tuple[list[str], list[str]]:
 
 
 def listed(names: Sequence[str]) -> str:
-    """Name columns in a text that stays short however many there are, and however long."""
+    """List column names in a text of bounded length."""
     shown = ", ".join(name[:_SHOWN_CHARACTERS] for name in names[:SHOWN_COLUMNS])
     if len(names) <= SHOWN_COLUMNS:
         return f"the columns are {shown or 'none'}"
@@ -143,12 +143,12 @@ def listed(names: Sequence[str]) -> str:
 
 
 def parsed_scene(text: str | bytes | None, name: str, origin: str) -> JsonObject | None:
-    """Return the scene of an exported session out of its JSON, None where it has none.
+    """Parse the scene of an exported session; None if there is none.
 
     Raises
     ------
     InputError
-        It is not a JSON object; the message has the name under which the file holds it.
+        The text is not a JSON object; `name` is its name in the file.
     """
     scene = _parsed(text, name, origin)
     if scene is None:
@@ -159,12 +159,12 @@ def parsed_scene(text: str | bytes | None, name: str, origin: str) -> JsonObject
 
 
 def parsed_events(text: str | bytes | None, name: str, origin: str) -> Sequence[JsonObject]:
-    """Return the events of an exported session out of their JSON.
+    """Parse the events of an exported session; empty if there are none.
 
     Raises
     ------
     InputError
-        They are not a list of JSON objects; the message has the name as of `parsed_scene`.
+        The text is not a list of JSON objects; `name` is its name in the file.
     """
     events = _parsed(text, name, origin)
     if events is None:
@@ -175,12 +175,12 @@ def parsed_events(text: str | bytes | None, name: str, origin: str) -> Sequence[
 
 
 def parsed_date(value: Any, origin: str) -> int | None:
-    """Return the date of an exported session (ns of UTC since 1970), None where it has none.
+    """Return the date of an exported session (UTC in ns since 1970), or None if it has none.
 
     Raises
     ------
     InputError
-        It is not a number of a date.
+        The value is not an integer of 64 bits.
     """
     found = np.ravel([] if value is None else value)
     try:

@@ -1,4 +1,4 @@
-"""Make frames of samples: as they are if they lie on a grid of 1 kHz, else resampled to one."""
+"""Convert samples to frames: unchanged if they lie on a 1 kHz grid, else resampled."""
 
 from collections.abc import Iterable, Mapping
 from typing import Final, NamedTuple
@@ -22,18 +22,18 @@ from mmt.session.importing.samples import Samples
 from mmt.session.importing.stamps import StampChoice, Stamps, assess_stamps
 
 _GRID_TOLERANCE: Final = 0.2
-"""Periods by which a time may lie off the 1 kHz grid and still be on it."""
+"""Tolerance of times on the 1 kHz grid, in periods."""
 _RATE_TOLERANCE: Final = 0.01
 
 
 class _Rows(NamedTuple):
-    """Rows that are frames: number and time of each, (n,), and how many samples it has."""
+    """Rows that can be frames: numbers (n,), times (n,) and samples of acceleration per frame."""
 
     numbers: IntArray
     time_s: FloatArray
     samples_per_frame: int
     exported: bool
-    """Whether the numbers are those of an exported session."""
+    """Whether the numbers come from an exported session."""
 
 
 def to_frames(
@@ -44,15 +44,15 @@ def to_frames(
 ) -> tuple[RecordArray, dict[Channel, Stamps], bool]:
     """Return samples as frames (n,) at 1 kHz, their times, and whether they were resampled.
 
-    Rows on a 1 kHz grid, within a fifth of a period, become frames as they are, those of an
-    acceleration beside motion on that of the rate at which it is kept; so do those of an exported
-    session, which have their frame numbers. Everything else goes through `assess_stamps` and
-    `resample`, which import scipy. `samples` must have been checked.
+    Rows on a 1 kHz grid (within a fifth of a period) become frames unchanged, if acceleration
+    beside motion is on the grid of its requested rate. So do rows of an exported session, which
+    have frame numbers. All others go through `assess_stamps` and `resample`, which need scipy.
+    `samples` must have been checked.
 
     Raises
     ------
     InputError
-        Rows of a time are not of a clock, or the samples are too far apart to give a frame.
+        Equal times do not follow a clock, or the samples are too far apart to give a frame.
     """
     rows = _as_frames(samples)
     if acceleration_rate_hz is None:
@@ -82,7 +82,7 @@ def to_frames(
 def on_the_grid(
     channels: Iterable[Channel], time_s: FloatArray, numbers: IntArray, samples_per_frame: int
 ) -> dict[Channel, Stamps]:
-    """Return the stamps of each channel of frames at times (n,), which have numbers (n,)."""
+    """Return the stamps of each channel, for frames with times (n,) and numbers (n,)."""
     motion, acceleration = (
         _of_frames(time_s, numbers, several) for several in (1, samples_per_frame)
     )
@@ -90,7 +90,7 @@ def on_the_grid(
 
 
 def _of_frames(time_s: FloatArray, numbers: IntArray, samples_per_frame: int) -> Stamps:
-    """Return the stamps of a number of samples a frame, and how these lie to the numbers."""
+    """Return the stamps of a channel's samples, with deviations from the frame numbers."""
     off_s = time_s - time_s[0] - (numbers - numbers[0]) / RATE_HZ
     off_s -= np.mean(off_s)
     missing = int(numbers[-1] - numbers[0]) + 1 - len(numbers)
@@ -106,7 +106,7 @@ def _of_frames(time_s: FloatArray, numbers: IntArray, samples_per_frame: int) ->
 
 
 def _stamps(samples: Samples, choice: StampChoice) -> dict[Channel, Stamps]:
-    """Assess the times of each channel; channels of one rate are assessed together."""
+    """Assess the times of each channel; channels with the same times are assessed once."""
     found: dict[int, Stamps] = {}
     for time_s in samples.times.values():
         if id(time_s) not in found:
@@ -120,7 +120,7 @@ def _stamps(samples: Samples, choice: StampChoice) -> dict[Channel, Stamps]:
 
 
 def _as_frames(samples: Samples) -> _Rows | None:
-    """Return the rows as frames, None if they are none."""
+    """Return the rows as frames, or None if they are not on a grid."""
     times, sequence = dict(samples.times), samples.sequence
     fast_s = times.pop("acceleration", None)
     time_s = next(iter(times.values()), fast_s)
@@ -146,7 +146,7 @@ def _as_frames(samples: Samples) -> _Rows | None:
 
 
 def _frame_numbers(time_s: FloatArray, sequence: FloatArray | None) -> IntArray | None:
-    """Return the numbers of frames at these times (n,), None if they are none."""
+    """Return the numbers of frames at times (n,), or None if the times are not on a grid."""
     periods = (time_s - time_s[0]) * 1000.0
     if sequence is not None and len(sequence) == len(periods):
         numbers = np.rint(sequence)

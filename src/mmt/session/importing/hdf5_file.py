@@ -1,4 +1,4 @@
-"""HDF5 files of any layout: data sets by their path, with dots, and fields of tables behind it."""
+"""Read HDF5 files of any layout; a column's name is the data set's path, with dots, and field."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -22,19 +22,19 @@ from mmt.session.importing.options import ImportOptions
 
 _UNIT_ATTRIBUTES: Final = ("units", "unit", "Units", "Unit", "UNITS")
 _OF_MMT: Final = {"sequence", "time_ns"}
-"""Data sets of every session that mmt wrote; in other files ``scene`` may be anything."""
+"""Data sets that identify an exported session; in other files ``scene`` may be anything."""
 
 
 def read_hdf5(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> SourceColumns:
-    """Read the wanted data sets of a file, and what belongs to a session in mmt's.
+    """Read the wanted data sets of a file; of an exported session also scene, events and so on.
 
     The attribute ``units`` of a data set is its unit.
 
     Raises
     ------
     InputError
-        h5py is not installed, the file is missing or no HDF5 file, or a data set is much larger
-        than the file.
+        h5py is not installed, the file is missing or not an HDF5 file, or a data set is much
+        larger than the file.
     """
     origin = f"import {path}"
     require("h5py")
@@ -67,12 +67,12 @@ def read_hdf5(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
 
 
 def _data_sets(group: Any) -> Iterator[tuple[str, Any, str | None]]:
-    """Yield data sets of numbers, or of references to such, with their names and fields."""
+    """Yield name, data set and field (or None) for data sets of numbers or of references."""
     found: list[tuple[str, Any, str | None]] = []
 
     def look(path: str, item: Any) -> None:
         name = path.replace("/", ".")
-        if "#" in path or not hasattr(item, "dtype"):  # of MATLAB's own
+        if "#" in path or not hasattr(item, "dtype"):  # "#" marks internal groups of MATLAB
             return
         fields = [n for n in item.dtype.names or () if item.dtype[n].base.kind in "iufb"]
         found.extend((f"{name}.{field}", item, field) for field in fields)
@@ -84,7 +84,7 @@ def _data_sets(group: Any) -> Iterator[tuple[str, Any, str | None]]:
 
 
 def _numbers(file: Any, values: Any) -> FloatArray:
-    """Return numbers, or those that references lead to, one behind the other."""
+    """Return values as numbers; references are replaced by the stacked arrays behind them."""
     values = np.asarray(values)
     if values.dtype.kind == "O":
         values = np.stack([np.squeeze(file[reference][()]) for reference in values.flat])

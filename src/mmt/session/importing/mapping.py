@@ -1,4 +1,4 @@
-"""The columns of a recording become channels: by their names, in the units of frames."""
+"""Map the columns of a recording to channels, in the units of frames."""
 
 import re
 from collections.abc import Iterable
@@ -25,18 +25,18 @@ from mmt.session.importing.samples import Samples, continued, name_of
 
 
 def to_samples(columns: SourceColumns, options: ImportOptions) -> Samples:
-    """Return the channels that the columns hold, in the units of frames.
+    """Return the channels in the columns, in the units of frames.
 
     Raises
     ------
     InputError
-        A column is missing or has another shape, or there are no times.
+        A column is missing or has a wrong shape, or there are no times.
     """
     return _Mapping(columns, options).samples()
 
 
 def _shared(time_s: FloatArray, others: Iterable[FloatArray]) -> FloatArray:
-    """Return that of the others which has the same times (n,), these where none has."""
+    """Return the first of `others` that equals `time_s` (n,), else `time_s`."""
     alike = (other for other in others if np.array_equal(other, time_s, equal_nan=True))
     return next(alike, time_s)
 
@@ -94,7 +94,7 @@ class _Mapping:
         )
 
     def _vectors(self, channel: Channel) -> FloatArray | None:
-        """Return a channel (n, 3), or (n, k, 3) where a row has k samples; None without it."""
+        """Return a channel (n, 3), or (n, k, 3) for k samples per row; None if it is missing."""
         whole = self._column(channel, channel)
         if whole is not None:
             if whole.ndim == 1 and channel != "position":
@@ -127,7 +127,7 @@ class _Mapping:
         return np.stack([np.broadcast_to(given[axis], shape) for axis in "xyz"], axis=-1)
 
     def _path(self) -> FloatArray | None:
-        """Return positions along x that have the speed which is mapped, None without one."""
+        """Integrate a mapped speed to positions (n, 3) along x; None if no speed is mapped."""
         speed = self._column("speed", "speed") if "speed" in self._options.columns else None
         if speed is None:
             return None
@@ -140,7 +140,7 @@ class _Mapping:
         return np.column_stack([x_mm, 0.0 * x_mm, 0.0 * x_mm])
 
     def _column(self, target: str, quantity: str) -> FloatArray | None:
-        """Return a target's values in the unit of frames, shape () for a constant."""
+        """Return a target's values in the unit of frames, shape () for a constant, or None."""
         source = self._source(target, quantity)
         if isinstance(source, float) and quantity == "time":
             raise InputError(
@@ -172,7 +172,7 @@ class _Mapping:
         return scaled
 
     def _source(self, target: str, quantity: str) -> Source | float | None:
-        """Return the column of a target, or its constant; None where it has none."""
+        """Return the column of a target, or its constant, or None if it has neither."""
         columns, names = self._columns.values, self._columns.names
         source = self._options.source(target, columns)
         asked = source or Source(STANDARD_NAMES[target])
@@ -199,7 +199,7 @@ class _Mapping:
         except ValueError:
             pass
         within = [name for name in columns if name.startswith(f"{source.name}.")]
-        if target == quantity:  # vectors; a single axis is mapped to a column of its own
+        if target == quantity:  # the target is a vector, not a single axis
             within = [name for name in within if columns[name].shape[1:] == (3,)]
         if len(within) > 1:
             parts = MESSAGE_PARTS.get(quantity, (quantity,))
@@ -212,7 +212,7 @@ class _Mapping:
         )
 
     def _factor(self, target: str, quantity: str, source: Source) -> float:
-        """Return the factor to the unit of frames: a person's word, the file's, the name's."""
+        """Return the factor to the unit of frames, by the options, the file or the name."""
         name, told = source.name, self._columns.units.get(source.name)
         given = self._options.units.get(target) or self._options.units.get(quantity)
         unit = told if told == DATE else given or told or unit_in_name(quantity, name)
@@ -251,7 +251,7 @@ class _Mapping:
         return "row number", np.arange(rows) / (rate_hz or 1.0)
 
     def _stamps(self, channel: Channel) -> tuple[str, FloatArray] | None:
-        """Return the name and the times (n,) that the file has for a channel."""
+        """Return the name and the times (n,) of a channel in the file, or None."""
         for target in (f"{channel}_time", "time"):
             column = self._column(target, "time")
             if column is not None:
@@ -268,7 +268,7 @@ class _Mapping:
 
 
 def _with_vectors(columns: SourceColumns) -> dict[str, Any]:
-    """Return values and units with arrays of what has the names of their elements: a[0], a[1]."""
+    """Return values and units, with columns named a[0], a[1], ... also joined to an array a."""
     arrays: dict[str, list[tuple[int, str]]] = {}
     for name, column in columns.values.items():
         if (found := re.fullmatch(r"(.+)[\[(](\d+)[\])]", name)) and column.ndim == 1:

@@ -1,4 +1,4 @@
-"""MATLAB files: variables, and the fields of structures as ``structure.field``."""
+"""Read MATLAB files: variables, and the fields of structures as ``structure.field``."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -22,23 +22,23 @@ from mmt.session.importing.hdf5_file import read_hdf5
 from mmt.session.importing.options import ImportOptions
 
 _OF_MMT: Final = {"sequence", "time_s"}
-"""Variables of every session that mmt wrote."""
+"""Variables that identify an exported session."""
 _MOST_COMPONENTS = 16
-"""Rows up to which an array that is wider than high has its samples along the columns."""
+"""Arrays with at most so many rows, and more columns, have their samples along the columns."""
 
 
 def read_matlab(path: Path, wanted: Callable[[str], bool], options: ImportOptions) -> SourceColumns:
     """Read the wanted variables of a ``.mat`` file of any version, 7.3 by h5py.
 
-    Vectors become (n,), and arrays whose samples stand along the columns are turned to
-    (n, k). Elements of an array of structures, or of cells, of one shape are an array; others
-    are ``name{1}`` and on. Tables and timetables are objects that only MATLAB reads; structures
-    that table2struct makes of them are not.
+    Vectors become (n,), and arrays with samples along the columns are transposed to (n, k).
+    Elements of a structure array or cell array are joined if their shapes are equal, else named
+    ``name{1}`` and on. Tables and timetables are objects that only MATLAB can read; convert them
+    to structures with table2struct.
 
     Raises
     ------
     InputError
-        The file is missing or not a MATLAB file, or it is of version 7.3 and h5py is missing.
+        The file is missing or not a MATLAB file, or is of version 7.3 and h5py is not installed.
     """
     origin = f"import {path}"
     require("scipy")
@@ -47,7 +47,7 @@ def read_matlab(path: Path, wanted: Callable[[str], bool], options: ImportOption
     with reading(origin, "a MATLAB file"):
         try:
             content = loadmat(path, squeeze_me=True, struct_as_record=True, appendmat=False)
-        except NotImplementedError:  # version 7.3 is HDF5, with the axes turned
+        except NotImplementedError:  # version 7.3 is HDF5, with transposed arrays
             read = read_hdf5(path, wanted, options)
             return replace(read, values={n: _upright(v.T) for n, v in read.values.items()})
         own = content.keys() & OF_THE_SESSION if content.keys() >= _OF_MMT else ()

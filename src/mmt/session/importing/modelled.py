@@ -1,4 +1,4 @@
-"""What of an imported acceleration will be modelled, and what is left out."""
+"""Tell how much of an imported acceleration will be modelled."""
 
 import numpy as np
 
@@ -9,13 +9,13 @@ from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.biquad import VIBRATION_CUTOFF_HZ
 
 _LEAST_POWER = 1e-12
-"""Power in (m/s2)^2 below which there is only the rounding of a constant."""
+"""Power, in (m/s2)^2, below which the signal is only the rounding of a constant."""
 
 
 def modelled_sentence(frames: RecordArray, source_hz: float) -> str:
-    """Say which axis of the frames (n,) is modelled by default, and what the others hold.
+    """Return a sentence on the axis modelled by default, and the power of the others.
 
-    ``source_hz`` is the rate of the acceleration before it was resampled. "" for frames without
+    ``source_hz`` is the acceleration's rate before resampling. "" for frames (n,) without
     vibration.
     """
     if "acceleration_m_s2" not in (frames.dtype.names or ()) or len(frames) < RATE_HZ:

@@ -1,4 +1,4 @@
-"""What a person says about the columns of a recording, and the units that are understood."""
+"""Options of an import: columns, units and the format of the file."""
 
 import re
 from collections.abc import Mapping
@@ -19,10 +19,10 @@ TARGETS: Final = (
     *(f"{channel}_{axis}" for channel in CHANNELS for axis in _AXES),
     "speed",
 )
-"""What a column may be mapped to: times, vectors (n, 3), single axes, and speed for position."""
+"""Targets to map columns to: times, vectors (n, 3), single axes, and speed for position."""
 
 MATCHED: Final = "match"
-"""The offset of a file that is found by what is in it."""
+"""Value of an offset that is to be found by matching the content of the files."""
 _SEPARATORS: Final = {"comma": ",", "semicolon": ";", "tab": "\t", "blank": " "}
 
 _SOURCE = re.compile(
@@ -32,7 +32,7 @@ _SOURCE = re.compile(
 
 @dataclass(frozen=True)
 class Source:
-    """Where the values of a target come from: a column, one of its components, or a constant."""
+    """Source of a target's values: a column or one of its components, and a factor."""
 
     name: str
     component: int | None = None
@@ -41,7 +41,7 @@ class Source:
 
 @dataclass(frozen=True)
 class ImportOptions:
-    """How the columns of a recording are to be read.
+    """Options for reading the columns of a recording.
 
     Raises
     ------
@@ -50,37 +50,37 @@ class ImportOptions:
     """
 
     columns: Mapping[str, str] = field(default_factory=dict)
-    """A column's name for each of `TARGETS` whose column has not the standard name. A minus
-    before it turns the sign, ``[2]`` after it takes that component of an array, ``*0.5`` behind
-    that scales it, and a number is a constant."""
+    """Column name for each of `TARGETS` whose column does not have the standard name. A minus
+    before the name inverts the sign, ``[2]`` after it selects a component of an array, ``*0.5``
+    after that scales the values. A number instead of a name is a constant."""
     units: Mapping[str, str] = field(default_factory=dict)
-    """The unit of a quantity ("time", "position", "force", "acceleration", "speed") or of one of
-    `TARGETS`, in place of what the file says."""
+    """Unit of a quantity ("time", "position", "force", "acceleration", "speed") or of one of
+    `TARGETS`; overrides the file's unit."""
     rate_hz: float | None = None
-    """Rows a second, in place of the file's times."""
+    """Rows per second; overrides the file's times."""
     blanks_as_gaps: bool = False
-    """Leave out rows with an empty cell or NaN, as a gap of their channel."""
+    """Leave out rows with an empty cell or NaN, as gaps of their channel."""
     longest_gap_s: float | None = None
-    """Samples further apart are not joined; None is five median intervals, 5 to 100 ms."""
+    """Longest gap to interpolate; None: five median intervals, but 5 to 100 ms."""
     stamps: StampChoice = "auto"
-    """Whether times are the "kept" stamps or "regular" ones, see `assess_stamps`."""
+    """Whether to use the stamps as they are ("kept") or "regular" times; see `assess_stamps`."""
     episode: int | None = None
-    """The episode of a data set that has several; None is the first."""
+    """Episode of a data set with several; None: the first."""
     header: int | None = None
-    """The line with the names of a table's columns, counted from 1; None looks for it."""
+    """Line with the names of a table's columns, counted from 1; None: detect it."""
     sheet: str | None = None
-    """The sheet of a workbook, by its name or number; None is the one that was open."""
+    """Sheet of a workbook, by name or number; None: the active one."""
     separator: str | None = None
-    """What stands between the cells of a text: comma, semicolon, tab, blank or the sign itself."""
+    """Separator of cells in a text file: comma, semicolon, tab, blank or the character itself."""
     decimal: str | None = None
-    """The decimal sign of a text, "." or ","; None is the point, and a comma where it is one."""
+    """Decimal sign of a text file, "." or ","; None: a point, or a comma in cells without one."""
     missing: tuple[str, ...] = ()
-    """What stands in cells without a value, beside what mostly does."""
+    """Texts of cells without a value, in addition to common ones."""
     acceleration_rate_hz: int | None = None
-    """Rate at which acceleration is kept, 1000 to 10000 in steps of 1000; None is 1000, or that of
-    an exported session."""
+    """Rate of the imported acceleration, 1000 to 10000 in steps of 1000; None: 1000, or the rate
+    of an exported session."""
     offsets: Mapping[str, str] = field(default_factory=dict)
-    """Of several files by name, but the first: seconds that are added to the times, or "match"."""
+    """For several files, except the first: seconds to add to the times, or "match", by name."""
 
     def __post_init__(self) -> None:
         for target in self.columns:
@@ -123,7 +123,7 @@ class ImportOptions:
             )
 
     def arguments(self) -> list[str]:
-        """Return the options of the command that say the same of a single file."""
+        """Return the equivalent command-line options for a single file."""
         parts: list[str] = []
         for option, pairs in (("--map", self.columns), ("--unit", self.units)):
             for name, value in pairs.items():
@@ -145,13 +145,13 @@ class ImportOptions:
 
     @property
     def delimiter(self) -> str | None:
-        """The sign between the cells of a text, None where it is to be found."""
+        """Character between the cells of a text file, or None if it must be detected."""
         return None if self.separator is None else _SEPARATORS.get(self.separator, self.separator)
 
     def source(self, target: str, names: "Mapping[str, object]") -> Source | None:
-        """Return what a target is mapped to, None where it is not mapped.
+        """Return the source of a target, or None if the target is not mapped.
 
-        A name that is a column's as it stands is that column, whatever signs are in it.
+        A text that is a column's name as a whole is not parsed.
         """
         text = self.columns.get(target)
         if text is None or text in names:
@@ -166,7 +166,7 @@ class ImportOptions:
         return Source(name, None if component is None else int(component), scale)
 
     def mapped_names(self) -> set[str]:
-        """Return every name that a column might have to be one that is mapped."""
+        """Return every name that a mapped column may have."""
         names = set(self.columns.values())
         for text in self.columns.values():
             if found := _SOURCE.match(text):
@@ -180,7 +180,7 @@ def quantity_of(target: str) -> str:
 
 
 def assignments(texts: list[str], option: str) -> dict[str, str]:
-    """Split texts of the form ``name=value``.
+    """Return a dict from texts of the form ``name=value``; `option` is for messages.
 
     Raises
     ------

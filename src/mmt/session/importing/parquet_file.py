@@ -1,4 +1,4 @@
-"""Parquet files: columns of numbers and of lists of numbers, and sessions that mmt wrote."""
+"""Read Parquet files: columns of numbers and of lists of numbers, and exported sessions."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -33,15 +33,15 @@ _TICKS: Final = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 def read_parquet(
     path: Path, wanted: Callable[[str], bool], _options: ImportOptions
 ) -> SourceColumns:
-    """Read the wanted columns of a ``.parquet`` file, and what belongs to a session in mmt's.
+    """Read the wanted columns of a ``.parquet`` file; of an exported session also scene and so on.
 
-    A column of lists, all of k numbers, is an array (n, k).
+    A column of lists of k numbers each becomes an array (n, k).
 
     Raises
     ------
     InputError
         pyarrow is not installed, the file is missing or not Parquet, a wanted column does not
-        hold numbers, or the session's scene or events are not JSON of such.
+        hold numbers, or the session's scene or events are not valid.
     """
     origin = f"import {path}"
     names, metadata, dated = read_schema(path, origin)
@@ -61,12 +61,12 @@ def read_parquet(
 
 
 def read_schema(path: Path, origin: str) -> tuple[list[str], Mapping[bytes, bytes], list[str]]:
-    """Return the names of a file's columns, its metadata, and which columns are times.
+    """Return the names of a file's columns, its metadata, and the names of columns of times.
 
     Raises
     ------
     InputError
-        As `read_parquet`.
+        pyarrow is not installed, or the file is missing or not Parquet.
     """
     schema = _read(lambda parquet: parquet.read_schema(path), origin)
     dated = [field.name for field in schema if hasattr(field.type, "unit")]
@@ -79,23 +79,23 @@ def read_numbers(
     origin: str,
     filters: Sequence[tuple[str, str, int]] | None = None,
 ) -> dict[str, npt.NDArray[Any]]:
-    """Return columns (n,) and (n, k) of files that have the same, the rows of one after the other.
+    """Return columns, (n,) or (n, k), of files with equal columns, concatenated.
 
     Parameters
     ----------
     paths
         The files.
     names
-        Columns; there may be none.
+        Columns to read; may be empty.
     origin
-        What is read, for errors.
+        Name of the source in error messages.
     filters
-        Conditions on rows, as of `pyarrow.parquet.read_table`.
+        Conditions on rows, as in `pyarrow.parquet.read_table`.
 
     Raises
     ------
     InputError
-        As `read_parquet`.
+        See `read_parquet`.
     """
     names = list(names)
     if not names:
@@ -119,7 +119,7 @@ def _numbers(column: Any, name: str, origin: str) -> npt.NDArray[Any]:
     import pyarrow.compute as pc
 
     kind, array = column.type, column.combine_chunks()
-    if isinstance(array, pa.ChunkedArray):  # of an empty table
+    if isinstance(array, pa.ChunkedArray):  # the table is empty
         array = pa.concat_arrays(array.chunks) if array.chunks else pa.array([], kind)
     lists = pa.types.is_list(kind) or pa.types.is_large_list(kind)
     if lists or pa.types.is_fixed_size_list(kind):
@@ -143,7 +143,7 @@ def _is_session(names: Sequence[str]) -> bool:
 
 
 def _frames(columns: Mapping[str, npt.NDArray[Any]]) -> RecordArray | None:
-    """Return the frames (n,) of a session, None where the columns are not as mmt writes them."""
+    """Return the frames (n,) of an exported session, or None if the columns were changed."""
     counts = {
         c: count
         for c in CHANNELS

@@ -1,4 +1,4 @@
-"""Propose how a recording is to be imported, from the names of its columns."""
+"""Propose options for importing a recording, from the names of its columns."""
 
 import re
 import shlex
@@ -28,27 +28,27 @@ _TIME: Final = re.compile(
     r"^(t|times?|timestamps?|stamps?|clock|secs?|seconds|zeit|temps|tiempo|tempo|date|datetime)$"
 )
 _TIME_STEPS: Final = (("s", 0.05), ("ms", 50.0), ("us", 50e3), ("ns", 50e6))
-"""The steps up to which times are taken to be in a unit: rows come 20 times a second or faster."""
+"""Largest step of times for each unit, if rows come at 20 Hz or faster."""
 _EXCEL_DAYS: Final = (20_000.0, 80_000.0)
-"""Dates as days since 1900, of the years 1954 to 2119; 20 rows a second are `_EXCEL_STEP` apart."""
+"""Range of dates in days since 1900: years 1954 to 2119. `_EXCEL_STEP` is the step at 20 Hz."""
 _EXCEL_STEP = 6e-7
 
 
 @dataclass(frozen=True)
 class Proposal:
-    """How a recording may be imported."""
+    """Proposed options for importing a recording."""
 
     names: Sequence[str]
-    """Every column of the file."""
+    """Names of all columns of the file."""
     options: ImportOptions
-    """What the names say of them."""
+    """The given options, completed from the names."""
     lacking: tuple[str, ...]
     """Targets for which no column was found: "time" or channels."""
     columns: SourceColumns
-    """What the options take of the file."""
+    """The columns that the options use."""
 
     def weighed(self, report: ImportReport) -> "Proposal":
-        """Return it with the unit of acceleration that a report of it asks about by gravity."""
+        """Return the proposal with a unit of acceleration in which the report's mean is gravity."""
         if "acceleration" in self.options.units or "acceleration" in report.told:
             return self
         means = [each.mean for each in report.channels if each.channel == "acceleration"]
@@ -59,7 +59,7 @@ class Proposal:
         return replace(self, options=replace(self.options, units=units))
 
     def command(self, path: Path) -> str:
-        """Return the command that imports the file by these options."""
+        """Return the command that imports the file with these options."""
         target = path.with_suffix(".mcap").name
         if path.suffix.lower() == ".mcap":
             target = f"{path.stem}-imported.mcap"
@@ -68,12 +68,12 @@ class Proposal:
 
 
 def propose(path: str | Path, options: ImportOptions | None = None) -> Proposal:
-    """Look at the columns of a recording and propose what they are; the options say some of it.
+    """Propose options for importing a recording; given options take precedence.
 
     Raises
     ------
     InputError
-        The file is missing, of another kind or not valid.
+        The file is missing, of an unknown kind or not valid.
     """
     path, options = Path(path), options or ImportOptions()
     check_kinds([path], options)
@@ -97,9 +97,9 @@ def propose(path: str | Path, options: ImportOptions | None = None) -> Proposal:
 def try_proposal(
     path: Path, proposal: Proposal
 ) -> tuple[Proposal, ImportReport | None, InputError | None]:
-    """Import a file as proposed; return the proposal that can be, and what was found or hindered.
+    """Try to import a file as proposed; return the proposal, and a report or the error.
 
-    Rows with blanks are left out where nothing else hinders.
+    If only blanks prevent the import, the returned proposal leaves out their rows.
     """
     options = proposal.options
     refused = None
@@ -115,7 +115,7 @@ def try_proposal(
 
 
 def _guess(names: Sequence[str]) -> dict[str, str]:
-    """Return the columns by target that names tell."""
+    """Guess the columns from their names; return them by target."""
     columns: dict[str, str] = {}
     for name in _with_vectors(names):
         target = None if name in STANDARD_NAMES.values() else _target(name)
@@ -133,9 +133,9 @@ def _guess(names: Sequence[str]) -> dict[str, str]:
 
 
 def _with_vectors(names: Sequence[str]) -> Iterator[str]:
-    """Yield the names, those of three elements as their array's: a[0], a[1], a[2] as a.
+    """Yield the names, with three elements a[0], a[1], a[2] as the one name a.
 
-    Elements of what has a standard name are always those of an array.
+    Elements with a standard name are joined whatever their number.
     """
     bases = [re.sub(r"[\[(]\d+[\])]$", "", name) for name in names]
     counts = Counter(base for base, name in zip(bases, names, strict=True) if base != name)
@@ -146,7 +146,7 @@ def _with_vectors(names: Sequence[str]) -> Iterator[str]:
 
 
 def _target(name: str) -> str | None:
-    """Return the target that a name stands for, None for an unknown one."""
+    """Return the target that a column's name suggests, or None."""
     if name.startswith("/"):  # a topic
         last = name.rsplit(".", 1)[-1]
         return next((q for q, parts in MESSAGE_PARTS.items() if last in parts), None)
@@ -172,7 +172,7 @@ def _target(name: str) -> str | None:
 
 
 def _time_unit(columns: SourceColumns, options: ImportOptions) -> dict[str, str]:
-    """Return the unit of time where its steps tell it, and neither file nor person."""
+    """Guess the unit of time from its steps, if neither file nor options state it; else {}."""
     name = options.columns.get("time", STANDARD_NAMES["time"])
     time = columns.values.get(name, np.zeros(0))
     told = "time" in options.units or name in columns.units

@@ -1,4 +1,4 @@
-"""Import a recording: read its columns, map them, make frames, and say what was found."""
+"""Import a recording: read its columns, map them, make frames, and report."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -33,7 +33,7 @@ _KINDS_OF_OPTIONS: Final = {
 def import_recording(
     paths: str | Path | Sequence[str | Path], options: ImportOptions | None = None
 ) -> tuple[RecordedSession, ImportReport]:
-    """Read a recording of another program, resampled to 1 kHz, and say what was found in it.
+    """Read another program's recording, resampled to 1 kHz; return the session and a report.
 
     Raises
     ------
@@ -49,12 +49,12 @@ def import_recording(
 
 
 def check_kinds(files: Sequence[Path], options: ImportOptions) -> None:
-    """Refuse options of other kinds of files than these.
+    """Check that the options apply to these kinds of files.
 
     Raises
     ------
     InputError
-        There is one.
+        An option does not.
     """
     for name, known in _KINDS_OF_OPTIONS.items():
         if getattr(options, name) and not any(file.suffix.lower() in known for file in files):
@@ -66,7 +66,7 @@ def check_kinds(files: Sequence[Path], options: ImportOptions) -> None:
 def import_columns(
     read: Sequence[SourceColumns], files: Sequence[Path], options: ImportOptions
 ) -> tuple[RecordedSession, ImportReport]:
-    """Import the columns that were read of files as `import_recording` does.
+    """Import columns that were read from files; see `import_recording`.
 
     Raises
     ------
@@ -112,14 +112,14 @@ def import_columns(
 
 
 def _first_ns(frames: RecordArray, stamps: Mapping[Channel, Stamps]) -> int:
-    """Return the file's time of the first frame; samples of its acceleration may be earlier."""
+    """Return the time of the first frame in the file; its first samples may be earlier."""
     channel, found = next(iter(stamps.items()))
     last = samples_per_frame(frames.dtype) - 1 if channel == "acceleration" else 0
     return round(float(found.time_s[last]) * 1e9)
 
 
 def _of_frames(origin: str, frames: RecordArray) -> tuple[Samples, dict[Channel, Stamps]]:
-    """Return the samples and stamps of frames (n,), which are taken as they stand."""
+    """Return the samples and stamps of frames (n,) that are imported unchanged."""
     if len(frames) == 0:
         raise InputError(f"{origin}: it holds no frame")
     whole = RecordedSession(frames)
@@ -138,7 +138,7 @@ def read_columns(
     Raises
     ------
     InputError
-        The file is missing, of another kind or not valid, or a package that reads it is not
+        The file is missing, of an unknown kind or not valid, or a package that reads it is not
         installed.
     """
     options = options or ImportOptions()

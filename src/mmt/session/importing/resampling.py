@@ -1,14 +1,13 @@
 """Resample a recording of any rate, or of uneven times: to 1 kHz, acceleration to k kHz.
 
-Offline only; scipy is imported where a recording needs to be resampled. Between samples at regular
-times a cubic spline interpolates; between uneven ones, where a spline would overshoot without
-bound, a monotone cubic (PCHIP), which stays between each two samples. What is faster than k kHz is
-first brought to a whole multiple m of k kHz, then filtered and decimated by m with a linear-phase
-filter of no delay: flat within 0.01 dB to 415 k Hz, 80 dB down above 495 k Hz, so that nothing
-folds back. A spline through fewer than eight samples in 1/k ms would not be so flat itself:
-acceleration is then filtered at the wanted times, unless these are those of samples.
-Within 32/k ms of the ends of a stretch the filter sees the straight line between the ends
-continued. Cost is linear in the number of samples.
+Offline only; scipy is imported when needed. A cubic spline interpolates samples at regular times.
+At uneven times a spline could overshoot without bound, so a monotone cubic (PCHIP) interpolates,
+which stays between neighbouring samples. Samples faster than k kHz are first interpolated to a
+whole multiple m of k kHz, then decimated by m with a linear-phase filter without delay: flat within
+0.01 dB to 415 k Hz, 80 dB down above 495 k Hz, so that nothing aliases. With fewer than eight
+samples in 1/k ms a spline is not flat enough: acceleration is then filtered directly at the output
+times, unless these coincide with samples. Within 32/k ms of the ends of a stretch, the filter sees
+the straight line between the ends continued. The cost is linear in the number of samples.
 """
 
 from collections.abc import Iterator, Mapping
@@ -28,21 +27,21 @@ DEFAULT_GAP_S: Final = (0.005, 0.1)
 """Bounds of the default for the longest gap that is interpolated."""
 
 _CUTOFF_HZ = 455.0
-"""Of the filter at 1 kHz; it and the length scale with the rate."""
+"""Cutoff of the filter at 1 kHz; cutoff and length scale with the rate."""
 _HALF_LENGTH_MS = 32
 _KAISER_BETA = 8.0
 _EVEN = 0.1
-"""Periods by which stamps may lie off regular times and count as even."""
+"""Largest deviation of even stamps from regular times, in periods."""
 _NEARLY = 1e-6
-"""Periods by which rounding may put a time beside the grid."""
+"""Tolerance for the rounding of times on the grid, in periods."""
 _AT_SAMPLES = 0.02
-"""Periods off samples at which a spline through these is as good as they."""
+"""Distance from samples, in their periods, up to which a spline is as good as the samples."""
 _MANY_SAMPLES = 8
-"""Samples in a period of the result whose spline is flat, with images 60 dB down."""
+"""Samples per output period from which a spline is flat, with images 60 dB down."""
 _FAST_CLOCK = 0.01
-"""Share by which a clock may run fast or slow and still have the rate of the result."""
+"""Relative difference up to which a clock's rate counts as the output rate."""
 _AT_ONCE: Final = 1 << 20
-"""Products that the filter between samples sums up at once."""
+"""Products per step of the filter between samples; bounds memory."""
 
 
 def resample(
@@ -51,12 +50,12 @@ def resample(
     longest_gap_s: float | None,
     samples_per_frame: int = 1,
 ) -> tuple[IntArray, dict[Channel, FloatArray]]:
-    """Return the frame numbers (n,) and the channels (n, k, 3) at these, k = 1 but of acceleration.
+    """Return frame numbers (n,) and channels (n, k, 3); k is `samples_per_frame` or 1 for motion.
 
-    Frame number 0 is at the earliest time of all channels. A frame exists where every
-    channel has samples around it that are no further apart than `longest_gap_s` (None:
-    five of that channel's median intervals, within 5 to 100 ms); the others are missing.
-    A stretch of fewer than two samples gives no frame. `samples` must have been checked.
+    Frame number 0 is at the earliest time of all channels. A frame exists if every channel has
+    samples around it that are no further apart than `longest_gap_s` (None: five of that
+    channel's median intervals, but 5 to 100 ms). Other frames are missing. A stretch of fewer
+    than two samples gives no frame. `samples` must have been checked.
     """
     origin_s = min(float(stamps[channel].time_s[0]) for channel in samples.values)
     numbers: IntArray | None = None
@@ -104,7 +103,7 @@ def _resample_channel(
     even: bool,
     vibrates: bool,
 ) -> tuple[IntArray, FloatArray]:
-    """Return the numbers (n,) of samples at a rate, 0 at the time 0, and these, (n, 3)."""
+    """Return sample numbers (n,) at a rate, number 0 at time 0, and the samples (n, 3)."""
     numbers = [np.zeros(0, dtype=np.int64)]
     rows = [np.zeros((0, values.shape[1]))]
     for begin, end in _stretches(time_s, longest_gap_s):
@@ -124,7 +123,7 @@ def _resample_channel(
 
 
 def _stretches(time_s: FloatArray, longest_gap_s: float | None) -> Iterator[tuple[int, int]]:
-    """Yield (begin, end) of the rows between the gaps."""
+    """Yield (begin, end) of each stretch of rows between gaps."""
     intervals_s = np.diff(time_s)
     if longest_gap_s is None:
         several_s = DEFAULT_GAP_INTERVALS * float(np.median(intervals_s))
@@ -135,7 +134,7 @@ def _stretches(time_s: FloatArray, longest_gap_s: float | None) -> Iterator[tupl
 
 
 class _Grid(NamedTuple):
-    """Times at a rate: of the numbers `first` to `last`, counted from the time 0."""
+    """Regular times at a rate: samples `first` to `last`, counted from time 0."""
 
     first: int
     last: int
@@ -150,12 +149,12 @@ class _Grid(NamedTuple):
 def _resample_stretch(
     time_s: FloatArray, values: FloatArray, grid: _Grid, *, even: bool
 ) -> FloatArray:
-    """Return the values (m, 3) at a grid all of which lies within the times (n,)."""
+    """Return the values (m, 3) on a grid that lies within the times (n,)."""
     from scipy.interpolate import CubicSpline, PchipInterpolator
     from scipy.signal import resample_poly
 
     rows_per_period = _rows_per_period(time_s, grid)
-    # A clock that runs a percent fast needs no filter, only interpolation.
+    # A clock that is one percent fast needs no filter, only interpolation.
     factor = max(1, int(np.ceil(rows_per_period - _FAST_CLOCK)))
     grid_s = grid.times_s(factor)
     interpolator = (CubicSpline if even else PchipInterpolator)(time_s, values, axis=0)
@@ -173,7 +172,7 @@ def _rows_per_period(time_s: FloatArray, grid: _Grid) -> float:
 
 
 def _between(time_s: FloatArray, grid: _Grid) -> FloatArray | None:
-    """Return where a grid lies in even rows (n,), None where a spline through them will do."""
+    """Return a grid's fractional positions in even rows (n,), or None if a spline will do."""
     if not 1.0 - _FAST_CLOCK < _rows_per_period(time_s, grid) < _MANY_SAMPLES:
         return None
     at_rows: FloatArray = np.interp(grid.times_s(), time_s, np.arange(len(time_s)))
@@ -183,9 +182,9 @@ def _between(time_s: FloatArray, grid: _Grid) -> FloatArray | None:
 def _filtered_between(
     at_rows: FloatArray, values: FloatArray, rows_per_period: float
 ) -> FloatArray:
-    """Return the values (n, 3) of even rows, low-passed, at rows (m,) that need not be whole.
+    """Low-pass even rows (n, 3) at fractional positions (m,); return values (m, 3).
 
-    What has the rate of the result keeps all of its band.
+    Rows at the output rate keep their whole band.
     """
     from scipy.special import i0
 
@@ -214,7 +213,7 @@ def _filtered_between(
 
 @cache
 def _anti_alias_filter(factor: int) -> FloatArray:
-    """Return the filter's taps at `factor` times the rate (Kaiser window), as of 1 kHz."""
+    """Return the taps (Kaiser window) for decimation by `factor`, designed for 1 kHz."""
     from scipy.signal import firwin
 
     taps: FloatArray = firwin(

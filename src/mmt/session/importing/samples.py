@@ -12,19 +12,19 @@ from mmt.core.errors import InputError
 from mmt.core.frames import Channel
 
 _LONGEST_S = 4_200_000.0
-"""The longest session: as many frames as 32 bits number."""
+"""Longest session, limited by frame numbers of 32 bits."""
 
 _LARGEST = float(np.finfo(np.float32).max)
 """Frames are in single precision."""
 
 _COUNTS: Final = (2.0**16, 2.0**32, 86400.0)
-"""Counts at which a counter begins anew; the last are a day's seconds."""
+"""Counts at which a counter wraps; the last is a day in seconds."""
 _FEW_ROWS = 16
 _PAUSE_S = 1.0
-"""What is put between rows and those of a clock that began anew; how long it was is not known."""
+"""Assumed pause before a clock that restarted; the true length is unknown."""
 
 ROW_NUMBER = "row {}, counted from 0"
-"""Names a row of an array in messages."""
+"""Name of a row of an array in messages."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,17 +35,17 @@ class Samples:
     """
 
     origin: str
-    """The file, for errors."""
+    """Name of the file in error messages."""
     values: Mapping[Channel, FloatArray]
     times: Mapping[Channel, FloatArray]
     row_names: Mapping[Channel, Callable[[int], str]]
-    """What rows are called in messages."""
+    """Functions that return the name of a row in messages."""
     sequence: FloatArray | None = None
-    """Frame numbers where the file is an exported session."""
+    """Frame numbers of an exported session, else None."""
     notes: tuple[str, ...] = ()
-    """What a person should know of how the columns were taken."""
+    """Sentences for the user on how the columns were mapped."""
     told: frozenset[str] = frozenset()
-    """Quantities whose unit the file tells, by more than a standard name."""
+    """Quantities whose unit is stated other than by a standard name of a column."""
 
     def check(self) -> None:
         """Check times and values.
@@ -53,7 +53,7 @@ class Samples:
         Raises
         ------
         InputError
-            A time that falls, or a value that is not finite; the message names the row.
+            Times decrease or are too few, or a value is not finite; the message names the row.
         """
         for channel, values in self.values.items():
             self._check_time(channel, self.times[channel])
@@ -69,11 +69,11 @@ class Samples:
                 )
 
     def row_name(self, channel: Channel, row: int | np.integer[Any]) -> str:
-        """Return what a row of a channel is called in messages."""
+        """Return the name of a channel's row in messages."""
         return self.row_names[channel](int(row))
 
     def without_blanks(self) -> "Samples":
-        """Return the samples without rows in which a channel or its time is not finite."""
+        """Return the samples without those rows of a channel whose value or time is not finite."""
         values, times, names = {}, {}, {}
         shared: dict[tuple[int, bytes], FloatArray] = {}
         for channel, vectors in self.values.items():
@@ -111,14 +111,14 @@ class Samples:
 
 
 def name_of(name: Callable[[int], str], rows: IntArray, place: int) -> str:
-    """Return what the row at a place of `rows` (n,) is called."""
+    """Return the name of the row whose number is at index `place` of `rows` (n,)."""
     return name(int(rows[place]))
 
 
 def continued(time_s: FloatArray, count_s: float) -> tuple[FloatArray, list[str]]:
-    """Return times (n,) that go on where a counter of `count_s` wrapped or began anew, and notes.
+    """Continue times (n,) after a counter wrapped or restarted; return the times, and notes.
 
-    Times that fall otherwise, such as single ones, are left as they are.
+    One count is `count_s`. Other decreases, such as of a single time, are left as they are.
     """
     steps_s = np.diff(time_s)
     falls = np.flatnonzero(steps_s < 0)

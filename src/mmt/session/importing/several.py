@@ -1,4 +1,4 @@
-"""Several files of one recording, each with times of its own, on one clock."""
+"""Join several files of one recording, each with its own times, on one clock."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -15,19 +15,19 @@ from mmt.session.importing.samples import Samples
 
 _RATE_HZ: Final = 1000.0
 _LONGEST_S: Final = 600.0
-"""What of each file is compared."""
+"""Length of each file that is compared."""
 _SHOCK_STEPS = 25
 _CLEAR: Final = 20.0
-"""Medians of the products by which the largest must stand out; that of noise is 7."""
+"""Least ratio of the correlation's peak to its median; noise has a ratio of 7."""
 
 
 def options_of_each(options: ImportOptions, paths: Sequence[Path]) -> list[ImportOptions]:
-    """Return what the options say of each of several files: ``FILE:COLUMN`` is a column of it.
+    """Split the options for several files, which map ``FILE:COLUMN``, into options for each.
 
     Raises
     ------
     InputError
-        Two files have one name, or something is said of none.
+        Two files have the same name, or an option is for none of them.
     """
     names = [path.name for path in paths]
     if len(set(names)) < len(names):
@@ -54,7 +54,7 @@ def options_of_each(options: ImportOptions, paths: Sequence[Path]) -> list[Impor
 
 
 def joined(parts: Sequence[Samples], names: Sequence[str], options: ImportOptions) -> Samples:
-    """Return the channels of files by their names, on the clock of the first.
+    """Join the channels of several files, with all times on the clock of the first.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def joined(parts: Sequence[Samples], names: Sequence[str], options: ImportOption
 
 
 def _matched_s(first: Samples, second: Samples, name: str) -> float:
-    """Return what added to the times of the second puts its shocks where those of the first are."""
+    """Return the offset of the second file's times with which shocks in both files coincide."""
     require("scipy")
     from scipy.signal import correlate, correlation_lags
 
@@ -105,7 +105,7 @@ def _matched_s(first: Samples, second: Samples, name: str) -> float:
 
 
 def _shocks(samples: Samples) -> tuple[float, FloatArray]:
-    """Return the first time, and from there how fast the channels change, at 1 kHz."""
+    """Return the first time, and from there the rate of change of all channels at 1 kHz."""
     begin_s = min(float(time_s[0]) for time_s in samples.times.values())
     grid_s = begin_s + np.arange(0.0, _LONGEST_S, 1 / _RATE_HZ)
     end_s = max(float(time_s[-1]) for time_s in samples.times.values())
@@ -117,6 +117,6 @@ def _shocks(samples: Samples) -> tuple[float, FloatArray]:
         counts, _ = np.histogram(
             time_s[1:] - begin_s, len(total), (0.0, len(total) / _RATE_HZ), weights=change / spread
         )
-        # the middle of a shock counts, not its edges
+        # smoothed, so that the middle of a shock counts, not its edges
         total += np.convolve(counts - np.mean(counts), np.hanning(_SHOCK_STEPS), mode="same")
     return begin_s, total

@@ -1,4 +1,4 @@
-"""Excel workbooks: a sheet, that which was open when the file was saved if none is named."""
+"""Read a sheet of an Excel workbook; by default the one that was active when it was saved."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,12 +15,12 @@ from mmt.session.importing.table import read_table
 def read_spreadsheet(
     path: Path, wanted: Callable[[str], bool], options: ImportOptions
 ) -> SourceColumns:
-    """Read the wanted columns of a workbook's sheet, see `read_table`.
+    """Read the wanted columns of a workbook's sheet; see `read_table`.
 
     Raises
     ------
     InputError
-        openpyxl is not installed, the file is missing or no workbook, or see `read_table`.
+        openpyxl is not installed, the file is missing or not a workbook, or see `read_table`.
     """
     origin = f"import {path}"
     require("openpyxl")

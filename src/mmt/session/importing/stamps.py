@@ -1,8 +1,8 @@
-"""Put the rows of a periodic source at regular times where only their stamps jitter.
+"""Replace jittered time stamps of a periodic source by regular times.
 
-A recording program stamps a row when it gets it: late by the transport, by the scheduler, or in
-batches. A motion that is read along such stamps is torn: 0.6 ms at 500 Hz make a hand of 200 mm/s
-jump by 0.1 mm from row to row. Offline only; cost is linear in the number of rows.
+A recording program stamps a row when it receives it: late because of the transport or the
+scheduler, or in batches. Such stamps distort motion: with 0.6 ms of jitter at 500 Hz, a hand of
+200 mm/s jumps by 0.1 mm from row to row. Offline only; the cost is linear in the number of rows.
 """
 
 from dataclasses import dataclass
@@ -13,71 +13,71 @@ import numpy as np
 from mmt.core.arrays import FloatArray, IntArray
 
 StampChoice = Literal["auto", "regular", "kept", "header", "receipt"]
-"""How the times of rows are found; the last two are clocks of messages, else they are "auto"."""
+"""Source of the times of rows. The last two select a clock of messages; other files take "auto"."""
 
 _FEWEST_ROWS = 16
 _WINDOW_ROWS: Final = 16
-"""Rows on either side whose median tells a missing row from a late stamp."""
+"""Rows on either side whose medians distinguish a missing row from a late stamp."""
 _PASSES = 5
 _MISSING = 0.7
-"""Periods by which what follows a row must be later than what precedes it."""
+"""Step of the median deviation, in periods, that counts as a missing row."""
 _BLOCK_WINDOWS = 4
 _LINE_WINDOWS = 512
-"""Windows of rows that one line is fitted to."""
+"""Most windows of rows to which one line is fitted."""
 _FITTED_SHARE = 0.9
-"""Share of the rows that must follow a clock; the others lie on lines of its period."""
+"""Least share of the rows that lines fit; the other rows get lines with the median period."""
 _OWN_RHYTHM = 0.15
-"""Periods by which intervals may lie off whole ones where stamps have a rhythm of their own."""
+"""Mean deviation from whole periods, in periods, below which intervals have their own rhythm."""
 _IN_BATCHES = 0.25
-"""Mean intervals below which most are where rows arrive in batches."""
+"""Ratio of median to mean interval below which rows arrive in batches."""
 _BATCH_SPREAD = 0.25
-"""Intervals between batches by which their beginnings may lie off a clock's times."""
+"""Largest spread of the beginnings of batches about a clock, in intervals between batches."""
 _MUCH_BETTER = 0.5
-"""Share of the stamps' error that a clock may leave which does not explain the stamps."""
+"""Largest ratio of prediction errors, clock to stamps, to use a clock if `_explains` is false."""
 _SHORTEST_PAUSE_S = 0.1
 _PAUSE_PERIODS = 20
-"""Periods without a row, beyond which the source may have started anew, at any phase."""
+"""Periods without a row after which the source may have restarted with another phase."""
 
 
 @dataclass(frozen=True, eq=False)
 class Stamps:
-    """The times at which the rows of a recording are taken to have been sampled."""
+    """Sampling times of a recording's rows, as estimated from their stamps."""
 
     time_s: FloatArray
     """Shape (n,), increasing."""
     period_s: float
-    """Mean of the source's period, or of the intervals where it has none."""
+    """Period of the source's clock; without a clock the median interval."""
     jitter_s: float
-    """Root mean square of what stamps lie off a clock; intervals off whole periods, without one."""
+    """RMS deviation of stamps from the clock; without a clock, of intervals from whole periods."""
     largest_s: float
-    """The largest of these."""
+    """Largest deviation."""
     missing_rows: int
-    """Rows that are missing between the others."""
+    """Number of missing rows."""
     periodic: bool
     """Whether the stamps follow a clock."""
     regular: bool
-    """Whether `time_s` are regular times in place of the stamps."""
+    """Whether `time_s` are regular times instead of the stamps."""
 
 
 def assess_stamps(
     stamps_s: FloatArray, rows: FloatArray | None = None, choice: StampChoice = "auto"
 ) -> Stamps:
-    """Find the period behind the stamps of a recording, and the times of its rows.
+    """Estimate the period of a recording's source and the sampling times of the rows.
 
-    The rows of a periodic source are numbered, rows that are missing included, and a line
-    through their stamps gives their times. After a pause of the source the line begins anew.
+    The rows of a periodic source are numbered, with missing rows counted, and a line through
+    their stamps gives their times. A new line starts after a pause of the source.
 
     Parameters
     ----------
     stamps_s
-        Shape (n,), not falling.
+        Stamps, shape (n,), not decreasing.
     rows
-        Values (n, k) that change smoothly, such as position; they decide for "auto" whether the
-        jitter is of the stamps or of the sampling: each second row is predicted by the line
-        between its neighbours, and the times that predict better are taken. None takes
+        Values (n, k) that change smoothly, such as position. With "auto" they decide whether the
+        stamps or the sampling times jitter: each inner row is predicted by linear interpolation
+        between its neighbours, and the times with the better prediction are used. None: use
         regular times for a periodic source.
     choice
-        "regular" for regular times wherever the source is periodic, "kept" for the stamps.
+        "regular" for regular times if the source is periodic, "kept" for the stamps, or "auto".
     """
     if choice in ("header", "receipt"):
         choice = "auto"
@@ -104,7 +104,7 @@ def assess_stamps(
 
 
 def _as_they_are(stamps_s: FloatArray) -> tuple[Stamps, float]:
-    """Return the stamps, and what their intervals lie off whole periods of their own."""
+    """Assess the stamps without a clock; also return their mean deviation from whole periods."""
     intervals_s: FloatArray = np.diff(stamps_s)
     period_s = float(np.median(intervals_s) or np.mean(intervals_s))
     steps = _whole_periods(intervals_s)
@@ -124,9 +124,9 @@ def _as_they_are(stamps_s: FloatArray) -> tuple[Stamps, float]:
 
 
 def _explains(off_s: FloatArray, intervals_s: FloatArray, own_s: float) -> bool:
-    """Whether stamps lie `off_s` (n,) off a clock by no more than off a rhythm of their own.
+    """Return whether deviations from a clock, `off_s` (n,), have a median of at most 2 `own_s`.
 
-    Where rows arrive in batches they have none; then the batches must begin at the clock's times.
+    If rows arrive in batches, the beginnings of the batches must follow the clock instead.
     """
     if np.median(intervals_s) >= _IN_BATCHES * np.mean(intervals_s):
         return bool(np.median(np.abs(off_s)) <= 2.0 * own_s)
@@ -145,15 +145,15 @@ class _Line:
 
 
 def _fit(stamps_s: FloatArray) -> _Line | None:
-    """Fit a line to each stretch between pauses; None where too few rows follow a clock."""
+    """Fit a line to each stretch between pauses; None if too few rows follow a clock."""
     intervals_s = np.diff(stamps_s)
     window = _WINDOW_ROWS * _batch_rows(intervals_s)
     typical_s = _slope(stamps_s, np.arange(len(stamps_s)), window)
-    if typical_s <= 0:  # most rows have the stamp of the row before
+    if typical_s <= 0:  # most rows have the same stamp as the previous row
         return None
     pause_s = max(_SHORTEST_PAUSE_S, _PAUSE_PERIODS * typical_s, 2 * window * typical_s)
     cuts = np.flatnonzero(intervals_s > pause_s) + 1
-    # a clock wanders within minutes, and a missing row may have passed unseen
+    # limited in length: a clock drifts within minutes, and a missing row may go undetected
     stretches = [
         stretch[begin : begin + _LINE_WINDOWS * window]
         for stretch in np.split(stamps_s, cuts)
@@ -177,7 +177,7 @@ def _fit(stamps_s: FloatArray) -> _Line | None:
 
 
 def _joined(lines: list[_Line]) -> _Line:
-    """Join lines and count their rows on; one that begins too early is moved behind the last."""
+    """Join lines and continue their numbers; a line that begins too early is moved later."""
     numbers, times_s = [lines[0].numbers], [lines[0].time_s]
     for line in lines[1:]:
         pause_s = line.time_s[0] - times_s[-1][-1]
@@ -193,7 +193,7 @@ def _short_line(stamps_s: FloatArray, period_s: float) -> _Line:
 
 
 def _fit_stretch(stamps_s: FloatArray, window: int) -> _Line | None:
-    """Fit a line to rows of which none, or some, are missing, whichever leaves least; or None."""
+    """Fit a line for each way of counting missing rows; return the best, or None if none fits."""
     best: tuple[float, _Line] | None = None
     in_steps = np.cumsum([0, *_whole_periods(np.diff(stamps_s))])
     block = min(_BLOCK_WINDOWS * window, len(stamps_s) // 4)
@@ -210,17 +210,17 @@ def _fit_stretch(stamps_s: FloatArray, window: int) -> _Line | None:
 
 
 def _whole_periods(intervals_s: FloatArray) -> IntArray:
-    """Return intervals (n,) in periods, the mean of those that are no longer than most."""
+    """Return intervals (n,) in whole periods, a period being the mean of the short intervals."""
     median_s = np.median(intervals_s)
     period_s = np.mean(intervals_s[intervals_s <= 1.5 * median_s])
     return np.maximum(1, np.rint(intervals_s / (period_s or np.inf))).astype(np.int64)
 
 
 def _with_missing(stamps_s: FloatArray, window: int) -> IntArray:
-    """Return the numbers (n,) of rows, counted in periods; where rows are missing they jump.
+    """Return the numbers (n,) of rows, in periods, with a jump at missing rows.
 
-    A row that is stamped late is followed by rows in time, a missing one is not: the medians
-    of what the stamps lie off the numbers, before and after, tell them apart.
+    After a late stamp the following rows are on time again, after a missing row they are not.
+    The medians of the stamps' deviations before and after a row distinguish the two cases.
     """
     from scipy.ndimage import median_filter
 
@@ -233,7 +233,7 @@ def _with_missing(stamps_s: FloatArray, window: int) -> IntArray:
         off = stamps_s / period_s - numbers
         before = median_filter(off, window, mode="nearest", origin=(window - 1) // 2)[:-1]
         after = median_filter(off, window, mode="nearest", origin=-(window // 2))[1:]
-        # a later pass takes back what an earlier one counted too much
+        # a later pass may correct missing rows that an earlier pass counted wrongly
         missing = np.maximum(after - before, 1 - np.diff(numbers))
         steps = np.where(missing > 0, np.diff(off), -np.diff(off))
         chosen = _largest_nearby(np.flatnonzero(np.abs(missing) > _MISSING), steps, window)
@@ -246,7 +246,7 @@ def _with_missing(stamps_s: FloatArray, window: int) -> IntArray:
 
 
 def _largest_nearby(places: IntArray, sizes: FloatArray, window: int) -> IntArray:
-    """Return those of the places, rising, that have the largest size within a window of rows."""
+    """Return, of ascending `places`, the one with the largest size within each window of rows."""
     chosen: list[int] = []
     for place in places.tolist():
         if chosen and place - chosen[-1] < window:
@@ -257,19 +257,19 @@ def _largest_nearby(places: IntArray, sizes: FloatArray, window: int) -> IntArra
 
 
 def _batch_rows(intervals_s: FloatArray) -> int:
-    """Return how many rows arrive at once, 1 where each has a stamp of its own."""
+    """Return how many rows arrive at once; 1 if each has its own stamp."""
     apart = np.flatnonzero(intervals_s > 0.5 * np.mean(intervals_s))
     return max(1, int(np.median(np.diff(apart)))) if len(apart) > 1 else 1
 
 
 def _slope(stamps_s: FloatArray, numbers: IntArray, lag: int) -> float:
-    """Return the median period over `lag` rows: single late stamps do not move it."""
+    """Return the median period over `lag` rows, which single late stamps do not affect."""
     lag = min(lag, len(stamps_s) // 2)
     return float(np.median((stamps_s[lag:] - stamps_s[:-lag]) / (numbers[lag:] - numbers[:-lag])))
 
 
 def _through(stamps_s: FloatArray, numbers: IntArray, rows: int) -> tuple[float, FloatArray]:
-    """Return slope and times of the line through medians of `rows` rows; late ones do not count."""
+    """Return slope and times of a line through medians of `rows` rows, robust to late stamps."""
     first_s = (stamps_s[-1] - stamps_s[0]) / (numbers[-1] - numbers[0])
     off_s = _block_medians(stamps_s - first_s * numbers, rows)
     centres = np.mean(numbers[: len(off_s) * rows].reshape(-1, rows), axis=1)
@@ -285,8 +285,8 @@ def _block_medians(values: FloatArray, block: int) -> FloatArray:
 
 
 def _error_share(regular_s: FloatArray, stamps_s: FloatArray, rows: FloatArray) -> float:
-    """Return by what share of the stamps' error regular times predict each second row."""
-    least = np.finfo(float).tiny  # both predict a constant
+    """Return the prediction error of regular times relative to that of the stamps."""
+    least = np.finfo(float).tiny  # for constant rows both errors are zero
     return (_prediction_error(regular_s, rows) + least) / (
         _prediction_error(stamps_s, rows) + least
     )

@@ -1,4 +1,4 @@
-"""Rows of cells, as in text and spreadsheets, become columns of numbers."""
+"""Convert rows of cells, from text and spreadsheets, to columns of numbers."""
 
 import re
 from array import array
@@ -16,12 +16,12 @@ from mmt.session.importing.columns import BEGAN, SourceColumns, distinct, parsed
 from mmt.session.importing.options import ImportOptions
 
 _LOOKED_AT = 200
-"""Rows by which it is told whether another is the first of the numbers."""
+"""Number of rows that are examined to find the first row of numbers."""
 _SHOWN_CHARACTERS: Final = 40
 _FEWEST_NAMES = 3
-"""Whole numbers in the first row, from 0 or 1 on, that are names."""
+"""Least number of columns for which a first row 0, 1, ... or 1, 2, ... is taken for names."""
 _UNIT = re.compile(r"^(.*?)\s*[\[(]\s*([^\])]*?[^\s\d\])][^\])]*?)\s*[\])]$")
-"""A name with a unit in brackets behind it; a number there is an index, and part of the name."""
+"""Matches a name and a unit in brackets; a number in brackets is an index, part of the name."""
 
 
 def read_table(
@@ -32,12 +32,12 @@ def read_table(
 ) -> SourceColumns:
     """Return the wanted columns of a table.
 
-    The header is the row above the first row of numbers, or the one that the options name; a row
-    of units between them is understood, and so is a unit in brackets behind a name. Without a
-    header the columns are named "1", "2" and on. Cells without a value are NaN, those at a
-    column's end are left out: a column may end before the others. A date is in seconds since
-    1970, a time of day since midnight. Lines of text between the numbers are left out, and so is
-    a last one that is cut off.
+    The header is the row above the first row of numbers, or the row that the options name.
+    Units are read from a row between the two, or from brackets after a name. Without a header the
+    columns are named "1", "2" and on. Cells without a value become NaN, but are left out at a
+    column's end: columns may differ in length. Dates become seconds since 1970, times of day
+    seconds since midnight. Lines of text between the numbers, and a cut-off last line, are
+    skipped.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def _read_rows(
     places: Mapping[str, int],
     number: Numbers,
 ) -> tuple[dict[str, "array[float]"], "array[int]", list[str]]:
-    """Return the numbers by column, the line of each row, and what was left out."""
+    """Return the numbers by column, the line number of each row, and notes on skipped lines."""
     columns = {name: array("d") for name in places}
     lines, texts, cut = array("q"), [], []
     for line, row in enumerate(rows, start=begin):
@@ -121,7 +121,7 @@ def _read_rows(
 def _split(
     rows: Iterable[Sequence[Cell]], options: ImportOptions
 ) -> tuple[list[Sequence[Cell]], Iterator[Sequence[Cell]], int | None]:
-    """Return the first rows, those that follow, and the place of the first row of numbers."""
+    """Return the first rows, an iterator over the rest, and the index of the first numbers."""
     rest = iter(rows)
     start = list(islice(rest, (options.header or 0) + _LOOKED_AT))
     place = options.header or 0
@@ -137,14 +137,14 @@ def _split(
 def _header(
     rows: Sequence[Sequence[Cell]], first: int | None, options: ImportOptions
 ) -> tuple[Sequence[Cell], Sequence[Cell], int, list[str]]:
-    """Return the row of names, the row of units, the place of the first row of numbers, notes."""
+    """Return the row of names, the row of units, the index of the first numbers, and notes."""
     if options.header is not None:
         if options.header > len(rows) or not _filled(rows[options.header - 1]):
             raise InputError(f"--header {options.header}: there is nothing in this line")
         begin = options.header if first is None else first
         units = next((row for row in rows[options.header : begin] if _is_units(row)), ())
         return rows[options.header - 1], units, begin, []
-    if first is None:  # names alone
+    if first is None:  # no numbers, only names
         named = next(n for n, row in enumerate(rows) if _filled(row))
         return rows[named], (), named + 1, []
     width = len(rows[first])
@@ -153,7 +153,7 @@ def _header(
         above.pop()
     if above:
         units = above.pop() if len(above) > 1 and _is_units(above[-1]) else ()
-        over = above[-2] if len(above) > 1 else ()  # has the names of what is blank below it
+        over = above[-2] if len(above) > 1 else ()  # its names fill blanks in the row below
         wide = max(width, len(above[-1]))
         pairs = zip_longest(above[-1], over[:wide], range(1, wide + 1))
         names = [text_of(name) or text_of(group) or str(place) for name, group, place in pairs]
@@ -167,7 +167,7 @@ def _header(
 
 
 def _is_data(rows: Sequence[Sequence[Cell]], number: Numbers) -> bool:
-    """Whether the first of these rows is one of numbers, as most that follow it are."""
+    """Return whether the first row consists of numbers as most of the following rows do."""
 
     def places(row: Sequence[Cell]) -> set[int]:
         return {place for place, cell in enumerate(row) if number.reads(cell)}
@@ -185,7 +185,7 @@ def _is_data(rows: Sequence[Sequence[Cell]], number: Numbers) -> bool:
 
 
 def _is_units(row: Sequence[Cell]) -> bool:
-    """Whether most filled cells are units; a dash stands for none."""
+    """Return whether most non-empty cells are units, or dashes for no unit."""
     texts = [text_of(cell).strip("[]() ") for cell in row if text_of(cell)]
     return 2 * sum(text in ("-", "") or is_unit(text) for text in texts) > len(texts)
 

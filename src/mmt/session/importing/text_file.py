@@ -1,4 +1,4 @@
-"""Tables in text: any separator and encoding, decimal point or comma, packed by gzip or not."""
+"""Read tables in text files: any separator and encoding, decimal point or comma, also gzip."""
 
 import csv
 import gzip
@@ -24,16 +24,16 @@ _BEGINNINGS: Final = {
 
 
 def read_text(path: Path, wanted: Callable[[str], bool], options: ImportOptions) -> SourceColumns:
-    """Read the wanted columns of a text file, see `read_table`.
+    """Read the wanted columns of a text file; see `read_table`.
 
-    The separator is that of semicolon, tab, comma and blanks which makes most numbers of the
-    lines; a sign of comments before a line is left out. The encoding is that which the file begins
-    with, UTF-8 or Windows-1252.
+    The separator is semicolon, tab, comma or blanks, whichever gives most numbers. A comment sign
+    (``#``, ``%``) before a line is removed. The encoding is that of the byte order mark, else
+    UTF-16, UTF-8 or Windows-1252, as detected.
 
     Raises
     ------
     InputError
-        The file is missing, no text, or see `read_table`.
+        The file is missing or not text, or see `read_table`.
     """
     origin = f"import {path}"
     damage = (UnicodeDecodeError, csv.Error, EOFError, zlib.error, gzip.BadGzipFile)
@@ -69,7 +69,7 @@ def _encoding(path: Path) -> str:
             while stream.read(1 << 20):
                 pass
     except UnicodeDecodeError:
-        return "cp1252"  # a degree or mu sign of a measuring program
+        return "cp1252"  # such as a degree or mu sign from a measuring program
     return "utf-8"
 
 
@@ -83,12 +83,12 @@ def _rows(lines: Iterator[str] | TextIO, delimiter: str) -> Iterator[Sequence[st
 
 
 def _delimiter(lines: list[str], options: ImportOptions) -> str:
-    """Return the separator that makes most numbers; of those which make as many, the first."""
+    """Return the separator that gives most numbers, then occurs most, then is first in `_SIGNS`."""
 
     def worth(sign: str) -> tuple[int, int]:
         try:
             numbers = weigh_numbers(_rows(iter(lines), sign), options)
-        except csv.Error:  # a cell as long as a wide table's line
+        except csv.Error:  # a wide table's line, taken for one cell, is too long
             numbers = 0
         return numbers, sum(sign in line for line in lines)
 

@@ -6,12 +6,12 @@ from collections.abc import Callable
 from mmt.devices.protocols import Vector
 
 Truth = Callable[[int], Vector]
-"""What an emulated device measures: a vector in the channel's unit, at a time (ns) of the host's
+"""True value for an emulated device: a vector in the channel's unit, at a time (ns) of the host's
 monotonic clock."""
 
 
 def with_flipped_bit(wire: bytes, generator: random.Random) -> bytes:
-    """Return bytes of which one bit, any, has been turned over on the way."""
+    """Return bytes with one random bit flipped."""
     bit = generator.randrange(8 * len(wire))
     broken = bytearray(wire)
     broken[bit // 8] ^= 1 << bit % 8

@@ -1,4 +1,4 @@
-"""An ADXL335 behind a microcontroller on a pseudo-terminal, as its driver meets it."""
+"""An emulated ADXL335 behind a microcontroller, on a pseudo-terminal for its driver."""
 
 import math
 import os
@@ -28,9 +28,9 @@ _LEAST_WAIT_S: Final = 0.0001
 class EmulatedAdxl335Board:
     """A board that sends frames until it is stopped; `address` is its port.
 
-    The sensor cuts off at 3.6 g along each axis. The board's filter delays what is felt by
-    1 / (2 pi f), as it does well below its corner; it attenuates nothing. On the other end of a
-    pseudo-terminal bytes come at once, whatever the baud rate.
+    The sensor clips at 3.6 g along each axis. The board's filter delays the acceleration by
+    1 / (2 pi f), the delay well below its corner, and attenuates nothing. Through a pseudo-terminal
+    bytes arrive at once, whatever the baud rate.
 
     Parameters
     ----------
@@ -42,11 +42,11 @@ class EmulatedAdxl335Board:
         Supply of the sensor, which is also the reference of the converter, and resolution of
         the converter.
     calibration
-        What the sensor really has; None for the data sheet's values.
+        True calibration of the sensor; None for the data sheet's values.
     bandwidth_hz
         Bandwidth of the board's filters.
     clock_ppm, start_us
-        How much too fast the board's clock runs, and where it begins.
+        How much too fast the board's clock runs, and its time at the start.
     noise_density
         Noise density of the sensor, m/s2 per root hertz.
     seed
@@ -94,7 +94,7 @@ class EmulatedAdxl335Board:
 
     @property
     def address(self) -> str:
-        """The port's name, the same after it was unplugged; empty before `start`."""
+        """The port's name, which stays the same after `unplug`; empty before `start`."""
         return "" if self._folder is None else str(Path(self._folder.name) / "ttyACM0")
 
     @property
@@ -132,7 +132,7 @@ class EmulatedAdxl335Board:
                     os.close(end)
 
     def plug(self) -> None:
-        """Bring the port back under its name; the board itself went on counting."""
+        """Bring the port back under its name; meanwhile the board has gone on counting."""
         import pty
         import tty
 
@@ -156,7 +156,7 @@ class EmulatedAdxl335Board:
         self._garbled = frames
 
     def halve(self, frames: int = 1) -> None:
-        """Send the first half of each of the next frames alone."""
+        """Send only the first half of each of the next frames."""
         self._halved = frames
 
     def lose(self, frames: int = 1) -> None:
@@ -168,7 +168,7 @@ class EmulatedAdxl335Board:
         self._stalled = stalled
 
     def scramble(self, *, scrambled: bool = True) -> None:
-        """Send what a wrong baud rate makes of the frames, or go on."""
+        """Send random bytes, as after a wrong baud rate, or go on."""
         self._scrambled = scrambled
 
     def stick(self, *, stuck: bool = True) -> None:

@@ -1,4 +1,4 @@
-"""The thread in which emulated devices do what falls due."""
+"""The thread that runs emulated devices at their due times."""
 
 import threading
 import time
@@ -6,21 +6,21 @@ from collections.abc import Callable
 from typing import Final
 
 Turn = Callable[[int], int]
-"""Does what is due at a monotonic time (ns), and returns when something is due next."""
+"""Does the work due at a monotonic time (ns), and returns the next due time."""
 
 _IDLE_NS: Final = 10_000_000
 
 
 class Clockwork:
-    """A thread that gives each device its turns.
+    """A thread that calls the turn of each device when it is due.
 
-    A device has one of its own, or shares that of a lab, whose thread wakes once for all of them
-    and in which none waits for another's interpreter lock.
+    A device has a clockwork of its own, or shares that of a lab: its thread wakes once for all
+    devices, and none waits for another's interpreter lock.
 
     Parameters
     ----------
     grid_ns
-        Wake at multiples of this time alone; 1 for whenever something is due.
+        Wake only at multiples of this time; 1 for whenever something is due.
     """
 
     def __init__(self, grid_ns: int = 1) -> None:
@@ -30,7 +30,7 @@ class Clockwork:
         self._thread: threading.Thread | None = None
 
     def add(self, turn: Turn) -> None:
-        """Give it turns from now on."""
+        """Call a device's turn from now on."""
         with self._lock:
             self._due[turn] = 0
             if self._thread is None:
@@ -40,7 +40,7 @@ class Clockwork:
                 self._thread.start()
 
     def remove(self, turn: Turn) -> None:
-        """Give it no more; the thread ends with the last. Calling it twice is harmless."""
+        """Stop calling a turn; the thread ends with the last one. Calling it twice is harmless."""
         with self._lock:
             self._due.pop(turn, None)
             thread = None if self._due else self._thread

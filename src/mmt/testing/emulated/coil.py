@@ -18,7 +18,7 @@ _RINGING_S: Final = 0.5
 
 
 def coil_acceleration_m_s2(volts: FloatArray, rate_hz: float) -> FloatArray:
-    """Return the acceleration of the handle that voltages (n,) make, (n,); by the bilinear map."""
+    """Return the handle's acceleration (n,) for voltages (n,), by the bilinear transform."""
     size = len(volts) + round(_RINGING_S * rate_hz)
     s = 2j * rate_hz * np.tan(np.pi * np.fft.rfftfreq(size)) / (2.0 * np.pi * RESONANCE_HZ)
     transfer = LEVEL_M_S2_PER_V * s**2 / (s**2 + 2.0 * DAMPING_RATIO * s + 1.0)
@@ -26,6 +26,6 @@ def coil_acceleration_m_s2(volts: FloatArray, rate_hz: float) -> FloatArray:
 
 
 def swept_level() -> ActuatorLevel:
-    """Return what `mmt device equalise` would have stored of this coil."""
+    """Return the level that `mmt device equalise` would store for this coil."""
     volts = sweep(1.0, *_SWEPT_HZ, _SWEEP_S)
     return fit_equaliser(volts, coil_acceleration_m_s2(volts, RATE_HZ))

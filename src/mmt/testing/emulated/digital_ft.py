@@ -30,7 +30,7 @@ _COUNTS: Final = 1_000_000
 _COUNTS_A_NEWTON: Final = 1000.0
 _TIMER_NS: Final = 1_000_000
 _ADAPTER_BYTES: Final = 62
-"""A common adapter of USB to serial hands on this many bytes together, or what is there after a
+"""A common adapter of USB to serial passes on this many bytes together, or what it has after a
 millisecond."""
 _JAM: Final = 14
 _GAINS = (500, 501, 502, 503, 504, 505)
@@ -43,14 +43,14 @@ class EmulatedDigitalFt:
     Parameters
     ----------
     truth
-        The force at a time: N at ns of the host's monotonic clock.
+        The force (N) at a time (ns) of the host's monotonic clock.
     baud
-        Bits a second that it is set to; a program that opens the port with another reads
-        garbage, and is not understood.
+        Bits a second that it is set to; a program that opens the port with another rate reads
+        garbage, and the sensor does not understand it.
     clock_ppm
         How much too fast its clock runs.
     noise_counts
-        Standard deviation of a gauge.
+        Standard deviation of a gauge's noise.
     seed
         Seed of the noise and the faults.
     """
@@ -65,7 +65,7 @@ class EmulatedDigitalFt:
         seed: int = 1,
     ) -> None:
         self.registers: dict[int, int] = {STATUS: 0}
-        """By their number; change them to be another sensor."""
+        """Registers by number; change them to emulate another sensor."""
         self.stuck = False
         self.error = False
         """Set the error bit of the records that follow."""
@@ -78,7 +78,7 @@ class EmulatedDigitalFt:
         self._rate = record_rate_hz(baud) * (1.0 + 1e-6 * clock_ppm) * 1e-9
         self._on_line_ns = round(11 * SIZE * 1e9 / baud)
         self._sent = 0
-        self._began_ns: int | None = None  # its stream; None while it listens
+        self._began_ns: int | None = None  # start of its stream; None while it listens
         self._received = b""
         self._gauges: Gauges = (0, 0, 0, 0, 0, 0)
         self._flips = 0
@@ -98,7 +98,7 @@ class EmulatedDigitalFt:
         units: tuple[int, int] = (2, 4),
         number: int = 1,
     ) -> None:
-        """Store a calibration: rows of counts of force and torque a gauge count."""
+        """Store a calibration: rows of counts of force and torque per gauge count."""
         ranges = (12.0, 12.0, 17.0, 120.0, 120.0, 120.0)
         registers = pack_calibration(
             serial, part, matrix.tolist(), units, ranges, (_COUNTS, _COUNTS), _GAINS, _OFFSETS
@@ -115,7 +115,7 @@ class EmulatedDigitalFt:
         return {"port": self.port.path, "baud": self._baud}
 
     def start(self) -> None:
-        """Begin."""
+        """Start the port."""
         self.port.start()
 
     def stop(self) -> None:
@@ -123,12 +123,12 @@ class EmulatedDigitalFt:
         self.port.stop()
 
     def unplug(self) -> None:
-        """Have the port vanish; without power the sensor stops its stream."""
+        """Remove the port; without power the sensor stops its stream."""
         self.port.unplug()
         self._began_ns = None
 
     def plug(self) -> None:
-        """Have the port appear again."""
+        """Make the port appear again."""
         self.port.plug()
 
     def stream(self) -> None:
@@ -234,7 +234,7 @@ def _request_length(received: bytes) -> int:
 
 
 def _mixing_matrix() -> "np.ndarray[Any, np.dtype[np.float64]]":
-    """Return a matrix as a Nano17 has it: every gauge feels forces and torques."""
+    """Return a matrix like that of a Nano17: every gauge feels forces and torques."""
     geometry = np.array(
         [
             [0.0, 0.0, 0.0, 1.7, 0.0, -1.7],

@@ -29,12 +29,12 @@ _Haptuator: TypeAlias = "SerialHaptuator"
 
 
 class HandleLabOptions(BaseModel):
-    """What the first device of the emulated handle that is connected makes of it."""
+    """Options of the emulated handle, taken from the first of its devices that connects."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     seed: int = Field(1, ge=0, lt=2**63)
-    """Seed of the noise, and of the texture where there is one."""
+    """Seed of the noise, and of the texture if there is one."""
 
     @property
     def arguments(self) -> tuple[str, ...]:
@@ -43,12 +43,12 @@ class HandleLabOptions(BaseModel):
 
 
 class LabOptions(HandleLabOptions):
-    """What the first device that is connected makes of the lab."""
+    """Options of the lab, taken from the first of its devices that connects."""
 
     surface: str = "plastic"
     """Name of a simulated surface."""
     acceleration_rate_hz: AccelerationRateHz = 1000
-    """Rate at which the world shakes, as in ``[session]``; the ADXL335 measures at twice it."""
+    """Rate of the world's vibration, as in ``[session]``; the ADXL335 measures at twice it."""
 
     @property
     def arguments(self) -> tuple[str, ...]:
@@ -61,7 +61,7 @@ AnyDevice = TypeVar("AnyDevice", bound=Device)
 
 
 def take_lab_options(kind: type[AnyLab], name: str, options: dict[str, Any]) -> AnyLab:
-    """Take a lab's options out of those of a device, which a scene calls `name`.
+    """Remove the lab's options from those of the device `name`, and return them.
 
     Raises
     ------
@@ -73,19 +73,19 @@ def take_lab_options(kind: type[AnyLab], name: str, options: dict[str, Any]) -> 
 
 
 LAB: Final = LabProcess("mmt.testing.emulated.lab")
-"""The world and what measures it; the handle's lab is another one."""
+"""Process of the world and its devices; the handle's lab is another one."""
 _HANDLE_LAB: Final = LabProcess("mmt.testing.emulated.handle_lab")
 
 
 def check_options(
     name: str, driver: str, options: Mapping[str, Any], role: Role | None = None
 ) -> None:
-    """Make the real driver, at any address, so that a wrong option is told before the lab starts.
+    """Make the real driver, at any address, to report a wrong option before the lab starts.
 
     Raises
     ------
     InputError
-        An option is not allowed; the message begins with `name`, as a scene calls the device.
+        An option is not allowed; the message begins with `name`, the device's name in a scene.
     """
     try:
         load_device(driver, options, role=role)
@@ -137,17 +137,17 @@ class VirtualDevice(ABC, Generic[AnyDevice]):
     Parameters
     ----------
     name
-        What a scene calls it.
+        Name of the device in a scene.
     driver
-        The real one.
+        Name of the real driver.
     options
         Options of the driver; those of the lab are removed from them.
     role
-        Of the driver, where it has several.
+        Role of the driver, if it has several.
     lab, lab_options
-        Its process, and what that takes.
+        Process of the lab, and the type of its options.
     **needed
-        Options without which the driver cannot be made, any values: the lab gives them.
+        Options that the driver requires, with any values: the lab gives the true ones.
 
     Raises
     ------
@@ -202,7 +202,7 @@ class VirtualDevice(ABC, Generic[AnyDevice]):
         self._lab.leave(self)
 
     def _made(self, address: dict[str, Any]) -> AnyDevice:
-        """Return the real driver for these options and one's own."""
+        """Return the real driver, with the options of the address and of the scene."""
         made: Any = load_device(self._driver, {**address, **self._options}, role=self._role)
         return made  # type: ignore[no-any-return]
 
@@ -217,14 +217,14 @@ class VirtualDevice(ABC, Generic[AnyDevice]):
 
 
 class VirtualSensor(VirtualDevice[SampledSensor]):
-    """One that is a sensor.
+    """A `VirtualDevice` that is a sensor.
 
     Parameters
     ----------
     name, driver, options, **settings
         See `VirtualDevice`.
     address
-        Its device in the lab.
+        Name of its device in the lab.
     """
 
     def __init__(
@@ -254,7 +254,7 @@ class VirtualNetFt(VirtualSensor):
 
 
 class VirtualAdxl335(VirtualSensor):
-    """The accelerometer of the virtual lab; it takes those of ``adxl335-serial`` too."""
+    """The accelerometer of the virtual lab; it takes the options of ``adxl335-serial`` too."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__("virtual-adxl335", "adxl335-serial", "adxl335", options, port="lab")
@@ -271,12 +271,12 @@ class VirtualHandleAdxl335(VirtualSensor):
 
 
 class VirtualHaptuator(VirtualDevice[_Haptuator]):
-    """The driver of a Haptuator's board, at an emulated one on an emulated handle.
+    """The driver of a Haptuator's board, at an emulated board on an emulated handle.
 
     Parameters
     ----------
     **options
-        Those of ``haptuator-serial`` but `port` and `full_scale_v`, and of `HandleLabOptions`.
+        Those of ``haptuator-serial`` except `port` and `full_scale_v`, and `HandleLabOptions`.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -299,7 +299,7 @@ class VirtualHaptuator(VirtualDevice[_Haptuator]):
         self._connected().write_volts(volts)
 
     def response(self, frequencies_hz: FloatArray) -> tuple[FloatArray, float]:
-        """Return what the real driver knows of its response."""
+        """Return the response that the real driver knows."""
         return self._connected().response(frequencies_hz)
 
     @property

@@ -1,7 +1,7 @@
 """A handle with an actuator and an accelerometer on it, emulated in a process of its own.
 
-What the actuator's board plays shakes the handle, and what the accelerometer's board feels is
-that. See `mmt.testing.emulated.lab_process`.
+The samples of the actuator's board shake the handle, and the accelerometer's board measures this
+motion. See `mmt.testing.emulated.lab_process`.
 """
 
 import json
@@ -24,19 +24,19 @@ LEVEL_M_S2_PER_V: Final = 15.0
 RESONANCE_HZ: Final = 150.0
 DAMPING_RATIO: Final = 0.2
 DIRECTION: Final[Vector] = (0.6, 0.0, 0.8)
-"""In which the handle is shaken, in the accelerometer's axes."""
+"""Direction in which the handle is shaken, in the accelerometer's axes."""
 
 _RATE_HZ: Final = 8000
 _ACCELEROMETER_HZ: Final = 2000.0
 _BANDWIDTH_HZ: Final = 1000.0
 _GRAVITY_M_S2: Final = 9.80665
 _BEHIND: Final = 240
-"""Samples by which the acceleration is shown late, so that what comes after is known too."""
+"""Delay of the acceleration in samples, so that the sample after an instant is known too."""
 _KEPT: Final = 4096
 
 
 class ShakenHandle:
-    """A voice coil's mass on a spring: the acceleration that its resonance makes of a voltage.
+    """A voice coil's mass on a spring, which turns voltage into acceleration with a resonance.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A Haptuator on a sound card in software, for a scene that has neither."""
+"""An emulated Haptuator on an emulated sound card, for a scene that has neither."""
 
 from pathlib import Path
 from typing import Any, Final
@@ -19,7 +19,7 @@ def emulated_haptuator(log: str | None = None, **options: Any) -> "EmulatedHaptu
     """Make the driver on an emulated card; options are those of ``haptuator-sound``.
 
     With a `serial` its level is that of a sweep of the emulated coil (`mmt.testing.emulated.coil`).
-    `log` names a file that gets what was played when it is closed.
+    `log` names a file to which the played voltages are written on `close`.
 
     Raises
     ------
@@ -32,7 +32,7 @@ def emulated_haptuator(log: str | None = None, **options: Any) -> "EmulatedHaptu
 
 
 class EmulatedHaptuator(SoundHaptuator):
-    """The driver of the sound card, with a card whose time goes on while it is connected."""
+    """The driver of the sound card, with an emulated card whose time runs while it is connected."""
 
     def __init__(
         self, options: SoundOptions, level: ActuatorLevel | None = None, log: Path | None = None
@@ -44,7 +44,7 @@ class EmulatedHaptuator(SoundHaptuator):
         super().__init__(options, self.card, level=level)
 
     def connect(self) -> None:
-        """Open the card and let its time go on."""
+        """Open the card and start its time."""
         super().connect()
         self.card.start()
 

@@ -1,4 +1,4 @@
-"""A microcontroller that plays samples, on a pseudo-terminal, as its driver meets it."""
+"""An emulated microcontroller that plays samples, on a pseudo-terminal for its driver."""
 
 import random
 from collections import deque
@@ -18,8 +18,8 @@ _MODULUS: Final = 0x10000
 class EmulatedHaptuatorBoard:
     """A board that buffers samples, plays them by its own clock and reports.
 
-    Where its buffer is dry it plays zero. On a pseudo-terminal bytes come at once, whatever the
-    baud rate.
+    While its buffer is empty it plays zero. Through a pseudo-terminal bytes arrive at once,
+    whatever the baud rate.
 
     Parameters
     ----------
@@ -45,13 +45,13 @@ class EmulatedHaptuatorBoard:
         listener: Callable[[int], None] | None = None,
     ) -> None:
         self.garbled = 0.0
-        """Share of the frames, either way, of which a bit is flipped."""
+        """Share of the transfers, in either direction, in which a bit is flipped."""
         self.halved = 0.0
-        """Share of what comes together, either way, of which the second half gets lost."""
+        """Share of the transfers, in either direction, whose second half gets lost."""
         self.stalled = False
         """Whether the firmware hangs: it plays nothing and sends nothing."""
         self.frozen = False
-        """Whether it goes on to report what it reported last, and does nothing else."""
+        """Whether it repeats its last report and does nothing else."""
         self._listener = listener
         self._rate_hz = rate_hz
         self._capacity = capacity
@@ -68,7 +68,7 @@ class EmulatedHaptuatorBoard:
 
     @property
     def path(self) -> str:
-        """What the option ``port`` names."""
+        """Path of the port, for the option ``port``."""
         return self._port.path
 
     def start(self) -> None:
@@ -80,7 +80,7 @@ class EmulatedHaptuatorBoard:
         self._port.stop()
 
     def unplug(self) -> None:
-        """Take it from its port and its power."""
+        """Unplug the board from its port and its power."""
         self._port.unplug()
 
     def plug(self) -> None:
@@ -92,7 +92,7 @@ class EmulatedHaptuatorBoard:
         self._begin()
 
     def count_from(self, sequence: int) -> None:
-        """Have had this frame as the newest one."""
+        """Behave as if this frame had been the newest one."""
         self._sequence = sequence % _MODULUS
 
     def played(self) -> list[int]:

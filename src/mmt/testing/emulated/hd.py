@@ -1,4 +1,4 @@
-"""A Phantom or Touch that is not there, behind a library with the interface of libHD."""
+"""An emulated Phantom or Touch, behind a library with the interface of libHD."""
 
 import ctypes
 import hashlib
@@ -35,12 +35,12 @@ _Nine: Final = ctypes.c_double * 9
 
 
 def build_library(directory: Path | None = None) -> Path:
-    """Compile the emulated library where that has not been done yet; return its path.
+    """Compile the emulated library unless that has been done; return its path.
 
     Parameters
     ----------
     directory
-        None for the user's cache.
+        Directory of the library; None for the user's cache.
 
     Raises
     ------
@@ -85,8 +85,8 @@ class TipLook(NamedTuple):
 class EmulatedHd:
     """The emulated devices of this process: up to two, in the order in which they were opened.
 
-    Drivers reach them by the library `address`. Each tip is a mass of 75 g with 0.5 N s/m of
-    damping (our choice, of the order of a small arm), in HD's axes.
+    Drivers load the library at `address`. Each tip is a mass of 75 g with 0.5 N s/m of damping
+    (our choice, of the order of a small arm), in HD's axes.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ class EmulatedHd:
             self._thread.start()
 
     def stop(self) -> None:
-        """Let go of the tip."""
+        """Stop the hand and release the tip."""
         self._ended.set()
         if self._thread is not None:
             self._thread.join()
@@ -140,29 +140,29 @@ class EmulatedHd:
     # --- faults
 
     def fail(self, fault: Fault, *, on: bool = True) -> None:
-        """Let a fault begin or end."""
+        """Start or end a fault."""
         self._stub.mmt_stub_fault(_FAULTS.index(fault), int(on))
 
     def unplug(self) -> None:
-        """Let the device not answer any more."""
+        """Have the device not answer any more."""
         self.fail("comm_lost")
 
     def plug(self) -> None:
-        """Let it answer again."""
+        """Have the device answer again."""
         self.fail("comm_lost", on=False)
 
     def stall(self, *, on: bool = True) -> None:
-        """Let the servo loop stand still."""
+        """Stop the servo loop, or let it go on."""
         self.fail("stalled", on=on)
 
     def uncalibrate(self, styles: int, status: int) -> None:
-        """Offer these styles of calibration (bits) and report this state of it."""
+        """Offer these styles of calibration (bits) and report this calibration state."""
         self._stub.mmt_stub_calibration(styles, status)
 
     # --- the world
 
     def limits(self, force_n: float, stiffness_n_mm: float) -> None:
-        """Set what the device says that it can display."""
+        """Set the largest force and stiffness that the device reports."""
         self._stub.mmt_stub_limits(force_n, stiffness_n_mm)
 
     def hold(self, position_mm: Vector, stiffness_n_mm: float, *, device: int = 0) -> None:
@@ -182,7 +182,7 @@ class EmulatedHd:
         self._stub.mmt_stub_place(device, _Three(*position_mm))
 
     def look(self, *, device: int = 0) -> TipLook:
-        """Return where a tip truly is, and what its motors do."""
+        """Return the true state of a tip, and the force of its motors."""
         v = _Nine()
         self._stub.mmt_stub_look(device, v)
         return TipLook((v[0], v[1], v[2]), (v[3], v[4], v[5]), (v[6], v[7], v[8]))

@@ -1,6 +1,6 @@
 /* A library with the interface of OpenHaptics HD, for a machine without a device.
  *
- * It keeps the rules that a driver must keep: one frame a tick, a force within a frame, one
+ * It enforces the rules for a driver: one frame a tick, a force within a frame, one
  * device a name, a current device for each thread, errors that pop newest first.
  */
 #include "hd_stub.h"
@@ -117,7 +117,7 @@ void hdGetIntegerv(Enum what, int *values)
     else push(0x0100);
 }
 
-/* What a bad line makes of a measurement: the old one, or now and then one with a flipped bit. */
+/* Spoil a measurement as a bad line does: repeat the old one, or now and then flip a bit. */
 static void spoil(double told[3], double *values)
 {
     if (faults[STUCK]) memcpy(values, told, 3 * sizeof(double));

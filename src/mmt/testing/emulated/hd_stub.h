@@ -1,4 +1,4 @@
-/* What the two halves of the emulated HD library share. */
+/* Declarations that the two halves of the emulated HD library share. */
 #ifndef MMT_HD_STUB_H
 #define MMT_HD_STUB_H
 

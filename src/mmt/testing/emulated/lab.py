@@ -1,11 +1,11 @@
 """A lab in a process of its own: the world, and emulated devices that measure it.
 
-Its robot is moved by datagrams, or is another that the last argument names, as ``ur``. It prints
-the robot's address as one line of JSON, that of a sensor when a line of its standard input names
-it, and ends when that input ends, as it does with the process that started it.
+Its robot is moved by datagrams, unless the last argument names another robot, as ``ur``. The lab
+prints the robot's address as one line of JSON, and a sensor's when a line of standard input names
+the sensor. It ends when standard input ends, which also happens with the process that started it.
 
-The devices are entry points of the group ``mmt.emulators``: functions of the world, a seed and the
-lab's clockwork.
+The devices are entry points of the group ``mmt.emulators``: functions that take the world, a seed
+and the lab's clockwork.
 """
 
 import gc
@@ -37,7 +37,7 @@ class LabDevice(Protocol):
 
 def main(surface: str, samples_per_frame: str, seed: str, robot_name: str = "robot") -> None:
     """Run the lab until standard input ends."""
-    ask_for_short_turns(0)  # the service that it is a child of goes first
+    ask_for_short_turns(0)  # its parent, the service, goes first
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     clockwork = Clockwork(TICK_NS)
     world = World(surface, int(seed), clockwork, int(samples_per_frame))
@@ -47,7 +47,7 @@ def main(surface: str, samples_per_frame: str, seed: str, robot_name: str = "rob
         return made
 
     robot = device(robot_name)
-    gc.freeze()  # a real device does not stand still for a collector
+    gc.freeze()  # a real device does not stop for garbage collection
     parts: list[World | LabDevice] = [world, robot]
     for part in parts:
         part.start()

@@ -1,7 +1,7 @@
 """Emulated devices in a process of their own.
 
-It begins with the first driver that is connected and ends with the last that is closed, or with
-this process.
+The process starts when the first driver connects. It ends when the last one closes, or with the
+present process.
 """
 
 import json
@@ -17,13 +17,13 @@ _START_S: Final = 20.0
 
 
 class LabProcess:
-    """The process of a lab, shared by the devices of this one.
+    """The process of a lab, shared by the drivers of the present process.
 
     Parameters
     ----------
     module
-        Runs the lab: it prints its devices' addresses as a line of JSON, further ones when a line
-        of its standard input names them, and ends with that input.
+        Module that runs the lab. It prints its devices' addresses as a line of JSON, further ones
+        when a line of its standard input names them, and ends with that input.
     """
 
     def __init__(self, module: str) -> None:
@@ -34,7 +34,7 @@ class LabProcess:
         self._addresses: dict[str, dict[str, Any]] = {}
 
     def enter(self, user: object, *arguments: str) -> dict[str, dict[str, Any]]:
-        """Start it where it does not run; return the addresses."""
+        """Start the process unless it runs; return the addresses."""
         with self._lock:
             if self.process is None or self.process.poll() is not None:
                 self._users.clear()
@@ -45,7 +45,7 @@ class LabProcess:
             return self._addresses
 
     def address(self, user: object, device: str, *arguments: str) -> dict[str, Any]:
-        """Start it where it does not run, and the device in it; return the device's address."""
+        """Start the process and the device in it unless they run; return the device's address."""
         self.enter(user, *arguments)
         with self._lock:
             if device not in self._addresses and self.process is not None:
@@ -56,7 +56,7 @@ class LabProcess:
             return self._addresses[device]
 
     def leave(self, user: object) -> None:
-        """End it after its last user."""
+        """End the process after its last user."""
         with self._lock:
             self._users.discard(id(user))
             if not self._users and self.process is not None:
@@ -75,7 +75,7 @@ class LabProcess:
         self._addresses = self._answer(self.process)
 
     def _answer(self, process: "subprocess.Popen[str]") -> dict[str, dict[str, Any]]:
-        """Return the addresses of the next line that it prints."""
+        """Return the addresses in the next line that the process prints."""
         said = process.stdout
         assert said is not None  # noqa: S101 - a pipe was asked for
         line = said.readline() if select.select([said], [], [], _START_S)[0] else ""
@@ -87,7 +87,7 @@ class LabProcess:
         return addresses
 
     def _end(self, process: "subprocess.Popen[str]") -> str:
-        """End it and return the last line of what it said went wrong."""
+        """End the process and return the last line of its standard error."""
         try:
             _, said = process.communicate(timeout=5.0)
         except subprocess.TimeoutExpired:

@@ -1,4 +1,4 @@
-"""A LabJack U6 as pyusb meets it: a backend of its own, without libusb and without a device."""
+"""An emulated LabJack U6: a backend of pyusb, without libusb and without a device."""
 
 import errno
 import struct
@@ -38,14 +38,14 @@ _SLICE_S: Final = 0.0002
 
 
 class EmulatedU6(OneDeviceBackend):
-    """Give it to the driver as its `backend`.
+    """An emulated U6, given to the driver as its `backend`.
 
     Parameters
     ----------
     volts
-        What lies at the 14 inputs at a monotonic time (ns).
+        Voltages of the 14 inputs at a monotonic time (ns).
     serial
-        Its number.
+        Serial number.
     lines
         Its calibration by the gain's index; None for the nominal one.
     clock_ppm
@@ -90,7 +90,7 @@ class EmulatedU6(OneDeviceBackend):
         self._garbled = packets
 
     def halve(self, packets: int = 1) -> None:
-        """Send the first half of each of the next packets alone."""
+        """Send only the first half of each of the next packets."""
         self._halved = packets
 
     def lose(self, packets: int = 1) -> None:
@@ -102,7 +102,7 @@ class EmulatedU6(OneDeviceBackend):
         self._stalled = stalled
 
     def overflow(self, scans: int) -> None:
-        """Throw scans away as after a full buffer, and report it."""
+        """Discard scans as after a full buffer, and report it."""
         self._overflow = scans
 
     def bulk_write(self, dev_handle: UsbHandle, ep: int, intf: int, data: Any, timeout: int) -> int:  # noqa: ARG002
@@ -175,7 +175,7 @@ class EmulatedU6(OneDeviceBackend):
         return b""
 
     def _until_due_s(self) -> float:
-        """Return for how long the next packet is not there yet, by its last scan."""
+        """Return the time until the next packet is complete, by its last scan."""
         if not self.streaming or self._stalled:
             return _SLICE_S
         last = self._scan + self._per_packet // len(self.table) - 1

@@ -25,15 +25,15 @@ class EmulatedNetFt:
     Parameters
     ----------
     truth
-        The force at a time: N at ns of the host's monotonic clock.
+        The force (N) at a time (ns) of the host's monotonic clock.
     host
-        Where to listen.
+        Address to listen at.
     rdt_port, http_port
         0 for any free port.
     clock_ppm
         How much too fast the box's clock runs.
     noise_n
-        Standard deviation of what a gauge adds, without which values look stuck.
+        Standard deviation of the noise, without which values look stuck.
     seed
         Seed of the noise and the losses.
     """
@@ -64,9 +64,9 @@ class EmulatedNetFt:
             "runrate": str(_BOX_RATE_HZ),
             "runstat": "0x00000000",
         }
-        """What ``netftapi2.xml`` holds; change it to be another box."""
+        """Values of ``netftapi2.xml``; change them to emulate another box."""
         self.calibration = {"calsn": "FT00017", "calpn": "SI-12-0.12"}
-        """What ``netftcalapi.xml`` holds."""
+        """Values of ``netftcalapi.xml``."""
         self.status = 0
         """Status of the records that follow."""
         self.loss = 0.0
@@ -74,10 +74,10 @@ class EmulatedNetFt:
         self.swapped = 0.0
         """Share of records that come after their successor."""
         self.lost_starts = 0
-        """Number of start requests from now on that get lost."""
+        """Number of the next start requests that get lost."""
         self.stuck = False
         self.requests: list[int] = []
-        """Commands that came."""
+        """Commands received."""
         self.truth = truth
         self._address = (host, rdt_port)
         self._http_address = (host, http_port)
@@ -118,7 +118,7 @@ class EmulatedNetFt:
             self._threads.append(thread)
 
     def stop(self) -> None:
-        """End, and give the ports back."""
+        """Stop, and release the ports."""
         self._ended.set()
         self._http.shutdown()
         for thread in self._threads:
@@ -132,17 +132,17 @@ class EmulatedNetFt:
         return {"host": self.host, "rdt_port": self.rdt_port, "http_port": self.http_port}
 
     def unplug(self) -> None:
-        """Answer nothing any more and forget the client, as without power."""
+        """Stop answering and forget the client, as without power."""
         self._plugged = False
         self._client = None
         self._sequence = 0
 
     def plug(self) -> None:
-        """Be there again."""
+        """Answer again."""
         self._plugged = True
 
     def stall(self, *, silent: bool = True) -> None:
-        """Keep back the records, as with the cable out of the switch, or no longer."""
+        """Send no records, as with the cable out of the switch, or go on."""
         self._silent = silent
 
     def garble(self, *packets: bytes) -> None:
@@ -154,7 +154,7 @@ class EmulatedNetFt:
         self._bits_to_flip += records
 
     def count_from(self, sequence: int) -> None:
-        """Give this number to the record after the next one that is due."""
+        """Give the next record the number after this one."""
         self._sequence = sequence & 0xFFFFFFFF
 
     def _listen(self) -> None:

@@ -1,7 +1,7 @@
-"""A Phantom that leads and one that follows, at the wire: the emulated HD library.
+"""Virtual Phantoms of leader and follower: the real driver on the emulated HD library.
 
-The follower's tip meets the wall of the library; it tells the lab where it is, where the surface
-under it makes force and vibration for the emulated sensors. The leader's is held by a simulated
+The follower's tip meets the library's wall. It reports its position to the lab, and the lab's
+surface makes force and vibration for the emulated sensors. The leader's tip is held by a simulated
 hand, as by a spring.
 """
 
@@ -41,16 +41,16 @@ _KEPT: Final = 500_000
 
 
 def series_n_mm(robot_n_mm: float = ROBOT_N_MM) -> float:
-    """Return the force over the depth of the command, of robot and surface together."""
+    """Return the force over the depth of the command: robot and surface in series (N/mm)."""
     return 1.0 / (1.0 / WALL_N_MM + 1.0 / robot_n_mm)
 
 
 def brushing_mm(seed: int) -> list[Vector]:
-    """Return where a hand wants to be that brushes a surface: it lands and lifts while it strokes.
+    """Return the intended path of a hand that brushes a surface: it lands and lifts in its strokes.
 
-    A place a millisecond, for `_COURSE_S`. It strokes to and fro over 90 mm at 30 to 270 mm/s in
-    the middle, is down for 0.5 to 1.5 s with 0.3 to 2.5 N (on a robot of `ROBOT_N_MM`), and up by
-    4 mm for 0.3 to 0.6 s.
+    One position each millisecond, for `_COURSE_S`. The hand strokes to and fro over 90 mm at 30 to
+    270 mm/s in the middle, is down for 0.5 to 1.5 s with 0.3 to 2.5 N (on a robot of
+    `ROBOT_N_MM`), and up by 4 mm for 0.3 to 0.6 s.
     """
     random = np.random.default_rng(seed)
     count = round(_COURSE_S / _PERIOD_S)
@@ -73,7 +73,7 @@ def brushing_mm(seed: int) -> list[Vector]:
 
 
 class ReportedTip:
-    """A tip that is elsewhere and tells where; it meets a wall at zero, with friction."""
+    """A tip in another process that reports its state; it meets a wall at zero, with friction."""
 
     def __init__(self) -> None:
         self.friction_coefficient = 0.0
@@ -84,18 +84,18 @@ class ReportedTip:
 
     @property
     def options(self) -> dict[str, Any]:
-        """Where it is told."""
+        """Port that receives the reports."""
         return {"port": self._socket.getsockname()[1]}
 
     def start(self) -> None:
         """Do nothing: the world asks it."""
 
     def stop(self) -> None:
-        """Give the port back."""
+        """Close the port."""
         self._socket.close()
 
     def advance(self, command_mm: Vector) -> TipState:  # noqa: ARG002 - it is moved elsewhere
-        """Return where it was told to be last, and the force there."""
+        """Return the last reported state, and the force there."""
         while select.select([self._socket], [], [], 0.0)[0]:
             packet = self._socket.recv(64)
             if len(packet) == _TIP.size:
@@ -125,7 +125,7 @@ class VirtualPhantomRobot(OpenHapticsRobot):
         self._thread: threading.Thread | None = None
 
     def connect(self) -> None:
-        """Start the lab and the library, and tell the one where the other's tip is."""
+        """Start the lab and the library, and report the library's tip to the lab."""
         self.close()
         port = LAB.enter(self, *self._lab.arguments, "phantom")["phantom"]["port"]
         self._emulated.start()
@@ -138,7 +138,7 @@ class VirtualPhantomRobot(OpenHapticsRobot):
         super().connect()
 
     def close(self) -> None:
-        """Let go of both; calling it twice is harmless."""
+        """Leave the lab and stop the library; calling it twice is harmless."""
         super().close()
         if self._thread is not None:
             self._ended.set()
@@ -162,7 +162,7 @@ class VirtualPhantomHandle(OpenHapticsHandle):
     Parameters
     ----------
     log
-        File that gets the hand's way when it is closed; None for none.
+        File to which the tip's path is written on `close`; None for none.
     **options
         Those of the driver, and of `HandleLabOptions`.
     """
@@ -182,7 +182,7 @@ class VirtualPhantomHandle(OpenHapticsHandle):
         super().connect()
 
     def close(self) -> None:
-        """Let go; calling it twice is harmless."""
+        """Release the device and write the log; calling it twice is harmless."""
         super().close()
         self._emulated.stop()
         if self._log is not None and self._way:
@@ -190,7 +190,7 @@ class VirtualPhantomHandle(OpenHapticsHandle):
             self._log = None
 
     def _held_at(self, time_ns: int) -> Vector:
-        """Return where the hand holds the tip, in the device's axes; note where the tip is."""
+        """Return the place at which the hand holds the tip, in the device's axes; log the tip."""
         if self._begun_ns is None:
             self._begun_ns = time_ns
         if self._log is not None and len(self._way) < _KEPT:

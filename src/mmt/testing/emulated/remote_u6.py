@@ -1,7 +1,7 @@
 """An emulated LabJack U6 in another process: its bulk transfers over local sockets.
 
-A request is an endpoint, a time-out (ms) and what to write, nothing where it reads; the answer is
-an error number of the system, 0 where there is none, and what was read.
+A request is an endpoint, a time-out (ms) and the bytes to write, none for a read. The answer is an
+error number of the system, 0 for none, and the bytes read.
 """
 
 import errno
@@ -27,12 +27,12 @@ _PACKET: Final = 64
 
 
 class U6Server:
-    """The emulated U6's end, at a socket's path.
+    """Serves an emulated U6 at a socket's path.
 
     Parameters
     ----------
     box
-        What answers.
+        The emulated U6.
     """
 
     def __init__(self, box: EmulatedU6) -> None:
@@ -42,13 +42,13 @@ class U6Server:
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
 
     def start(self) -> None:
-        """Begin to listen."""
+        """Start to listen."""
         self._socket.bind(self.address)
         self._socket.listen()
         threading.Thread(target=self._accept, name="U6 server", daemon=True).start()
 
     def stop(self) -> None:
-        """End."""
+        """Stop, and remove the socket."""
         self._socket.shutdown(socket.SHUT_RDWR)
         self._socket.close()
         self._folder.cleanup()
@@ -57,7 +57,7 @@ class U6Server:
         while True:
             try:
                 link, _ = self._socket.accept()
-            except OSError:  # the end
+            except OSError:  # stopped
                 return
             threading.Thread(target=self._serve, args=(link,), name="U6 pipe", daemon=True).start()
 
@@ -82,7 +82,7 @@ class U6Server:
 
 
 class RemoteU6(OneDeviceBackend):
-    """Give it to the driver as its `backend`; each endpoint has a socket of its own.
+    """A remote U6, given to the driver as its `backend`; each endpoint has a socket of its own.
 
     Parameters
     ----------
@@ -105,12 +105,12 @@ class RemoteU6(OneDeviceBackend):
             pipe.close()
 
     def bulk_write(self, dev_handle: UsbHandle, ep: int, intf: int, data: Any, timeout: int) -> int:  # noqa: ARG002
-        """Hand it on."""
+        """Send the bytes to the server."""
         self._ask(ep, timeout, bytes(data))
         return len(data)
 
     def bulk_read(self, dev_handle: UsbHandle, ep: int, intf: int, buff: Any, timeout: int) -> int:  # noqa: ARG002
-        """Hand it on, and take what comes."""
+        """Read bytes from the server."""
         content = self._ask(ep, timeout, b"")
         buff[: len(content)] = array("B", content)
         return len(content)

@@ -22,12 +22,12 @@ _PERIOD_NS: Final = 1_000_000
 
 
 class Tip(Protocol):
-    """What moves at the other end."""
+    """The tip that the datagrams move."""
 
     command_mm: Vector | None
 
     def position_mm(self, time_ns: int) -> Vector:
-        """Return where it is."""
+        """Return its position."""
 
 
 class RobotLink:
@@ -53,7 +53,7 @@ class RobotLink:
         self._thread.start()
 
     def stop(self) -> None:
-        """End, and give the port back."""
+        """Stop, and close the port."""
         self._ended.set()
         self._thread.join()
         self._socket.close()
@@ -97,7 +97,7 @@ class DatagramRobot:
 
     def __init__(self, port: int) -> None:
         self.own_ns = 0
-        """Processor time of `read` and `write` so far, which a real arm's would be instead."""
+        """Processor time of `read` and `write` so far; a real arm's driver has its own instead."""
         self._port = port
         self._socket: socket.socket | None = None
         self._position: Vector | None = None

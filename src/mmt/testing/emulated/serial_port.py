@@ -22,7 +22,7 @@ _SETTLED: Final = 3
 
 
 class EmulatedPort:
-    """One side of a serial line; programs open the other by its path.
+    """The device's side of a serial line; programs open the other side by its path.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class EmulatedPort:
         Called each period with the due time (ns, the host's monotonic) and the bytes that have
         come; it may `write`.
     clockwork
-        Whose thread it runs in; None for one of its own.
+        Clockwork whose thread runs it; None for one of its own.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class EmulatedPort:
 
     @property
     def path(self) -> str:
-        """What a program opens; the same after it was plugged in again."""
+        """Path that a program opens; it stays the same after `plug`."""
         return str(self._link)
 
     @property
@@ -77,7 +77,7 @@ class EmulatedPort:
         self._directory.cleanup()
 
     def plug(self) -> None:
-        """Have the port appear."""
+        """Make the port appear."""
         import pty
         import termios
         import tty
@@ -96,7 +96,7 @@ class EmulatedPort:
             os.set_blocking(self._master, False)
 
     def unplug(self) -> None:
-        """Have the port vanish, as with its USB plug."""
+        """Remove the port, as when its USB plug is pulled."""
         with self._lock:
             if self._master >= 0:
                 os.close(self._master)
@@ -104,7 +104,7 @@ class EmulatedPort:
                 self._link.unlink()
 
     def write(self, content: bytes) -> None:
-        """Send bytes to the program; what its side cannot hold is dropped."""
+        """Send bytes to the program; bytes that its side cannot hold are dropped."""
         sent = 0
         with contextlib.suppress(OSError):  # full, or unplugged
             sent = os.write(self._master, content)
@@ -125,8 +125,8 @@ class EmulatedPort:
     def _watch_settings(self) -> None:
         """Note the baud rate, and mark the settings.
 
-        A pseudo terminal has no parity. Setting one that changes nothing is an error, so that
-        a second program could not open the port; the mark is a change that it makes.
+        A pseudo terminal has no parity, and setting a parity is an error if nothing else changes:
+        a second program could not open the port. The mark gives it something to change.
         """
         import fcntl
 

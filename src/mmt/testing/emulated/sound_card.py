@@ -1,7 +1,7 @@
-"""A sound card in software: what `sounddevice` offers of one output, on a clock of its own.
+"""An emulated sound card: the interface of `sounddevice` for one output, on a clock of its own.
 
-An `EmulatedSoundCard` takes the library's place. Its time either goes on by itself (`start`), or
-by `advance`, as fast as the computer can.
+An `EmulatedSoundCard` takes the library's place. Its time either runs by itself (`start`), or by
+`advance`, as fast as the computer can.
 """
 
 import threading
@@ -22,7 +22,7 @@ _PAUSE_S: Final = 0.001
 
 
 class PortAudioError(Exception):
-    """What the library raises."""
+    """The library's error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,15 +42,15 @@ class EmulatedSoundCard:
     Parameters
     ----------
     name
-        By which it is found.
+        Name by which the card is found.
     channels
-        Outputs that it has.
+        Number of its outputs.
     clock_ppm
         How much too fast its clock runs.
     dac_latency_s
-        From a block's being filled to its first frame at the converter.
+        Time from filling a block to its first frame at the converter.
     history_s
-        For how long it is known what was played.
+        Length of the record of played samples.
     """
 
     PortAudioError = PortAudioError
@@ -68,7 +68,7 @@ class EmulatedSoundCard:
         self.channels = channels
         self.dac_latency_s = dac_latency_s
         self.begun_s = 0.0
-        """When its time began to go on by itself, by the monotonic clock."""
+        """Monotonic time (s) at which its own time was 0; set by `start`."""
         self._history_s = history_s
         self._speed = 1.0 + 1e-6 * clock_ppm
         self._plugged = True
@@ -87,7 +87,7 @@ class EmulatedSoundCard:
     # --- the physical side
 
     def start(self) -> None:
-        """Let time go on by itself."""
+        """Let time run by itself."""
         self.begun_s = time.monotonic() - self._time_s
         self._ended.clear()
         self._thread = threading.Thread(target=self._run, name="emulated sound card", daemon=True)
@@ -120,7 +120,7 @@ class EmulatedSoundCard:
                 self._stream.finish()
 
     def plug(self) -> None:
-        """Bring it back; the library sees it once it looks again."""
+        """Bring it back; the library sees it once it searches again."""
         self._plugged = True
 
     def stall(self, stalled: bool = True) -> None:
@@ -132,13 +132,13 @@ class EmulatedSoundCard:
         self._underflow = True
 
     def played(self, channel: int = 1) -> FloatArray:
-        """Return what was played, of the history's length, full scale is 1, shape (frames,)."""
+        """Return the played samples of the history, full scale is 1, shape (frames,)."""
         with self._lock:
             blocks = [block[:, channel - 1] for block in self._blocks]
         return np.concatenate(blocks).astype(np.float64) if blocks else np.zeros(0)
 
     def clock_ns(self) -> int:
-        """Return the time that `advance` has made pass."""
+        """Return the card's time (ns)."""
         return round(1e9 * self._time_s)
 
     def _run(self) -> None:

@@ -61,22 +61,22 @@ _ENDPOINT: Final = {
 
 
 class UsbHandle:
-    """What a program that has the device open holds."""
+    """Handle of a program that has the device open."""
 
     def __init__(self) -> None:
         self.valid = True
-        """Until the device is unplugged; it stays invalid when that is plugged in again."""
+        """False once the device is unplugged, even when it is plugged in again."""
 
 
 class OneDeviceBackend(usb.backend.IBackend):  # type: ignore[misc]  # pyusb has no types
-    """Give it to pyusb as its `backend`; a subclass moves the bytes.
+    """A `backend` for pyusb; a subclass transfers the bytes.
 
     Parameters
     ----------
     vendor, product
-        The device's numbers.
+        Vendor and product number of the device.
     endpoints
-        Their addresses.
+        Addresses of the endpoints.
     """
 
     def __init__(self, vendor: int, product: int, endpoints: tuple[int, ...]) -> None:
@@ -101,15 +101,15 @@ class OneDeviceBackend(usb.backend.IBackend):  # type: ignore[misc]  # pyusb has
         self._plugged = True
 
     def forbid(self, *, forbidden: bool = True) -> None:
-        """Refuse to be opened, as without a udev rule."""
+        """Refuse to open the device, as without a udev rule."""
         self._permitted = not forbidden
 
     def orphan(self) -> None:
-        """Let the program that has it die: it may be opened by another one, and goes on."""
+        """Act as if the program with the device had died: the device goes on, free for another."""
         self._claimed_by = None
 
     def enumerate_devices(self) -> list[object]:
-        """Return the device where it is plugged in."""
+        """Return the device if it is plugged in."""
         return [self] if self._plugged else []
 
     def get_device_descriptor(self, *_: Any) -> Any:
@@ -153,19 +153,19 @@ class OneDeviceBackend(usb.backend.IBackend):  # type: ignore[misc]  # pyusb has
         return 1
 
     def claim_interface(self, dev_handle: UsbHandle, intf: int) -> None:  # noqa: ARG002
-        """Let one program have it."""
+        """Reserve the device for one program."""
         self.check(dev_handle)
         if self._claimed_by not in {None, dev_handle}:
             raise usb.core.USBError("Resource busy", errno=errno.EBUSY)
         self._claimed_by = dev_handle
 
     def release_interface(self, dev_handle: UsbHandle, intf: int) -> None:  # noqa: ARG002
-        """Let it go."""
+        """Release the device."""
         if self._claimed_by is dev_handle:
             self._claimed_by = None
 
     def check(self, dev_handle: UsbHandle) -> None:
-        """Raise what libusb raises where the device is gone."""
+        """Raise libusb's error if the device is gone."""
         if not dev_handle.valid:
             raise _gone()
 

@@ -1,4 +1,4 @@
-"""The simulated robot and surface, running by the clock, for emulated devices to measure."""
+"""The simulated robot and surface in real time, for emulated devices to measure."""
 
 import time
 from typing import Final
@@ -15,10 +15,10 @@ from mmt.testing.simulation.textures import get_surface
 TICK_NS: Final = 1_000_000
 
 _BEHIND_TICKS: Final = 4
-"""Delay with which the world is shown, so that what comes after an instant is known too."""
+"""Delay of the world's values, so that those after an instant are known too."""
 _KEPT: Final = 256
 _MOST_AT_ONCE: Final = 200
-"""After a longer hold-up the world's time skips."""
+"""Ticks; after a longer hold-up the world's time skips."""
 
 
 class World:
@@ -31,9 +31,9 @@ class World:
     seed
         Seed of the texture.
     clockwork
-        Whose thread it runs in; None for one of its own.
+        Clockwork whose thread runs it; None for one of its own.
     samples_per_frame
-        Samples of acceleration in a millisecond, which bound what its surface shakes with.
+        Samples of acceleration in a millisecond, which bound the band of the vibration.
 
     Raises
     ------
@@ -63,7 +63,7 @@ class World:
         self._due = 0
         self._clockwork = clockwork or Clockwork()
         self.command_mm: Vector | None = None
-        """Where the robot is to go; set from any thread."""
+        """Commanded position of the robot; set from any thread."""
 
     def stand(self, tip: MovedTip) -> None:
         """Put another tip onto the surface, in the robot's place, before the start."""
@@ -80,7 +80,7 @@ class World:
         self._clockwork.remove(self._turn)
 
     def position_mm(self, time_ns: int) -> Vector:
-        """Return where the tip is at a time of the monotonic clock."""
+        """Return the tip's position at a time of the monotonic clock."""
         return self._at(time_ns, self._positions)
 
     def force_n(self, time_ns: int) -> Vector:
@@ -92,7 +92,7 @@ class World:
         return self._at(time_ns, self._accelerations)
 
     def _at(self, time_ns: int, values: list[Vector]) -> Vector:
-        """Interpolate by the cubic through four values; before and after them the nearest."""
+        """Interpolate by the cubic through four values; times outside the history are clamped."""
         count = len(values)
         a_tick = count // _KEPT
         place = ((time_ns - self._begun_ns) / TICK_NS - _BEHIND_TICKS) * a_tick

@@ -13,8 +13,8 @@ class SimulatedActuator:
     """Stands in for a Haptuator; implements `VibrationActuator`.
 
     Samples beyond the limit are played at the limit and counted, as an amplifier clips;
-    what is not finite fades out and is counted as clipped. Nothing is kept but sums: memory does
-    not grow. Cost: about 0.3 us a sample.
+    values that are not finite fade out and count as clipped. Only sums are kept: memory does not
+    grow. Cost: about 0.3 us a sample.
 
     Parameters
     ----------

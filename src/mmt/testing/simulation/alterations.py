@@ -1,4 +1,4 @@
-"""What is done to the vibration of a known surface: a level, patches, bursts."""
+"""Alterations of the vibration of a known surface: a level, patches, bursts."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,21 +19,21 @@ PATCH_MM: Final = 19.0
 """Mean distance of patches, which are 12 to 30 mm across."""
 
 LAGS: Final = 2048
-"""Samples at 1 kHz after which no vibration remembers itself."""
+"""Samples at 1 kHz after which the correlation of any vibration has decayed."""
 
 _PART: Final = 128  # frequencies at once, which bounds the memory
 _PATCHES: Final = 11  # along each side of a square that repeats itself
-_STEEP: Final = 25.0  # of a threshold, which takes some 10 % of its speed or force
+_STEEP: Final = 25.0  # of a threshold, whose width is some 10 % of its speed or force
 
 
 def burst_decay(rate_hz: float) -> float:
-    """Return the rate, per sample, at which the gain of bursts forgets itself."""
+    """Return the rate, per sample, at which the correlation of the bursts' gain decays."""
     return 2.0 * (1.0 / rate_hz) / BURST_S
 
 
 @dataclass(frozen=True)
 class Level:
-    """A level over speed v and force F, in dB, that no power law has.
+    """A level over speed v and force F, in dB, that follows no power law.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class Level:
     thresholds: tuple[tuple[Quantity, float, float], ...] = ()
 
     def level_db(self, speed_mm_s: FloatArray | float, force_n: FloatArray | float) -> FloatArray:
-        """Return the level (k,) at speeds and forces (k,), or that of one of each."""
+        """Return the level (k,) at speeds and forces (k,), or that at a single speed and force."""
         along, across = np.log(speed_mm_s * 0.01 + 0.1), np.log(force_n + 0.1)
         depth, p, q, phase = self._columns
         waves = np.cos(np.multiply.outer(along, p) + np.multiply.outer(across, q) + phase)
@@ -73,7 +73,7 @@ class Patches:
     seed: int
 
     def gains(self) -> list[list[float]]:
-        """Return the gain on the amplitude on each mm of a square that repeats itself, by y, x."""
+        """Return the amplitude gain on each mm of a square that repeats itself, by y, x."""
         random = np.random.default_rng([self.seed, 12])
         side = round(_PATCHES * PATCH_MM)
         cells = np.stack(np.meshgrid(np.arange(_PATCHES), np.arange(_PATCHES)), -1).reshape(-1, 2)
@@ -94,7 +94,7 @@ class Patches:
 
 @dataclass(frozen=True)
 class Bursts:
-    """A log-normal gain over time that gives the vibration this kurtosis, 3 without."""
+    """A log-normal gain over time that gives the vibration this kurtosis (3 without the gain)."""
 
     kurtosis: float
 
@@ -106,7 +106,7 @@ class Bursts:
     def widened(
         self, density: FloatArray, frequencies_hz: FloatArray, rate_hz: float
     ) -> FloatArray:
-        """Return a density (k, lags + 1) from 0 to half the rate as it is with bursts, (k, f)."""
+        """Return the density (k, f) with bursts of one (k, lags + 1) from 0 to half the rate."""
         lags = np.arange(density.shape[1] - 1)
         kept = np.exp(-burst_decay(rate_hz) * lags)
         gain = np.exp(-(self.spread**2) * (1.0 - kept))

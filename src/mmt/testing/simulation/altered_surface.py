@@ -1,6 +1,6 @@
-"""A known surface that is made rough over speed and force, uneven over place, or bursty.
+"""A known surface made rough over speed and force, uneven over position, or bursty.
 
-The truth stays exact: a gain that depends on speed and force multiplies the spectrum; patches and
+The truth stays exact: a gain that depends on speed and force multiplies the spectrum. Patches and
 bursts leave the mean power as it is, and bursts widen the spectrum by that of their gain.
 """
 
@@ -25,18 +25,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class AlteredSurface:
-    """A known surface and what is done to its vibration; offers what `Surface` does.
+    """A known surface and the alterations of its vibration; has the interface of `Surface`.
 
     Parameters
     ----------
     name
-        What it is called in reports.
+        Name in reports.
     base
         The surface that is altered.
     low_pass_hz
         Corner of a low-pass of first order.
     level, patches, bursts
-        Gains on what comes out of it.
+        Gains on the low-passed vibration.
     """
 
     name: str
@@ -53,17 +53,17 @@ class AlteredSurface:
 
     @property
     def tangential_share(self) -> float:
-        """As of `Surface`."""
+        """See `Surface`."""
         return self.base.tangential_share
 
     @property
     def friction_coefficient(self) -> float:
-        """As of `Surface`."""
+        """See `Surface`."""
         return self.base.friction_coefficient
 
     @property
     def rate_hz(self) -> float:
-        """As of `Surface`."""
+        """See `Surface`."""
         return self.base.rate_hz
 
     @property
@@ -80,7 +80,7 @@ class AlteredSurface:
     ) -> FloatArray:
         """Return the exact spectrum along the normal, (k, f); see `Surface.spectrum`.
 
-        That of patches is the mean over the reach of a hand.
+        With patches it is the mean over the reach of a hand.
         """
         frequencies = np.atleast_1d(np.asarray(frequencies_hz, np.float64))
         if self.bursts is None:
@@ -141,12 +141,12 @@ _PARTS: Final = {"level": Level, "patches": Patches, "bursts": Bursts}
 def from_altered_parameters(
     name: str, base: "Surface | ModelSurface", parameters: Mapping[str, Any]
 ) -> AlteredSurface:
-    """Rebuild the surface on its base from what `AlteredSurface.annotations` wrote.
+    """Rebuild the surface on its base from the parameters of `AlteredSurface.annotations`.
 
     Raises
     ------
     ValueError, KeyError, TypeError
-        The parameters are none of an altered surface.
+        The parameters do not describe an altered surface.
     """
     parts = {key: kind(**parameters[key]) for key, kind in _PARTS.items() if key in parameters}
     return AlteredSurface(name, base, parameters["low_pass_hz"], **parts)
@@ -160,12 +160,12 @@ def alter(
     Parameters
     ----------
     surface
-        The surface.
+        The surface to alter.
     alteration
         ``patches`` or ``bursts``; ``patches-4`` has a standard deviation of 4 dB (3 by default),
         ``bursts-8`` a kurtosis of 8 (6 by default).
     seed
-        Says where the patches lie.
+        Seed of the places of the patches.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What a known texture has above 500 Hz, where the acceleration is faster than 1 kHz."""
+"""The vibration of a known texture above 500 Hz, for acceleration faster than 1 kHz."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -12,20 +12,20 @@ from mmt.testing.simulation.modes import Mode, Resonance
 from mmt.testing.simulation.surfaces import Surface
 
 _EDGES_HZ: Final = np.geomspace(600.0, 4200.0, 7)
-"""One resonance is drawn between two of these."""
+"""One resonance is drawn between each two of these."""
 
 _HIGHEST: Final = 0.42
-"""Share of the rate below which a resonance begins, so that none reaches half the rate."""
+"""Highest frequency of a resonance over the rate, so that none reaches half the rate."""
 
 _LARGEST_SHIFT: Final = 0.1
 
 
 def with_bands(surface: Surface, rate_hz: float, seed: int) -> Surface:
-    """Return a surface at a rate, with resonances above 500 Hz as far as the rate has room.
+    """Return a surface at a rate, with resonances above 500 Hz as far as the rate allows.
 
-    Below 500 Hz it keeps its own parts. The others carry on from the density that these have
-    there, by 1.5 +- 0.5 powers of the frequency and 3.5 dB of chance; each follows speed, force and
-    heading as one of the surface's own parts does. A higher rate has all that a lower one has.
+    The surface keeps its own parts. The new resonances continue from the density below 500 Hz: they
+    fall with the frequency to the power of 1.5 +- 0.5, with 3.5 dB of chance. Each follows speed,
+    force and heading like one of the surface's parts. A higher rate has all those of a lower one.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def with_bands(surface: Surface, rate_hz: float, seed: int) -> Surface:
     rate_hz
         Samples of acceleration a second.
     seed
-        Says which resonances.
+        Seed of the resonances.
     """
     if rate_hz == RATE_HZ:
         return surface

@@ -1,9 +1,8 @@
 """A tool that goes from one known surface to another, at seeded moments.
 
-A change falls due at a frame that is drawn beforehand. It happens at the first moment from then on
-at which the tool has been off the surface for 30 ms, or, for a change within contact, on it
-for so long. So the moments follow from the schedule, which travels with the recording, and
-from the recorded force.
+A change falls due at a frame that is drawn beforehand. It happens as soon as the tool has then
+been off the surface for 30 ms, or, for a change within contact, on it for 30 ms. So the moments
+follow from the schedule, which is stored with the recording, and from the recorded force.
 """
 
 import json
@@ -25,14 +24,14 @@ from mmt.testing.simulation.vibration_source import VibrationSource
 When = Literal["lifted", "contact", "either"]
 
 SETTLED_TICKS: Final = 30
-"""So long the tool is off the surface, or on it, before it counts as that."""
+"""Ticks that the tool must stay off the surface, or on it, before it counts as that."""
 
 _TOUCH_N: Final = 0.05
 _LARGEST_COURSE: Final = 2000
 
 
 class CourseChange(NamedTuple):
-    """The tool goes to a surface, by its place in the course, from this frame on."""
+    """A change to a surface, given by its place in the course, due from this frame on."""
 
     due_frame: int
     surface: int
@@ -40,7 +39,7 @@ class CourseChange(NamedTuple):
 
 
 class ContactWatch:
-    """Says when a change happens, from the force tick by tick."""
+    """Finds the ticks at which changes happen, from the force."""
 
     def __init__(self, changes: Sequence[CourseChange]) -> None:
         self._changes = changes
@@ -49,10 +48,10 @@ class ContactWatch:
         self._settled = 0
         self._touching = False
         self.surface = 0
-        """The one under the tool now."""
+        """Place in the course of the surface under the tool."""
 
     def step(self, force_n: float) -> int:
-        """Take the next tick's normal force; return the surface under the tool."""
+        """Take the next tick's normal force; return the place of the surface under the tool."""
         touching = force_n > _TOUCH_N
         self._settled = self._settled + 1 if touching == self._touching else 1
         self._touching = touching
@@ -67,19 +66,19 @@ class ContactWatch:
 
 
 class SurfaceCourse:
-    """Several known surfaces and the moments at which the tool goes to the next.
+    """Several known surfaces and the changes between them.
 
     Parameters
     ----------
     surfaces
-        The tool begins on the first and never goes to the one it is on.
+        Known surfaces; the tool begins on the first.
     changes
-        In the order of their frames.
+        Changes in the order of their frames; none leads to the surface under the tool.
 
     Raises
     ------
     InputError
-        There is no surface, or they are of several rates.
+        There is no surface, or the surfaces have different rates.
     """
 
     def __init__(self, surfaces: Sequence[KnownSurface], changes: Sequence[CourseChange]) -> None:
@@ -115,17 +114,17 @@ class SurfaceCourse:
 
     @property
     def friction_coefficient(self) -> float:
-        """Friction coefficient of the surface on which it begins."""
+        """Friction coefficient of the first surface."""
         return self.surfaces[0].friction_coefficient
 
     @property
     def rate_hz(self) -> float:
-        """As of `Surface`."""
+        """See `Surface`."""
         return self.surfaces[0].rate_hz
 
     @property
     def name(self) -> str:
-        """What it is called in reports."""
+        """Name in reports."""
         return ", ".join(surface.name for surface in self.surfaces)
 
     def annotations(self) -> bytes:
@@ -141,7 +140,7 @@ class SurfaceCourse:
         return json.dumps(truth, separators=(",", ":")).encode()
 
     def along(self, force_n: FloatArray) -> IntArray:
-        """Return the surface under the tool in each frame (n,), from its normal force (n,)."""
+        """Return the place of the surface under the tool in each frame, from the force (n,)."""
         watch = ContactWatch(self.changes)
         return np.array([watch.step(force) for force in force_n.tolist()], dtype=np.int64)
 
@@ -171,7 +170,7 @@ def surface_of(
 
 
 class CourseVibration(VibrationSource):
-    """The vibration of whichever surface is under the tool, a frame in each call of `run`."""
+    """The vibration of the surface under the tool; each call of `run` makes a frame."""
 
     def __init__(self, course: SurfaceCourse, generator: np.random.Generator) -> None:
         self._watch = ContactWatch(course.changes)

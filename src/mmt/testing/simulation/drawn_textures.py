@@ -1,8 +1,8 @@
-"""Textures drawn at random from a broad family, none of which anyone has chosen.
+"""Textures drawn at random from a broad family; none was chosen by a person.
 
-Levels follow what was measured on fifty models of the Penn Haptic Texture Toolkit (every second
-one by name), their range stretched onto 300 mm/s and 3 N; spectra and exponents spread further.
-5th, 50th and 95th percentile of those models, and of 120 drawn textures:
+Levels follow fifty models of the Penn Haptic Texture Toolkit (every second one by name), with their
+range stretched to 300 mm/s and 3 N; spectra and exponents spread further. 5th, 50th and 95th
+percentile of those models, and of 120 drawn textures:
 
 ==============================================  ===================  ===================
 level at 100 mm/s and 1 N (dB re 1 (m/s2)^2)    -12.6   -4.8    8.5  -11.6    0.0   10.9
@@ -14,13 +14,13 @@ rms of the spectrum about that slope (dB)         5.4    7.2    8.2    2.7    4.
 centroid of the spectrum (Hz)                      66    112    186     44     82    182
 ==============================================  ===================  ===================
 
-About the power law the models are rough: what two of their points differ by hardly grows with
-their distance, from 2.5 dB (rms over the root of 2) a quarter of an e-fold apart to 2.9 dB from
-one e-fold on. Lines, grains, thresholds, patches and bursts are drawn besides, of which those
-models have none.
+The models scatter about the power law: the difference between two of their points hardly grows with
+the distance, from 2.5 dB (rms over the root of 2) at a quarter of an e-fold to 2.9 dB from one
+e-fold on. Lines, grains, thresholds, patches and bursts are drawn in addition; those models have
+none of them.
 
-Seeds below `FINAL` are for development. A figure that is to say how a method does on textures
-that it has not seen is taken once, on final ones; nothing is ever tuned on them.
+Seeds below `FINAL` are for development. The performance of a method on unseen textures is measured
+once, on final ones; nothing is ever tuned on them.
 """
 
 from dataclasses import replace
@@ -53,11 +53,11 @@ def draw_texture(name: str, seed: int, rate_hz: float = RATE_HZ) -> AlteredSurfa
     Parameters
     ----------
     name
-        What it is called.
+        Name of the texture.
     seed
         Below `FINAL` for development.
     rate_hz
-        As of `Surface`; above 1 kHz it has further parts, see `mmt.testing.simulation.bands`.
+        See `Surface`; above 1 kHz the texture has further parts, `mmt.testing.simulation.bands`.
     """
     random = np.random.default_rng([seed, 40])
     grains = _grains(random)
@@ -75,7 +75,7 @@ def draw_texture(name: str, seed: int, rate_hz: float = RATE_HZ) -> AlteredSurfa
         patches=Patches(random.uniform(2.0, 4.0), seed) if unevenness < _UNEVEN else None,
         bursts=Bursts(random.uniform(4.0, 8.0)) if unevenness > 1.0 - _UNEVEN else None,
     )
-    # powers add up, and those of all parts are given by that of one stroke along x
+    # powers add up: one factor for all parts sets the power of a stroke along x
     wanted = 10.0 ** (random.uniform(-13.0, 9.0) / 10.0)
     factor = wanted / float(texture.power(100.0, 1.0, 0.0)[0])
     scaled = tuple(replace(mode, power=mode.power * factor) for mode in modes)
@@ -83,7 +83,7 @@ def draw_texture(name: str, seed: int, rate_hz: float = RATE_HZ) -> AlteredSurfa
 
 
 def _grains(random: np.random.Generator) -> list[Grain | None]:
-    """Return what each part takes its grain from: none for all, or up to three directions."""
+    """Return the grains from which each part draws its own: none, or up to three directions."""
     if random.random() < 0.6:
         return [None]
     count = int(random.integers(1, 4))
@@ -125,7 +125,7 @@ def _lines(
     force: float,
     power: float,
 ) -> tuple[Mode, ...]:
-    """Return the one to four harmonics of ridges, with a fifth to three times a power."""
+    """Return one to four harmonics of ridges, with 0.2 to 3 times the given power."""
     falling = random.uniform(0.2, 0.7) ** np.arange(int(random.integers(1, 5)))
     powers = falling / falling.sum() * power * _log_uniform(random, 0.2, 3.0)
     return ridges(
@@ -139,7 +139,7 @@ def _lines(
 
 
 def _level(random: np.random.Generator) -> Level:
-    """Return what the level is rough by, 1 to 4 dB, and a threshold in every third texture."""
+    """Return a level that varies by 1 to 4.4 dB rms, with a threshold in every third texture."""
     depth = random.uniform(0.5, 1.5, _WAVES)
     depth *= _log_uniform(random, 1.0, 4.4) / np.sqrt(0.5 * np.sum(depth**2))
     length = np.exp(random.uniform(np.log(0.3), np.log(3.0), _WAVES))  # in e-folds

@@ -14,7 +14,7 @@ from mmt.testing.simulation.robot import START_MM, SimulatedRobot, TipState
 
 
 class MovedTip(Protocol):
-    """What stands on the surface."""
+    """The tip on the surface."""
 
     friction_coefficient: float
 
@@ -25,8 +25,8 @@ class MovedTip(Protocol):
 class SimulatedFollower:
     """Follows motion commands on a known surface; implements `FollowerSource`.
 
-    Until the first command the tip waits above the surface; without a new one it holds
-    the last, and so it does on one that is not finite. It never finishes by itself.
+    Until the first command the tip waits above the surface. Without a new command it holds the
+    last one; it ignores a command that is not finite. It never finishes by itself.
     Cost: about 20 us a tick, and 6 us for each further sample of acceleration.
 
     Parameters
@@ -53,7 +53,7 @@ class SimulatedFollower:
         self._settings = settings
         self._surface = surface
         self.robot: MovedTip = SimulatedRobot(settings, surface.friction_coefficient)
-        """What is moved; another may take its place before the first step."""
+        """The tip that is moved; another one may take its place before the first step."""
         self._instruments = Instruments(surface, channels, seed, noise=settings.noise)
         self.dtype = self._instruments.dtype
         """Dtype of the frames."""
@@ -79,7 +79,7 @@ class SimulatedFollower:
 
     @property
     def finished(self) -> bool:
-        """Never: a robot waits for the next command."""
+        """False: a robot waits for the next command."""
         return False
 
     @property

@@ -17,9 +17,9 @@ class Grain:
     With v the speed of the stroke, c and s the cosine and sine of the angle from `across_deg`
     to its heading, the part's effective speed is ``v sqrt(c^2 + along^2 s^2)``, and it has
     ``1 + nap c`` times the power. A line of period p therefore has the frequency ``|v c| / p``
-    (its wavelength along the stroke is ``p / |c|``), but for the share `along` of the speed
-    along the ridges, which keeps it smooth where the stroke turns into them: ridges that
-    undulate are met also by a stroke along them.
+    (its wavelength along the stroke is ``p / |c|``), apart from the share `along` of the speed
+    along the ridges. This share keeps the frequency smooth when the stroke turns into the
+    ridges: a stroke along undulating ridges crosses them too.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ class Grain:
         The heading that crosses the ridges, counted from x to y; with a nap, the heading
         against it.
     along
-        Share of the speed along the ridges that counts, above 0 to 1; 1 is no ridges.
+        Share of the speed along the ridges that counts, above 0 to 1; 1 means no ridges.
     nap
         Power against the nap over its mean over all headings, less 1; above -1, below 1.
 

@@ -1,8 +1,8 @@
 """The nine textures of the rendering library: three plastics, three fabrics, three woods.
 
-All but `felt` depend on the heading of the stroke, as those of paper B do (Abdulali and Jeon,
+All except `felt` depend on the heading of the stroke, as in paper B (Abdulali and Jeon,
 Data-Driven Rendering of Anisotropic Haptic Textures, section 3.3). Levels are chosen as in
-`mmt.testing.simulation.textures`, powers hold across the grain at 100 mm/s and 1 N.
+`mmt.testing.simulation.textures`; powers hold across the grain at 100 mm/s and 1 N.
 """
 
 from typing import Final

@@ -28,9 +28,9 @@ _SCALE_RANGE: Final = (0.2, 5.0)
 
 
 class Unsteadiness:
-    """What a hand adds to what it intends: slow drift and physiological tremor.
+    """Deviation of a hand from its intention: slow drift and physiological tremor.
 
-    A unit-free share of the intended value: drift of 2 % rms with a memory of 0.3 s, and
+    A unit-free share of the intended value: drift of 2 % rms with a time constant of 0.3 s, and
     tremor of 1.2 % rms around 9 Hz (physiological tremor of the hand, 8 to 12 Hz).
     """
 
@@ -56,11 +56,11 @@ class SimulatedHand:
     """A seeded operator who explores the surface; implements `LeaderInterface`.
 
     The hand intends a speed and a normal force (`mmt.testing.simulation.motions`). To press, it
-    commands a depth below the surface from the compliance that it expects between its handle
-    and the surface. Where force is fed back (`write`), it corrects that expectation over half a
-    second, as a person does who feels too much or too little; who feels nothing corrects nothing.
+    commands a depth below the surface, computed from the compliance that it expects between handle
+    and surface. If force is fed back (`write`), it corrects this expectation over half a second,
+    like a person who feels too much or too little; without a force nothing is corrected.
 
-    The course depends on the seed and the feedback alone, not on how ticks are grouped.
+    The motion depends only on the seed and the feedback, not on how ticks are grouped.
     Cost: about 3 us a tick.
 
     Parameters
@@ -129,7 +129,7 @@ class SimulatedHand:
             self._heading = heading
         speed *= self._speed_factor.step(noise[:3])
         force *= max(self._force_factor.step(noise[3:]), 0.0)
-        if self._felt_n and force > LEAST_FORCE_N:  # no force at all is no surface to judge by
+        if self._felt_n and force > LEAST_FORCE_N:  # without a force there is nothing to judge
             self._correct(force, self._felt_n)
         self._heading += turn_rad_mm * speed * PERIOD_S
         u, v = speed * cos(self._heading), speed * sin(self._heading)

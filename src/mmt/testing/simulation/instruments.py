@@ -1,4 +1,4 @@
-"""From the tip's true motion to a frame: the surface's texture, then the sensors."""
+"""Make frames from the tip's true motion: add the surface's texture, then apply the sensors."""
 
 import math
 from collections.abc import Sequence
@@ -24,9 +24,9 @@ LEAST_SPEED_MM_S: Final = 1.0
 class Instruments:
     """The follower's sensors on a tool that strokes a known surface.
 
-    Only what the channels need is computed. The random numbers of one sensor do not
-    depend on which others are there. A frame has as many samples of acceleration as the surface's
-    rate has for each tick; between two ticks the tip's own acceleration goes in a straight line.
+    Only what the channels need is computed. The random numbers of one sensor do not depend on
+    the other sensors. A frame has as many samples of acceleration as the surface's rate gives in
+    a tick; between two ticks the tip's own acceleration is interpolated linearly.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class Instruments:
 
     @property
     def friction_coefficient(self) -> float | None:
-        """Friction of the surface that a course has reached, None where there is no course."""
+        """Friction of the surface that a course has reached, or None without a course."""
         if isinstance(self._vibration, CourseVibration):
             return self._vibration.surface.friction_coefficient
         return None

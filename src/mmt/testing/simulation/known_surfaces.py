@@ -1,4 +1,4 @@
-"""Surfaces whose texture is known exactly, of either kind, and their truth in a recording."""
+"""All kinds of surfaces with an exactly known texture, and their truth in a recording."""
 
 import json
 from typing import TYPE_CHECKING, TypeAlias, Union
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from mmt.testing.simulation.model_surface import ModelSurface
 
 KnownSurface: TypeAlias = Union[Surface, AlteredSurface, "ModelSurface"]
-"""A texture of this project's own, altered or not, or a model's, which needs the numerics."""
+"""A texture of this project, altered or not, or that of a model, imported only if needed."""
 
 
 def surface_from_annotations(annotations: bytes) -> KnownSurface:

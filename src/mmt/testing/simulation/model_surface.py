@@ -1,9 +1,9 @@
-"""A texture model as a surface whose texture is known: truths that this project did not draw.
+"""A texture model as a surface of known texture: a truth that this project did not draw.
 
-A model's filters lie at points of speed and force, or of velocity and force. Here the texture's
-spectrum between them is the mean of those of the simplex's corners by their barycentric weights,
-which a sum of independent filtered noises has exactly. No texture model interpolates so. The
-model's range is stretched onto that of a session, 300 mm/s and 3 N.
+A model's filters lie at points of speed and force, or of velocity and force. The texture's spectrum
+between them is the barycentric mean of the spectra at the corners of the simplex; a sum of
+independent filtered noises has exactly this spectrum. No texture model interpolates in this way.
+The model's range is stretched to that of a session, 300 mm/s and 3 N.
 """
 
 import base64
@@ -31,25 +31,25 @@ from mmt.texture.space.inputs import InputSpace
 _BLOCK = 100  # samples at once, at most
 _RUN_IN_S = 2.0
 _OUTSIDE = -1e-9
-"""Weights above this lie in a simplex but for rounding."""
+"""Least weight of a point inside a simplex, because of rounding."""
 
 
 class ModelSurface:
-    """A texture model as the texture of a surface; offers what `Surface` does.
+    """A texture model as the texture of a surface; has the interface of `Surface`.
 
     Parameters
     ----------
     name
-        What it is called in reports.
+        Name in reports.
     model
-        Of any rate; its filters are resampled to `rate_hz`.
+        Texture model of any rate; its filters are resampled to `rate_hz`.
     tangential_share, friction_coefficient, rate_hz
-        As of `Surface`.
+        See `Surface`.
 
     Raises
     ------
     InputError
-        Its points do not span its space.
+        The model's points do not span its space.
     """
 
     def __init__(
@@ -114,7 +114,7 @@ class ModelSurface:
     def weights(self, points: FloatArray) -> tuple[IntArray, FloatArray]:
         """Return the corners (k, d + 1) around points (k, d) of the unit space, and weights.
 
-        A point outside all simplices, which rounding makes, is the nearest corner.
+        A point that rounding puts outside all simplices gets the nearest corner.
         """
         found = self._simplices.find_simplex(points, tol=1e-12)
         transform = self._simplices.transform[found]
@@ -159,12 +159,12 @@ class ModelSurface:
 
 
 def from_parameters(name: str, parameters: Mapping[str, Any]) -> ModelSurface:
-    """Rebuild the surface from what `ModelSurface.annotations` wrote.
+    """Rebuild the surface from the parameters of `ModelSurface.annotations`.
 
     Raises
     ------
     InputError, ValueError, KeyError, TypeError
-        The parameters are none of a model.
+        The parameters do not describe a model.
     """
     model = TextureModel.from_bytes(base64.b64decode(parameters["model_npz"], validate=True))
     share, friction = float(parameters["tangential_share"]), parameters["friction_coefficient"]
@@ -173,7 +173,7 @@ def from_parameters(name: str, parameters: Mapping[str, Any]) -> ModelSurface:
 
 
 class ReadModel(Protocol):
-    """What a reader of another program's models returns."""
+    """Result of a reader of another program's models."""
 
     @property
     def model(self) -> TextureModel:
@@ -186,12 +186,12 @@ class ReadModel(Protocol):
 
 @lru_cache(maxsize=32)
 def load_surface(path: str, rate_hz: float = RATE_HZ) -> ModelSurface:
-    """Return the surface of a model file at a rate: mmt's own, or another that can be read.
+    """Return the surface of a model file at a rate, in mmt's format or another that can be read.
 
     Raises
     ------
     InputError
-        The file is missing or no model.
+        The file is missing or holds no model.
     """
     file = Path(path)
     read = find_format("model", file)
@@ -212,7 +212,7 @@ class _Simplex(NamedTuple):
     origin: list[float]
 
     def weights(self, point: tuple[float, ...]) -> list[float] | None:
-        """Return the corners' weights, None where the point lies outside."""
+        """Return the corners' weights, or None if the point lies outside."""
         if not self.matrix:
             return None
         off = [here - zero for here, zero in zip(point, self.origin, strict=True)]
@@ -224,17 +224,17 @@ class _Simplex(NamedTuple):
 class ModelVibration(VibrationSource):
     """A generator whose stationary spectrum is exactly `ModelSurface.spectrum`.
 
-    At each of the model's points a noise is filtered, whatever the motion; the motion's place
-    says with which weights they are summed. The filters are stable, as those of line spectral
-    frequencies are. Cost with the 362 points of a model of velocity: some 20 us a tick at 1 kHz,
-    order 16, and 230 us at 10 kHz, order 64; 20 us more where the motion enters another simplex.
+    A noise is filtered at each of the model's points, whatever the motion; the motion's point sets
+    the weights of their sum. The filters are stable, since they come from line spectral
+    frequencies. Cost with the 362 points of a model of velocity: some 20 us a tick at 1 kHz,
+    order 16, and 230 us at 10 kHz, order 64; 20 us more when the motion enters another simplex.
     """
 
     def __init__(self, surface: ModelSurface, generator: np.random.Generator) -> None:
         self._surface = surface
         self._share = surface.tangential_share
         self._generator = generator
-        # columns: of each point along the normal and along the heading
+        # two columns for each point: along the normal and along the heading
         self._deviation = np.sqrt(surface.variance).repeat(2)
         self._order = surface.coefficients.shape[1]
         backward = surface.coefficients.T[::-1].repeat(2, axis=1)

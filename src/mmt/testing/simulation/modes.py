@@ -1,11 +1,10 @@
 """The parts that a known texture is made of: how each follows speed and normal force.
 
 Every part is one resonator driven by white noise of its own: a damped rotation, whose
-spectrum is a Lorentzian peak. What sets a texture apart is how its parts' power, frequency
-and bandwidth follow speed and force; a part with a grain (`mmt.testing.simulation.grain`) also
-follows the heading of the stroke.
-Each map is written with arithmetic alone, so that the same line of code serves one tick
-(floats) and the whole plane (arrays).
+spectrum is a Lorentzian peak. Textures differ in how the power, frequency and bandwidth of
+their parts follow speed and force; a part with a grain (`mmt.testing.simulation.grain`) also
+follows the heading of the stroke. The maps use arithmetic alone, so that the same code serves
+one tick (floats) and the whole plane (arrays).
 """
 
 from dataclasses import dataclass
@@ -17,14 +16,14 @@ REFERENCE_SPEED_MM_S: Final = 100.0
 """Speed at which a part's `power` is given; the reference force is 1 N."""
 
 TAPER_HZ: Final = 430.0
-"""A line fades out from here on: it does not reach 500 Hz, half the least sampling rate."""
+"""A line fades out from this frequency on, before 500 Hz, half the least sampling rate."""
 
 HIGHEST_HZ: Final = 480.0
 
 
 @dataclass(frozen=True, slots=True)
 class Resonance:
-    """A resonance of the tool or the surface, or a broad shelf where it is wide.
+    """A resonance of the tool or the surface, or a broad shelf if it is wide.
 
     With v in units of 100 mm/s, F in newton, ``rise(x, h) = x / (x + h)``:
     power ``power v^speed_exponent F^force_exponent`` (m/s2)^2; frequency

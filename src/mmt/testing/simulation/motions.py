@@ -1,8 +1,8 @@
-"""What a simulated hand intends, tick by tick: a function for each kind of hand.
+"""The intended motion of a simulated hand, tick by tick: a function for each kind of hand.
 
-`strokes` is the hand that this project's methods were tried with. The others are there to judge
-them on motion that they were not: no stretches of steady speed, short contacts, reversals, rests.
-All but `strokes` pass their force through a low-pass, as a hand that does not jump.
+This project's methods were tried with `strokes`. The other kinds judge them on different motion: no
+stretches of steady speed, short contacts, reversals, rests. All except `strokes` low-pass their
+force, since a hand's force does not jump.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -24,11 +24,11 @@ FORCE_BAND_HZ: Final = 8.0
 
 _RAMP_SHARE: Final = 0.15
 _LIFTED: Final = 0.12  # share of strokes and of parts of circles before which the hand lifts off
-_LIFTED_SCRATCHING: Final = 0.4  # the same of bouts
+_LIFTED_SCRATCHING: Final = 0.4  # the same for bouts of scratching
 
 
 class Intent(NamedTuple):
-    """What the hand intends for the next tick; `heading_rad` is None to go on as before."""
+    """Intended motion for the next tick; `heading_rad` None keeps the heading."""
 
     speed_mm_s: float
     force_n: float
@@ -38,7 +38,7 @@ class Intent(NamedTuple):
 
 
 Place = Callable[[], tuple[float, float]]
-"""Says where the hand is, x and y (mm)."""
+"""Returns the hand's position, x and y (mm)."""
 
 Motion = Callable[[Hand, np.random.Generator, Place], Iterator[Intent]]
 """Yields intents without end, from a hand at rest on the surface without force."""
@@ -92,7 +92,7 @@ def strokes(hand: Hand, random: np.random.Generator, place: Place) -> Iterator[I
 
 
 def quick(hand: Hand, random: np.random.Generator, place: Place) -> Iterator[Intent]:
-    """Stroke for 250 to 700 ms, from rest to rest, at a speed and force of its own each time."""
+    """Make strokes of 250 to 700 ms, from rest to rest, each with its own speed and force."""
     aim = Aim(hand, random)
     while True:
         if random.random() < _LIFTED:
@@ -147,7 +147,7 @@ def scratching(hand: Hand, random: np.random.Generator, place: Place) -> Iterato
         length = float(random.uniform(6.0, 25.0))
         heading = aim(*place(), length)
         for _ in range(int(random.integers(6, 20))):
-            # half of the range of speeds up, on the crest of a half sine
+            # the peak of a half sine, from the upper half of the range of speeds
             peak = 0.5 * (hand.fastest_mm_s + _speed(hand, random))
             force, ticks = _force(hand, random), round(0.5 * pi * length / peak * RATE_HZ)
             for tick in range(ticks):
@@ -184,7 +184,7 @@ def followed(path: "RecordedPath", place: Place) -> Iterator[Intent]:
 KINDS: Final[Mapping[str, Motion]] = MappingProxyType(
     {each.__name__: each for each in (quick, circles, taps, scratching, pauses)}
 )
-"""The kinds of hand beside `strokes` by name."""
+"""The kinds of hand other than `strokes`, by name."""
 
 
 def _speed(hand: Hand, random: np.random.Generator) -> float:
@@ -196,7 +196,7 @@ def _force(hand: Hand, random: np.random.Generator) -> float:
 
 
 def _stroke(hand: Hand, random: np.random.Generator, aim: Aim, place: Place) -> Iterator[Intent]:
-    """Yield a stroke whose speed is a trapezoid, shortened where the workspace ends."""
+    """Yield a stroke whose speed is a trapezoid, short enough for the workspace."""
     x_mm, y_mm = place()
     speed, force = _speed(hand, random), _force(hand, random)
     longest = (REACH_MM + hypot(x_mm, y_mm)) / (speed * (1.0 - _RAMP_SHARE)) * RATE_HZ
@@ -210,7 +210,7 @@ def _stroke(hand: Hand, random: np.random.Generator, aim: Aim, place: Place) -> 
 
 
 def _lift(random: np.random.Generator, ticks: tuple[int, int] = (200, 450)) -> Iterator[Intent]:
-    """Yield a lift-off that lasts a number of ticks between two, 3 to 8 mm high."""
+    """Yield a lift-off, 3 to 8 mm high, that lasts from `ticks[0]` up to `ticks[1]` ticks."""
     length, height = int(random.integers(*ticks)), float(random.uniform(3.0, 8.0))
     for tick in range(length):
         yield Intent(0.0, 0.0, height * sin(pi * (tick + 1) / (length + 1)))

@@ -10,8 +10,8 @@ BLOCK_ROWS: Final = 256
 class NoiseRows:
     """Rows of independent standard normal numbers, drawn in blocks.
 
-    One draw of many numbers costs 20 ns each where single draws cost 1 us. The rows do
-    not depend on how many are taken at a time.
+    Numbers drawn together cost 20 ns each, single ones 1 us. The rows do not depend on how many
+    are taken at a time.
     """
 
     def __init__(self, generator: np.random.Generator, width: int) -> None:

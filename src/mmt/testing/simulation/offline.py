@@ -23,7 +23,7 @@ from mmt.testing.simulation.textures import get_surface
 
 _BLOCK_TICKS: Final = 1000
 _STILL_MM_S: Final = 4.0
-"""Friction on a recorded path comes in over this speed."""
+"""Speed over which friction sets in on a recorded path."""
 
 
 def simulate_session(
@@ -36,15 +36,15 @@ def simulate_session(
     motion_scale: float = 1.0,
     force_scale: float = 1.0,
 ) -> tuple[RecordArray, bytes]:
-    """Simulate what a follower sends, with a link that takes no time.
+    """Simulate the frames that a follower sends over a link without delay.
 
     Parameters
     ----------
     scene
-        Its ``[simulated]`` and ``[hand]``, or their defaults where it has none; the
-        force is fed back to the hand where it has ``[force_feedback]``.
+        Its ``[simulated]`` and ``[hand]`` are used, or their defaults; force is fed back to
+        the hand if it has ``[force_feedback]``.
     surface, duration_s, seed
-        In place of the scene's own; a surface that is given as such has its rate.
+        In place of the scene's own; a surface object must have the scene's rate.
     path
         A recorded stroke (see `load_path`) that is replayed in place of the hand's and
         the robot's motion, looped as long as the session lasts.

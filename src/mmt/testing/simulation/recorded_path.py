@@ -13,7 +13,7 @@ from mmt.core.errors import InputError
 from mmt.testing.simulation import PERIOD_S, RATE_HZ
 
 MOTION_BAND_HZ: Final = 40.0
-"""Human motion ends well below; what an encoder's steps add lies mostly above."""
+"""Human motion ends well below this frequency; noise of an encoder's steps lies mostly above."""
 
 LARGEST_SCALE: Final = 100.0
 
@@ -29,7 +29,7 @@ class RecordedPath:
     Attributes
     ----------
     position_mm
-        Shape (n, 3); z as recorded, or zero where the recording has no height.
+        Shape (n, 3); z as recorded, or zero if the recording has no height.
     force_n
         Normal force, shape (n,), at least 0.
     name
@@ -56,17 +56,17 @@ class RecordedPath:
         return RecordedPath(motion_scale * self.position_mm, force_scale * self.force_n, self.name)
 
     def looped(self, count: int) -> "RecordedPath":
-        """Return `count` samples: to a turn near the end, back to one near the start, again.
+        """Return `count` samples: to a turn near the end, back to one near the start, and so on.
 
-        The turns are where the tip is slowest within the last and the first quarter, so
-        that neither position, speed nor force jumps there, and velocity hardly.
+        The turns are the slowest samples of the first and the last quarter, so that position,
+        speed and force do not jump there, and velocity hardly does.
         """
         if count <= len(self.force_n):
             return self._taken(np.arange(count))
         return self._taken(np.fromiter(self.endless(), np.int64, count))
 
     def endless(self) -> Iterator[int]:
-        """Yield the numbers of the samples from the first on, as `looped` orders them."""
+        """Yield indices of samples without end, from the first on, in the order of `looped`."""
         step_mm = np.hypot(*np.diff(self.position_mm[:, :2], axis=0).T)
         quarter = max(1, len(self.force_n) // 4)
         first = int(np.argmin(step_mm[:quarter]))
@@ -87,9 +87,9 @@ def load_path(path: Path) -> RecordedPath:
     ----------
     path
         An ``.npz`` file, either with ``time_s`` (n,), ``position_mm`` (n, 3), ``force_n``
-        (n, 3) where force z is normal; or with ``time_s``, ``follower_position_rad``,
-        ``environment_torque_nm`` and ``arm_length_m`` of a lever, whose tip then moves
-        along x and whose force counts as normal without its sign.
+        (n, 3) with the normal force as z; or with ``time_s``, ``follower_position_rad``,
+        ``environment_torque_nm`` and ``arm_length_m`` of a lever. The lever's tip moves
+        along x, and the magnitude of its force is the normal force.
 
     Raises
     ------

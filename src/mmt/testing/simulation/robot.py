@@ -20,7 +20,7 @@ START_MM: Final[Vector] = (0.0, 0.0, 5.0)
 """Where the tip waits above the surface until the first command."""
 
 REACH_MM: Final = 1000.0
-"""The arm reaches so far from its centre along each axis, whatever it is commanded."""
+"""Largest distance of the tip from the centre along each axis; commands are cut to it."""
 
 _THREE_POLES = math.sqrt(2.0 ** (1.0 / 3.0) - 1.0)
 """Bandwidth (-3 dB) of three equal real poles, over the pole."""
@@ -28,7 +28,7 @@ _THREE_POLES = math.sqrt(2.0 ** (1.0 / 3.0) - 1.0)
 
 @dataclass(frozen=True, slots=True)
 class TipState:
-    """The tip at the end of a tick, as it truly is."""
+    """The true state of the tip at the end of a tick."""
 
     position_mm: Vector
     velocity_mm_s: Vector
@@ -60,7 +60,7 @@ class SimulatedRobot:
     """A tip that follows commands with finite bandwidth and meets a flat surface at z = 0.
 
     The integration is passive at every stiffness (`mmt.contact`); it takes as many
-    sub-steps a tick as the stiffness asks for, 2 at 5 N/mm and 3 at 50 N/mm. Cost: 2 us
+    sub-steps a tick as the stiffness needs, 2 at 5 N/mm and 3 at 50 N/mm. Cost: 2 us
     a tick and 2 us a sub-step.
 
     Parameters
@@ -77,7 +77,7 @@ class SimulatedRobot:
             settings.surface_stiffness_n_mm * 1000.0, dissipation_s_m=DISSIPATION_S_M
         )
         self.friction_coefficient = friction_coefficient
-        """With the surface; may change while it runs."""
+        """Friction coefficient of the surface; may change while the robot runs."""
         self._count = substeps(self._drive, self._law, PERIOD_S)
         self._step_s = PERIOD_S / self._count
         self._smoothing = -math.expm1(-pole_rad_s * PERIOD_S)

@@ -1,4 +1,4 @@
-"""What the follower's sensors make of the truth: noise, resolution, range.
+"""The follower's sensors: noise, resolution and range, added to the truth.
 
 Figures: ATI Nano17 SI-12-0.12 (12 N across, 17 N along its axis, resolution 1/320 N);
 ADXL335 data sheet (150 ug/sqrt(Hz) on X and Y at 3 V, 3.6 g typical range); a position
@@ -54,7 +54,7 @@ class Encoder:
 
 
 class ForceGauge:
-    """A six-axis force sensor behind the tip, its three forces; saturates at its range."""
+    """The three forces of a six-axis sensor behind the tip; saturates at its range."""
 
     def __init__(self, generator: np.random.Generator, *, exact: bool) -> None:
         self._noise = NoiseRows(generator, 3)
@@ -75,13 +75,13 @@ class ForceGauge:
 
 
 class TiltedAccelerometer:
-    """An accelerometer on a tool that leans a little and never quite the same way.
+    """An accelerometer on a tool that leans by a small, slowly changing angle.
 
     It measures proper acceleration: at rest, 9.81 m/s2 upwards, shared between the axes
-    by the lean of up to `TILT_RAD` about x and y, which wanders over some ten seconds.
+    by the lean of up to `TILT_RAD` about x and y, which varies over some ten seconds.
     The lean acts on gravity alone; on the vibration it would change the level by 0.2 %.
-    Gravity and lean stay where noise and resolution are turned off. All axes are as quiet
-    as the part's X and Y: a lab mounts it so that its noisier Z axis is not the normal. The noise
+    Gravity and lean stay if noise and resolution are turned off. All axes are as quiet as the
+    part's X and Y: a lab mounts the sensor so that its noisier Z axis is not the normal. The noise
     has the same density at every rate.
     """
 
@@ -120,7 +120,7 @@ class TiltedAccelerometer:
 
 
 def _reading(value: float, resolution: float, limit: float) -> float:
-    """Return the nearest step of a converter, at most its range; inline, for its many calls."""
+    """Return the nearest step of a converter within its range; `quantise` inlined for speed."""
     value = floor(value / resolution + 0.5) * resolution
     if value > limit:
         return limit

@@ -8,14 +8,14 @@ from mmt.core.compiled import kernel
 def filter_side_by_side(
     backward: FloatArray, noise: FloatArray, outputs: FloatArray, start: int
 ) -> None:
-    """Put the next outputs of filters behind their last ones; about 0.2 ns an order.
+    """Append the next outputs of filters to their last ones; about 0.2 ns for each order.
 
     Parameters
     ----------
     backward
         Coefficients (order, filters), that of the oldest output first.
     noise
-        What each filter is fed, (n, filters).
+        Input of each filter, (n, filters).
     outputs
         Outputs (m, filters), m at least start + order + n. The `order` rows from `start` on are the
         last ones, and the n rows behind them are written.

@@ -1,12 +1,11 @@
-"""Strokes as a person makes them who was asked to explore at all speeds and forces.
+"""Strokes of a person who was asked to explore at all speeds and forces.
 
-Back and forth, within one stroke one to three stretches of steady speed and force, with
-smooth changes between them; the heading turns from stroke to stroke, the centre wanders,
-the hand rests now and then and lifts off now and then. Speeds and forces to try come from
-a low-discrepancy sequence over the range asked for (Roberts' R2, shifted by the seed):
-a person who was told to try everything does not try the same twice in a row. Who was told
-to try all headings as well takes them from such a sequence too, in the order in which the
-workspace has room for them.
+The hand strokes back and forth. Each stroke has one to three stretches of steady speed and
+force, with smooth changes between them. The heading turns from stroke to stroke, the centre
+wanders, and now and then the hand rests or lifts off. Speeds and forces come from a
+low-discrepancy sequence over the range (Roberts' R2, shifted by the seed), since a person who
+tries everything does not try the same twice in a row. If all headings are asked for, they come
+from another such sequence, in the order in which the workspace has room for them.
 """
 
 import math
@@ -46,7 +45,7 @@ class Phase:
     force_n: float
     clearance_mm: float = 0.0
     heading_rad: float | None = None
-    """New heading; given only where the hand stands still."""
+    """New heading; given only if the hand stands still."""
     turn_rad_mm: float = 0.0
     """Curvature of the path in this phase."""
 
@@ -83,7 +82,7 @@ class Aim:
         return low + (high - low) * float(self._random.random())
 
     def _turned(self, x_mm: float, y_mm: float, length_mm: float) -> float:
-        """Turn round, more or less; where that leaves the workspace, turn to its centre."""
+        """Turn round, more or less; if that leaves the workspace, turn to its centre."""
         wish = self._heading + math.pi + self._between(-0.35, 0.35)
         if self._random.random() < 0.15:
             wish = self._between(0.0, 2.0 * math.pi)
@@ -93,9 +92,9 @@ class Aim:
         return wish
 
     def _anywhere(self, x_mm: float, y_mm: float, length_mm: float) -> float:
-        """Take the next heading of a sequence over all of them that the workspace has room for.
+        """Take the next heading of an even sequence for which the workspace has room.
 
-        Those that it has no room for now wait for a stroke that starts elsewhere.
+        Headings without room now wait for a stroke that starts elsewhere.
         """
         for _ in range(_TRIES - len(self._waiting)):
             self._heading = (self._heading + 2.0 * math.pi * _GOLDEN) % (2.0 * math.pi)

@@ -1,10 +1,10 @@
 """Surfaces whose texture is known exactly: the truth that models are compared with.
 
-The vibration along the surface's normal is the sum of independent parts (`modes`), led
-through one fixed high-pass that keeps the sum free of a mean: a contact cannot push the
-tool away for ever. For a constant speed, force and heading this is a stationary Gaussian
-process of known spectrum. Its spectrum is not one of an autoregressive process of finite order,
-and nothing in it is interpolated between samples, so that no texture model has it inside.
+The vibration along the surface's normal is the sum of independent parts (`modes`) after one
+fixed high-pass, which removes the mean: a contact cannot push the tool away for ever. For a
+constant speed, force and heading this is a stationary Gaussian process of known spectrum. Its
+spectrum is not that of an autoregressive process of finite order, and nothing in it is
+interpolated between samples, so that no texture model contains it.
 
 The vibration along the stroke's heading has the same spectrum, is independent of the
 normal one, and has `Surface.tangential_share` of its amplitude; across the heading there
@@ -33,16 +33,16 @@ VERSION: Final = 1
 """Version of the annotations of a texture that is the same in all directions."""
 
 GRAINED_VERSION: Final = 2
-"""Version of those of a texture with a grain, which an earlier reader would leave out."""
+"""Version of the annotations of a texture with a grain, which an earlier reader would ignore."""
 
 COURSE_VERSION: Final = 3
-"""Version of those of several surfaces, see `mmt.testing.simulation.course`."""
+"""Version of the annotations of several surfaces, see `mmt.testing.simulation.course`."""
 
 MODEL_VERSION: Final = 4
-"""Version of those of a texture model, see `mmt.testing.simulation.model_surface`."""
+"""Version of the annotations of a model, see `mmt.testing.simulation.model_surface`."""
 
 ALTERED_VERSION: Final = 5
-"""Version of those of an altered surface, see `mmt.testing.simulation.altered_surface`."""
+"""Version of the annotations of an altered surface, `mmt.testing.simulation.altered_surface`."""
 
 _KINDS: Final[dict[str, type[Resonance] | type[Line]]] = {"resonance": Resonance, "line": Line}
 _POWER_GRID: Final = 4096
@@ -55,7 +55,7 @@ class Surface:
     Parameters
     ----------
     name
-        What it is called in scenes and reports.
+        Name in scenes and reports.
     modes
         The independent parts of its vibration.
     tangential_share
@@ -95,11 +95,11 @@ class Surface:
         ----------
         speed_mm_s, force_n
             Shape (k,) or scalars, broadcast against each other; negative values count
-            as 0, where there is no vibration.
+            as 0, which gives no vibration.
         frequencies_hz
             Shape (f,), 0 to half the rate.
         heading_rad
-            Heading of the stroke, from x to y; broadcast with speed and force. Needed where the
+            Heading of the stroke, from x to y; broadcast with speed and force. Needed if the
             texture is not isotropic.
 
         Returns
@@ -168,7 +168,7 @@ def integrated_power(
 ) -> FloatArray:
     """Return the integral (k,) of a `Surface.spectrum` at a rate, with its parameters.
 
-    The midpoint rule is taken over the period of the spectrum, where its error falls
+    The midpoint rule covers a whole period of the spectrum, so that its error falls
     exponentially with the number of points: below 1e-12 for the narrowest line here.
     """
     strokes = np.broadcast_arrays(
@@ -214,11 +214,11 @@ def strokes_on(
 
 
 class Named(Protocol):
-    """What `strokes_on` asks of a surface."""
+    """The part of a surface that `strokes_on` needs."""
 
     @property
     def name(self) -> str:
-        """What it is called."""
+        """Name of the surface."""
 
     @property
     def isotropic(self) -> bool:
@@ -226,12 +226,12 @@ class Named(Protocol):
 
 
 def surface_from_parameters(name: str, parameters: Mapping[str, Any]) -> Surface:
-    """Rebuild a surface from what its annotations hold.
+    """Rebuild a surface from the parameters in its annotations.
 
     Raises
     ------
     ValueError, KeyError, TypeError
-        The parameters are none of a surface.
+        The parameters do not describe a surface.
     """
     return Surface(
         name=name,

@@ -106,8 +106,8 @@ SURFACES: Final[Mapping[str, Surface]] = MappingProxyType(
 )
 """Every known texture by name. Plastic and wood: smooth resonances; mesh and ribbed: lines
 that follow the speed; fabric: soft and low; sandpaper: loud and broad; rubber: power as
-speed squared; glass: little above the accelerometer's noise. What sets the other nine
-apart is said with `GRAINED`."""
+speed squared; glass: little above the accelerometer's noise. `GRAINED` describes the
+other nine."""
 
 
 _DRAWN: Final = re.compile(r"(drawn|final)-(\d{1,6})", re.ASCII)
@@ -123,13 +123,13 @@ def get_surface(name: str, rate_hz: float = RATE_HZ) -> KnownSurface:
         ``final-N``, see `mmt.testing.simulation.drawn_textures`; or one of these followed by
         ``+patches`` or ``+bursts``, see `mmt.testing.simulation.altered_surface.alter`.
     rate_hz
-        Samples of acceleration a second, a multiple of 1000; above it a texture that is no model
+        Samples of acceleration a second, a multiple of 1000; above 1000 a texture that is no model
         has bands above 500 Hz as well, see `mmt.testing.simulation.bands`.
 
     Raises
     ------
     InputError
-        There is none, the message lists those there are; or the file is not usable.
+        The name is not known, and the message lists the allowed ones; or the file is not usable.
     """
     if name in SURFACES:
         return with_bands(SURFACES[name], rate_hz, crc32(name.encode()))

@@ -28,11 +28,11 @@ def vibration_of(surface: KnownSurface, generator: np.random.Generator) -> Vibra
 class SurfaceVibration(VibrationSource):
     """A causal generator whose stationary spectrum is exactly `Surface.spectrum`.
 
-    Each mode is a rotation of a pair of numbers that shrinks by a factor below 1 at every
-    sample and is fed two white noises; one of the pair is put out. Frequency, bandwidth and
-    gain follow speed, force and heading. Stability: whatever their course, a
-    state only shrinks but for the noise added, which a filter in direct form
-    does not guarantee. Cost: about 0.6 us a mode and call of `run`, 0.4 us a mode and sample.
+    Each mode is a pair of numbers. At every sample the pair rotates, shrinks by a factor below 1
+    and is fed two white noises; one number of the pair is the output. Frequency, bandwidth and
+    gain follow speed, force and heading. However they change, the generator is stable: apart from
+    the noise added, a state only shrinks, which a filter in direct form does not guarantee. Cost:
+    about 0.6 us a mode and call of `run`, 0.4 us a mode and sample.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class SurfaceVibration(VibrationSource):
         self._share = surface.tangential_share
         self._width, self._angle = pi / surface.rate_hz, 2.0 * pi / surface.rate_hz
         self._pole = surface.high_pass_pole
-        # a part without a grain does not know the heading: one call less, four times a tick
+        # a part without a grain ignores the heading: one call less, four times a tick
         self._modes = [(mode, mode.maps if mode.grain is None else None) for mode in surface.modes]
         self._states = [(0.0, 0.0, 0.0, 0.0) for _ in surface.modes]
         self._noise = NoiseRows(generator, 4 * len(surface.modes))
@@ -77,7 +77,7 @@ class SurfaceVibration(VibrationSource):
         return [self._advance(turns) for _ in range(count)]
 
     def _advance(self, turns: list[tuple[float, float, float]]) -> tuple[float, float]:
-        """Turn each mode's pairs, by their cosine and sine, and feed them by their gain."""
+        """Rotate each mode's pairs by cosine and sine, and feed them noise times the gain."""
         noise = self._noise.next()
         normal = along = 0.0
         for index, (c, s, gain) in enumerate(turns):
@@ -107,10 +107,10 @@ class SurfaceVibration(VibrationSource):
 
 
 class AlteredVibration(VibrationSource):
-    """A generator whose vibration is that of an altered surface.
+    """A generator of the vibration of an altered surface.
 
-    Cost: that of the surface altered, and some 5 us a call of `run` for a level, 1 us for patches
-    or for each sample of bursts.
+    Cost: that of the unaltered surface, plus some 5 us a call of `run` for a level, and 1 us for
+    patches or for each sample of bursts.
     """
 
     def __init__(
@@ -145,7 +145,7 @@ class AlteredVibration(VibrationSource):
         return [self._altered(normal, along, gain) for normal, along in made]
 
     def _altered(self, normal: float, along: float, gain: float) -> tuple[float, float]:
-        """Return a sample through the low-pass, by this gain and that of the bursts."""
+        """Return a sample after the low-pass, times this gain and that of the bursts."""
         pole, (normal_before, along_before) = self._pole, self._passed
         normal = (1.0 - pole) * normal + pole * normal_before
         along = (1.0 - pole) * along + pole * along_before

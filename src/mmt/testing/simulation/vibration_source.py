@@ -1,4 +1,4 @@
-"""What the generators of a known surface's vibration have in common."""
+"""Base class of the generators of a known surface's vibration."""
 
 from abc import ABC, abstractmethod
 
@@ -15,18 +15,18 @@ class VibrationSource(ABC):
         heading: tuple[float, float] = (1.0, 0.0),
         position_mm: tuple[float, float] = (0.0, 0.0),
     ) -> list[tuple[float, float]]:
-        """Return the next samples, through which the stroke stays as it is.
+        """Return the next samples of a stroke that stays the same meanwhile.
 
         Parameters
         ----------
         count
-            How many.
+            Number of samples.
         speed_mm_s, force_n
             Speed and force of the stroke.
         heading
             The unit vector of its velocity in the plane.
         position_mm
-            The tip in the plane.
+            Position of the tip in the plane.
 
         Returns
         -------

@@ -1,7 +1,7 @@
 """Burg's method: reflection coefficients and residual variances of segments.
 
-Burg, "Maximum entropy spectral analysis", thesis, Stanford 1975; the recursion and what makes it
-hold on every finite signal are in `mmt.texture.autoregression.burg_recursion`.
+Burg, "Maximum entropy spectral analysis", thesis, Stanford 1975. For the recursion, and why it is
+accurate on every finite signal, see `mmt.texture.autoregression.burg_recursion`.
 """
 
 from collections.abc import Sequence
@@ -19,8 +19,8 @@ from mmt.texture.autoregression.order_limit import Order
 class ReflectionFits(NamedTuple):
     """A model fitted to one segment, or models fitted to s segments.
 
-    ``reflection`` (m,) or (s, m); ``variances`` (m + 1,) or (s, m + 1): the mean square of what the
-    models of order 0 ... m leave of a segment.
+    ``reflection`` (m,) or (s, m); ``variances`` (m + 1,) or (s, m + 1): the mean squares of the
+    residuals of orders 0 ... m.
     """
 
     reflection: FloatArray
@@ -43,8 +43,8 @@ def burg(x: FloatArray, order: int) -> ReflectionFits:
     The mean is not removed. The fit is stable for every finite signal: each ``|k| < 1``, the
     variances finite and not negative. A signal that is predicted to its last digit (zero,
     constant, a pure tone) ends the recursion: further reflection coefficients are zero.
-    Amplitudes from denormal to 1e300 give the same reflection coefficients; a variance that
-    is too large for a number is held at the largest one.
+    Amplitudes from denormal to 1e300 give the same reflection coefficients; variances are
+    limited to the largest floating-point number.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """Burg's recursion, stable and accurate on every finite signal, in compiled code.
 
-Burg, "Maximum entropy spectral analysis", thesis, Stanford 1975. Three choices make it hold
+Burg, "Maximum entropy spectral analysis", thesis, Stanford 1975. Three choices keep it accurate
 where common forms fail (near-unit-circle poles, offsets, extreme amplitudes):
 
 - the denominator is summed anew at every order, never carried on by a recursion;
@@ -21,7 +21,7 @@ from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.compiled import kernel
 
 LARGEST_REFLECTION: Final = 1.0 - 2.0**-53
-"""The largest number below one: what |k| is held at."""
+"""The largest number below one, the bound of |k|."""
 
 _VANISHED: Final = 2.0**-100
 _LARGEST: Final = float(np.finfo(np.float64).max)
@@ -29,7 +29,7 @@ _LARGEST: Final = float(np.finfo(np.float64).max)
 
 @kernel("f8(f8[::1])")
 def largest_magnitude(values: FloatArray) -> float:
-    """Return the largest magnitude, infinity where one is not a number."""
+    """Return the largest magnitude, infinity if a value is not a number."""
     largest = 0.0
     for value in values:
         if not abs(value) <= np.inf:
@@ -82,18 +82,18 @@ def burg_into(
 ) -> bool:
     """Write the reflection coefficients (m,) and the residual variances of orders 0 ... m.
 
-    Returns False, with nothing written, where a sample is not finite.
+    Returns False, with nothing written, if a sample is not finite.
 
     Parameters
     ----------
     x : (n,)
         n > m.
     reflection : (m,)
-        Receives numbers of magnitude below one. Where the residual has vanished to the
+        Receives numbers of magnitude below one. Once the residual has vanished to the
         rounding of the signal itself (2^-100 of its power), the remaining ones are zero.
     variances : (m + 1,)
-        Receives the mean square of x and what each order leaves of it; what is too large for
-        a number is held at the largest one.
+        Receives the mean squares of x and of the residual of each order, limited to the
+        largest floating-point number.
     work : (2 * n,) or longer
         Scratch.
     """
@@ -133,7 +133,7 @@ def burg_into(
 def burg_each_into(
     joined: FloatArray, stops: IntArray, reflection: FloatArray, variances: FloatArray
 ) -> int:
-    """Fit segments that lie one behind the other in `joined`, each up to its stop (s,).
+    """Fit segments that are concatenated in `joined`, each up to its stop (s,).
 
     `reflection` (s, m) and `variances` (s, m + 1) receive a row for each, see `burg_into`.
     Returns the number of segments fitted: all, or the index of the first that is not finite.

@@ -3,9 +3,9 @@
 The mean square of N samples of a stationary Gaussian process scatters about its power P with
 the variance ``2 P^2 sum_k rho_k^2 / N``, rho_k the autocorrelation at lag k and the sum over all
 lags (Bartlett's formula at lag 0; Priestley, Spectral Analysis and Time Series, 1981, section
-5.3.3), but for terms of the order 1/N^2. So it scatters as the mean of ``nu = N / sum_k rho_k^2``
-squares of independent normal numbers, a chi-square number over its nu degrees of freedom, does.
-By Parseval the sum follows from the spectrum S of the fitted filter: ``mean(S^2) / mean(S)^2``.
+5.3.3), up to terms of the order 1/N^2. So it scatters like the mean of ``nu = N / sum_k rho_k^2``
+squares of independent normal numbers (chi-square over its nu degrees of freedom). By Parseval the
+sum follows from the spectrum S of the fitted filter: ``mean(S^2) / mean(S)^2``.
 """
 
 from typing import Final
@@ -17,10 +17,10 @@ from mmt.texture.autoregression.forms import lsf_to_ar
 from mmt.texture.autoregression.reshaping import period_of, relative_density, shares
 
 LEAST: Final = 2.0
-"""Least effective sample size: narrower lines than the spectral grid resolves end here."""
+"""Least effective sample size, that of lines narrower than the spectral grid resolves."""
 
 UNKNOWN: Final = 100.0
-"""Effective sample size assumed where the length is not known: a scatter of 0.6 dB."""
+"""Effective sample size assumed if the length is not known: a scatter of 0.6 dB."""
 
 
 def effective_samples(lsf: FloatArray, counts: FloatArray, rate_hz: float) -> FloatArray:

@@ -4,23 +4,22 @@ Awan et al., section V.C, and Culbertson et al. 2014 model a piece of vibration 
 through an all-pole filter, ``x[n] + sum_j a[j] x[n-1-j] = e[n]``. Every form below is of shape
 (m,) for one model or (n, m) for a batch, of order m from 1 to 64, odd or even:
 
-- reflection coefficients, what Burg's method finds, each of magnitude below one;
+- reflection coefficients, which Burg's method finds, each of magnitude below one;
 - filter coefficients, without the leading 1;
-- line spectral frequencies in radians a sample, strictly ascending in (0, pi): what may be
-  interpolated, since an average of ordered frequencies stays ordered, hence stable.
+- line spectral frequencies in radians a sample, strictly ascending in (0, pi); they can be
+  interpolated, since an average of ordered frequencies is ordered, hence stable.
 
-A line spectral frequency is right to a rounding of itself, and a filter that is told by
-frequencies comes back to about 1e-14, 1e-11 near the unit circle. But there neighbouring
-frequencies are so close that roundings decide which filter they tell: the way from reflection
-coefficients to frequencies and back changes ``1 - |k|`` by some 1e-16 over the least gap between
-two of the frequencies, 0 and pi included, up to 4e-15 over it, of itself. At order 16 with
-coefficients drawn evenly that is 4e-12 in the median; with every ``|k|`` above 0.9 it is 2e-3, and
-in one filter of five nothing is left of ``1 - |k|``. What comes back is stable all the same, with
-its lines where they were, and so is not refused: a pure tone must not end a model. Where ``1 -
-|k|`` matters, keep reflection coefficients.
+A line spectral frequency is accurate to a rounding of itself. A filter given by its frequencies is
+recovered to about 1e-14, near the unit circle to 1e-11. But there neighbouring frequencies are so
+close that roundings decide which filter they give. Converting reflection coefficients to
+frequencies and back changes ``1 - |k|`` by a relative error of some 1e-16, at most 4e-15, over the
+least gap between two of the frequencies, 0 and pi included. At order 16 with coefficients drawn
+evenly the error is 4e-12 in the median. With every ``|k|`` above 0.9 it is 2e-3, and in one filter
+of five ``1 - |k|`` is lost. Even then the filter is stable, with its lines in place, and so it is
+accepted: a pure tone must not end a model. If ``1 - |k|`` matters, keep reflection coefficients.
 
-Filter coefficients hold less: whatever comes back from them has lost a factor of up to
-``prod (1 + |k|)/(1 - |k|)``: everything, for a low-pass filter of high order.
+Filter coefficients are less accurate: a conversion from them multiplies the error by a factor of up
+to ``prod (1 + |k|)/(1 - |k|)``. For a low-pass filter of high order nothing is left.
 """
 
 from collections.abc import Callable
@@ -90,16 +89,16 @@ def reflection_to_lsf(reflection: FloatArray) -> FloatArray:
 
 
 def lsf_to_reflection(lsf: FloatArray) -> FloatArray:
-    """Return the reflection coefficients of line spectral frequencies, as exactly as these tell.
+    """Return the reflection coefficients of line spectral frequencies.
 
-    The error is about 1e-14, near the unit circle 1e-11; of reflection coefficients that were
-    converted into frequencies before see above.
+    The error is about 1e-14, near the unit circle 1e-11. For coefficients that were converted
+    to frequencies before, see the module's docstring.
 
     Raises
     ------
     InputError
         The frequencies do not ascend strictly inside (0, pi), lie too close to each other to
-        tell the filter, or the order is out of range.
+        determine the filter, or the order is out of range.
     """
     result = _convert(_checked_lsf(lsf), lsf_to_reflection_each_into)
     if not np.isfinite(result).all():
@@ -141,7 +140,7 @@ def output_power(variance: float | FloatArray, reflection: FloatArray) -> FloatA
 
 
 def lsf_output_power(variance: FloatArray, lsf: FloatArray) -> FloatArray:
-    """Return `output_power` (n,) of line spectral frequencies (n, m), by far sooner.
+    """Return `output_power` (n,) of line spectral frequencies (n, m), much faster.
 
     Raises
     ------
@@ -162,7 +161,7 @@ def _convert(
 
 
 def _checked(name: str, values: FloatArray) -> FloatArray:
-    array = np.require(real_numbers(name, values), requirements=["C", "W"])  # compiled code's own
+    array = np.require(real_numbers(name, values), requirements=["C", "W"])  # for compiled code
     if array.ndim not in {1, 2} or not 1 <= array.shape[-1] <= LARGEST_ORDER:
         raise InputError(
             f"{name} has shape {array.shape}: (m,) or (n, m) with m from 1 to {LARGEST_ORDER}"

@@ -3,12 +3,11 @@
 Each stage turns the pair of forward and backward prediction error by a rotation, cosine
 ``sqrt(1 - k^2)``, sine k (Gray and Markel, "A normalized digital filter structure", IEEE
 Trans. ASSP 23 (1975), 268-277). All stages together rotate (memory, excitation) into (new
-memory, backward error of the full order), the output being the first of the new memory,
-whatever the reflection coefficients are and hence for every course of them in time. So the
-memory grows by no more than what is put in, and white noise of variance one gives an output
-of variance one at every sample, also in the midst of a change of filter. The direct form
-holds neither: it diverges where stable filters alternate, and loses its digits near the unit
-circle.
+memory, backward error of the full order); the output is the first number of the new memory.
+This holds for all reflection coefficients, also if they change with time. So the memory grows
+by no more than the input, and white noise of variance one gives an output of variance one at
+every sample, even during a change of filter. The direct form has neither property: it diverges
+if stable filters alternate, and loses accuracy near the unit circle.
 
 Cost: 4 multiplications a stage and sample.
 """
@@ -22,8 +21,8 @@ from mmt.texture.autoregression.lsf import ar_to_reflection_into, lsf_to_ar_into
 from mmt.texture.autoregression.split import lsf_to_reflection_into
 
 _TRUSTED: Final = 1e10
-"""Loss of digits by the polynomial's coefficients up to which they are used: the reflection
-coefficients are then right to 1e-5 of their distance from one."""
+"""Largest loss of accuracy through the polynomial's coefficients for which they are used: the
+reflection coefficients are then right to 1e-5 of their distance from one."""
 
 
 @kernel("void(f8[::1], f8[::1], f8[::1], f8[::1])")
@@ -32,8 +31,8 @@ def lsf_to_lattice_into(
 ) -> None:
     """Write the sines and cosines of the stages of a filter with these frequencies.
 
-    By way of the coefficients where they keep enough digits, else directly, which takes some
-    ten times longer.
+    It uses the polynomial's coefficients if these are accurate enough, else it converts directly,
+    which takes some ten times longer.
 
     Parameters
     ----------
@@ -68,8 +67,8 @@ def lattice_step(
         Reflection coefficients of the stages and their complements; they may differ from those
         of the last call.
     past : (order,) or longer
-        The memory: the backward errors of orders 0 ... order-1, independent and of variance
-        one in the stationary state, which they are best started in.
+        The memory: the backward errors of orders 0 ... order-1. In the stationary state, the
+        best one to start in, they are independent and of variance one.
     order
         Order of this filter, at least 1; it too may differ from the last one.
     excitation

@@ -8,8 +8,8 @@ line spectral frequencies are the angles in (0, pi), ascending, of the zeros of
 ``Q(z) = A(z) - z^-(m+1) A(1/z)`` (second, fourth, ...), without the zeros at 0 and pi
 (Itakura 1975; Soong and Juang 1984).
 
-Every kernel is meant for calls from other kernels as well: it writes into arrays of the
-caller, of which `work` is scratch of the stated length at least, never shared by two threads.
+Kernels may also be called from other kernels: they write into arrays of the caller. `work` is a
+scratch array of at least the stated length, never shared by two threads.
 """
 
 import math
@@ -134,7 +134,7 @@ def lsf_inverse_gain(lsf: FloatArray, work: FloatArray) -> float:
     The output's power is the integral of ``1/|A|^2``, which the Szego quadrature on the
     zeros of P sums exactly: the weights ``2 / |P'(w_i) Q(w_i)|`` (with the linear phase taken
     out) are positive, so that nothing cancels and the result is good to about m roundings,
-    however near the poles are to the unit circle. A step-down of the coefficients is not.
+    however near the poles are to the unit circle, unlike a step-down of the coefficients.
     Reference: Jones, Njastad and Thron, Bull. London Math. Soc. 21 (1989), 113-152. Costs
     m^2/2 multiplications.
     """
@@ -202,9 +202,9 @@ def ar_to_reflection_into(ar: FloatArray, reflection: FloatArray) -> float:
     """Write the reflection coefficients (m,) of the coefficients `ar` (m,).
 
     The step-down of the Levinson recursion, in place; m^2 operations. Returns the factor
-    ``prod (1 + |k_i|)/(1 - |k_i|)`` by which it may have multiplied the rounding of `ar`:
-    where reflection coefficients are known, do not come back from the polynomial. Returns
-    infinity, with unusable numbers left in `reflection`, when some ``|k| >= 1`` or is not a
+    ``prod (1 + |k_i|)/(1 - |k_i|)`` by which it may have multiplied the rounding of `ar`: if
+    reflection coefficients are known, do not compute them from the polynomial. Returns
+    infinity, with unusable numbers left in `reflection`, if some ``|k| >= 1`` or is not a
     number.
     """
     order = len(ar)

@@ -1,8 +1,8 @@
 """All-pole approximations of filters with zeros.
 
-The all-pole filter of any order that predicts a signal best has the first autocorrelations of its
-spectrum (`mmt.texture.autoregression.reshaping`). The higher the order, the nearer its own
-spectrum; zeros near the unit circle take many poles.
+The all-pole filter of an order that predicts a signal best has the first autocorrelations of the
+signal's spectrum (`mmt.texture.autoregression.reshaping`). A higher order brings its own spectrum
+nearer to that; zeros near the unit circle take many poles.
 """
 
 from typing import Final, NamedTuple
@@ -16,7 +16,7 @@ from mmt.texture.autoregression.reshaping import reflection_of
 
 _CLOSE_DB: Final = 0.1
 _FLOOR_DB: Final = 60.0
-"""Spectra are compared down to this far below their maximum: at zeros they fall without bound."""
+"""Depth below their maximum to which spectra are compared: at zeros they fall without bound."""
 _TRANSFORM: Final = 2**15
 """Samples after which autocorrelations repeat: those of the sharpest lines have decayed."""
 
@@ -37,7 +37,7 @@ def all_pole(ar: FloatArray, ma: FloatArray, variance: FloatArray) -> AllPole:
     """Return all-pole filters of one order whose spectra are near those of filters with zeros.
 
     The order is the least, from that of the poles up to 64, at which no spectrum differs by
-    more than 0.1 dB, root mean square over frequency; where there is none, 64.
+    more than 0.1 dB, root mean square over frequency; if there is none, 64.
 
     Parameters
     ----------

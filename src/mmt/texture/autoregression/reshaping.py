@@ -1,6 +1,6 @@
-"""Filters of which spectra are given.
+"""Filters with given spectra.
 
-The filter of order p with the first p + 1 autocorrelations of a spectrum is its best of that order
+The filter of order p with the first p + 1 autocorrelations of a spectrum is the best of its order
 in the sense of linear prediction (Markel and Gray, Linear Prediction of Speech, 1976, section
 3.3). It follows by Levinson's recursion and is stable, as autocorrelations are positive definite.
 """
@@ -20,7 +20,7 @@ _LEAST_PERIOD: Final = 1024
 
 
 def period_of(rate_hz: float) -> int:
-    """Return after how many samples autocorrelations repeat at a sampling rate: a power of two.
+    """Return the period of autocorrelations in samples at a sampling rate: a power of two.
 
     Spectra have half as many frequencies and one more, at most 1.25 Hz apart.
     """
@@ -72,7 +72,7 @@ def reflection_of(density: FloatArray, order: int) -> tuple[FloatArray, FloatArr
 def levinson(autocorrelation: FloatArray) -> FloatArray:
     """Return the reflection coefficients (k, m) of autocorrelations (k, m + 1), O(k m^2).
 
-    The first column is positive. Where rounding leaves nothing to predict, the coefficients stay
+    The first column is positive. If rounding leaves nothing to predict, the coefficients stay
     within `LARGEST_REFLECTION`.
     """
     count, order = autocorrelation.shape[0], autocorrelation.shape[1] - 1

@@ -9,7 +9,7 @@ from mmt.core.bounds import real_numbers
 from mmt.core.errors import InputError
 
 _ROUNDING: Final = np.finfo(np.float64).eps ** 2
-"""Smaller squares of a sum over coefficients are rounding: at a pole it may come to nought."""
+"""Smallest squared sum over coefficients: at a pole, rounding may make the sum zero."""
 
 
 def ar_spectrum(
@@ -48,9 +48,9 @@ def ar_spectrum(
 
 
 def ar_spectra(ar: FloatArray, variance: FloatArray, period: int, rate_hz: float) -> FloatArray:
-    """Return `ar_spectrum` (n, period // 2 + 1) of filters (n, m) from 0 to half the rate, evenly.
+    """Return `ar_spectrum` (n, period // 2 + 1) of filters (n, m) evenly from 0 to half the rate.
 
-    By Fourier transforms, which take a fraction of the time.
+    It uses Fourier transforms, which take a fraction of the time.
     """
     response = np.fft.rfft(np.insert(ar, 0, 1.0, axis=1), period, axis=1)
     square = np.square(response.real) + np.square(response.imag)

@@ -8,9 +8,9 @@ the linear phase taken out, the polynomials P and Q of every order obey three-te
     q_(j+1) = t q_j - (1 + k_j) (1 - k_(j-1)) q_(j-1)      from j = 2, without the zero at w = 0
 
 so that their zeros are the eigenvalues of symmetric tridiagonal matrices with a zero diagonal,
-in plus and minus pairs. From reflection coefficients they are bisected. The other way, they are
-the singular values of bidiagonal matrices, whose squared entries are a qd array: alternately `q`
-and `e`, the coefficients of the recurrence.
+in plus and minus pairs. From reflection coefficients, bisection finds the eigenvalues. The other
+way, they are the singular values of bidiagonal matrices, whose squared entries are a qd array:
+alternately `q` and `e`, the coefficients of the recurrence.
 
 A qd array ``q[0], e[0], q[1], e[1], ...`` of positive numbers is the matrix ``B B^T``, B
 bidiagonal with the square roots of `q` on the diagonal and of `e` beside it (Rutishauser 1954;
@@ -18,9 +18,9 @@ Fernando and Parlett, "Accurate singular values and differential qd algorithms",
 (1994), 191-229). It is built from nodes and masses at O(size) a node, without subtractions, so
 that every result is accurate relative to itself.
 
-The coefficients are products of positive numbers, and small relative changes of them are all
-that roundings amount to. Hence small frequencies, frequencies near pi and reflection
-coefficients near one keep their relative accuracy. Cost: O(m^2) either way.
+The coefficients are products of positive numbers, so that roundings only cause small relative
+changes of them. Hence small frequencies, frequencies near pi and reflection coefficients near one
+keep their relative accuracy. Cost: O(m^2) either way.
 """
 
 import math
@@ -67,7 +67,7 @@ _BINARY_DIGITS: Final = 58
 
 @kernel("void(f8[::1])")
 def separate(lsf: FloatArray) -> None:
-    """Make the frequencies ascend strictly inside (0, pi), moving what is closer by roundings.
+    """Make the frequencies ascend strictly inside (0, pi), moving those that do not by roundings.
 
     Zeros of P and Q come arbitrarily close to each other as reflection coefficients near one.
     """
@@ -92,11 +92,11 @@ def _bisect(
 ) -> None:
     """Write ``2 cos(w/2)`` of each zero of P (first 0), or of Q of negated `reflection` (first 1).
 
-    They descend. The number of eigenvalues above a value is that of the negative pivots of the
-    value's matrix less the tridiagonal one (Sturm), each as of a matrix whose entries are changed
-    by a few roundings (Barth, Martin and Wilkinson, "Calculation of the eigenvalues of a symmetric
-    tridiagonal matrix by the method of bisection", Numer. Math. 9 (1967), 386-393). The zeros are
-    searched side by side, a binary digit at a time.
+    The values descend. The number of eigenvalues above a value is the number of negative pivots of
+    the value times the identity minus the tridiagonal matrix (Sturm). Roundings amount to small
+    changes of the entries (Barth, Martin and Wilkinson, "Calculation of the eigenvalues of a
+    symmetric tridiagonal matrix by the method of bisection", Numer. Math. 9 (1967), 386-393). The
+    zeros are searched together, a binary digit at a time.
     """
     order = len(reflection)
     count = (order + 1 - first) // 2

@@ -1,9 +1,9 @@
-"""What the criteria of completion share: progress and thresholds.
+"""Base of the completion criteria: progress and thresholds.
 
 A criterion says when a model is good enough to render from, and when modelling may stop. There are
 two: the published sum of distances (`mmt.texture.completion.distance`) and the share of strokes
-whose level is expected to be right (`mmt.texture.completion.uncertainty`). Each is of one method
-(`mmt.texture.online.methods`).
+whose level is expected to be right (`mmt.texture.completion.uncertainty`). Each belongs to one
+method (`mmt.texture.online.methods`).
 """
 
 import math
@@ -14,24 +14,24 @@ from typing import Any, Final
 from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S, CriterionScale
 
 _SAID_FALL: Final = 0.03
-"""Fall of the expected share from one update to the next that is worth a reason."""
+"""Least fall of the expected share between two updates for which a reason is given."""
 
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a model is.
+    """Progress of a model towards completion.
 
     Attributes
     ----------
     scale
-        What is measured, and the thresholds.
+        Name and thresholds of the criterion.
     value
         Value on that scale.
     cells
-        Value of each cell of the input space, in the order of `distance.cells_of`: on the same
-        scale, or its contribution to it.
+        Value of each cell of the input space, in the order of `distance.cells_of`: its expected
+        share, or its part of the sum of distances.
     advice
-        The inputs (d,), with units, of the stroke that helps most; None where nothing is known.
+        The inputs (d,), with units, of the stroke that helps most; None if nothing is known.
     """
 
     scale: CriterionScale
@@ -48,10 +48,10 @@ class Progress:
         return f"{share}: {_strokes(self.advice)}"
 
     def why_less_than(self, before: "Progress") -> str:
-        """Return why an expected share is less than it was, "" if it is not by `_SAID_FALL`.
+        """Return why the expected share has fallen, "" if it fell by less than `_SAID_FALL`.
 
-        It is a mean over strokes, weighted by where the hand strokes: either the cells have become
-        less sure, or the weights have moved to those that are.
+        The share is a mean over strokes, weighted by where the hand strokes. Either the cells have
+        become less certain, or the weights have moved to less certain cells.
         """
         if not self.scale.rises or before.value - self.value < _SAID_FALL:
             return ""
@@ -74,12 +74,12 @@ def _strokes(inputs: Sequence[float]) -> str:
 
 
 class Criterion:
-    """Base of the criteria of completion, as of the newest update of the model.
+    """Base class of the completion criteria, with the state after the newest update.
 
     Attributes
     ----------
     scale
-        What is measured, and the thresholds.
+        Name and thresholds of the criterion.
     progress
         Progress after the newest update.
     start_s, stop_s

@@ -6,13 +6,13 @@ centre the distances to the three nearest samples are added. Boundary points nev
 
 With the heading as well, every axis is cut in three again, velocity from -300 to 300 mm/s:
 27 boxes. Only the reachable part of each box counts, at most 300 mm/s in any direction, and its
-centre is that of this part. Four neighbours are summed, as many as enclose a point of space, as
-three do in the plane.
+centre is that of this part. The distances to four neighbours are summed, as it takes four points
+to enclose a point in space and three in the plane.
 
-Eq. (1) asks for a mean distance of a third of a cell's diagonal, a sum of 4.243 in the plane and,
-likewise, 36 in space. Rendering starts at 7.5 (section V.C, about ten samples). Distances among n
-samples go with ``n^(-1/d)``: 7.5 is reached with 0.32 of the samples that 4.243 takes, which gives
-52.63 in space. These are `mmt.texture.settings.DISTANCES`.
+Eq. (1) asks for a mean distance of a third of a cell's diagonal: a sum of 4.243 in the plane, and
+by the same rule 36 in space. Rendering starts at 7.5 (section V.C, about ten samples). Distances
+among n samples are proportional to ``n^(-1/d)``: 7.5 takes 0.32 of the samples that 4.243 takes,
+which gives 52.63 in space. These are `mmt.texture.settings.DISTANCES`.
 """
 
 import math
@@ -32,8 +32,8 @@ DIVISIONS: Final = 3
 NEIGHBOURS: Final = 3
 
 FARTHEST: Final = math.sqrt(2.0)
-"""The plane's diagonal stands in for a neighbour that does not exist yet, so that the sum is
-defined for any number of samples and an added sample can only lower it."""
+"""Distance of a neighbour that does not exist yet: the plane's diagonal. So the sum is defined for
+any number of samples, and an added sample can only lower it."""
 
 CELL_CENTRES: Final[FloatArray] = np.array(
     [((x + 0.5) / DIVISIONS, (y + 0.5) / DIVISIONS) for y, x in product(range(DIVISIONS), repeat=2)]
@@ -42,8 +42,8 @@ CELL_CENTRES: Final[FloatArray] = np.array(
 
 SPEED_RANGE_MM_S: Final = (ModellingSettings.least_speed_mm_s, MAXIMUM_SPEED_MM_S)
 FORCE_RANGE_N: Final = (ModellingSettings.least_force_n, MAXIMUM_FORCE_N)
-"""The part of the plane that counts, where models are scored and expected: from the least speed and
-force that are modelled to the largest."""
+"""Ranges over which models are scored and shares expected: from the least speed and force that are
+modelled to the largest."""
 
 _QUADRATURE: Final = 200
 
@@ -150,6 +150,6 @@ class CompletionMonitor(Criterion):
 
 
 def middles(ends: tuple[float, float], count: int) -> FloatArray:
-    """Return the middles of so many equal parts of a range, shape (count,)."""
+    """Return the middles of `count` equal parts of a range, shape (count,)."""
     low, high = ends
     return low + (high - low) * (np.arange(count) + 0.5) / count

@@ -5,8 +5,8 @@ at a stroke is within one just noticeable difference of the truth. The value of 
 mean of that probability over a grid of strokes, weighted by an estimate of where this operator
 strokes (`StrokingDensity`). It is the expectation of a share that `mmt lab compare` measures.
 
-It leaves out errors of the spectrum's shape, which have no posterior here, and what the stream does
-not contain, such as vibration far below the corner of the high-pass.
+It does not include errors of the spectrum's shape, which has no posterior here, or of vibration
+that the stream does not contain, such as that far below the corner of the high-pass.
 
 *Level.* The posterior is a mixture of normal distributions, one for each setting of its
 hyperparameters. The probability is the mixture's within one JND of its mean.
@@ -16,14 +16,13 @@ variance at every x by ``cov(x, c)^2 / (var(c) + r)``, whatever it measures (a r
 Rasmussen and Williams 2006, eq. 2.26). This gives the gain in the expected share for every c at
 once, in O(g^2) for g nodes, by the likeliest setting.
 
-*Strokes.* The grid is of the whole plane (`mmt.texture.completion.distance`), which evaluations
-compare as well. The next stroke is taken to come from a Dirichlet process
-whose base measure is uniform over the grid with the weight of `PRIOR_S` of stroking: after t
-seconds it repeats an earlier stroke with probability t / (t + `PRIOR_S`) (Ferguson, "A Bayesian
-analysis of some nonparametric problems", Annals of Statistics 1, 1973; Blackwell and MacQueen,
-ibid., eq. 1). So unexplored strokes count, and count less the longer the operator leaves them out.
-A moment of stroking counts at the nodes around it, as linear interpolation between them weighs
-them; moments beyond the grid count at its edge.
+*Strokes.* The grid covers the whole plane (`mmt.texture.completion.distance`), as evaluations do.
+The next stroke is taken to come from a Dirichlet process whose base measure is uniform over the
+grid with the weight of `PRIOR_S` of stroking: after t seconds it repeats an earlier stroke with
+probability t / (t + `PRIOR_S`) (Ferguson, "A Bayesian analysis of some nonparametric problems",
+Annals of Statistics 1, 1973; Blackwell and MacQueen, ibid., eq. 1). So unexplored strokes count,
+and count less the longer the operator leaves them out. A moment of stroking is divided among the
+nodes around it by the weights of linear interpolation; moments beyond the grid count at its edge.
 """
 
 from functools import cached_property
@@ -101,8 +100,8 @@ class CompletionGrid:
 
 
 PRIOR_S: Final = 10.0
-"""Weight of the uniform base measure, in seconds of stroking: about the time that the published
-criterion takes to stop, by when half of the density is still uniform."""
+"""Weight of the uniform base measure, in seconds of stroking. The published criterion takes about
+as long to stop; half of the density is still uniform then."""
 
 _STEP: Final = 10  # samples: a stroke changes little within 10 ms
 
@@ -162,17 +161,17 @@ def _hat(step: float, apart: FloatArray) -> FloatArray:
 
 
 _NEWS, _NEWS_ONCE_STOPPED = 1.02, 1.1
-"""Seconds of stroking, over those at the last evaluation, that call for another: a threshold is met
-2 % late at most. Once the last one is met nothing depends on the value."""
+"""Ratio of the seconds of stroking to those at the last evaluation from which a model is evaluated
+again: a threshold is met 2 % late at most. After the last one nothing depends on the value."""
 
 _LEAST: Final = 1e-12
-"""Variances in nepers^2 count as no smaller: 4e-6 dB."""
+"""Least variance in nepers^2: a standard deviation of 4e-6 dB."""
 
 
 def outlook(
     field: LevelField, grid: CompletionGrid, weights: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return what is expected at the nodes of a grid, arrays of shape (g,).
+    """Return how likely the level is right at the nodes of a grid, and what stroking there gains.
 
     Parameters
     ----------
@@ -181,13 +180,13 @@ def outlook(
     grid
         Strokes.
     weights
-        Of the nodes, (g,), with the sum 1.
+        Weights of the nodes, (g,), with the sum 1.
 
     Returns
     -------
     right, gain
         The probability that the level is within one JND, and the increase of the weighted share by
-        a further second of stroking at that node.
+        a further second of stroking at that node, both (g,).
     """
     found, covariance = field.predict_jointly(grid.strokes)
     variance = np.maximum(np.diagonal(covariance), _LEAST)
@@ -217,7 +216,7 @@ class UncertaintyCriterion(Criterion):
 
     @property
     def due(self) -> bool:
-        """Whether so much is new that evaluating a model tells more than the last time."""
+        """Whether there is enough new stroking to evaluate a model again."""
         news = _NEWS_ONCE_STOPPED if self.stopped else _NEWS
         return self.density.total_s > news * self._evaluated_s
 

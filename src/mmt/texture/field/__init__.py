@@ -1,1 +1,1 @@
-"""The level and shape of a texture over speed, force and heading, with their error."""
+"""Level of a texture over speed, force and heading, with its error; smoothed filter shapes."""

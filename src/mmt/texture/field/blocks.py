@@ -1,8 +1,8 @@
 """Cutting a stream of aligned samples into blocks of a twentieth of a second in contact.
 
-A block is kept if the tool strokes all the time, and pressed before it too: the knock of a
-touchdown is not the texture's. Where speed or force changes within it by more than a factor of
-two it is left out: its power is that of no one stroke.
+A block is kept if the tool strokes during all of it and already pressed before it, as the knock of
+a touch-down is not the texture's. A block in which speed or force changes by more than a factor of
+two is left out, as its power belongs to no single stroke.
 """
 
 from collections.abc import Callable, Iterable
@@ -24,7 +24,7 @@ _LARGEST_CHANGE: Final = 2.0
 class Blocks(Columns):
     """n blocks: first sample and number in time (n,), points (n, d), powers (n,).
 
-    With a measure of c features the powers are these, (n, c).
+    With a measure of c features, ``power`` holds these, (n, c).
     """
 
     start: IntArray
@@ -36,7 +36,7 @@ class Blocks(Columns):
 def mean_square(vibration_m_s2: FloatArray, measured: BoolArray) -> FloatArray:
     """Return the power of n blocks of m samples, (n, m, axes), in (m/s2)^2, (n,).
 
-    Samples that are not measured (n, m) do not count; of a block without any the power is NaN.
+    Only `measured` samples (n, m) count; the power of a block without any is NaN.
     """
     square = np.square(vibration_m_s2).sum(axis=2)
     with np.errstate(invalid="ignore"):
@@ -44,17 +44,16 @@ def mean_square(vibration_m_s2: FloatArray, measured: BoolArray) -> FloatArray:
 
 
 class BlockCutter:
-    """Cut a stream into blocks, part by part; how it comes in parts changes no block.
+    """Cut a stream into blocks, part by part; the partition does not change the blocks.
 
     Parameters
     ----------
     settings
-        Inputs of the model and rate of the stream; slower samples than its least speed, or lighter
-        ones than its least force, belong to no block.
+        Inputs of the model, rate of the stream, and least speed and force of samples in a block.
     measure
-        What is measured of the vibration of n blocks of m samples, (n, m, axes), of which some
-        (n, m) are measured: their powers, or features (n, c). Blocks in which any is not finite
-        are left out, and those of which less than half is measured.
+        Returns the powers (n,), or features (n, c), of n blocks of m samples, given the vibration
+        (n, m, axes) and which samples are measured (n, m). A block is left out if a result is not
+        finite, or if less than half of it is measured.
     """
 
     def __init__(

@@ -1,14 +1,14 @@
-"""What was felt of a texture: log powers of short blocks, gathered by stroke and moment.
+"""Log powers of short blocks of vibration, summed by stroke and moment.
 
 A *block* is a twentieth of a second in contact (`mmt.texture.field.blocks`). Its stroke (speed,
-force, and heading where it counts) falls into a cell of the coordinates of
-`mmt.texture.field.covariance`, and its time into a *moment* of half a second. One row gathers the
-blocks of one cell in one moment. Rows are all that is kept: an update is linear in the new blocks,
-and a session of hours has no more than `LARGEST` rows.
+force, and heading if it counts) falls into a cell of the coordinates of
+`mmt.texture.field.covariance`, and its time into a *moment* of half a second. One row sums the
+blocks of one cell in one moment. Only rows are kept: the cost of an update is linear in the new
+blocks, and a session of hours has no more than `LARGEST` rows.
 
-The moment is kept because what disturbs a measurement (a knock, a slip, a patch of the surface)
-disturbs the blocks of a moment together: a row is worth less than its blocks would be one by one,
-and one that disagrees with all others can be told (`mmt.texture.field.observations`).
+Moments are kept because a disturbance (a knock, a slip, a patch of the surface) affects all blocks
+of a moment together. So a row counts for less than its blocks would singly, and a row that
+disagrees with all others can be recognised (`mmt.texture.field.observations`).
 """
 
 from dataclasses import dataclass, replace
@@ -29,14 +29,14 @@ from mmt.texture.field.covariance import (
 )
 
 LARGEST: Final = 4096
-"""Rows; where there are more, moments are joined in pairs."""
+"""Largest number of rows; beyond it, moments are joined in pairs."""
 
 MOMENT_BLOCKS: Final = 10
-"""Blocks of a moment, half a second, at first."""
+"""Initial number of blocks in a moment, half a second."""
 
 FELT_POWER: Final = 1e-3
-"""Power in (m/s2)^2 that is added to every block's: 0.03 m/s2 rms, which nobody feels (at the
-fingertip thresholds are 0.1 m/s2 and more, ISO 13091-1). Quieter is silence, however quiet."""
+"""Power in (m/s2)^2 that is added to that of every block: 0.03 m/s2 rms, which nobody feels (at the
+fingertip thresholds are 0.1 m/s2 and more, ISO 13091-1). Less power is equally silent."""
 
 _SECTORS: Final = 16
 _FIRST: Final = float(warped(np.zeros(1))[0])
@@ -54,11 +54,11 @@ class FieldCells:
         Cell and moment of each row, shape (r, 4): steps in u and v, sector of the heading, and the
         moment's number.
     sums
-        Shape (r, 4): number of blocks, sum of their powers plus `FELT_POWER` in (m/s2)^2, of these
-        powers' logarithms, and of the logarithms' squares. Powers are those at the cell's centre:
-        the prior's slopes within the cell are taken out.
+        Shape (r, 4): number of blocks, and sums of their powers, each plus `FELT_POWER`, in
+        (m/s2)^2, of the logarithms of these powers, and of the squared logarithms. The prior's
+        slopes convert powers to the cell's centre.
     moment_blocks
-        Length of a moment.
+        Number of blocks in a moment.
     """
 
     directed: bool
@@ -85,9 +85,9 @@ class FieldCells:
         points, power
             Normalised inputs, (n, 2) or (n, 3), and powers, (n,).
         blocks
-            Blocks that each is worth, (n,), positive.
+            Number of blocks that each segment is worth, (n,), positive.
         scatter
-            Variance of a block's log power that is assumed.
+            Assumed variance of a block's log power.
         """
         stroke, level = _at_centres(points, power)
         keys = np.column_stack([stroke, np.arange(len(points))])
@@ -114,7 +114,7 @@ class FieldCells:
         return len(self.keys)
 
     def check(self) -> None:
-        """Raise `InputError` where these cannot have come from blocks."""
+        """Raise `InputError` if the rows cannot have come from blocks."""
         counts, powers = self.sums[:, 0], self.sums[:, 1]
         steps, sectors = self.keys[:, :2], self.keys[:, 2]
         inside = (steps >= 0).all() and (steps <= 100).all()
@@ -134,7 +134,7 @@ class FieldCells:
         return self._gathered(self.directed, np.vstack(keys), sums, blocks)
 
     def scaled(self, gain: FloatArray) -> Self:
-        """Return the rows with powers times positive gains, (r,)."""
+        """Return the rows with their powers multiplied by positive gains, (r,)."""
         count, power, first, second = self.sums.T
         more = np.log(gain)
         squares = second + more * (2.0 * first + more * count)
@@ -181,7 +181,7 @@ def _at_centres(points: FloatArray, power: FloatArray) -> tuple[IntArray, FloatA
 
 
 def _unique(keys: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the different rows of keys (r, k), sorted, and the index of each row among them."""
+    """Return the distinct rows of keys (r, k), sorted, and the index of each row among them."""
     if not len(keys):
         return keys, np.zeros(0, np.int64)
     lowest = keys.min(axis=0)

@@ -1,24 +1,24 @@
 """Prior covariance of a texture's log power over speed, force and heading.
 
-Coordinates are warped, ``u = 1.5 ln(speed + 0.15)`` of the normalised speed and ``v`` likewise of
-the force: about logarithms for most strokes, and about linear near rest, where textures have
-little left to lose. The log power is linear in them plus a departure:
+Coordinates are warped: ``u = 1.5 ln(speed + 0.15)`` of the normalised speed, and ``v`` likewise of
+the force. They are nearly logarithmic for most strokes and nearly linear near rest, where little
+power is left. The log power is the sum of a linear part and departures from it:
 
-- ``c + a u + b v``: c all but free, a and b normal.
+- ``c + a u + b v``: c with a very broad prior, a and b normal.
 - a Gaussian process over u and v, with the product of two Matern covariances of smoothness 3/2
   (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, eq. 4.17).
 - a rough departure: the same with the width of a cell (`CELL_WIDTHS`) as length on both axes.
-  Without it a texture whose level goes up and down between neighbouring strokes is taken for a
-  smooth one that scatters, and to be known where one stroke was made often.
-- where the heading counts, two more departures, each a Matern covariance over the chord between
-  headings times such covariances over u and v: one the same for a stroke and its return, as
-  ridges are, and one that is not, as a nap is.
+  Without it, a level that varies between neighbouring strokes would count as scatter about a
+  smooth level, and as known around any stroke that was made often.
+- if the heading counts, two more departures, each a Matern covariance over the chord between
+  headings times such covariances over u and v: one is equal for a stroke and its return, as for
+  ridges, the other is not, as for a nap.
 
-Every term is a product over the axes, so that matrices over cells and grids, which have few
-coordinates on each axis, take few exponentials.
+Every term is a product over the axes. Cells and grids have few coordinates on each axis, so that
+their matrices take few exponentials.
 
-The hyperparameters are not searched for. `settings` spreads a fixed number of them evenly over
-their prior, and the posterior is the mixture of all, each with the weight of its evidence
+Hyperparameters are not optimised. `settings` spreads a fixed number of them evenly over their
+prior, and the posterior is the mixture over all of them, weighted by their evidence
 (`mmt.texture.field.posterior`). The prior's figures are in `HYPERPRIOR`.
 """
 
@@ -34,7 +34,7 @@ Values = TypeVar("Values", FloatArray, IntArray)
 
 
 class LogNormal(NamedTuple):
-    """Median, and standard deviation of the logarithm."""
+    """Log-normal distribution: median, and standard deviation of the logarithm."""
 
     median: float
     spread: float
@@ -53,25 +53,24 @@ HYPERPRIOR: Final = {
 """Prior of each hyperparameter: standard deviations of the departures in nepers of power, lengths
 in u and v, widths as chords on the unit circle.
 
-The first three are rounded from what 50 HaTT models, fitted one by one, call for (medians 0.71,
-0.57 and 0.78, spreads 0.9 to 1.1). The fourth is rounded too: its evidence from the same models is
-within 0.2 nepers a model of the largest of any median. The other four are broad guesses."""
+The first three are rounded from fits to 50 single HaTT models (medians 0.71, 0.57 and 0.78, spreads
+0.9 to 1.1). The fourth is rounded too: its evidence from the same models is within 0.2 nepers per
+model of the evidence of the best median. The other four are broad guesses."""
 
 CELL_WIDTHS: Final = (0.15, 0.5)
-"""Width in u and v of the cells in which blocks are summed up (`mmt.texture.field.cells`), in the
-plane and where the heading counts; the length of the rough departure: what is finer is not told
-apart."""
+"""Width in u and v of the cells in which blocks are summed (`mmt.texture.field.cells`), without and
+with heading. It is also the length of the rough departure, as finer detail is not resolved."""
 
 SLOPES: Final = ((1.5, 0.7), (0.5, 0.5))
-"""Mean and standard deviation of a and b: of the same models 1.5 and 0.51 in the mean, spread 0.5
-and 0.3."""
+"""Mean and standard deviation, of a and of b. The same models have means of 1.5 and 0.51, and
+spreads of 0.5 and 0.3."""
 
 _FREE: Final = 16.0  # variance of c about the blocks' mean
 _PER_COORDINATE: Final = 1.5
 _NEAR_REST: Final = 0.15
 _PLANAR: Final = 4
 _HEADED_LENGTHS: Final = 8.0
-"""Lengths of the departures with heading over those without: grain acts alike at all speeds."""
+"""Ratio of the lengths with heading to those without: grain acts alike at all speeds."""
 
 
 class Coordinates(NamedTuple):
@@ -83,7 +82,7 @@ class Coordinates(NamedTuple):
 
     @property
     def law(self) -> FloatArray:
-        """The prior mean of the log power, but for its constant, shape (k,)."""
+        """Prior mean of the log power without its constant, shape (k,)."""
         return SLOPES[0][0] * self.u + SLOPES[1][0] * self.v
 
 
@@ -119,7 +118,7 @@ def grid_nodes(axes: Coordinates) -> Coordinates:
 def settings(count: int, *, directed: bool, rough: bool = True) -> FloatArray:
     """Return hyperparameters spread evenly over their prior, (count, 4) or (count, 8).
 
-    Quantiles at the points of the additive recurrence that generalises the golden ratio
+    They are quantiles at the points of the additive recurrence that generalises the golden ratio
     (Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018). ``rough`` says
     whether there is a rough departure.
     """
@@ -164,7 +163,7 @@ def prior_covariance(
 
 @kernel("f8[::1](f8[::1], i8[::1])", "i8[::1](i8[::1], i8[::1])")
 def different(values: Values, which: IntArray) -> Values:
-    """Return the different values, sorted; set which of these each value is."""
+    """Return the distinct values, sorted; write the index of each value among them to `which`."""
     own = np.unique(values)
     which[:] = np.searchsorted(own, values)
     return own
@@ -180,7 +179,7 @@ def matern(distance: FloatArray, length: float) -> FloatArray:
 @kernel("f8[:, ::1](f8[:, ::1], f8[::1])")
 def _around(angle: FloatArray, setting: FloatArray) -> FloatArray:
     """Return the covariance of the departures with heading, at equal speeds and forces."""
-    ridges = setting[4] ** 2 * matern(np.sin(angle), setting[5])  # a heading and its opposite: one
+    ridges = setting[4] ** 2 * matern(np.sin(angle), setting[5])  # equal for opposite headings
     return np.asarray(ridges + setting[6] ** 2 * matern(2.0 * np.sin(0.5 * angle), setting[7]))
 
 
@@ -235,8 +234,8 @@ def mean_on_grid(
 ) -> FloatArray:
     """Return ``sum_ki weights_ki covariance_k(node, stroke_i)``, (headings, speeds, forces).
 
-    By the product of the axes' covariances: O(n) exponentials for a node of an axis, not of the
-    grid. One heading where the heading does not count.
+    The product of the axes' covariances takes O(n) exponentials per node of an axis, not of the
+    grid. The result has one heading if the heading does not count.
 
     Parameters
     ----------
@@ -247,7 +246,7 @@ def mean_on_grid(
     weights
         Shape (k, n).
     every
-        Rows of `settings`, the first of the covariance to which the first weights belong, (k, h).
+        Rows of `settings`, one for each row of `weights`, (k, h).
     """
     u_apart, v_apart = np.subtract.outer(axes.u, at.u), np.subtract.outer(axes.v, at.v)
     all_weights, rough = weights.sum(axis=0), np.square(every[:, 3]) @ weights

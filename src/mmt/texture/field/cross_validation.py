@@ -3,12 +3,12 @@
 A Gaussian process without one of its observations follows from the inverse of the covariance of
 all (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, section 5.4.2): with
 ``a`` the weights ``inverse(C) y`` and ``c`` the diagonal of the inverse, the mean is ``y - a / c``
-and the variance ``1 / c``. The prior is that of `mmt.texture.field.covariance`. Neither its setting
-is known nor how much the observations scatter: the prediction is the mixture over all settings
-and over some factors of the scatter, each with the weight of its evidence.
+and the variance ``1 / c``. The prior is that of `mmt.texture.field.covariance`. Its setting and the
+scatter of the observations are unknown, so the prediction is a mixture over all settings and over
+several factors on the scatter, weighted by evidence.
 
 Cost: O(s f e^3) for the evidence of s settings and f factors, of at most `EVIDENCE` observations,
-and O(k n^3) for the k that count, mostly two or three.
+and O(k n^3) for the k members of the mixture, mostly two or three.
 """
 
 from collections.abc import Sequence
@@ -22,18 +22,18 @@ from mmt.texture.field.posterior import SETTINGS
 from mmt.texture.linear_algebra import cholesky, solve_backward, solve_forward
 
 EVIDENCE: Final = 64
-"""Most observations that the settings are weighed on, an even choice of those present: all of some
-120 find as many knocks, at twice the cost."""
+"""Largest number of present observations, evenly chosen, from which settings are weighted. Using
+all of some 120 finds as many knocks, at twice the cost."""
 
 _NEGLIGIBLE: Final = 0.1
 """Share of the largest weight below which a member is left out; 0.01 finds as many knocks."""
 
 
 class LeftOut(NamedTuple):
-    """Each of n observations as the others predict it.
+    """Prediction of each of n observations by the others.
 
-    ``mean`` (n, c), in the values' unit; ``variance`` (n,) of an observation about it, with its own
-    scatter; ``scatter`` (n,), the part of the variance that is the observation's own.
+    ``mean`` (n, c), in the values' unit; ``variance`` (n,) of an observation about it, scatter
+    included; ``scatter`` (n,), the scatter's part of the variance.
     """
 
     mean: FloatArray
@@ -49,9 +49,9 @@ class LeaveOneOut:
     points
         Normalised, shape (n, 2) or (n, 3).
     scatter
-        Variance of each observation about the field, shape (n,), positive, but for a factor.
+        Variance of each observation about the field, up to a factor; shape (n,), positive.
     factors
-        What the scatter may have to be multiplied by.
+        Candidates for that factor.
     """
 
     def __init__(self, points: FloatArray, scatter: FloatArray, factors: Sequence[float]) -> None:
@@ -68,8 +68,8 @@ class LeaveOneOut:
         Parameters
         ----------
         groups
-            Values of zero prior mean but for a constant, each (n, c): all c channels of a group
-            have one mixture.
+            Values, each (n, c), with a prior mean that is constant; all c channels of a group
+            share one mixture.
         effective
             How many independent channels each group is worth.
         present

@@ -1,22 +1,22 @@
-"""What the blocks of each cell of strokes say of its level, and which moments are not believed.
+"""Level of each cell of strokes as observed in its blocks, and how far each moment is trusted.
 
-A row (`mmt.texture.field.cells`) is off its cell's level by the scatter of its blocks and by that
-of its moment: the patch of the surface that was under the tool, the grip of the hand. Both
-variances are learned from the blocks themselves, drawn to those of a homogeneous surface by a few
-degrees of freedom.
+A row (`mmt.texture.field.cells`) differs from its cell's level by the scatter of its blocks and by
+that of its moment (the patch of the surface under the tool, the grip of the hand). Both variances
+are estimated from the blocks, with a prior of a few degrees of freedom at those of a homogeneous
+surface.
 
-A row may also be wrong altogether: a knock, a slip, hum, a smooth patch. So its error has a heavy
-tail, that of a contaminated normal distribution (Tukey, "A survey of sampling from contaminated
-distributions", 1960): with the probability `STRAY_SHARE` it has the standard deviation
-`STRAY_DEVIATION` besides. How probable that is follows from what all other rows, through the prior
-of `mmt.texture.field.covariance`, predict of the row: the posterior of its cell without the row
-itself, in closed form (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006,
-section 5.4.2), under the setting of the prior that predicts `CHOOSING` cells best. The rest of the
-probability is the trust in the row, a factor on its precision. Trust depends on predictions and
-predictions on trust: both are found by turns, `ROUNDS` times. A region that is silent time and
-again predicts its own silence, and is believed.
+A row may also be an outlier: a knock, a slip, hum, a smooth patch. So its error has the heavy tail
+of a contaminated normal distribution (Tukey, "A survey of sampling from contaminated
+distributions", 1960): with the probability `STRAY_SHARE` an error of standard deviation
+`STRAY_DEVIATION` is added. The probability that a row is an outlier follows from its prediction by
+all other rows, through the prior of `mmt.texture.field.covariance`: the posterior of its cell
+without the row itself, in closed form (Rasmussen and Williams, Gaussian Processes for Machine
+Learning, 2006, section 5.4.2), under the setting of the prior that predicts `CHOOSING` cells best.
+The remaining probability is the trust in the row, a factor on its precision. Trust and predictions
+depend on each other and are computed in turn, `ROUNDS` times. A region that is silent repeatedly
+predicts its own silence, and is trusted.
 
-Cost: O(ROUNDS c^3) for c cells, and O(k^3) a setting for its choice by k cells.
+Cost: O(ROUNDS c^3) for c cells, and O(k^3) per setting to choose the setting by k cells.
 """
 
 from typing import Final, NamedTuple
@@ -31,41 +31,41 @@ from mmt.texture.linear_algebra import condition
 
 BLOCK_VARIANCE: Final = 0.08
 """Variance of a block's log power, nepers^2, on a homogeneous surface: 25 independent samples of
-50. What is learned of HaTT's models in 30 s is 0.08 to 0.09 in the mean, by either hand and with
-noise or without, 0.06 to 0.12 of four in five."""
+50. Estimates from 30 s on HaTT models are 0.08 to 0.09 in the mean, with either hand and with or
+without noise; four in five are between 0.06 and 0.12."""
 
 MOMENT_VARIANCE: Final = 0.01
 """Least variance between moments, nepers^2: no surface and no hand is the same everywhere."""
 
 STRAY_SHARE: Final = 0.02
-"""Probability that a row is wrong altogether, before anything is known of it."""
+"""Prior probability that a row is an outlier."""
 
 STRAY_DEVIATION: Final = 3.0
-"""Standard deviation of its error then, nepers: 13 dB."""
+"""Standard deviation of an outlier's error, nepers: 13 dB."""
 
 ROUNDS: Final = 3
 
 CHOOSING: Final = 48
-"""Most cells by which settings of the prior are compared, an even choice of all. The cost is their
-cube, and more cells sharpen the weights beyond what the prior is worth: of 400 sessions of 30 s
-on HaTT models 354 meet the stop criterion by 48 cells, 331 by all, at .85 and .86 right."""
+"""Largest number of cells, evenly chosen, by which settings of the prior are compared. The cost is
+cubic, and more cells sharpen the weights more than the prior justifies: of 400 sessions of 30 s on
+HaTT models 354 meet the stop criterion with 48 cells, 331 with all, at .85 and .86 right."""
 
 _PRIOR_DEGREES: Final = 6.0
 _MEDIAN: Final = 0.9
-"""Median of a variance estimated from the four to nine blocks of a row, over the variance."""
+"""Median of a variance estimated from the four to nine blocks of a row, over the true one."""
 
 _LARGEST_VARIANCE: Final = 1.0  # nepers^2; what varies by more is no steady texture
 _LEAST_PRECISION: Final = 1e-3
-_LEAST_BELIEVED: Final = 1e-9  # that of a row 200 dB off counts for nothing
+_LEAST_BELIEVED: Final = 1e-9  # so low that even a row 200 dB off counts for nothing
 
 
 class Observations(NamedTuple):
-    """What is observed of the log level, less the prior mean, in c cells of strokes.
+    """Observed log level, minus the prior mean, in c cells of strokes.
 
-    ``level``, ``variance`` (c,): the mean of the rows' logarithms of powers plus
-    `cells.FELT_POWER`, by their precision, and the variance of its error; ``smoothed`` (c,): the
-    same as predicted from all cells together. ``block``, ``moment``: variances between the blocks
-    of a moment, and between moments.
+    ``level`` (c,): precision-weighted mean of the rows' log powers, with `cells.FELT_POWER`
+    included. ``variance`` (c,): variance of its error. ``smoothed`` (c,): level as predicted from
+    all cells together. ``block``, ``moment``: variances between the blocks of a moment, and
+    between moments.
     """
 
     level: FloatArray
@@ -76,9 +76,9 @@ class Observations(NamedTuple):
 
 
 class Choice(NamedTuple):
-    """The cells by which settings of the prior are compared: `CHOOSING` or all.
+    """Cells by which settings of the prior are compared: `CHOOSING` of them, or all.
 
-    Their indices (k,), and their prior covariance under each setting, (s, k, k).
+    Holds their indices (k,), and their prior covariance under each setting, (s, k, k).
     """
 
     cells: IntArray
@@ -94,7 +94,7 @@ def choose(cells: FieldCells, every: FloatArray) -> Choice:
 
 
 def observe(cells: FieldCells, every: FloatArray, choice: Choice) -> Observations:
-    """Return what the rows, at least one, say of each cell.
+    """Return the observed level of each cell from its rows, at least one in all.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def observe(cells: FieldCells, every: FloatArray, choice: Choice) -> Observation
     cell, (count, power, _, _) = cells.cell_of_row, cells.sums.T
     block = _block_variance(cells)
     scatter = block / count
-    # the logarithm of a mean lies below that of what is expected, by half its variance
+    # the log of a mean power is, on average, half its variance below that of the expected power
     level = np.log(power / count) + 0.5 * scatter - cells.centres.law[cell]
     believed = np.ones(len(level))
     moment = _moment_variance(cell, level, scatter, believed)
@@ -123,7 +123,7 @@ def observe(cells: FieldCells, every: FloatArray, choice: Choice) -> Observation
         found = left_out(prior, cell, level, moment + scatter, trust)
         smoothed, off, usual = (of_one[0] for of_one in found)
     precision, mean = _combined(cell, trust / (moment + scatter), level)
-    bias = 0.5 * moment  # and a mean of logarithms, of moments, below that of the mean
+    bias = 0.5 * moment  # likewise for the mean of logarithms over moments
     return Observations(mean + bias, 1.0 / precision, smoothed + bias, block, moment)
 
 
@@ -158,9 +158,9 @@ def _moment_variance(
 def left_out(
     priors: FloatArray, cell: IntArray, level: FloatArray, scatter: FloatArray, trust: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the smoothed level (s, c), and how far each row is off what the others predict.
+    """Return the smoothed level (s, c), and the error of each row's prediction by the others.
 
-    The latter with its variance if nothing is wrong with the row, both (s, r).
+    The error comes with its variance if the row is no outlier, both (s, r).
     """
     smoothed = np.empty(priors.shape[:2])
     off, usual = np.empty((2, len(priors), len(cell)))
@@ -180,7 +180,7 @@ def _leave_out(
     off: FloatArray,
     usual: FloatArray,
 ) -> bool:
-    """Set the results of `left_out`; returns whether every prior is positive definite."""
+    """Write the results of `left_out`; return whether every prior is positive definite."""
     count, own = priors.shape[1], trust / scatter
     precision, mean = np.zeros(count), np.zeros(count)
     for row in range(len(cell)):
@@ -204,7 +204,7 @@ def _leave_out(
 
 
 def _likeliest(choice: Choice, cell: IntArray, level: FloatArray, scatter: FloatArray) -> int:
-    """Return which setting of the prior predicts the rows of the chosen cells best."""
+    """Return the index of the setting that predicts the rows of the chosen cells best."""
     rows = np.isin(cell, choice.cells)
     part = np.searchsorted(choice.cells, cell[rows])
     trust = np.ones(len(part))
@@ -213,13 +213,13 @@ def _likeliest(choice: Choice, cell: IntArray, level: FloatArray, scatter: Float
 
 
 def _believed(off: FloatArray, usual: FloatArray) -> FloatArray:
-    """Return the probability that nothing is wrong with each row, (r,)."""
+    """Return the probability that each row is no outlier, (r,)."""
     right = np.exp(_log_normal(off, usual) - _log_density(off, usual))
     return np.maximum(right, _LEAST_BELIEVED)
 
 
 def _log_density(off: FloatArray, usual: FloatArray) -> FloatArray:
-    """Return the logarithm of the probability density of rows, but for a constant, (r,)."""
+    """Return the log probability density of rows, up to a constant, (r,)."""
     stray = np.log(STRAY_SHARE) + _log_normal(off, usual + STRAY_DEVIATION**2)
     return np.asarray(np.logaddexp(_log_normal(off, usual), stray))
 

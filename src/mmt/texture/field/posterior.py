@@ -1,15 +1,15 @@
-"""What is known of a texture's level over speed, force and heading, and how well.
+"""Posterior of a texture's level over speed, force and heading.
 
 A Gaussian process on the log power of blocks (Rasmussen and Williams, Gaussian Processes for
 Machine Learning, 2006, sections 2.2 and 5.2), whose prior is in `mmt.texture.field.covariance`.
-Each cell of strokes counts as one observation, with the error that is left of its blocks
-(`mmt.texture.field.observations`).
+Each cell of strokes counts as one observation, with the error that is estimated in
+`mmt.texture.field.observations`.
 
 The posterior is a mixture over `SETTINGS` hyperparameters, each weighted by its evidence, so that
-what is not known of a texture's smoothness counts in the standard deviation.
+the standard deviation includes the uncertainty of the texture's smoothness.
 
-Cost: O(c^3) for each setting with weight and c cells that were touched, of which there are at most
-440, or 780 with headings, however long the session is.
+Cost: O(c^3) for each setting with weight and c touched cells, of which there are at most 440, or
+780 with headings, however long the session is.
 """
 
 from functools import cached_property
@@ -43,16 +43,16 @@ from mmt.texture.linear_algebra import (
 from mmt.texture.space.samples import TextureSamples
 
 DB: Final = 10.0 / np.log(10.0)
-"""Decibel in a neper of power."""
+"""Decibels in a neper of power."""
 
 SETTINGS: Final = 16
-"""Hyperparameters in the mixture."""
+"""Number of settings of the hyperparameters in the mixture."""
 
 _NEGLIGIBLE: Final = 1e-3  # weight of a setting that is left out
 _LEAST_EXPONENT: Final = 0.2
 _RISE: Final = 6.0  # nepers above the loudest cell, at most
 _LEAST: Final = -690.0  # nepers, above what underflows
-_LEAST_SHARE: Final = 1e-3  # of a level that is rendered where nobody feels anything
+_LEAST_SHARE: Final = 1e-3  # of a level, left after `FELT_POWER` is taken out
 _LEAST_VARIANCE: Final = 1e-12
 
 
@@ -75,7 +75,7 @@ class Prediction(NamedTuple):
         return np.asarray(np.sqrt(np.maximum(second, _LEAST_VARIANCE)))
 
     def within(self, nepers: float) -> FloatArray:
-        """Return the probability (k,) that the mean is right within so many nepers."""
+        """Return the probability (k,) that the mean is right to this many nepers."""
         each = right_probability(nepers, self.variances, self.means - self.mean)
         return np.asarray(np.clip(self.weights @ each, 0.0, 1.0))
 
@@ -83,14 +83,14 @@ class Prediction(NamedTuple):
 def right_probability(
     nepers: float, variances: FloatArray, off: FloatArray | float = 0.0
 ) -> FloatArray:
-    """Return the probability that normal errors are within so many nepers, any shape.
+    """Return the probability that normal errors are at most this many nepers, any shape.
 
     Parameters
     ----------
     nepers
         Above zero.
     variances, off
-        Of the errors, in nepers^2, positive, and their means.
+        Variances (nepers^2, positive) and means of the errors.
     """
     width = np.sqrt(2.0 * variances)
     if np.isscalar(off) and off == 0.0:
@@ -113,7 +113,7 @@ class LevelField:
     Parameters
     ----------
     cells
-        At least one block.
+        Blocks, at least one.
     noise_power
         Noise power of the sensor, which is subtracted from every power.
     gain
@@ -137,7 +137,7 @@ class LevelField:
         self._members = _mixture(every, at, choice, level - self._middle, errors)
 
     def predict(self, at: Coordinates) -> Prediction:
-        """Return the posterior at k strokes: of the level itself, not of what would be measured."""
+        """Return the posterior of the level itself, without scatter of blocks, at k strokes."""
         return self._predicted(at)[0]
 
     def predict_jointly(self, at: Coordinates) -> tuple[Prediction, FloatArray]:
@@ -152,7 +152,7 @@ class LevelField:
         return found, within - product(white, np.ascontiguousarray(white.T))
 
     def _predicted(self, at: Coordinates) -> tuple[Prediction, list[FloatArray]]:
-        """Return the posterior, and what of each setting's prior is explained, whitened."""
+        """Return the posterior, and each setting's covariance with the cells, whitened."""
         every = np.array([member.setting for member in self._members])
         means, variances, explained = [], [], []
         for member, prior in zip(self._members, prior_covariance(at, self._at, every), strict=True):
@@ -203,8 +203,8 @@ class LevelField:
     def _share(level: FloatArray, noise_power: float) -> FloatArray:
         """Return the share of each cell's power that is not the sensor's noise, (c,).
 
-        Of the power as it is smoothed over all cells: by each cell's own, those that are loud by
-        chance would count for more. What is left is never less than `FELT_POWER`.
+        The smoothed power is used: with each cell's own power, cells that are loud by chance would
+        count for more. At least `FELT_POWER` is left.
         """
         least = FELT_POWER / (FELT_POWER + noise_power)
         return np.asarray(np.maximum(1.0 - noise_power * np.exp(-level), least))
@@ -213,7 +213,7 @@ class LevelField:
 def _mixture(
     every: FloatArray, at: Coordinates, choice: Choice, rest: FloatArray, errors: FloatArray
 ) -> list[_Member]:
-    """Return the settings with the weight of their evidence; `rest` (c,) is what is observed."""
+    """Return the settings, weighted by their evidence; `rest` (c,) are the observations."""
     evidence = log_evidence(choice.priors, errors[choice.cells], rest[choice.cells])
     weights = np.exp(evidence - evidence.max())
     weights[weights < _NEGLIGIBLE] = 0.0
@@ -228,10 +228,10 @@ def _mixture(
 
 
 def field_of_samples(samples: TextureSamples) -> LevelField | None:
-    """Return the field of a model's segments, None where none has any power.
+    """Return the field of a model's segments, or None if none has any power.
 
-    For models of which nothing else is known: a segment counts as so many blocks as its power's
-    effective sample size is worth.
+    For models without blocks: each segment counts as the number of blocks that the effective
+    sample size of its power is worth.
     """
     known = samples.power > 0.0
     if not known.any():
@@ -247,13 +247,13 @@ def field_of_samples(samples: TextureSamples) -> LevelField | None:
 
 
 def _rendered(level: FloatArray) -> FloatArray:
-    """Return the log power to render: without `FELT_POWER`, which all blocks have been given."""
+    """Return the log power to render, without the `FELT_POWER` that all blocks include."""
     share = 1.0 - FELT_POWER * np.exp(-np.maximum(level, np.log(FELT_POWER)))
     return level + np.log(np.maximum(share, _LEAST_SHARE))
 
 
 def _fall(levels: FloatArray, axis: FloatArray, logarithms: FloatArray, lowest: float) -> None:
-    """Let levels (nodes, ...) fall below the lowest cell of an axis, towards its zero."""
+    """Make levels (nodes, ...) fall towards zero below the lowest cell of an axis."""
     first = int(np.searchsorted(axis, lowest))
     step = _LEAST_EXPONENT * (logarithms[1] - logarithms[0])
     for node in range(min(first, len(axis) - 1) - 1, -1, -1):

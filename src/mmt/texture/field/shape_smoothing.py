@@ -1,25 +1,25 @@
 """Line spectral frequencies of a model's samples, smoothed to remove the scatter of their fits.
 
 The filter of each segment has an error that shrinks with its length, and neighbours are similar:
-repeated strokes in one region determine its filter together. Every
-frequency of the common order is estimated as a Gaussian process over the plane, or over velocity
-and force: a linear part, and a departure with a Matern covariance of smoothness 5/2 (Rasmussen
-and Williams, Gaussian Processes for Machine Learning, 2006, section 2.2). A sample's noise is in
-inverse proportion to its length. What is returned are the posterior means at the samples
-themselves, for the interpolation to go on with, and at the points around them, where a
-line that follows the speed goes on instead of standing still as a copy of the nearest sample's.
+repeated strokes in one region determine its filter together. Every frequency of the common order is
+estimated as a Gaussian process over the plane, or over velocity and force: a linear part, and a
+departure with a Matern covariance of smoothness 5/2 (Rasmussen and Williams, Gaussian Processes for
+Machine Learning, 2006, section 2.2). A sample's noise is inversely proportional to its length. The
+results are the posterior means at the samples, for the interpolation, and at the boundary points
+around them: there, a line that follows the speed continues to do so, unlike a copy of the nearest
+sample's line.
 
-The lengths of the departures are shared, and the ratio of noise to departure is each frequency's
-own, both of the largest evidence on a grid, with the scale integrated out by its best value: lines
-that follow the speed are hardly smoothed, resonances are. Over the velocity a stroke and its
-return count as nearly alike (`_RETURN`), since ridges are the same from both sides.
+All frequencies share the lengths of the departure, and each has its own ratio of noise to
+departure. Both have the largest evidence on a grid, with the scale at its best value: lines that
+follow the speed are hardly smoothed, while resonances are. Over velocity, a stroke and its return
+count as nearly alike (`_RETURN`), since ridges are the same from both sides.
 
-A set of frequencies that would come closer than half as near to each other as they were fitted,
-around the samples as the nearest one's were, is brought back towards these: convex combinations of
-ordered frequencies are ordered.
+If smoothing reduces the least gap of a set of frequencies to less than half that of the fitted set
+(for a boundary point, the nearest sample's), the set is moved back towards the fitted one: convex
+combinations of ordered frequencies are ordered.
 
 Cost: five symmetric eigenproblems, four of at most `_CHOICE` samples and one of at most `LARGEST`;
-where there are more samples they are pooled by cells first.
+more samples are first pooled by cells.
 """
 
 from itertools import product
@@ -34,7 +34,7 @@ from mmt.texture.linear_algebra import nearest_rows
 from mmt.texture.space.samples import TextureSamples
 
 LARGEST: Final = 128
-"""Nodes of the process; more samples are pooled."""
+"""Largest number of nodes of the process; more samples are pooled."""
 
 LEAST_SAMPLES: Final = 4
 """Least number of samples from which the noise is estimated."""
@@ -94,7 +94,7 @@ def smoothed(
 def smoothed_shapes(samples: TextureSamples) -> FloatArray:
     """Return the smoothed frequencies of a model's samples and of its boundary, (n + b, order).
 
-    Samples are weighted by their lengths; where these are not known all count alike.
+    Samples are weighted by their lengths, or equally if these are not known.
     """
     weights = np.ones(len(samples)) if samples.counts is None else samples.counts
     around = boundary(samples.space.dimensions).points
@@ -179,7 +179,7 @@ def _sums(values: FloatArray, cell: IntArray) -> FloatArray:
 
 
 def _kept_apart(result: FloatArray, fitted: FloatArray) -> FloatArray:
-    """Return sets whose least gap is half that of the fitted ones or more."""
+    """Return sets moved towards the fitted ones until the least gap is half theirs or more."""
     least = 0.5 * _gaps(fitted)
     kept = fitted.copy()
     for share in (0.25, 0.5, 1.0):

@@ -1,10 +1,10 @@
 """Piecewise linear interpolation over a Delaunay triangulation, in two and three dimensions.
 
 The points are normalised inputs, see `mmt.texture.space.inputs`. A point is located by a walk
-from the simplex (triangle or tetrahedron) of the last one towards the corner with the least
-weight: a hand moves continuously, so that a step or two suffices; a scan over all simplices
-follows where the walk does not settle. A visibility walk in a Delaunay triangulation does not run
-in circles (Devillers et al., Walking in a Triangulation, 2002). Weights are barycentric, clipped
+from the simplex (triangle or tetrahedron) of the last point, each step away from the corner with
+the least weight. A hand moves continuously, so that a step or two suffices. If the walk does not
+settle, all simplices are scanned. A visibility walk in a Delaunay triangulation does not run in
+circles (Devillers et al., Walking in a Triangulation, 2002). Weights are barycentric, clipped
 to be non-negative and to sum to one, so that an interpolated value never leaves the range of its
 corners.
 
@@ -35,7 +35,7 @@ class Triangulation:
         Normalised coordinates, shape (n, d), d 2 or 3.
     triangles
         Shape (t, 2 (d + 1)): the corners of each triangle or tetrahedron, then the one
-        opposite each corner (-1 where there is none).
+        opposite each corner (-1 if there is none).
     """
 
     points: FloatArray
@@ -72,7 +72,7 @@ def triangulate(points: FloatArray) -> Triangulation:
     delaunay = Delaunay(points)
     corners = delaunay.simplices.astype(np.int64)
     opposite = delaunay.neighbors.astype(np.int64)
-    if points.shape[1] == 3:  # what a flat one is next to becomes the outside
+    if points.shape[1] == 3:  # neighbours of a flat one border on the outside
         edges = points[corners[:, 1:]] - points[corners[:, :1]]
         kept = np.abs(np.linalg.det(edges)) > _FLAT
         number = np.where(kept, np.cumsum(kept) - 1, -1)
@@ -87,7 +87,7 @@ def triangulate(points: FloatArray) -> Triangulation:
 def barycentric(
     points: FloatArray, simplices: IntArray, simplex: int, point: FloatArray, weights: FloatArray
 ) -> bool:
-    """Write the weights (d + 1,) of a point (d,) in a simplex; false where that is flat.
+    """Write the weights (d + 1,) of a point (d,) in a simplex; return False if it is flat.
 
     Areas and volumes are computed from edges relative to one corner, so that their rounding
     errors are relative to the simplex and not to the space. `points` may have further columns;
@@ -154,7 +154,7 @@ def locate(
     start
         The simplex to walk from; any integer.
     point
-        Shape (d,), finite. Outside of them all it gets a point of their surface.
+        Shape (d,), finite. Outside all simplices, the weights are those of a point on their edge.
     weights
         Shape (d + 1,), written: not negative, with sum one.
     """
@@ -192,7 +192,7 @@ def linear_into(
     values: FloatArray,
     scratch: FloatArray,
 ) -> int:
-    """Write the mean of a simplex' corners by their weights; return the simplex."""
+    """Write the weighted mean of the corners of a point's simplex; return the simplex."""
     dimensions = len(point)
     weights = scratch[: dimensions + 1]
     found = locate(rows, links, hint, point, weights)

@@ -1,8 +1,8 @@
-"""What a model renders from: level and filter over its input space, in arrays for compiled code.
+"""Interpolation of level and filter over a model's input space, in arrays for compiled code.
 
-Both ways to interpolate are here: piecewise linearly over a Delaunay triangulation of samples and
-boundary points, and by the network of paper B through the samples. Either gives a level that is not
-negative and line spectral frequencies (LSF) that ascend strictly in (0, pi).
+There are two ways: piecewise linearly over a Delaunay triangulation of samples and boundary points,
+and by the network of paper B through the samples. Either gives a level that is not negative and
+line spectral frequencies (LSF) that ascend strictly in (0, pi).
 """
 
 from typing import Final, NamedTuple
@@ -17,7 +17,7 @@ from mmt.texture.interpolation.networks.evaluation import network_arrays, networ
 from mmt.texture.interpolation.vertices import Vertices
 
 SCRATCH: Final = 4 * LARGEST_ORDER + 1
-"""Numbers of scratch that `interpolate_into` may use."""
+"""Length of the scratch array that `interpolate_into` needs."""
 
 
 class Interpolant(NamedTuple):
@@ -30,7 +30,7 @@ class Interpolant(NamedTuple):
     links
         Simplices as in `mmt.texture.interpolation.delaunay.Triangulation`; none of a network.
     tail
-        What else a network has, see `mmt.texture.interpolation.networks.evaluation`.
+        Further numbers of a network, see `mmt.texture.interpolation.networks.evaluation`.
     """
 
     rows: FloatArray
@@ -44,7 +44,7 @@ class Interpolant(NamedTuple):
 
 
 def triangulated(vertices: Vertices) -> Interpolant:
-    """Return what is linear between vertices, samples and boundary; O(n log n)."""
+    """Return the piecewise linear interpolant of samples and boundary; O(n log n)."""
     mesh = triangulate(vertices.points)
     return Interpolant(vertices.table, mesh.triangles, np.zeros((0, 0)))
 
@@ -68,8 +68,8 @@ def interpolate_into(
 ) -> int:
     """Write level and LSF (1 + order,) at a normalised point (d,), without allocation.
 
-    The first arguments are those of an `Interpolant`; `hint` is what the last call returned, the
-    simplex from which the search begins: any integer. `scratch` holds `SCRATCH` numbers or more.
+    `rows`, `links` and `tail` are those of an `Interpolant`. The search begins at the simplex
+    `hint`, the last call's result or any integer. `scratch` holds `SCRATCH` numbers or more.
     """
     if len(links) == 0:
         network_into(rows, tail, point, values, scratch)

@@ -1,10 +1,10 @@
-"""A model's kernel parameters: what compiled code needs beside an interpolant to give filters.
+"""A model's kernel parameters, from which compiled code computes filters with an interpolant.
 
-One array: a few numbers at the places below, then a table of the level where there is one, read at
-the rate of the rendering: logarithms of the level on a grid that is even in ln(speed), ln(force)
-and the heading, and interpolated linearly: exact for a power law. Below the slowest speed and the
-lightest force of the grid the level falls to zero linearly: a hand at rest feels nothing. A reading
-costs two logarithms and an exponential, and an arctangent more where the heading counts.
+They are one array: a few numbers at the indices below, then, for some models, a table of the level.
+The table holds logarithms of the level on a grid that is even in ln(speed), ln(force) and heading;
+interpolating them linearly is exact for a power law. Below the least speed and force of the grid
+the level falls to zero linearly: a hand at rest feels nothing. A look-up costs two logarithms and
+an exponential, and an arctangent more if the heading counts.
 """
 
 from typing import Final
@@ -17,7 +17,7 @@ from mmt.texture.autoregression.lsf import lsf_inverse_gain
 from mmt.texture.interpolation.interpolant import SCRATCH, interpolate_into
 
 PER_SPEED, PER_FORCE, DIMENSIONS, MODEL_ORDER = range(4)
-"""Places in `TextureModel.kernel_parameters`: one array costs a compiled call less than four
+"""Indices in `TextureModel.kernel_parameters`: one array costs a compiled call less than four
 numbers."""
 
 SLOWEST: Final = 0.01
@@ -30,7 +30,7 @@ DIRECTED_SHAPE: Final = (48, 17, 17)
 """Headings (over a whole turn), speeds and forces of a table with headings."""
 
 TABLE_SIZES: Final = 4
-"""Place of the table's shape in `TextureModel.kernel_parameters`; zeros where there is none."""
+"""Index of the table's shape in `TextureModel.kernel_parameters`; zeros if there is no table."""
 
 TABLE: Final = TABLE_SIZES + 3
 """Index of the table's first value."""
@@ -56,7 +56,7 @@ def tabulated_level(parameters: FloatArray, x: float, y: float, force: float) ->
     parameters
         `TextureModel.kernel_parameters`, with a table.
     x, y
-        Velocity; in the plane the speed and zero.
+        Velocity; without headings, the speed and zero.
     force
         Normalised, as x and y.
     """
@@ -100,8 +100,8 @@ def filters_into(
 ) -> None:
     """Write LSF (k, m) and excitation variances (k,) at points (k, d).
 
-    `rows`, `links` and `tail` are the interpolant's, whose level is the variance where there is no
-    table of powers. The gain of a mean of LSF is no mean of gains.
+    `rows`, `links` and `tail` are the interpolant's. Its level is the variance, unless a table
+    gives powers: then the filter's gain converts them, as a mean of LSF has no mean of gains.
     """
     hint, work, values = 0, np.empty(SCRATCH), np.empty(1 + lsf.shape[1])
     for row in range(len(points)):

@@ -1,4 +1,4 @@
-"""The points over which a texture model is interpolated: samples, merged, and boundary points.
+"""The points over which a texture model is interpolated: merged samples, and boundary points.
 
 Boundary points make the interpolation cover all that a hand can reach. In the plane of speed and
 force they lie on the four edges (paper A, section V.B); around the cylinder of velocity vector and
@@ -34,7 +34,7 @@ _GOLDEN_ANGLE: Final = math.pi * (3.0 - math.sqrt(5.0))
 
 
 class Vertices(NamedTuple):
-    """Points with values: the samples', and those around them.
+    """Points with values: samples, then boundary points.
 
     Attributes
     ----------
@@ -66,16 +66,16 @@ def vertex_table(points: FloatArray, level: FloatArray, lsf: FloatArray) -> Vert
 
     Coincident samples become one vertex with the mean of their filters (a convex
     combination of ordered LSF is ordered) and of their level. A boundary point copies its
-    nearest sample, but for the LSF where its own are given; on the edges of no speed and no force
-    its level is zero.
+    nearest sample, except for the LSF if its own are given. On the edges of zero speed and zero
+    force its level is zero.
 
     Parameters
     ----------
     points
         Points of the samples, normalised, shape (n, d).
     level, lsf
-        Level and LSF of the samples, shapes (n,) and (n, order), or (n + b, order) where those
-        of all points of `boundary` follow.
+        Level and LSF of the samples, shapes (n,) and (n, order); or (n + b, order) if those of
+        all points of `boundary` follow.
     """
     count, dimensions = points.shape
     rows = np.column_stack([_on_edges(points), level, lsf[:count]])
@@ -98,10 +98,10 @@ def vertex_table(points: FloatArray, level: FloatArray, lsf: FloatArray) -> Vert
 
 
 def _on_edges(points: FloatArray) -> FloatArray:
-    """Return the points (n, d), those that all but lie on an edge moved onto it.
+    """Return the points (n, d); those within `COINCIDENT` of an edge are moved onto it.
 
-    Beside the edge they would leave triangles without area, or a plane that ends before it.
-    A velocity has no edge: the boundary lies beyond the largest speed.
+    Points just beside an edge would leave triangles without area, or end the plane before the
+    edge. A velocity has no edge: the boundary lies beyond the largest speed.
     """
     bounded = points if points.shape[1] == 2 else points[:, 2:]
     moved = np.where(bounded < COINCIDENT, 0.0, bounded)
@@ -110,10 +110,10 @@ def _on_edges(points: FloatArray) -> FloatArray:
 
 
 def _coincident(points: FloatArray) -> IntArray:
-    """Return the vertex, counted from 0, that each of the points (n, d) is part of; (n,).
+    """Return the number of the vertex, from 0, of each of the points (n, d); (n,).
 
-    Points closer than `COINCIDENT` have one vertex, those in cells of that width which touch
-    each other may have: a chain of them is one vertex.
+    Points closer than `COINCIDENT` share a vertex. So do all points in cells of that width which
+    touch each other: a chain of cells is one vertex.
     """
     cells = np.round(points / COINCIDENT)
     cells, cell = np.unique(cells, axis=0, return_inverse=True)
@@ -146,9 +146,9 @@ def boundary(dimensions: int) -> Boundary:
 
 
 def _cylinder() -> Boundary:
-    """Return rings, and points inside the faces: 80, none of them silent.
+    """Return rings, and points inside the faces: 80 points, none of them silent.
 
-    That nothing is felt at rest is the level table's: see
+    The level table makes a hand at rest feel nothing: see
     `mmt.texture.interpolation.kernel_parameters`.
     """
     headings = np.linspace(0.0, 2.0 * np.pi, HEADINGS, endpoint=False)

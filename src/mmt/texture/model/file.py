@@ -21,12 +21,12 @@ _LARGEST_WHOLE: Final = 2**31
 _LARGEST_POWER: Final = 1e12
 """Largest power of a file, in (m/s2)^2: 1e6 m/s2, a thousand times what accelerometers measure."""
 FORMAT_VERSION: Final = 7
-"""Version of a file. Versions 1 to 6, which name the parts of a method, are read as the method that
-comes nearest; their blocks, gathered by place, as if each place were a moment."""
+"""Version of a file. Versions 1 to 6 name the parts of a method and are read as the nearest method.
+Their blocks are gathered by place, and each place is read as one moment."""
 
 
 class ModelContents(NamedTuple):
-    """What a model file holds: the parameters of `TextureModel`, which are not checked here."""
+    """Contents of a model file: the parameters of `TextureModel`, not checked here."""
 
     samples: TextureSamples
     method: Method
@@ -41,7 +41,7 @@ def unpack(data: bytes) -> ModelContents:
     Raises
     ------
     InputError
-        It is no model, has another version, lacks an array, or one is out of its range.
+        The data is no model, has an unknown version, or an array is missing or out of its range.
     """
     return contents_of(file_arrays(data))
 
@@ -80,7 +80,7 @@ def contents_of(arrays: Arrays) -> ModelContents:
     Raises
     ------
     InputError
-        The version is another one, an array is missing, or one is out of its range.
+        The version is unknown, or an array is missing or out of its range.
     """
     content = dict(arrays)
     try:
@@ -104,7 +104,7 @@ def contents_of(arrays: Arrays) -> ModelContents:
         field = _field(content, directed=space.directed) if has_blocks else None
         rate_hz = _number(content, "rate_hz")
         return ModelContents(samples, method, rate_hz, field, _touch_down(content))
-    except InputError:  # one of a setting is a ValueError too
+    except InputError:  # SettingError is a ValueError too
         raise
     except KeyError as error:
         raise InputError(f"the array {error} is missing") from error
@@ -113,12 +113,12 @@ def contents_of(arrays: Arrays) -> ModelContents:
 
 
 def _method(content: Arrays) -> tuple[Method, bool]:
-    """Return the method of a file, and whether its blocks are as the method takes them.
+    """Return the method of a file, and whether the method can use the file's blocks.
 
-    Earlier versions name what is interpolated and how, and from 4 on what level and shape are.
-    Linear variances, or those of a network over velocity and force, are as published; all else
-    comes nearest to the field. With shapes as measured blocks are of the vibration behind the
-    high-pass, and not used.
+    Earlier versions name what is interpolated and how, and from version 4 on the kind of level and
+    shape. Linearly interpolated variances, or those of a network over velocity and force, are read
+    as published, anything else as the field. Blocks of a file with measured shapes are of the
+    vibration behind the high-pass, and are not used.
     """
     version = _number(content, "format_version", 0)
     if version not in range(1, FORMAT_VERSION + 1):
@@ -190,11 +190,11 @@ def _touch_down(content: Arrays) -> Transient | None:
 
 
 def _by_moment(keys: IntArray, sums: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Return the rows of a file of version 6, by place, as if each place were a moment."""
+    """Return the rows, gathered by place, of a file of version 6, with each place as a moment."""
     if keys.ndim != 2 or keys.shape[1] != 5 or sums.shape != (len(keys), 4):
         return keys, sums
     count, power, first, second = sums.T
-    felt = np.log1p(FELT_POWER * count / power)  # what each logarithm rises by, about
+    felt = np.log1p(FELT_POWER * count / power)  # approximate rise of each logarithm
     squares = second + 2.0 * felt * first + count * np.square(felt)
     rows = np.column_stack([keys[:, :3], np.arange(len(keys))])
     summed = [count, power + FELT_POWER * count, first + count * felt, squares]

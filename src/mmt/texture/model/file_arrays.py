@@ -1,4 +1,4 @@
-"""A model's file as plain arrays: all that it takes to hand models on, with nothing compiled."""
+"""A model's file as plain arrays, by which models are passed on without compiled code."""
 
 import io
 from typing import Any, Final
@@ -35,7 +35,7 @@ def file_arrays(data: bytes) -> Arrays:
     Raises
     ------
     InputError
-        It is no archive of arrays.
+        The data is no archive of arrays.
     """
     try:
         return dict(load_arrays(data)[0])

@@ -1,13 +1,13 @@
 """Segments as samples of a model: fitted filters of one common order.
 
-Burg's method for each (`mmt.texture.autoregression.burg`). Cost: O(samples x order).
+Each is fitted by Burg's method (`mmt.texture.autoregression.burg`). Cost: O(samples x order).
 
 A power's effective sample size (`mmt.texture.autoregression.effective_sample_size`) follows from
-the same recursion led on to `RESOLVING_ORDER`: a lower order shows narrow lines broader than they
-are, and powers worth more.
+the same recursion, continued to `RESOLVING_ORDER`: a lower order makes narrow lines too broad and
+the effective sample size too large.
 
-Filters and powers are those of the vibration behind the high-pass of the modelling, or before it
-(`mmt.texture.signals.high_pass`).
+Filters and powers are either those of the vibration behind the high-pass of the modelling, or
+those before it (`mmt.texture.signals.high_pass`).
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -29,8 +29,8 @@ from mmt.texture.space.inputs import InputSpace
 from mmt.texture.space.samples import TextureSamples
 
 RESOLVING_ORDER: Final = 24
-"""Order by which lines are resolved, for each sample of a frame and up to the largest; a segment
-has at least four times as many samples."""
+"""Order that resolves narrow lines, for each sample of a frame; at most `LARGEST_ORDER` in all, and
+less if a segment may have fewer than four times as many frames."""
 
 
 @dataclass(frozen=True)
@@ -42,15 +42,15 @@ class Fit:
     variance: float
     power: float
     effective: float
-    """Independent samples that the power is worth."""
+    """Effective sample size of the power."""
     count: int
     """Measured samples of the segment."""
     number: int = 0
-    """Its own among the fits of a modeller."""
+    """Unique number among the fits of a modeller."""
 
     @cached_property
     def packed(self) -> bytes:
-        """Its numbers as a row of a model's samples: joining a thousand of these is quick."""
+        """The fit as bytes of a row of a model's samples: a thousand rows join quickly."""
         segment = self.segment
         motion = (segment.speed_mm_s, *segment.velocity_mm_s, segment.force_n)
         numbers = (*motion, self.variance, self.power, self.effective, self.count)
@@ -64,9 +64,9 @@ def fit_segments(
     *,
     behind_high_pass: bool,
 ) -> list[Fit]:
-    """Fit segments, each with a number of its own; what gives no filter is left out.
+    """Fit segments and number the fits; segments that give no filter are left out.
 
-    ``behind_high_pass`` says whether filters and powers are as measured.
+    With ``behind_high_pass`` filters and powers are as measured, else those before the high-pass.
     """
     order = settings.filter_order
     usable = [
@@ -77,7 +77,7 @@ def fit_segments(
     vibration = [segment.vibration_m_s2 for segment in usable]
     counts = np.array([segment.measured_count for segment in usable])
     rate_hz, per_frame = settings.vibration_rate_hz, settings.samples_per_frame
-    shortest = min(RESOLVING_ORDER, settings.shortest_samples // 4)  # what the shortest one bears
+    shortest = min(RESOLVING_ORDER, settings.shortest_samples // 4)  # as the shortest one allows
     resolving = min(per_frame * shortest, LARGEST_ORDER)
     fits = burg_batch(vibration, max(order, resolving))
     effective = effective_samples(_lsf_of(fits, resolving), counts, rate_hz)
@@ -97,7 +97,7 @@ def fit_segments(
 
 
 def unpacked(packed: Sequence[bytes], space: InputSpace) -> TextureSamples:
-    """Return the samples of a model from what `Fit.packed` is of each, at least one."""
+    """Return the samples of a model from the `Fit.packed` of each, at least one."""
     rows = _rows(packed)
     return TextureSamples(
         inputs=rows[:, _INPUTS[space.name]],
@@ -117,7 +117,7 @@ def points_of(fits: Iterable[Fit], space: InputSpace) -> FloatArray:
 
 _INPUTS: Final[dict[Inputs, list[int]]] = {"isotropic": [0, 3], "anisotropic": [1, 2, 3]}
 _LSF: Final = 8
-"""Columns of `Fit.packed`: inputs of either space, and where the frequencies begin."""
+"""Columns of `Fit.packed`: inputs of either space, and the first of the frequencies."""
 
 
 def _rows(packed: Sequence[bytes]) -> FloatArray:
@@ -125,11 +125,11 @@ def _rows(packed: Sequence[bytes]) -> FloatArray:
 
 
 def _lsf_of(fits: ReflectionFits, order: int) -> FloatArray:
-    """Return the frequencies of a lower order, whose fits the recursion has gone through."""
+    """Return the frequencies of a lower order, through which the recursion has passed."""
     return reflection_to_lsf(np.ascontiguousarray(fits.reflection[:, :order]))
 
 
 def _is_filter(fit: Fit) -> bool:
-    """Say whether a fit can stand in a model: no power that overflows, no merged LSF."""
+    """Return whether a fit can be used in a model: no power that overflows, no merged LSF."""
     ascending = bool((np.diff(fit.lsf, prepend=0.0, append=np.pi) > 0).all())
     return ascending and bool(np.isfinite(fit.power))

@@ -1,7 +1,7 @@
 """A model as JSON, for other renderers; the form is in ``docs/reference/model-json.md``.
 
-It holds what rendering takes, computed: vertices and their simplices, or the network of paper B,
-and the table of the level. A renderer needs no fitting, no triangulation and no solver.
+It holds computed arrays: vertices and their simplices, or the network of paper B, and the table of
+the level. A renderer needs no fitting, no triangulation and no solver.
 """
 
 import base64
@@ -18,7 +18,7 @@ from mmt.texture.model.texture_model import TextureModel
 FORMAT: Final = "mmt-texture"
 VERSION: Final = 1
 MOST_ROWS: Final = 5_000
-"""Most vertices, or samples of a network."""
+"""Largest number of vertices, or of samples of a network."""
 MOST_SIMPLICES: Final = 10_000
 _LONGEST_NAME: Final = 200
 
@@ -31,7 +31,7 @@ def model_json(model: TextureModel, name: str) -> str:
     model
         Any model; of a growing one, its present state.
     name
-        What it is called; cut after 200 characters.
+        Name of the model; cut after 200 characters.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What a model renders from its samples, by either method, computed when it is asked for."""
+"""Vertices, interpolant and level of a model, by either method; computed on first use."""
 
 from functools import cached_property
 from typing import TYPE_CHECKING, Final
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 
 class PublishedRendered:
-    """Papers A and B: LSF and variance linear over speed and force, a network over velocity."""
+    """Papers A and B: linear interpolation over speed and force, a network over velocity."""
 
     level: "LevelField | None" = None
-    """Posterior of the level in place of the interpolant's level, None for the latter."""
+    """Posterior of the level; None if the interpolant gives the level."""
 
     def __init__(self, samples: TextureSamples, cells: "FieldCells | None", rate_hz: float) -> None:
         self._samples, self._cells, self._rate_hz = samples, cells, rate_hz
@@ -41,7 +41,7 @@ class PublishedRendered:
 
 
 class FieldRendered(PublishedRendered):
-    """LSF linear between smoothed ones, and the level of the blocks, or without of the samples."""
+    """Linear interpolation of smoothed LSF; level from the blocks, else from the samples."""
 
     @cached_property
     def vertices(self) -> Vertices:
@@ -68,9 +68,9 @@ class FieldRendered(PublishedRendered):
         return LevelField(cells, noise_power=samples.noise_power, gain=gain)
 
     def _gain_at(self, points: FloatArray) -> FloatArray:
-        """Return what the power that was felt at points (k, d) lacks by the high-pass, (k,).
+        """Return the gain (k,) that restores the power lost in the high-pass at points (k, d).
 
-        By the nearest sample's filter.
+        It is computed from the nearest sample's filter.
         """
         from mmt.texture.signals.high_pass import gain_without_high_pass
 
@@ -85,4 +85,4 @@ RENDERED: Final[dict[Method, type[PublishedRendered]]] = {
     "field": FieldRendered,
     "published": PublishedRendered,
 }
-"""By method."""
+"""Class for each method."""

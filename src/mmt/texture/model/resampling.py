@@ -3,12 +3,12 @@
 The spectrum of each filter, up to the lower of both Nyquist frequencies, is that of the vibration
 at the new rate, and the filter of the new order follows from its autocorrelations (Makhoul, "Linear
 prediction: a tutorial review", Proc. IEEE 63 (1975), 561-580, section IV.C, selective linear
-prediction). To a higher rate nothing is known above the old Nyquist frequency: the spectrum goes on
-at `FLOOR_DB` below its mean, which keeps the equations well conditioned.
+prediction). For a higher rate nothing is known above the old Nyquist frequency: there the spectrum
+is set to `FLOOR_DB` below its mean, which keeps the equations well conditioned.
 
-Errors of the shipped models, root mean square in dB from 10 to 490 Hz, in the median over strokes:
-0.5 to 0.7 from 1 to 2 kHz, 0.6 to 0.8 to 5 kHz, and 0.7 to 1.2 to 10 kHz, where filters remember
-6 ms in place of 16. What a way back restores is 0.2, 0.4 and 1.1 dB off at most.
+Errors of the shipped models converted from 1 kHz (root mean square from 10 to 490 Hz, median over
+strokes): 0.5 to 0.7 dB at 2 kHz, 0.6 to 0.8 dB at 5 kHz, and 0.7 to 1.2 dB at 10 kHz, where the
+memory of filters is 6 ms, not 16. Converted back, they are off by 0.2, 0.4 and 1.1 dB at most.
 """
 
 from dataclasses import replace
@@ -25,8 +25,8 @@ from mmt.texture.model.file import ModelContents
 from mmt.texture.settings import usual_order
 
 FLOOR_DB: Final = 40.0
-"""Level below that of the mean where the vibration is not known. Deeper, the edge takes more of the
-filter: of 20, 30, 40, 50, 60 and 80 dB the errors of HaTT's models are least at 40."""
+"""Depth of the spectrum below its mean where the vibration is not known. A deeper floor spends more
+of the filter on the edge: of 20, 30, 40, 50, 60 and 80 dB, 40 has the least errors on HaTT."""
 
 
 def resampled(contents: ModelContents, rate_hz: float) -> ModelContents:

@@ -1,11 +1,10 @@
 """The texture model: autoregressive filters over the inputs of a hand.
 
-Awan et al., section V.B: the samples' filters, kept as line spectral frequencies (LSF), stand
-at their mean speed and force, both divided by their maxima; the plane is Delaunay
-triangulated, extended by boundary points on its four edges. Abdulali and Jeon (paper B): in
-place of the speed, the velocity vector. What a model renders from its samples is in
-`mmt.texture.model.rendered`, for either method. A model never changes: modelling builds a new one
-and hands it over by one assignment.
+Awan et al. (paper A), section V.B: the filters of samples, as line spectral frequencies (LSF), lie
+at the samples' mean speed and force, both divided by their maxima. The plane is Delaunay
+triangulated, extended by boundary points on its four edges. Abdulali and Jeon (paper B) use the
+velocity vector in place of the speed. `mmt.texture.model.rendered` computes what is rendered, for
+either method. A model never changes: modelling replaces it by a new one in one assignment.
 """
 
 import importlib
@@ -54,25 +53,25 @@ _PREPARED: Final = ("interpolant", "kernel_parameters")
 
 
 class TextureModel(Drawn):
-    """An immutable model: ask it for a filter or a spectrum at any inputs.
+    """Immutable texture model, which gives a filter or a spectrum at any inputs.
 
     Parameters
     ----------
     samples
-        At least one; copied. A sample beyond the end of its space counts as lying there.
+        At least one; copied. A sample outside its space counts as lying on the space's edge.
     method
-        ``"published"``: LSF and the excitation's variance are linear between the samples, or over
-        velocity and force a network through them. ``"field"``: LSF are linear between smoothed
-        ones, and the level is the posterior mean of a Gaussian process. Samples of the latter are
-        those of the vibration before the modelling's high-pass (`mmt.texture.model.fits`).
+        ``"published"``: LSF and the excitation's variance are interpolated linearly between the
+        samples, or by a network over velocity and force. ``"field"``: smoothed LSF are interpolated
+        linearly, and the level is the posterior mean of a Gaussian process. Its samples are of the
+        vibration before the modelling's high-pass (`mmt.texture.model.fits`).
     field
-        Blocks by which the level of ``"field"`` is estimated; None for the samples alone.
+        Blocks from which ``"field"`` estimates the level; None to use the samples.
     rate_hz
         Sampling rate of the filters, that of the vibration.
     touch_down
         Transient of a touch-down, at that rate; None if none was learnt.
     at_once
-        Whether all that rendering needs is computed now, and not when it is first asked for.
+        Whether to compute all that rendering needs now, instead of on first use.
 
     Raises
     ------
@@ -99,24 +98,24 @@ class TextureModel(Drawn):
         self.method: Method = method
         self.rate_hz = float(rate_hz)
         self.field = field if field is None or len(field) else None
-        """What the level is estimated from, beside the samples."""
+        """Blocks from which the level is estimated; None if there are none."""
         self.touch_down = touch_down
-        """What renders the transient of a touch-down; see `mmt.texture.touch_down`."""
+        """Transient of a touch-down, or None; see `mmt.texture.touch_down`."""
         if touch_down is not None:
             touch_down.check()
         self.points = self.samples.points
         self.points.setflags(write=False)
         self.dimensions = self.space.dimensions
         self.rendered = RENDERED[method](self.samples, self.field, self.rate_hz)
-        """What it renders from."""
+        """Vertices, interpolant and level from which the model renders."""
         if at_once:
             self.prepared()
 
     def at_rate(self, rate_hz: float) -> "TextureModel":
-        """Return the model at a sampling rate: itself, or with filters of the same spectra.
+        """Return the model converted to a sampling rate, or itself if that is its rate.
 
-        Below the lower of both Nyquist frequencies what it renders sounds alike, and above it there
-        is nothing. See `mmt.texture.model.resampling` for the method and its errors.
+        Rendered spectra agree up to the lower of both Nyquist frequencies; above it there is next
+        to nothing. See `mmt.texture.model.resampling` for the method and its errors.
         """
         check("rate_hz", rate_hz, RateHz)
         if rate_hz == self.rate_hz:
@@ -145,12 +144,12 @@ class TextureModel(Drawn):
 
     @cached_property
     def interpolant(self) -> Interpolant:
-        """Filters and, unless a table tells it, the level over the inputs."""
+        """Interpolant of the filters, and of the level unless a table gives it."""
         return self.rendered.interpolant
 
     @cached_property
     def kernel_parameters(self) -> FloatArray:
-        """What kernels need beside the interpolant (`mmt.texture.interpolation`)."""
+        """Parameters of kernels, see `mmt.texture.interpolation.kernel_parameters`."""
         level = self.rendered.level
         table = np.zeros((0, 0, 0)) if level is None else level.table
         parameters = np.empty(TABLE + table.size)
@@ -161,16 +160,16 @@ class TextureModel(Drawn):
         return parameters
 
     def prepared(self) -> Self:
-        """Return the model, all that rendering needs of it computed: where there is the time."""
+        """Compute all that rendering needs, and return the model."""
         for name in _PREPARED:
             getattr(self, name)
         return self
 
     @cached_property
     def level_field(self) -> "LevelField | None":
-        """The level with its uncertainty, whatever is rendered; None where nothing has power.
+        """Level with its uncertainty, for either method; None if no sample has any power.
 
-        By the blocks of `field`, or without them by the samples.
+        It is estimated from the blocks of `field`, or from the samples if there are none.
         """
         if self.method == "field":
             return self.rendered.level
@@ -181,14 +180,14 @@ class TextureModel(Drawn):
     def level_db(self, *inputs: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Return mean and standard deviation of the level in dB, each of shape (k,).
 
-        They are those of `level_field`, 0 dB being 1 (m/s2)^2, which every model has: with the
-        method ``"field"`` the mean is what is rendered; a ``"published"`` level goes through the
-        samples, scatter and all, and may be off this mean by the deviation.
+        Both are those of `level_field`; 0 dB is 1 (m/s2)^2. The method ``"field"`` renders this
+        mean. The level of ``"published"`` goes through the samples with their scatter, and may
+        differ from this mean by the deviation.
 
         Parameters
         ----------
         *inputs
-            Those of `at`.
+            As for `at`.
 
         Raises
         ------
@@ -202,7 +201,7 @@ class TextureModel(Drawn):
 
     @property
     def space(self) -> InputSpace:
-        """What the model is a function of."""
+        """Input space of the model."""
         return self.samples.space
 
     @property
@@ -217,7 +216,7 @@ class TextureModel(Drawn):
 
     @cached_property
     def triangulation(self) -> Triangulation:
-        """The triangulation of samples and boundary points, also of a network."""
+        """The triangulation of samples and boundary points, also for a network."""
         points = np.ascontiguousarray(self.vertices[:, : self.dimensions])
         if self.interpolant.is_network:
             return triangulate(points)
@@ -230,8 +229,8 @@ class TextureModel(Drawn):
         ----------
         *inputs
             The d inputs of the model's space, speed and force or velocity x, y and force;
-            each of shape (k,) or a scalar. Beyond the end of the space they count as lying
-            there, NaN counts as zero.
+            each of shape (k,) or a scalar. Inputs outside the space count as lying on its
+            edge, NaN counts as zero.
 
         Returns
         -------
@@ -254,7 +253,7 @@ class TextureModel(Drawn):
         Parameters
         ----------
         *inputs
-            Those of `at`; of scalars alone the result has the shape of the frequencies.
+            As for `at`; if all are scalars the result has the shape of the frequencies.
         frequencies_hz
             Shape (f,), from 0 to half the sampling rate.
 
@@ -270,7 +269,7 @@ class TextureModel(Drawn):
     def save(self, path: str | Path) -> None:
         """Write the model as ``.npz``; the layout is in ``docs/reference/model-file.md``.
 
-        A file that exists is replaced when the new one is whole.
+        An existing file is replaced once the new one is complete.
 
         Raises
         ------
@@ -283,27 +282,27 @@ class TextureModel(Drawn):
             part.write_bytes(self.to_bytes())
 
     def to_bytes(self) -> bytes:
-        """Return what `save` writes."""
+        """Return the bytes that `save` writes."""
         return pack_arrays(arrays_of(self.contents))
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Take to another process what the file holds, and what rendering needs if it is made."""
+        """Pickle the file's contents, and what rendering needs if it is already computed."""
         made = {name: self.__dict__[name] for name in _PREPARED if name in self.__dict__}
         return _restored, (self.contents, made)
 
     @property
     def contents(self) -> ModelContents:
-        """What its file holds."""
+        """Contents of the model's file."""
         return ModelContents(self.samples, self.method, self.rate_hz, self.field, self.touch_down)
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """Read what `save` wrote, now or in an earlier version.
+        """Load a model from a file of this or an earlier version.
 
         Raises
         ------
         InputError
-            The file is missing, is no model, has another version, or holds bad numbers.
+            The file is missing, is no model, has an unknown version, or holds bad numbers.
         """
         try:
             return cls.from_bytes(Path(path).read_bytes())
@@ -335,7 +334,7 @@ def load_model(source: str | Path) -> TextureModel:
     Raises
     ------
     InputError
-        It is neither, or the file is not a texture model; the message lists the shipped names.
+        The source is neither, or no texture model; the message lists the shipped names.
 
     Examples
     --------

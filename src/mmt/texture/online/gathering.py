@@ -1,4 +1,4 @@
-"""Sums of what is felt of a surface in blocks, for the field of its level."""
+"""Sums of a surface's blocks, for the field of its level."""
 
 from typing import Final
 
@@ -9,12 +9,12 @@ from mmt.texture.field.cells import FieldCells
 from mmt.texture.settings import ModellingSettings
 
 WITHDRAWN_S: Final = 10.0
-"""Blocks of so long at least are kept singly: they may prove to be of another surface. Longer than
-the detection of a change takes."""
+"""Least time for which blocks are kept singly, as they may prove to be of another surface: longer
+than the detection of a change takes."""
 
 
 class BlockSums:
-    """Sums of blocks, without those of the last ones that were withdrawn.
+    """Sums of blocks, of which the most recent can be withdrawn.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class BlockSums:
         self._settled = self._cells(self._recent)
 
     def add(self, blocks: Blocks, forget_from: int | None = None) -> bool:
-        """Add blocks, withdraw what reaches beyond a sample; return whether anything changes."""
+        """Add blocks, withdraw those that reach beyond a sample; return whether any changed."""
         before = self._recent.start
         recent = Blocks.concatenate([self._recent, blocks])
         if forget_from is not None:
@@ -41,7 +41,7 @@ class BlockSums:
         return changed
 
     def _settle(self) -> None:
-        """Sum old blocks for good; seldom, since that touches every row of the sums."""
+        """Sum old blocks permanently; done rarely, since it touches every row of the sums."""
         start = self._recent.start
         if len(start) and start[-1] - start[0] > 2 * self._kept_samples:
             old = start < start[-1] - self._kept_samples

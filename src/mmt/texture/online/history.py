@@ -29,22 +29,22 @@ class ModelHistory(Drawn):
     """A model as it grew over a session: every update, and when its criteria were met."""
 
     updates: tuple[ModelUpdate, ...]
-    """In order, each with its session time ``time_s`` and its ``model``, None without samples; an
-    update may make it anew each time that it is asked for it: keep what is needed twice."""
+    """In order, each with its session time ``time_s`` and its ``model``, which is None without
+    samples. Each access may build the model anew: keep a model that is needed twice."""
     finished: tuple[Segment, ...]
     """The segments of the finished model: that at the stop criterion, or at the end of the
-    session where the criterion was never met."""
+    session if the criterion was never met."""
     start_s: float | None
-    """Session time at which the start criterion was met, None where it never was."""
+    """Session time at which the start criterion was met, None if it never was."""
     stop_s: float | None
-    """The same of the stop criterion."""
+    """Session time at which the stop criterion was met, None if it never was."""
     log: ModelLog
-    """From which its models are made again, also without segments that are held out."""
+    """Log from which the models are built again, also without held-out segments."""
 
     def model_at(self, time_s: float | None) -> TextureModel | None:
-        """Return the model as it was at a session time, None before it had any sample.
+        """Return the model as it was at a session time, or None before its first sample.
 
-        None as well for a time that never came, as `start_s` may be.
+        The time may be None, as `start_s` may; the result is then None.
         """
         return None if time_s is None else self.model(self.number(time_s))
 
@@ -80,8 +80,8 @@ def build_model(
     frames
         Shape (n,), with position, force and acceleration, as `mmt.read_session` gives them.
     settings
-        How to model; None takes the defaults. How many samples of the acceleration a frame has,
-        the frames say.
+        Settings of the modelling; None takes the defaults. The number of samples per frame is
+        taken from the frames.
     update_s
         Session time between two updates of the model.
 
@@ -115,8 +115,8 @@ def stream_blocks(parts: Iterable[RecordArray], period_frames: int) -> Iterator[
     """Cut a session, in parts of shape (n,), into the blocks that a leader models at a time.
 
     A block is full when its newest sequence number is a period ahead of its first one; the
-    rest at the end is a last, shorter block. Frames are numbered on where their own numbers start
-    anew or wrap, see `mmt.texture.signals.numbering`.
+    rest at the end is a last, shorter block. The numbering continues if the frames' own numbers
+    restart or wrap, see `mmt.texture.signals.numbering`.
     """
     frames: RecordArray | None = None
     highest, numbering = -1, StreamNumbering()
@@ -170,8 +170,8 @@ def build(
     settings
         How to model.
     deferred
-        Whether models are made when they are asked for; False makes and keeps each in its update,
-        as the live leader does, so that an update takes as long.
+        Whether models are built on access. False builds and keeps each in its update, so that an
+        update takes as long as in the live leader.
     """
     return build_together(blocks, [settings], deferred=deferred)[0]
 
@@ -190,14 +190,14 @@ def build_together(
     blocks, deferred
         As of `build`.
     settings
-        How to model each. What they say of filters and segments must be the same.
+        Settings of each model. Those of filters and segments must be the same.
     observe
-        Called with each block behind the filters.
+        Called with each filtered block.
 
     Raises
     ------
     InputError
-        By their time stamps the frames are of another rate than the settings.
+        The rate of the frames, by their time stamps, is not that of the settings.
     """
     modellers = [OnlineModeller(each, deferred=deferred) for each in settings]
     logs = [ModelLog(each) for each in settings]

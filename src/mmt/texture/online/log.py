@@ -1,4 +1,4 @@
-"""What a model was made of, update by update, so that each can be made again."""
+"""Log of a model's updates, from which each state of the model can be built again."""
 
 import weakref
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ class _Fit(NamedTuple):
 
 
 class _Step(NamedTuple):
-    """What one update changed: fits that came and left, by their numbers, and blocks."""
+    """Changes of one update: fits that came and left, by their numbers, and blocks."""
 
     came: dict[int, _Fit]
     left: list[int]
@@ -37,15 +37,15 @@ class _Step(NamedTuple):
 class ModelLog:
     """Log of one model's updates.
 
-    A model is made when it is asked for, and shared by all who hold it at that time. Who asks in
-    the order of the updates pays for each of them once.
+    A model is built on access, and shared by all callers that hold it at that time. Access in the
+    order of the updates replays each of them once.
 
     Parameters
     ----------
     settings
         How the model was built.
     steps
-        Of another log.
+        Steps of another log.
     """
 
     def __init__(self, settings: ModellingSettings, steps: Sequence[_Step] = ()) -> None:
@@ -59,7 +59,7 @@ class ModelLog:
         return type(self), (self._settings, self._steps)
 
     def add(self, work: Work) -> ModelSource:
-        """Log an update that has been carried out; return what gives its model."""
+        """Log an update that has been carried out; return the source of its model."""
         present = {fit.number for fit in work.fits}
         came = {
             fit.number: _Fit(fit.segment.span, fit.packed)
@@ -92,7 +92,7 @@ class ModelLog:
 
     @property
     def touch_downs(self) -> tuple[TouchDown, ...]:
-        """Those of the newest update."""
+        """Touch-downs of the newest update."""
         return self._steps[-1].touch_downs if self._steps else ()
 
     def model(self, number: int) -> TextureModel | None:
@@ -108,7 +108,7 @@ class ModelLog:
         return model
 
     def _begin(self) -> None:
-        """Forget what was replayed."""
+        """Discard the replayed state."""
         self._done = 0
         self._fits: dict[int, _Fit] = {}
         self._sums = BlockSums(self._settings) if self._settings.method == "field" else None

@@ -1,8 +1,8 @@
-"""The two ways to model a texture from a stream, and the calls that both have.
+"""The two methods of modelling a texture from a stream, and their common interface.
 
-Segments become fitted samples (`add`), these a model (`model`), which says the spectrum at a point
-(`TextureModel.spectrum`), and how complete it is (`judge`, `criterion`). All else that the online
-modelling does is the same for both.
+A method fits segments (`add`), builds a model of the fits (`model`), which has a spectrum at every
+point (`TextureModel.spectrum`), and judges how complete it is (`judge`, `criterion`). The rest of
+the online modelling is the same for both.
 """
 
 from abc import ABC, abstractmethod
@@ -29,7 +29,7 @@ ModelMaker = Callable[[], TextureModel]
 
 
 class ModellingMethod(ABC):
-    """A way to model a texture, with what it keeps of one model's stream.
+    """Method of modelling a texture, with its state for one model.
 
     The calls belong to different stages of an update, which may run at the same time.
 
@@ -40,7 +40,7 @@ class ModellingMethod(ABC):
     """
 
     criterion: Criterion
-    """How complete the model is, as of the newest update."""
+    """Completion criterion, as of the newest update."""
     _behind_high_pass = False
 
     def __init__(self, settings: ModellingSettings) -> None:
@@ -52,45 +52,45 @@ class ModellingMethod(ABC):
         return fit_segments(segments, numbers, self._settings, behind_high_pass=behind)
 
     def _maker(self, work: Work, cells: "Callable[[], FieldCells] | None" = None) -> ModelMaker:
-        """Return what makes the model of the fits, at least one, until the next update."""
+        """Return a function, valid until the next update, that models the fits, at least one."""
         packed = [fit.packed for fit in work.fits]
         noise_power, touch_downs = work.noise_power, work.touch_downs
         return lambda: made(self._settings, packed, noise_power, cells and cells(), touch_downs)
 
     @abstractmethod
     def model(self, work: Work, *, changed: bool) -> ModelMaker | None:
-        """Return what makes the model of an update, None where it is the one before.
+        """Return a function that builds the model of an update, or None if it is unchanged.
 
         Parameters
         ----------
         work
-            What the update has observed, and the fits that the model is made of.
+            Work with the observed samples of the update, and the fits of the model.
         changed
-            Whether these are other ones than before.
+            Whether the fits or the touch-downs have changed.
         """
 
     @abstractmethod
     def judge(self, work: Work, points: FloatArray, *, anew: bool) -> None:
-        """Evaluate the criterion, where ``anew``, after an update.
+        """Evaluate the criterion after an update, if ``anew``.
 
         Parameters
         ----------
         work
-            With what the update has observed, and what gives its model.
+            Work with the observed samples of the update, and the source of its model.
         points
             Normalised inputs of the model's samples, shape (n, d).
         anew
-            False where the update has only taken away what was not there.
+            False if the update was to remove samples, but there were none.
         """
 
 
 def method_of(settings: ModellingSettings) -> ModellingMethod:
-    """Return the method that settings name, with nothing of a stream yet."""
+    """Return a new instance of the method that settings name."""
     return (PublishedMethod if settings.method == "published" else FieldMethod)(settings)
 
 
 class PublishedMethod(ModellingMethod):
-    """The model of papers A and B: what was measured, interpolated, until it is densely sampled."""
+    """Papers A and B: measured samples are interpolated; complete if they are dense enough."""
 
     _behind_high_pass = True
 
@@ -109,7 +109,7 @@ class PublishedMethod(ModellingMethod):
 
 
 class FieldMethod(ModellingMethod):
-    """The model whose level is a field that knows its error, until enough strokes are right."""
+    """Level as a field with a known error; complete if enough strokes are expected right."""
 
     def __init__(self, settings: ModellingSettings) -> None:
         from mmt.texture.completion.uncertainty import UncertaintyCriterion
@@ -127,13 +127,13 @@ class FieldMethod(ModellingMethod):
         return self._maker(work, self._sums.cells) if changed or (felt and work.fits) else None
 
     def judge(self, work: Work, points: FloatArray, *, anew: bool) -> None:
-        """See `ModellingMethod`; evaluated as often as the strokes are news."""
+        """See `ModellingMethod`; evaluated only after enough new stroking."""
         del points
         for block in work.observed:
             self.criterion.density.add(block)
         if anew and (work.forget_from is not None or self.criterion.due):
             clock, model = Stopwatch(work.durations_s), work.source()
-            if model is not None and not isinstance(work.source, Made):  # that is deferred
+            if model is not None and not isinstance(work.source, Made):  # deferred
                 _ = model.level_field
                 clock.lap(DEFERRED)
             self.criterion.update(model, work.time_s)
@@ -146,7 +146,7 @@ def made(
     cells: "FieldCells | None",
     touch_downs: "Sequence[TouchDown]" = (),
 ) -> TextureModel:
-    """Return the model of fits, at least one, from what `Fit.packed` is of each, and of cells."""
+    """Return the model of cells and of fits, at least one, given as their `Fit.packed`."""
     return TextureModel(
         replace(unpacked(packed, InputSpace(settings.inputs)), noise_power=noise_power),
         method=settings.method,

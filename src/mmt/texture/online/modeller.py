@@ -1,10 +1,10 @@
 """The online update of a texture model: stream in, immutable models out.
 
 Awan et al., section V.C: once a period the newest samples are filtered and cut into segments
-(`mmt.texture.signals`, `mmt.texture.segmentation`) and fitted, and a new model is triangulated,
-which a criterion of completion judges. The evaluation of recorded sessions runs these stages one
-after the other (`update`); the live leader runs each in a task of its own, and comes to the same
-model to the bit.
+(`mmt.texture.signals`, `mmt.texture.segmentation`) and fitted, a new model is triangulated, and a
+completion criterion judges it. The evaluation of recorded sessions runs these stages one after the
+other (`update`); the live leader runs each in a task of its own. Both build the same model to the
+bit.
 """
 
 import itertools
@@ -33,11 +33,11 @@ from mmt.texture.touch_down import LEAST_RATE_HZ
 from mmt.texture.touch_down.finding import TouchDown, TouchDownFinder
 
 LARGEST_MODEL: Final = 1000
-"""Samples of a model: neither its memory nor the cost of an update grows without end. Of the two
-that lie closest, the older one leaves for the next."""
+"""Largest number of samples in a model, which limits its memory and the cost of an update. Beyond
+it, the older of the two closest samples is removed."""
 
 MOST_TOUCH_DOWNS: Final = 64
-"""Newest touch-downs that a model is made of."""
+"""Largest number of touch-downs in a model; the newest are kept."""
 
 
 class OnlineModeller:
@@ -48,11 +48,11 @@ class OnlineModeller:
     settings
         See `ModellingSettings`.
     deferred
-        Whether a model is made only when it is asked for, before the next update.
+        Whether a model is built only on access, which must come before the next update.
     """
 
     kept = None
-    """Numbers of the surfaces whose models are kept; None where they are not told apart."""
+    """Numbers of the surfaces whose models are kept; None if surfaces are not told apart."""
 
     def __init__(
         self, settings: ModellingSettings | None = None, *, deferred: bool = False
@@ -70,8 +70,8 @@ class OnlineModeller:
         self._deferred = deferred
         self._source: ModelSource | None = None
         self.fits: dict[SampleRange, Fit] = {}
-        """By the range of their segments, in the order in which they came."""
-        self._touched: tuple[TouchDown, ...] = ()  # by the fitting, and in the model:
+        """Fits by the range of their segments, in the order in which they came."""
+        self._touched: tuple[TouchDown, ...] = ()  # after `fit`; `_built`: those in the model
         self._built: tuple[TouchDown, ...] = ()
 
     @property
@@ -91,13 +91,13 @@ class OnlineModeller:
         ----------
         frames
             Shape (n,), with position, force and acceleration; in order, with jumps in
-            ``sequence`` where frames are missing. May be empty. Numbers that start anew or wrap are
-            numbered on, see `mmt.texture.signals.numbering`.
+            ``sequence`` where frames are missing. May be empty. The numbering continues if numbers
+            restart or wrap, see `mmt.texture.signals.numbering`.
 
         Raises
         ------
         InputError
-            They are no frames, or lack a channel.
+            The array holds no frames, or a channel is missing.
         """
         update = carry_out(self.segment(frames))
         assert update is not None  # noqa: S101 - every call gives work
@@ -127,9 +127,9 @@ class OnlineModeller:
         )
 
     def forget(self, from_sample: int) -> Work:
-        """Return the work of taking out what reaches beyond a sample, which is of another surface.
+        """Return the work of removing all that reaches beyond a sample: it is of another surface.
 
-        A criterion that only those samples have met will be no longer met.
+        A criterion that was met only because of this becomes unmet.
 
         Parameters
         ----------
@@ -144,7 +144,7 @@ class OnlineModeller:
         return (sequence - self._filter.first) / self.settings.rate_hz
 
     def fit(self, work: Work) -> None:
-        """Fit the new segments, and set the fits that there are now; O(new samples x order)."""
+        """Fit the new segments, and set ``work.fits`` to all fits; O(new samples x order)."""
         clock = Stopwatch(work.durations_s)
         removed = list(work.removed)
         if work.forget_from is not None:
@@ -161,10 +161,10 @@ class OnlineModeller:
         clock.lap("fit")
 
     def _thin_out(self) -> int:
-        """Keep the model at its largest size; return how many samples leave.
+        """Limit the model to `LARGEST_MODEL` samples; return how many are removed.
 
-        The older of the two samples that lie closest in the plane leaves: where the hand keeps
-        coming back the samples are recent, and a place that it has touched once is kept.
+        The older of the two closest samples is removed: a region that the hand revisits keeps its
+        newest samples, and a region that it touched once keeps its sample.
         """
         surplus = max(0, len(self.fits) - LARGEST_MODEL)
         if surplus == 0:
@@ -180,7 +180,7 @@ class OnlineModeller:
         return surplus
 
     def build(self, work: Work) -> None:
-        """Build the model of the fits, where it changes, and set it."""
+        """Build and set the model of the fits, if it changes."""
         clock = Stopwatch(work.durations_s)
         changed = bool(work.added or work.removed_count) or work.touch_downs != self._built
         self._built = work.touch_downs
@@ -196,9 +196,9 @@ class OnlineModeller:
         clock.lap("triangulate")
 
     def judge(self, work: Work) -> None:
-        """Judge the model, and set ``work.update``: what has come of the update.
+        """Judge the model by the criterion, and set ``work.update`` to the result.
 
-        A criterion that only samples of another surface have met is no longer met.
+        A criterion that was met only by samples of another surface becomes unmet.
         """
         clock = Stopwatch(work.durations_s)
         criterion = self.completion

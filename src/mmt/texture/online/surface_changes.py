@@ -1,4 +1,4 @@
-"""Changes of surface: those that are detected, and those that a person says."""
+"""Changes of surface that are detected or stated by a person."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -25,14 +25,14 @@ class SurfaceChange:
 
 
 class SaidSurface(NamedTuple):
-    """What a person says: from a sample (its sequence number) on the tool is on this surface."""
+    """Statement of a person: from this sample (sequence number) on, the tool is on a surface."""
 
     sample: int
     surface: int
 
 
 def said_surfaces(events: Iterable[Mapping[str, Any]]) -> list[SaidSurface]:
-    """Return what persons have said, from the events that a recording has of changes."""
+    """Return the statements of persons from a recording's events of surface changes."""
     said = [
         (event.get("at_sample"), event.get("surface"))
         for event in events

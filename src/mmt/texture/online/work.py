@@ -1,4 +1,4 @@
-"""One update of a model on its way through the stages, and what comes of it."""
+"""Work of one update of a model, which passes through the stages, and its result."""
 
 import time
 from collections.abc import Callable
@@ -32,34 +32,34 @@ class UpdateSteps(Protocol):
 
 
 ModelSource = Callable[[], TextureModel | None]
-"""Gives the model of an update, None before the first sample."""
+"""Returns the model of an update, None before the first sample."""
 
 
 DEFERRED: Final = "deferred"
-"""Lap of what is built of a deferred model to judge it, and built again for whoever asks for it."""
+"""Lap of building a deferred model to judge it; access builds it again."""
 
 
 @dataclass(frozen=True)
 class Made:
-    """A model that there is already."""
+    """Source of a model that is already built."""
 
     model: TextureModel | None = None
 
     def __call__(self) -> TextureModel | None:
-        """Return it."""
+        """Return the model."""
         return self.model
 
 
 @dataclass(frozen=True)
 class ModelUpdate:
-    """What one update did.
+    """Result of one update.
 
     ``time_s`` is the session time of the newest frame, ``distance`` the completion sum,
-    ``progress`` what the criterion in use says, ``durations_s`` the seconds spent on each stage.
-    Where surfaces are told apart, ``surface`` is the number of the one that all this is of,
-    ``changes`` says which changes this update brings to light, in order, and ``left`` what
-    has become of the models of the surfaces that were left by them. ``source`` gives ``model``.
-    ``faults`` is what of the stream was no measurement, from its first frame on.
+    ``progress`` that of the criterion in use, ``durations_s`` the seconds spent on each stage.
+    If surfaces are told apart, ``surface`` is the number of the surface modelled, ``changes``
+    lists the changes of surface found in this update, in order, and ``left`` the last updates of
+    the models of the surfaces left. ``source`` returns ``model``. ``faults`` are those of the
+    stream's signals, from its first frame on.
     """
 
     time_s: float
@@ -85,52 +85,51 @@ class ModelUpdate:
 
     @property
     def spent_s(self) -> float:
-        """Seconds of all stages, without building the model if that is deferred."""
+        """Seconds of all stages, without building a deferred model."""
         return sum(self.durations_s.values()) - self.durations_s.get(DEFERRED, 0.0)
 
 
 @dataclass
 class Work:
-    """What the stages hand on from one to the next for one update.
+    """Data of one update that each stage passes to the next.
 
-    Each stage reads what the stages before it have set, and keeps its own state to itself, so
-    that segmenting may go on while an earlier update is still fitted.
+    Each stage reads the results of the stages before it and keeps its own state private, so that
+    segmenting can continue while an earlier update is still being fitted.
 
     Attributes
     ----------
     modeller
-        Whose model is updated.
+        Modeller whose model is updated.
     time_s
         Session time of the newest frame.
     observed
         Filtered frames, for the completion criterion.
     added, removed
-        Segments that are new, and the ranges of those that no longer hold.
+        New segments, and the ranges of segments that are no longer valid.
     touched
-        Touch-downs that are new.
+        New touch-downs.
     noise_power
         Noise power of the sensor, in (m/s2)^2.
     faults
         As in `ModelUpdate`.
     forget_from
-        The first sequence number of another surface: what reaches beyond leaves the model; None
-        in a usual update.
+        The first sequence number of another surface: segments that reach beyond it are removed.
+        None in a usual update.
     fits
-        By the fitting: all fits of the model as they are now.
+        Set by ``fit``: all present fits of the model.
     touch_downs
-        By the fitting: all that the model is made of.
+        Set by ``fit``: all touch-downs of the model.
     removed_count
-        By the fitting: how many fits have left.
+        Set by ``fit``: number of removed fits.
     blocks, made_anew, source
-        By the building: blocks that the field has gathered, whether the model is another one than
-        after the last update, and what gives it.
+        Set by ``build``: new blocks of the field, whether the model differs from that of the last
+        update, and the source of the model.
     announced
-        Whether the update is one that others hear of; where the tool leaves a surface, its model is
-        also updated in between.
+        Whether the update is reported; further updates of a surface that the tool leaves are not.
     surface, changes, left, session_time_s
-        As in `ModelUpdate`, where surfaces are told apart.
+        As in `ModelUpdate` if surfaces are told apart; ``session_time_s`` is its ``time_s``.
     update
-        What has come of it, once it is judged.
+        Set by ``judge``: the result.
     """
 
     modeller: UpdateSteps
@@ -157,23 +156,23 @@ class Work:
     update: ModelUpdate | None = None
 
     def of(self, modeller: UpdateSteps) -> "Work":
-        """Return the same new work for another modeller."""
+        """Return a copy of new work for another modeller."""
         return replace(self, modeller=modeller, durations_s=self.durations_s.copy())
 
     @property
     def samples(self) -> "NewSamples":
-        """What another method learns from."""
+        """Input of another method of modelling."""
         return NewSamples(self.time_s, self.observed, self.added, self.removed)
 
     def absorb(self, earlier: "Work", *, segments: bool = True) -> None:
-        """Do also what an earlier update of the same model has left to do.
+        """Add the work of an earlier update of the same model that was not carried out.
 
         Parameters
         ----------
         earlier
-            The one that is not carried out.
+            Work of that update.
         segments
-            Whether its new segments count; what it removes always does.
+            Whether to add its new segments; its removals are always added.
         """
         gone = set(self.removed)
         kept = [s for s in earlier.added if s.span not in gone] if segments else []
@@ -185,7 +184,7 @@ class Work:
 
 
 class NewSamples(NamedTuple):
-    """What another method learns from in one update of our model: that part of its `Work`."""
+    """Part of the `Work` of one update that is the input of another method of modelling."""
 
     time_s: float
     observed: "list[AlignedBlock]"
@@ -194,14 +193,14 @@ class NewSamples(NamedTuple):
 
 
 class Stopwatch:
-    """Laps by name in ``laps``."""
+    """Stopwatch that records laps by name in ``laps``."""
 
     def __init__(self, laps: dict[str, float] | None = None) -> None:
         self.laps: dict[str, float] = {} if laps is None else laps
         self._last = time.perf_counter()
 
     def lap(self, name: str) -> None:
-        """Note the seconds since the last lap."""
+        """Record the seconds since the last lap."""
         now = time.perf_counter()
         self.laps[name] = now - self._last
         self._last = now

@@ -4,11 +4,10 @@ Keogh, Chu, Hart and Pazzani, "An online algorithm for segmenting time series" (
 begin with the finest pieces and join the two neighbours whose union costs least, until every
 union would cost more than the limit. Two costs serve the two stages of Abdulali and Jeon
 (2016), which paper A follows: how far the path leaves its chord, and how much speed and force
-vary relative to their means; where the heading counts, the velocity vector in place of the
-speed.
+vary relative to their means. If the heading counts, the velocity vector replaces the speed.
 
-The order of the merges is decided by costs alone, ties from the left, so that what happens in
-one place does not depend on where the data begins.
+Merges are ordered by cost alone, ties from the left, so that the result in one place does not
+depend on where the data begins.
 """
 
 import math
@@ -19,7 +18,7 @@ from mmt.core.arrays import BoolArray, FloatArray
 from mmt.core.compiled import kernel
 
 CELL = 10
-"""Samples of the finest piece. Cells lie on multiples of it in the absolute sample number."""
+"""Samples of the finest piece, a cell. Cells begin at multiples of it in absolute sample number."""
 
 
 def cell_moments(channels: FloatArray) -> FloatArray:
@@ -59,8 +58,8 @@ def straight_pieces(starts: BoolArray, position_mm: FloatArray, limit_mm: float)
 
     Notes
     -----
-    O(cells) for each merge: a stroke has hundreds. A cost is O(samples of the union), which
-    makes O(samples log cells) for merges that double, O(samples cells) at worst.
+    Each merge costs O(cells); a stroke has hundreds of cells. A cost takes O(samples of the
+    union): O(samples log cells) in all if merges double pieces, O(samples cells) at worst.
     """
     return _bottom_up(starts, position_mm, np.zeros((0, 0, 0)), 0, limit_mm, len(starts))
 
@@ -70,16 +69,16 @@ def stationary_pieces(
 ) -> BoolArray:
     """Join cells to pieces in which no channel's std/mean exceeds a limit.
 
-    The last channels may be one vector: of it, the root of the summed variances over the
-    length of the mean.
+    The last channels may form one vector; its std/mean is the root of the summed variances over
+    the length of the mean.
 
     Parameters
     ----------
     starts
         Shape (cells,): True where a piece has to begin, whatever the cost.
     moments
-        Shape (cells, channels, 2), from `cell_moments`; but for the vector's, the means of
-        every cell that may be joined must be positive.
+        Shape (cells, channels, 2), from `cell_moments`. In cells that may be joined, means
+        must be positive, except those of the vector.
     limit
         The maximal std/mean tau_2.
     longest_cells
@@ -94,8 +93,8 @@ def stationary_pieces(
 
     Notes
     -----
-    O(cells) for each merge. Moments are joined pairwise (Chan, Golub and LeVeque 1983), which
-    never subtracts large sums: a glitch does not spoil the digits of its neighbours.
+    Each merge costs O(cells). Moments are joined pairwise (Chan, Golub and LeVeque 1983), which
+    never subtracts large sums, so that a glitch does not reduce the accuracy nearby.
     """
     return _bottom_up(starts, np.zeros((0, 0)), moments.copy(), vector, limit, longest_cells)
 
@@ -163,9 +162,9 @@ def _bottom_up(
     limit: float,
     longest_cells: int,
 ) -> BoolArray:
-    """Merge neighbours by least cost, the path's where there are no moments.
+    """Merge neighbours by least cost, that of the path if there are no moments.
 
-    A piece is known by its first cell. Moments are overwritten.
+    A piece is indexed by its first cell. Moments are overwritten.
     """
     cells = starts.size
     straight = moments.shape[0] == 0
@@ -174,7 +173,7 @@ def _bottom_up(
     changed, count = np.empty(max(cells, 2), np.int64), cells
     for cell in range(cells):  # np.arange takes the compiler a third of a second
         stop[cell], before[cell], changed[cell] = cell + 1, cell - 1, cell
-    costs = np.full(cells + 1, np.inf)  # of joining the piece at a cell with the one behind it
+    costs = np.full(cells + 1, np.inf)  # of joining the piece at a cell with the next one
     while True:
         for left in changed[:count]:
             if left < 0:

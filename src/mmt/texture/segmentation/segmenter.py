@@ -3,17 +3,17 @@
 Two stages, bottom-up, on the input signals alone (Abdulali and Jeon, "Data-driven modeling of
 anisotropic haptic textures: data segmentation and interpolation", EuroHaptics 2016; cited by
 paper A, section V.A): pieces of path that stay within tau_1 of their chord, and inside them
-pieces whose std/mean of speed and of normal force stay within tau_2. Where the heading counts,
-the velocity vector takes the place of the speed: the deviation of the vector from its mean, over
-the mean's length, stays within tau_2. It is never less than the speed's own, so that such pieces
-are steady in speed as well, and a heading that varies by tau_2 in rad (rms) ends a piece.
+pieces whose std/mean of speed and of normal force stay within tau_2. If the heading counts, the
+velocity vector replaces the speed: the deviation of the vector from its mean, over the mean's
+length, stays within tau_2. This deviation is at least that of the speed, so that such pieces are
+steady in speed as well, and a heading that varies by tau_2 in rad (rms) ends a piece.
 
-Online, the newest data is segmented together with what came before and may still change
-(paper A, section V.C, puts the last 200 samples in front). While a stretch goes on, its last
-piece is provisional, every other one that reaches into the last `overlap_samples`, and the one
-before those. A provisional segment is handed out, so that a model profits at once, and replaced
-when the next update finds another in its place; if it finds none there, the segment stays. What
-is final is never cut again, and no sample is in two segments at a time.
+Online, the newest data is segmented together with earlier data that may still change (paper A,
+section V.C, prepends the last 200 samples). While a stretch continues, these pieces are
+provisional: its last one, every one that reaches into the last `overlap_samples`, and the one
+before those. A provisional segment is used at once. The next update replaces it if a different
+segment overlaps it, and keeps it otherwise. Final segments are never cut again, and no sample is
+in two segments at a time.
 """
 
 from dataclasses import dataclass
@@ -45,11 +45,11 @@ class OnlineSegmenter:
     """Segment a stream of aligned blocks, update by update.
 
     Samples that are not valid, too slow or too light, and jumps in the index, end a stretch. The
-    grid of `bottom_up.CELL` samples is absolute; a cell is used when all its samples and both
-    neighbouring cells are usable, which keeps segments 10 to 20 samples clear of the edges of
-    contact, over which the filters smear.
+    grid of `bottom_up.CELL` samples is absolute. A cell is used if all samples of it and of both
+    neighbouring cells are usable: this keeps segments 10 to 20 samples away from the edges of
+    contact, which the filters smear.
 
-    It remembers at most about ``3 longest_samples + overlap_samples`` samples. Cost of an
+    At most about ``3 longest_samples + overlap_samples`` samples are remembered. Cost of an
     update: about 0.2 ms plus that of `straight_pieces` and `stationary_pieces` over the
     remembered and the new samples; 0.6 ms for 2400 samples.
 
@@ -84,7 +84,7 @@ class OnlineSegmenter:
         return change
 
     def _segment(self, change: SegmentChange, *, goes_on: bool) -> None:
-        """Segment what is not settled of the tail, a contiguous run, and move on."""
+        """Segment the unsettled part of the tail, a contiguous run, and shorten the tail."""
         oldest, newest = int(self._tail.index[0]), int(self._tail.index[-1]) + 1
         first_cell = -(-oldest // CELL)
         cells = newest // CELL - first_cell
@@ -113,7 +113,7 @@ class OnlineSegmenter:
         self._tail = self._tail[max((line_start - 1) * CELL - oldest, 0) :]
 
     def _exchange(self, found: list[SampleRange], change: SegmentChange) -> None:
-        """Replace the provisional segments that overlap another one found now."""
+        """Replace provisional segments that overlap a different segment found now."""
         tail = self._tail
         kept = []
         for old in self._provisional:
@@ -131,7 +131,7 @@ class OnlineSegmenter:
 
 
 def segment(block: AlignedBlock, settings: ModellingSettings | None = None) -> list[Segment]:
-    """Segment a whole recording in one pass, with all of it known.
+    """Segment a whole recording in one pass.
 
     O(n) for n samples in strokes of seconds; see `straight_pieces`.
     """
@@ -162,8 +162,8 @@ class _Pieces:
         """Return the cell before which nothing is segmented again.
 
         The newest cell has no right neighbour yet and so belongs to no piece. A stretch that
-        reaches up to it goes on: of its pieces, those that touch the end or reach beyond the
-        cell `margin` can change, and with the first of them where the one before it ends.
+        reaches up to it continues: its pieces that touch the end or reach beyond the cell
+        `margin` can change, and so can the end of the piece before them.
         """
         newest = len(self.whole) - 1
         if not self.usable[newest - 1]:

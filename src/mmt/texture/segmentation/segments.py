@@ -25,9 +25,9 @@ class Segment:
     ``start`` and ``stop`` are absolute numbers of frames, half-open. ``speed_mm_s``,
     ``velocity_mm_s`` (x, y in the plane of the surface) and ``force_n`` are means.
     ``vibration_m_s2`` (k (stop - start),) is a copy, one axis or DFT321, k samples a frame.
-    ``time_ns`` is the time of the last frame. ``final`` is False where a later update may
-    still replace the segment. ``measured`` (k (stop - start),) says which samples of the
-    vibration are measured and not filled, None if all are.
+    ``time_ns`` is the time of the last frame. ``final`` is False if a later update may still
+    replace the segment. ``measured`` (k (stop - start),) says which samples of the vibration
+    are measured and not filled, None if all are.
     """
 
     start: int
@@ -63,7 +63,7 @@ class Segment:
 
     @property
     def span(self) -> SampleRange:
-        """Its samples."""
+        """Range of frames of the segment."""
         return SampleRange(self.start, self.stop)
 
     @property
@@ -74,7 +74,7 @@ class Segment:
 
     @property
     def measured_gain(self) -> float:
-        """Power of the measured samples over that of all: filled ones have less."""
+        """Ratio of the power of the measured samples to that of all; filled ones have less."""
         if self.measured is None:
             return 1.0
         square = np.square(self.vibration_m_s2)

@@ -1,10 +1,10 @@
 """The vibration in an accelerometer's signal: judged, bridged and high-passed, sample by sample.
 
-A sample leaves a fixed number of samples after it came, and with it what is known by then:
-whether it was a measurement (`mmt.texture.signals.validity`), and what lies behind a gap that is
-bridged (`mmt.texture.signals.bridging`). Behind a longer gap the high-pass restarts in the steady
-state of the offset before it: gravity does not change in a gap. If it did all the same, it starts
-anew, and needs its time to settle.
+The output is delayed by a fixed number of samples. By then it is known whether a sample was a
+measurement (`mmt.texture.signals.validity`), and what follows a gap that is bridged
+(`mmt.texture.signals.bridging`). After a longer gap the high-pass restarts in the steady state of
+the offset before the gap, as gravity does not change in a gap. If the offset has changed all the
+same, the high-pass starts anew and needs time to settle.
 """
 
 from typing import Final, NamedTuple
@@ -28,9 +28,9 @@ _AGE, _KNOWN, _LOST, _LEFT, _COUNT = range(5)
 
 
 class FilteredVibration(NamedTuple):
-    """Frames that have left: ``vibration_m_s2`` (n, k, axes), ``cause``, ``valid`` (n,).
+    """Output frames: ``vibration_m_s2`` (n, k, axes), ``cause``, ``valid`` (n,).
 
-    A frame is valid if all its samples are; its cause is that of the first which is not measured.
+    A frame is valid if all its samples are; its cause is that of the first sample not measured.
     """
 
     vibration_m_s2: FloatArray
@@ -49,7 +49,7 @@ def _bridge(
     per_frame: int,
     state: IntArray,
 ) -> None:
-    """Fill the gap that begins at a row if it is short, else note that the filter is lost."""
+    """Fill the gap that begins at a row if it is short, else mark the filter as lost."""
     if restart[row] or state[_COUNT] == 0:
         state[_LOST], state[_LEFT], state[_KNOWN] = 1, 0, 0
     if state[_LEFT]:
@@ -104,7 +104,7 @@ def _restart(
 
 @kernel("f8(f8, f8[::1], f8[::1])")
 def filtered(value: float, taps: FloatArray, state: FloatArray) -> float:
-    """Return a sample filtered by `taps_of`; `state` is first and second, and anything behind."""
+    """Return a sample filtered by `taps_of`; `state` begins with the two states of the filter."""
     output = taps[0] * value + state[_FIRST]
     first = taps[1] * value - taps[3] * output + state[_SECOND]
     second = taps[2] * value - taps[4] * output
@@ -146,7 +146,7 @@ def _process(
     vibration: FloatArray,
     valid: BoolArray,
 ) -> None:
-    """Judge each new sample, and let the one `delay` before it leave."""
+    """Judge each new sample, and filter the one `delay` samples before it."""
     waiting, first = begins
     per_frame = len(samples) // max(len(motion), 1)
     delay, settling, longest_bridged = limits
@@ -193,11 +193,11 @@ class AccelerationFilter:
     per_frame
         Samples in a frame, k.
     delay
-        Number of frames after which one leaves.
+        Delay of the output in frames.
     settling
         Number of samples for which a restarted high-pass is not valid.
     longest_bridged
-        Number of frames without a measurement, one behind the other, that are filled.
+        Largest number of successive frames without a measurement that are filled.
     least : (2,)
         Tangential motion in mm a frame, and force in N, from which on the tool strokes.
     """
@@ -232,7 +232,7 @@ class AccelerationFilter:
     def process(
         self, samples: FloatArray, motion: FloatArray, missing: BoolArray, restart: BoolArray
     ) -> FilteredVibration:
-        """Take in frames, and return those that leave.
+        """Add frames, and return those that are now due.
 
         Parameters
         ----------
@@ -240,9 +240,9 @@ class AccelerationFilter:
         motion : (n, 3)
             Raw tangential position in mm, and normal force in N.
         missing : (n,)
-            Frames to be filled: they did not come.
+            Frames that did not come and are to be filled.
         restart : (n,)
-            Frames in front of which others are missing that are not filled.
+            Frames that follow a gap which is not filled.
         """
         per_frame = self._per_frame
         first = len(self._samples)

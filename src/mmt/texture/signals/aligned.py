@@ -11,14 +11,14 @@ from mmt.core.arrays import BoolArray, FloatArray, IntArray
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """Arrays of one length, (n, ...) each; a part of it is the same part of every array."""
+    """Arrays of one length, (n, ...) each; an index takes the same part of every array."""
 
     def __getitem__(self, part: slice | BoolArray) -> Self:
         return type(self)(*(getattr(self, field.name)[part] for field in fields(self)))
 
     @classmethod
     def concatenate(cls, blocks: Sequence[Self]) -> Self:
-        """Join what follows each other, at least one."""
+        """Join successive blocks, at least one."""
         columns = ([getattr(block, field.name) for block in blocks] for field in fields(cls))
         return cls(*(np.concatenate(column) for column in columns))
 
@@ -35,8 +35,8 @@ class AlignedBlock(Columns):
     passed, k samples a frame: (n, k, 1) for an axis and (n, k, 3) for DFT321, which is applied to
     whole segments.
     ``valid`` (n,) is False while the filters settle after a gap, and where the acceleration is no
-    measurement. ``measured`` (n,) is False there, and where a short gap is filled: such samples are
-    valid, stand between others, and count for nothing.
+    measurement and is not filled. ``measured`` (n,) is False where it is no measurement, filled or
+    not; filled samples are valid, but count for nothing.
     """
 
     index: IntArray

@@ -104,6 +104,6 @@ def expected_amplitude(density: FloatArray, nperseg: int = 64) -> FloatArray:
 
 
 def scaled_rows(values: FloatArray) -> tuple[FloatArray, npt.NDArray[np.int32]]:
-    """Return rows (last axis) over powers of two, and these: the largest near one, no overflow."""
+    """Return rows (last axis) scaled by powers of two to about one, and the exponents."""
     exponents = np.frexp(np.abs(values).max(axis=-1, keepdims=True))[1]
     return np.ldexp(values, -exponents), exponents

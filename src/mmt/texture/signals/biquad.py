@@ -38,7 +38,7 @@ _LOWEST_SHARE = 1e-4
 _HIGHEST_SHARE = 0.4999
 
 _BESSEL_3_DB = math.sqrt((math.sqrt(45.0) - 3.0) / 2.0)
-"""Where 3 / (s^2 + 3 s + 3) has fallen by 3 dB: the root of w^4 + 3 w^2 = 9."""
+"""Frequency at which 3 / (s^2 + 3 s + 3) has fallen by 3 dB: the root of w^4 + 3 w^2 = 9."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +120,7 @@ def butterworth_high_pass(cutoff_hz: float, rate_hz: float) -> Biquad:
 class BiquadFilter:
     """Filter one channel sample by sample, in plain Python (about 0.4 us a sample).
 
-    It drives the streamed vibration, where a sample must leave at once: one instance an
+    It filters the streamed vibration, which must not be delayed: one instance for each
     axis. The first sample puts the filter into the steady state of a constant input, so
     that a high-pass starts at zero and not with gravity's step.
 

@@ -1,11 +1,11 @@
-"""Short stretches without a measurement, filled as the vibration around them has it.
+"""Filling of short stretches without a measurement from the vibration around them.
 
-An autoregressive model is fitted to the newest samples before the gap by Burg's method, and the
-missing ones are those that its prediction errors are smallest with, over what lies behind the gap
-too (Janssen, Veldhuis and Vries, "Adaptive interpolation of discrete-time signals that can be
-modeled as autoregressive processes", IEEE Trans. ASSP 34 (1986), 317-330). They are the expected
-values: what cannot be predicted is not invented, so that filled samples have less power than
-measured ones, and do not count as measured.
+An autoregressive model is fitted to the newest samples before the gap by Burg's method. The missing
+samples are those that minimise its prediction errors, also over the samples after the gap (Janssen,
+Veldhuis and Vries, "Adaptive interpolation of discrete-time signals that can be modeled as
+autoregressive processes", IEEE Trans. ASSP 34 (1986), 317-330). They are expected values, without
+an unpredictable part. So filled samples have less power than measured ones, and do not count as
+measured.
 """
 
 from typing import Final
@@ -19,12 +19,12 @@ from mmt.texture.autoregression.lsf import reflection_to_ar_into
 from mmt.texture.linear_algebra import backward, factorise, forward
 
 HISTORY: Final = 256
-"""Samples before a gap to which the model is fitted, at most, with one in a frame; up to four times
-as many with several."""
+"""Largest number of samples before a gap to which the model is fitted, with one sample in a frame;
+up to four times as many with several."""
 
 ORDER: Final = 16
-"""Order of the model with one sample in a frame, and twice that with several: at 10 kHz errors are
-no smaller with 64, after 256 or 2560 samples, and as small as at 1 kHz."""
+"""Order of the model with one sample in a frame, and twice that with several. At 10 kHz, errors are
+then as small as at 1 kHz, and no smaller with order 64, from 256 or from 2560 samples."""
 
 _LEAST: Final = 4  # samples for each order of a fit; with fewer, a straight line
 
@@ -54,7 +54,7 @@ def _fill_by_model(
         return
     taps = np.ones(order + 1)
     reflection_to_ar_into(reflection, taps[1:])
-    # What follows the gap: other gaps there are unknowns too, of which the values are not used.
+    # Gaps that follow this one are unknowns too; their values are not used.
     span = newest + 1 - start
     place, unknowns = np.full(span, -1), 0
     for row in range(span):
@@ -105,9 +105,9 @@ def fill(
     start, stop
         The gap; `start` > 0, and `stop` is measured.
     history
-        Samples before the gap that are measured or filled, one behind the other; at least 1.
+        Number of successive samples before the gap that are measured or filled; at least 1.
     newest
-        The last sample that is looked at.
+        The last sample that is used.
     per_frame
         Samples in a frame.
     """

@@ -1,4 +1,4 @@
-"""What of a session's signals was no measurement: in seconds by cause, and in words."""
+"""Parts of a session's signals that are no measurement: seconds by cause, and a sentence."""
 
 from dataclasses import asdict, dataclass
 from typing import Any, Final
@@ -16,10 +16,10 @@ _FRAMES: Final = {"missing_s": "missing for", "not_finite_s": "not finite for"}
 class SignalFaults:
     """Seconds whose acceleration was no measurement, by cause, and seconds that were filled.
 
-    ``missing_s`` is of frames that did not come, ``not_finite_s`` of those with a number that is
-    not finite or beyond `frame_gaps.LARGEST_MEASUREMENT` in a channel that is used; the others are
-    those of `mmt.texture.signals.validity`, counted when they leave the filter. ``bridged_s`` are
-    filled, whatever the cause. ``throughout`` says that all acceleration so far was constant.
+    ``missing_s``: frames that did not come. ``not_finite_s``: frames with a number that is not
+    finite, or beyond `frame_gaps.LARGEST_MEASUREMENT`, in a channel that is used. The other causes
+    are those of `mmt.texture.signals.validity`, counted at the output of the filter. ``bridged_s``:
+    filled frames, whatever the cause. ``throughout``: whether all acceleration so far was constant.
     """
 
     held_s: float = 0.0
@@ -42,15 +42,15 @@ class SignalFaults:
         return "; ".join(parts)
 
     def since(self, before: "SignalFaults") -> "SignalFaults":
-        """Return what of the acceleration was no measurement since then, and still is not."""
+        """Return the faults of the acceleration since an earlier count."""
         seconds = {name: max(0.0, getattr(self, name) - getattr(before, name)) for name in _JUDGED}
         return SignalFaults(**seconds, throughout=self.throughout)
 
     def worth_saying(self, said: "SignalFaults") -> bool:
-        """Return whether a cause has at least doubled since these were said.
+        """Return whether the seconds of a cause have at least doubled since they were reported.
 
-        Missing frames are no such cause: they are told as lost. Nor is what was said of the whole
-        time, as long as it holds.
+        Missing frames do not count here, as they are reported as lost. Nor does a fault that was
+        reported as lasting throughout and still does.
         """
         seconds = [(getattr(self, name), getattr(said, name)) for name in _JUDGED]
         doubled = any(now > 0.0 and now >= 2.0 * before for now, before in seconds)
@@ -63,7 +63,7 @@ class SignalFaults:
         return {**{name: round(value, 6) for name, value in table.items()}, "text": self.sentence()}
 
     def _said(self, whose: str, words: dict[str, str]) -> list[str]:
-        """Return what is said of these causes, nothing where none has occurred."""
+        """Return the words for these causes, or nothing if none has occurred."""
         values = {said: getattr(self, name) for name, said in words.items()}
         found = [f"{said} {_seconds(value)}" for said, value in values.items() if value > 0.0]
         return [whose + ", ".join(found)] if found else []

@@ -1,20 +1,19 @@
 """From raw frames to aligned speed, normal force and vibration, causally and online.
 
 Motion and force pass a Bessel low-pass (20 Hz, as paper C), acceleration a Butterworth
-high-pass (10 Hz; it takes gravity away). The filters delay: the motion by 10.8 frames at
-the defaults and the speed, a backward difference, by 0.5 more; the vibration by less than
-one, and where a frame has several samples of it these lie before the frame's time. A frame is
-therefore given out only when the motion that belongs to it has passed its filter,
-`StreamFilter.delay_samples` frames later, under its own sequence number and time.
+high-pass (10 Hz, which removes gravity). At the defaults the filters delay the motion by 10.8
+frames, the speed (a backward difference) by 0.5 more, and the vibration by less than one; several
+samples in a frame lie before the frame's time. A frame is therefore output only when its motion has
+passed the filter, `StreamFilter.delay_samples` frames later, with its own sequence number and time.
 
-A few missing frames in a row are filled: motion and force by a straight line, acceleration as
-`mmt.texture.signals.bridging` says. A longer gap restarts the filters of motion; that of the
-vibration keeps its offset. Acceleration that is no measurement is found by
-`mmt.texture.signals.validity`. Position and force are not judged so: a tool that stands still, and
-a force that is well controlled, repeat their values; they say where an acceleration may.
+A few missing frames in a row are filled: motion and force by a straight line, acceleration as in
+`mmt.texture.signals.bridging`. A longer gap restarts the filters of motion; that of the vibration
+keeps its offset. `mmt.texture.signals.validity` finds acceleration that is no measurement. Position
+and force are not judged in this way, as a tool at rest and a well controlled force repeat their
+values. They only show when an acceleration may repeat its values.
 
-Vibration for the actuator must not wait for that: before the switch to the model the leader
-takes the acceleration along one axis through a `mmt.texture.signals.biquad.BiquadFilter`.
+Vibration for the actuator cannot wait for this delay: before the switch to the model the leader
+filters the acceleration along one axis by a `mmt.texture.signals.biquad.BiquadFilter`.
 """
 
 from typing import Final
@@ -40,7 +39,7 @@ from mmt.texture.signals.numbering import StreamNumbering
 from mmt.texture.signals.validity import LEAST_LEARNT, Cause
 
 SETTLED_SHARE: Final = 0.05
-"""Samples count as valid when what a filter's restart left has decayed to this share in
+"""Samples count as valid once the transient of a filter's restart has decayed to this share in
 amplitude, 0.25 % in power."""
 
 _AXES: Final = "xyz"
@@ -52,22 +51,22 @@ class StreamFilter:
     Up to ``longest_bridged_samples`` missing frames in a row are filled and marked as not measured.
     A frame with a number that is not finite, or beyond `frame_gaps.LARGEST_MEASUREMENT`, in a
     channel that is used counts as missing. After a longer gap the filters restart: those of motion
-    and force in the steady state of the first frame behind it, that of the vibration in that of
-    its offset before it, and samples are marked invalid until they have settled. Frames whose
-    motion the gap has swallowed (the last `delay_samples` before it) are not given out, and the
-    newest ones not yet: nothing is invented. Frames are numbered on where their own numbers start
-    anew or wrap (`mmt.texture.signals.numbering`); those that come late or twice are ignored. Their
-    times are not looked at otherwise.
+    and force in the steady state of the first frame after it, that of the vibration in the steady
+    state of its offset before it. Samples are marked invalid until the filters have settled. The
+    last `delay_samples` frames before such a gap are not output, as their filtered motion is
+    missing; the newest frames are output later. The numbering continues if the frames' own numbers
+    restart or wrap (`mmt.texture.signals.numbering`); times are examined only for this. Frames that
+    come late or twice are ignored.
 
-    Cost: about 0.1 ms a block plus 0.5 us a frame (four channels and one; 0.8 us with three) and
-    0.3 us for each further sample of a frame (0.7 us with three axes); feed it many at a time. The
-    results are the same to the bit for any partition into blocks.
+    Cost: about 0.1 ms a block plus 0.5 us a frame (four channels and one axis; 0.8 us with three
+    axes) and 0.3 us for each further sample of a frame (0.7 us with three axes): give it many
+    frames at a time. The results are the same to the bit for any partition into blocks.
 
     Parameters
     ----------
     settings
-        Its axes, rates, and longest gap to fill; least speed and force from which on the tool
-        strokes: there alone a value can be held. None takes the defaults.
+        Axes, rates, longest gap to fill, and least speed and force of a stroke (a value can be
+        held only in a stroke). None takes the defaults.
 
     Raises
     ------
@@ -116,7 +115,7 @@ class StreamFilter:
 
     @property
     def faults(self) -> SignalFaults:
-        """What was no measurement so far."""
+        """Faults of the signals so far."""
         causes, rate_hz = self._causes, self._rate_hz
         constant = int(causes[Cause.CONSTANT])
         constant = constant if constant >= LEAST_LEARNT else 0
@@ -136,8 +135,8 @@ class StreamFilter:
         Raises
         ------
         InputError
-            They are no frames, lack position, force or acceleration, or have another number of
-            samples of the acceleration than the settings say.
+            The array holds no frames, lacks position, force or acceleration, or the number of
+            samples in a frame is not that of the settings.
         """
         check_frames(frames)
         given = samples_per_frame(frames.dtype)
@@ -170,8 +169,8 @@ class StreamFilter:
         measured = found.cause == Cause.MEASURED
         self._causes += np.bincount(found.cause, minlength=len(Cause))
         self._bridged += int(np.count_nonzero(found.valid & ~measured))
-        # The motion of element i is in the filter's output `delay_samples` elements later;
-        # never among those that waited, for they are at most as many.
+        # The motion of element i is in the filter's output `delay_samples` elements later, and
+        # never among the waiting elements, which are at most that many.
         later = slice(self.delay_samples - waiting, None) if complete else slice(0)
         ready, time_ns = everything[:, :complete]
         unbroken = index[later] - ready == self.delay_samples

@@ -9,12 +9,12 @@ from mmt.core.arrays import BoolArray, FloatArray, IntArray, RecordArray
 from mmt.texture.signals.aligned import Columns
 
 LARGEST_MEASUREMENT: Final = 1e6
-"""No position (mm), force (N) or acceleration (m/s2) is beyond this: a broken number."""
+"""Largest position (mm), force (N) or acceleration (m/s2); a number beyond it is broken."""
 
 
 @dataclass(frozen=True, eq=False)
 class Elements(Columns):
-    """Frames that came, or that are ``missing`` (n,) and filled, one behind the other.
+    """Successive frames: those that came, and filled ones, which are ``missing`` (n,).
 
     ``motion`` (n, 4) is position in mm and normal force in N, ``acceleration`` (n, k, axes) in
     m/s2, k samples a frame.
@@ -28,7 +28,7 @@ class Elements(Columns):
 
 
 class FrameGaps:
-    """Fill short gaps in a stream of frames; how it comes in parts does not matter.
+    """Fill short gaps in a stream of frames; its partition does not change the result.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class FrameGaps:
     axes
         Numbers of the axes of acceleration that are used.
     longest_bridged
-        Missing frames in a row that are filled.
+        Largest number of missing frames in a row that are filled.
     per_frame
         Samples of acceleration in a frame.
     """
@@ -57,7 +57,7 @@ class FrameGaps:
         return max(0, self._missed - self.not_finite)
 
     def fill(self, frames: RecordArray) -> tuple[Elements, BoolArray]:
-        """Return the next frames with short gaps filled, and in front of which are longer ones.
+        """Return the next frames with short gaps filled, and which of them follow a longer gap.
 
         Acceleration is not filled here.
         """
@@ -82,7 +82,7 @@ class FrameGaps:
         return filled[begun:], restart[row][begun:]
 
     def _usable(self, frames: RecordArray) -> Elements:
-        """Return the frames that are whole and new."""
+        """Return the frames that are plausible and newer than all before."""
         index = frames["sequence"].astype(np.int64)
         motion = np.empty((len(frames), 4))
         motion[:, :3] = frames["position_mm"]

@@ -1,13 +1,13 @@
-"""What the high-pass of the modelling takes from spectra and powers, given back.
+"""Correction of spectra and powers for the high-pass of the modelling.
 
 A Butterworth filter of second order with its corner at 10 Hz leaves ``1 / (1 + (10 / f)^4)`` of
-the power at f Hz: 0.94 at 20 Hz, half at 10 Hz, 0.29 at 8 Hz. Spectra that were fitted to what
-it leaves are divided by it. Below `LOWEST_HZ` there is too little of the texture left beside the
-hand's own motion, and no more is given back than there.
+the power at f Hz: 0.94 at 20 Hz, half at 10 Hz, 0.29 at 8 Hz. Spectra that were fitted behind the
+filter are divided by this share. Below `LOWEST_HZ` too little of the texture is left beside the
+hand's own motion, and the share at `LOWEST_HZ` is used.
 
-A filter resolves what its memory is long enough for, 16 ms and more at 1 kHz but 6 at 10 kHz: there
-it shows no high-pass. So where a frame has several samples of the vibration, the lowest frequencies
-are those of filters that are fitted to the means of the frames.
+The memory of a fitted filter limits its resolution: it is 16 ms or more at 1 kHz, but 6 ms at
+10 kHz, too short to show the high-pass. So if a frame has several samples of the vibration, the
+lowest frequencies are those of filters that are fitted to the means of the frames.
 """
 
 from functools import cache
@@ -31,7 +31,7 @@ from mmt.texture.signals.biquad import VIBRATION_CUTOFF_HZ
 LOWEST_HZ: Final = 8.0
 
 _LOW_HZ: Final = 50.0
-"""Below this the means of frames tell the spectrum: the high-pass takes 0.2 % of the power here."""
+"""Below this the means of frames give the spectrum; the high-pass takes 0.2 % of the power."""
 
 
 def without_high_pass(
@@ -44,10 +44,10 @@ def without_high_pass(
     fits
         Filters fitted behind the high-pass, k of them.
     means
-        Filters fitted to the means of frames, of an order that is high enough to show it; None
-        where a frame has one sample.
+        Filters fitted to the means of frames, of an order that is high enough to show the
+        high-pass; None if a frame has one sample.
     order
-        Of the filters that are returned.
+        Order of the filters that are returned.
     rate_hz, frame_hz
         Sampling rates of the vibration, and of frames.
 
@@ -68,12 +68,12 @@ def without_high_pass(
 
 
 def gain_without_high_pass(reflection: FloatArray, rate_hz: float) -> FloatArray:
-    """Return the power of vibration over that which the high-pass leaves of it, (k,).
+    """Return the power of vibration before the high-pass over that behind it, (k,).
 
     Parameters
     ----------
     reflection
-        Reflection coefficients of the vibration as it was before, (k, order).
+        Reflection coefficients of the vibration before the high-pass, (k, order).
     rate_hz
         Sampling rate.
     """

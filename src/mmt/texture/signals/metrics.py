@@ -1,10 +1,10 @@
 """Measures of the difference between vibrations, and between their spectra.
 
-A score of amplitude spectra means nothing without the way the spectra were made: raw Fourier
-amplitudes of two realisations of one process score a GFC of only pi/4 on average. Here an
-amplitude spectrum is Welch's (`mmt.texture.signals.amplitude_spectra`) unless raw ones are asked
-for, and two renderings of one model give what a perfect one would score. GFC ignores the level:
-state `power_error_db` beside it. For offline use.
+A score of amplitude spectra depends on how the spectra are estimated: raw Fourier amplitudes of
+two realisations of one process score a GFC of only pi/4 on average. Here an amplitude spectrum is
+Welch's (`mmt.texture.signals.amplitude_spectra`) unless raw ones are asked for, and two renderings
+of one model give the score of a perfect model. GFC ignores the level, so state `power_error_db`
+beside it. For offline use.
 """
 
 import numpy as np
@@ -19,8 +19,8 @@ def gfc_of_rows(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return the goodness-of-fit criterion of pairs of amplitude spectra on one frequency grid.
 
     ``|sum a b| / sqrt(sum a^2 sum b^2)``, from 0 to 1 (Hernandez-Andres et al. 2001; Awan et
-    al., equation 2). Two spectra that are zero everywhere are equal: 1. Of one that is zero
-    everywhere, the other has nothing: 0.
+    al., equation 2). Two spectra that are zero everywhere score 1; if only one of them is zero
+    everywhere, the score is 0.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def gfc_of_rows(a: FloatArray, b: FloatArray) -> FloatArray:
 def power_error_db(power: float | FloatArray, truth: float | FloatArray) -> FloatArray:
     """Return ``10 log10(power / truth)``, element by element.
 
-    Where both are zero the error is 0; where only `power` is, -inf; where only `truth` is, inf.
+    The error is 0 if both are zero, -inf if only `power` is zero, and inf if only `truth` is.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
 """Noise floor of the accelerometer, estimated while nothing is touched.
 
-While the tool is in the air or at rest, what passes the high-pass is the sensor's own noise, and
-now and then a knock or the robot's motion. The lower quartile of the power of short windows is
+While the tool is in the air or at rest, the signal behind the high-pass is the sensor's own noise,
+and now and then a knock or the robot's motion. The lower quartile of the power of short windows is
 the noise to some tenths (25th percentile of 50 squares of white noise: 0.87 of its power), as long
-as a quarter of the windows holds nothing else; it errs low rather than high.
+as a quarter of the windows holds nothing else. It is too low rather than too high.
 """
 
 import statistics

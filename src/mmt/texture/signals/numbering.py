@@ -1,4 +1,4 @@
-"""One ascending numbering of a recorded stream, also where the frames' own starts anew or wraps."""
+"""One ascending numbering of a stream, even if the frames' own numbers restart or wrap."""
 
 from typing import Final
 
@@ -7,25 +7,25 @@ import numpy as np
 from mmt.core.arrays import IntArray, RecordArray
 from mmt.core.frames import SEQUENCES
 
-_LONGEST_GAP: Final = 2**20  # frames, 17 min at 1 kHz, that may be missing where numbers wrap
+_LONGEST_GAP: Final = 2**20  # frames, 17 min at 1 kHz, that may be missing at a wrap
 _GRID: Final = 1000
-"""A new run begins on a multiple of it, as the cells of segments and blocks do, so that its own do
-not depend on those before it; so do at least as many missing frames."""
+"""A new run begins at a multiple of it, after at least as many missing frames. Cells of segments
+and blocks lie on the same grid, so that those of a run do not depend on earlier runs."""
 
-_SHORTEST_RUN: Final = 1000  # frames, after which one not above the first is no repeated one
-_LATEST: Final = 60_000  # frames behind the newest: no late frame
+_SHORTEST_RUN: Final = 1000  # frames; after them a number not above the first is no repetition
+_LATEST: Final = 60_000  # frames behind the newest; a number further back is no late frame
 
 
 class StreamNumbering:
-    """Number the frames of a stream on.
+    """Continue the numbering of a stream across restarts and wraps of the frames' numbers.
 
-    A frame with a number that is not above the newest one is one of three. If numbers have
-    wrapped, it is the next, and its number is unwrapped. If its time is later than the newest
-    frame's, or its number further back than a late frame's, the sender has started anew: the
-    frame begins a new run behind the session so far, with missing frames in between, so that no
-    segment reaches across. Otherwise it is late or repeated, and its number stays in its run.
+    A number that is not above the newest one has one of three reasons. If numbers have wrapped,
+    it is unwrapped. If the frame's time is later than the newest frame's, or its number further
+    back than a late frame's, the sender has restarted: the frame begins a new run after the
+    session so far, with missing frames in between, so that no segment spans both. Otherwise the
+    frame is late or repeated, and its number stays in its run.
 
-    Numbers that ascend pass as they are. Cost: some 3 ns a frame.
+    Ascending numbers stay as they are. Cost: some 3 ns a frame.
     """
 
     def __init__(self) -> None:
@@ -35,7 +35,7 @@ class StreamNumbering:
         self._newest_time_ns = 0
 
     def number(self, frames: RecordArray) -> RecordArray:
-        """Return the next frames (n,), numbered on; of ``sequence`` i8 where numbers changed."""
+        """Return the next frames (n,), renumbered; ``sequence`` is i8 if numbers changed."""
         if not len(frames):
             return frames
         own, times_ns = frames["sequence"].astype(np.int64), frames["time_ns"]
@@ -57,7 +57,7 @@ class StreamNumbering:
         return numbered
 
     def _pass_run(self, own: IntArray, times_ns: IntArray, start: int) -> int:
-        """Note the frames of a run from `start` on; return where the next run begins."""
+        """Record the frames of a run from `start` on; return the start of the next run."""
         newest = np.maximum.accumulate(np.concatenate([[self._newest], own[start:]]))
         behind = np.flatnonzero(own[start:] <= newest[:-1]) + start
         for at in behind.tolist():

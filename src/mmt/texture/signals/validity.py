@@ -1,22 +1,21 @@
 """Samples of an accelerometer that are no measurement: held, saturated, or constant throughout.
 
-Causal and online, sample by sample, with what the channel itself has shown before:
+Causal and online, sample by sample, from the past of the channel itself:
 
-- *Held*: the channel repeats one value for longer than chance allows. How often a value is
-  repeated is learnt for each octave of the last steps before it: a coarse converter near silence
-  repeats often, and a slow sensor always; a vibration of a fine one hardly ever. A run of n
-  repeats whose chance is below `CHANCE` is held, unless it is silence: the channel stopped at that
-  value before, as a live signal does not, or has never stopped and it is the channel's mean; and
-  the last values before it were closer to it than the vibration usually is, or the tool was at
-  rest. A vibration that rings out comes to its end by ever smaller steps, after which repeats are
-  no surprise either.
+- *Held*: the channel repeats one value for longer than chance allows. The rate of repeats is learnt
+  for each octave of the steps before them: a coarse converter near silence repeats often and a slow
+  sensor always, a vibration in a fine converter hardly ever. A run of n repeats whose chance is
+  below `CHANCE` is held, unless it is silence. Silence meets two conditions. The channel has
+  stopped at that value before, or has never stopped and the value is its mean. And the last values
+  before the run were closer to it than the vibration usually is, or the tool was at rest. A
+  vibration that rings out ends in ever smaller steps, after which repeats are no surprise either.
 - *Saturated*: a sample at the rail. A rail is an extreme, of the last samples or of all, that
-  comes again and again to the last bit, more often than the values right beside it and the
-  channel's resolution explain. It holds until a sample lies beyond it.
+  recurs to the last bit, more often than the values right beside it and the channel's resolution
+  explain. It remains a rail until a sample lies beyond it.
 - *Constant*: no axis has ever changed.
 
-Only while the tool strokes a texture must its vibration change: a value that is repeated at rest
-or in the air is neither held nor constant, as long as it is not repeated in a stroke too.
+Vibration must change only while the tool strokes a texture: a value that is repeated at rest or in
+the air is neither held nor constant, unless it is repeated in a stroke too.
 """
 
 import math
@@ -40,14 +39,14 @@ class Cause(IntEnum):
 
 
 CHANCE: Final = 1e-6
-"""Chance of a run of repeats, or of equal extremes, below which it is no chance."""
+"""Probability of a run of repeats, or of equal extremes, below which it counts as a fault."""
 
 RECENT: Final = 100
-"""Frames after which an extreme that did not come again is no recent one."""
+"""Frames after which an extreme that has not recurred is no longer recent."""
 
 LEAST_LEARNT: Final = 100
-"""Values from which something is learnt of a channel; if an octave has less, those behind smaller
-steps count too. A texture may begin silent for as many frames."""
+"""Least number of values from which a channel is learnt; if an octave has fewer, values after
+smaller steps count too. A texture may begin silent for as many frames."""
 
 _EVIDENCE: Final = -math.log(CHANCE)
 _COUNTED: Final = 20  # repeats of a run that are learnt from: one long run is one event
@@ -57,7 +56,7 @@ _MEAN_FRAMES: Final = 12000.0
 _NEAR_MEAN: Final = 4.5  # deviations over the root of the frames: some 98 % of means of textures
 _ACTIVITY_FRAMES: Final = 128.0
 _DECLINED: Final = 0.5  # of the activity: 3 of 100 silences begin from further away
-_LEAST_STEPS: Final = 8.0  # of the resolution, by which a value that is looked at differs
+_LEAST_STEPS: Final = 8.0  # of the resolution: least change of a value that may be a rail
 _LEAST_ACTIVE: Final = 0.01  # of the activity, likewise
 _LEAST_ALIKE: Final = 4.0  # extremes: two waves that ring out can have the same peak
 _MARGIN: Final = 1.25  # of the chance of an extreme over that of a value right beside it
@@ -79,7 +78,7 @@ _UNDECIDED, _AT_REST, _SILENT, _HOLDING = 0.0, 1.0, 2.0, 3.0
 
 
 class ChannelStates:
-    """What is known of each axis of an accelerometer, as `judge` keeps it.
+    """State of each axis of an accelerometer, which `judge` updates.
 
     Parameters
     ----------
@@ -110,9 +109,9 @@ class ChannelStates:
 def _is_rail(
     tracker: FloatArray, value: float, mean: float, resolution: float, recent: int
 ) -> bool:
-    """Take a value into the tracker of an upper extreme; return whether this proves a rail.
+    """Add a value to the tracker of an upper extreme; return whether this proves a rail.
 
-    `recent` is the number of samples for which an extreme is one; 0 for good.
+    An extreme that has not recurred for `recent` samples is dropped; with 0 never.
     """
     tracker[_SINCE] += 1.0
     if recent > 0 and tracker[_SINCE] > recent:
@@ -142,7 +141,7 @@ def _is_rail(
 def _step(
     state: FloatArray, value: float, per_frame: int, repeats: FloatArray, extremes: FloatArray
 ) -> bool:
-    """Take in a value that differs from the one before; return whether it proves a rail."""
+    """Add a value that differs from the one before; return whether it proves a rail."""
     size = abs(value - state[_LAST])
     for place in range(len(state) - 1, _BEFORE, -1):
         state[place] = state[place - 1]
@@ -168,7 +167,7 @@ def _step(
     recently = min(count, _ACTIVITY_FRAMES * per_frame)
     state[_ACTIVITY] += (abs(value - mean) - state[_ACTIVITY]) / recently
     found = False
-    # Of noise of a few steps of the converter the extreme is a frequent value itself.
+    # In noise of a few steps of the converter, the extreme itself is a frequent value.
     least = max(_LEAST_STEPS * state[_RESOLUTION], _LEAST_ACTIVE * state[_ACTIVITY])
     for tracker in range(4 if over_frame >= least else 0):
         sign = 1.0 if tracker < 2 else -1.0
@@ -234,7 +233,7 @@ def _is_held(
     at: int,
     reach: int,
 ) -> bool:
-    """Take in a value that is repeated; return whether it is held."""
+    """Add a value that is repeated; return whether it is held."""
     state[_REPEATS] += 1.0
     if state[_CHANGES] == 0.0 or state[_DECIDED] > _AT_REST:
         return bool(state[_CHANGES] and state[_DECIDED] == _HOLDING)
@@ -264,7 +263,7 @@ def judge(
     repeats: FloatArray,
     extremes: FloatArray,
 ) -> None:
-    """Judge the newest sample, and what it says of those before it.
+    """Judge the newest sample, and revise the causes of the samples before it.
 
     Parameters
     ----------
@@ -275,11 +274,11 @@ def judge(
     motion : (n, 3)
         Raw tangential position in mm, and normal force in N.
     restart : (n k,)
-        First samples of frames in front of which frames are missing that have no elements.
+        True at the first sample of a frame that follows a gap which is not filled.
     least : (2,)
         Motion in mm a frame, and force in N, from which on the tool strokes.
     at, reach
-        The newest sample, and how many before it are still open.
+        The newest sample, and how many samples before it may still be revised.
     axes, repeats, extremes
         See `ChannelStates`.
     """

@@ -1,1 +1,1 @@
-"""What a texture is a function of, and the samples that are measured of it."""
+"""Input space of a texture model, and the samples in it."""

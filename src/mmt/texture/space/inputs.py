@@ -1,11 +1,11 @@
-"""What a texture model is a function of: its input space.
+"""Input space of a texture model.
 
 An isotropic texture depends on speed and normal force (paper A); an anisotropic one on the
 velocity vector in the plane of the surface and on normal force (Abdulali and Jeon, paper B).
 Both are made dimensionless by the same two numbers, 300 mm/s and 3 N by default, so that a
 distance means the same in both: the isotropic space is the unit square, the anisotropic one a
-cylinder of radius and height one. A cylinder, not a box: what bounds a hand is its speed, in
-whatever direction, and which directions are x and y is arbitrary. A velocity that is too fast
+cylinder of radius and height one. It is a cylinder, not a box, because a hand is limited in speed,
+whatever its direction, and the directions of x and y are arbitrary. A velocity that is too fast
 keeps its heading.
 """
 
@@ -23,7 +23,7 @@ from mmt.core.errors import InputError
 from mmt.texture.settings import CHANNELS, MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S, Inputs
 
 Maximum = Annotated[float, Ge(1e-6), Le(1e6)]
-"""End of a space."""
+"""Largest speed or force of a space."""
 
 _LARGEST: Final = 1e6
 """Normalised values count as no larger, so that the direction of an infinite one is defined."""
@@ -31,7 +31,7 @@ _LARGEST: Final = 1e6
 
 @dataclass(frozen=True)
 class InputSpace:
-    """An input space and where it ends.
+    """An input space and its limits.
 
     Attributes
     ----------
@@ -68,12 +68,12 @@ class InputSpace:
 
     @property
     def dimensions(self) -> int:
-        """How many inputs there are, d: 2 or 3."""
+        """Number of inputs, d: 2 or 3."""
         return len(self.channels)
 
     @property
     def scale(self) -> FloatArray:
-        """What each input is divided by, shape (d,)."""
+        """Divisor of each input for normalisation, shape (d,)."""
         speeds = [self.maximum_speed_mm_s] * (self.dimensions - 1)
         return np.array([*speeds, self.maximum_force_n])
 
@@ -95,7 +95,7 @@ class InputSpace:
     def stack(self, *channels: npt.ArrayLike) -> FloatArray:
         """Return the inputs (n, d) from d channels, each shape (n,) or scalar.
 
-        Speed and force alone are a stroke along x in a space of velocity and force.
+        In a space of velocity and force, two channels are speed and force of a stroke along x.
 
         Raises
         ------
@@ -120,7 +120,7 @@ class InputSpace:
         return np.hypot(inputs[:, 0], inputs[:, 1]) if self.directed else inputs[:, 0]
 
     def normalise(self, inputs: FloatArray) -> FloatArray:
-        """Return points (n, d) without dimension, brought to the end of the space if beyond.
+        """Return normalised points (n, d); points outside the space are moved to its edge.
 
         NaN counts as zero, and so does a negative force or speed.
         """
@@ -142,7 +142,7 @@ ANISOTROPIC: Final = InputSpace("anisotropic")
 
 @kernel("f8(f8, f8)")
 def from_zero(value: float, per_unit: float) -> float:
-    """Return a speed or force, normalised and brought to 0 ... 1; NaN counts as 0."""
+    """Return a speed or force, normalised and limited to 0 ... 1; NaN counts as 0."""
     scaled = value * per_unit
     return min(scaled, 1.0) if scaled > 0.0 else 0.0
 
@@ -169,7 +169,7 @@ def normalise_into(
     Parameters
     ----------
     first, second, third
-        The d inputs; `third` is not read where d is 2.
+        The d inputs; `third` is not read if d is 2.
     per_speed, per_force
         One over the maxima.
     point

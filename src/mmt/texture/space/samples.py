@@ -13,8 +13,8 @@ from mmt.texture.autoregression.order_limit import LARGEST_ORDER
 from mmt.texture.space.inputs import ISOTROPIC, InputSpace
 
 LARGEST_POWER: Final = 1e300
-"""Largest power, in (m/s2)^2: that of the largest amplitude that is rendered, 1e150 m/s2. Sums over
-a million samples, and levels that go on by their slopes beyond them, are finite with it."""
+"""Largest power, in (m/s2)^2: that of the largest amplitude that is rendered, 1e150 m/s2. It keeps
+sums over a million samples, and levels extrapolated by their slopes, finite."""
 
 Power = Annotated[float, Ge(0), Le(LARGEST_POWER)]
 
@@ -34,16 +34,15 @@ class TextureSamples:
     power
         Mean square of the vibration in (m/s2)^2, shape (n,).
     space
-        What the inputs are.
+        Input space.
     effective
-        Independent samples that each power is worth, shape (n,), positive; None where it is
-        not known. See `mmt.texture.autoregression.effective_sample_size`.
+        Effective sample size of each power, shape (n,), positive; None if it is not known. See
+        `mmt.texture.autoregression.effective_sample_size`.
     noise_power
-        Power of the accelerometer's noise in (m/s2)^2, which every power contains; 0 where it is
-        not known.
+        Power of the accelerometer's noise in (m/s2)^2, which every power contains; 0 if it is not
+        known.
     counts
-        Samples of the vibration that each segment has, shape (n,), positive; None where it is
-        not known.
+        Number of vibration samples in each segment, shape (n,), positive; None if not known.
     """
 
     inputs: FloatArray
@@ -75,7 +74,7 @@ class TextureSamples:
 
     @property
     def speed_mm_s(self) -> FloatArray:
-        """Speed of each segment, that of its mean velocity where the heading counts; (n,)."""
+        """Speed of each segment, that of its mean velocity if the heading counts; (n,)."""
         return self.space.speed_mm_s(self.inputs)
 
     @property
@@ -96,13 +95,13 @@ class TextureSamples:
         return replace(self, **arrays)
 
     def check(self) -> None:
-        """Raise `InputError` where a model cannot be built from these.
+        """Check that a model can be built from the samples.
 
         Raises
         ------
         InputError
-            Shapes disagree, a number is not finite or beyond `LARGEST_POWER`, what cannot be
-            negative is, or an LSF set is not ascending inside (0, pi).
+            Shapes disagree, a number is not finite, beyond `LARGEST_POWER` or wrongly negative,
+            or an LSF set is not ascending inside (0, pi).
         """
         lsf, inputs = real_numbers("lsf", self.lsf), real_numbers("inputs", self.inputs)
         if lsf.ndim != 2 or not 1 <= lsf.shape[1] <= LARGEST_ORDER or not len(lsf):

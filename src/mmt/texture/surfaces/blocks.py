@@ -1,8 +1,8 @@
 """Blocks of a twentieth of a second in contact, by which surfaces are told apart.
 
-The stream is cut by `mmt.texture.field.blocks`. With the strokes go the place, the components of
-the spectrum (`mmt.texture.surfaces.bands`) less what the prior expects of any surface, and when the
-contact began.
+The stream is cut by `mmt.texture.field.blocks`. Each block has its sample numbers, its stroke, the
+components of its spectrum (`mmt.texture.surfaces.bands`) minus their prior means, and the start of
+its contact.
 """
 
 from dataclasses import dataclass
@@ -22,8 +22,8 @@ from mmt.texture.surfaces.bands import spectrum_components
 from mmt.texture.surfaces.regression import MEANS
 
 AUDIBLE: Final = 4.0
-"""Times the sensor's noise that a block's power is at least: in noise all surfaces are alike, and
-where a texture sinks into it its spectrum changes faster than anywhere else."""
+"""Least ratio of a block's power to the sensor's noise. In noise all surfaces are alike, and close
+to it the spectrum of a texture changes faster than anywhere else."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +33,8 @@ class SurfaceBlock:
     ``start`` and ``stop`` are absolute sample numbers, half-open. ``stroke`` (3,): u, v and heading
     as in `mmt.texture.field.covariance`. ``values`` (`bands.COMPONENTS`,): components of the
     spectrum less their prior means, in nepers of power.
-    ``touchdown``: the first one after the tool met a surface. ``contact_start``: the sample number
-    at which this contact began.
+    ``touchdown``: whether it is the first block after the tool met a surface. ``contact_start``:
+    the sample number at which this contact began.
     """
 
     start: int
@@ -51,7 +51,7 @@ class SurfaceBlockCutter:
     Parameters
     ----------
     modelling
-        Its axes, its least speed and force, and its inputs.
+        Settings of the modelling: axes, least speed and force, inputs.
     """
 
     def __init__(self, modelling: ModellingSettings) -> None:
@@ -66,7 +66,7 @@ class SurfaceBlockCutter:
     def cut(self, aligned: AlignedBlock) -> list[SurfaceBlock]:
         """Add the next samples, any number of them, and return the blocks they complete.
 
-        How they come in parts changes no block.
+        The partition of the stream does not change the blocks.
         """
         if not len(aligned):
             return []
@@ -104,13 +104,13 @@ class SurfaceBlockCutter:
         ]
 
     def _measure(self, vibration_m_s2: FloatArray, measured: BoolArray) -> FloatArray:
-        """Return the components of blocks' spectra, not a number for those that are but noise."""
+        """Return the components of blocks' spectra, NaN for blocks of nothing but noise."""
         found = spectrum_components(vibration_m_s2)
         found[mean_square(vibration_m_s2, measured) < AUDIBLE * self._noise.power] = np.nan
         return found
 
     def _watch(self, part: AlignedBlock) -> None:
-        """Note where a contact begins."""
+        """Record the beginning of a contact."""
         pressed = np.concatenate([[not self._lifted], part.normal_force_n > self._pressed_n])
         begun = np.flatnonzero(pressed[1:] & ~pressed[:-1])
         if len(begun):

@@ -1,13 +1,12 @@
 """Detection of changes of surface.
 
-How much better are the newest blocks explained by a surface of which nothing is known, from any
-change-point on, than by the current one? The Bayes factor answers for each change-point, by the
-regressions of `mmt.texture.surfaces.regression`: one of the current surface's blocks, and one
-without any. What is not known of a surface is alike over a stroke, and now and then a stroke is not
-like what was predicted from the others. So evidence is tempered: its logarithm counts `TEMPER` of
-itself (Grunwald, "The safe Bayesian", 2012). A change is detected if it then exceeds the logarithm
-of the number of blocks in an hour over the false alarms that are allowed in it. The blocks of the
-last second or two, which may already be another surface's, are not learned yet.
+For each change-point, a Bayes factor compares two explanations of the blocks from there on: an
+unknown surface, and the current one. Both are regressions of `mmt.texture.surfaces.regression`, one
+without blocks, one of the current surface's blocks. Prediction errors are alike over a stroke, and
+now and then a stroke differs from the prediction. So evidence is tempered: its logarithm is
+multiplied by `TEMPER` (Grunwald, "The safe Bayesian", 2012). A change is detected if the result
+exceeds the logarithm of the number of blocks in an hour over the false alarms allowed in an hour.
+The blocks of the last second or two may already be another surface's, and are not learned yet.
 """
 
 import math
@@ -24,8 +23,8 @@ WINDOW: Final = 30
 """Number of newest blocks that may contain a change; the regression learns from older ones."""
 
 TEMPER: Final = 0.25
-"""Share of the logarithm of a Bayes factor that counts: what is not known of a surface is alike
-over a stroke. Chosen on the development half of HaTT's models among 0.2, 0.25, 0.3, 0.4 and 0.5."""
+"""Factor on the logarithm of a Bayes factor, since prediction errors are alike over a stroke.
+Chosen on the development half of HaTT's models among 0.2, 0.25, 0.3, 0.4 and 0.5."""
 
 _TOGETHER: Final = 10
 """Number of blocks that are learned at a time."""
@@ -54,7 +53,7 @@ class SurfaceDetector:
     Parameters
     ----------
     false_alarms_per_hour
-        False changes in an hour of stroking that are asked for; see `TEMPER`.
+        False changes that are allowed in an hour of stroking; see `TEMPER`.
     by_heading
         Whether the texture may depend on the heading.
     """
@@ -67,7 +66,7 @@ class SurfaceDetector:
         self.begin(0)
 
     def begin(self, from_sample: int) -> None:
-        """Take the tool to be on another surface since a sample: forget what was before it."""
+        """Begin another surface at a sample, and forget all blocks before it."""
         self.window = [block for block in self.window if block.start >= from_sample]
         self._current = SurfaceRegression(directed=self._directed)
 
@@ -84,7 +83,7 @@ class SurfaceDetector:
         return None
 
     def _arrays(self, blocks: list[SurfaceBlock]) -> tuple[FloatArray, FloatArray]:
-        """Return what a regression is given of blocks."""
+        """Return the features and values of blocks for a regression."""
         rows = features(np.array([block.stroke for block in blocks]), directed=self._directed)
         return rows, np.array([block.values for block in blocks])
 
@@ -92,7 +91,7 @@ class SurfaceDetector:
         """Return the likeliest change in the window, if there is evidence enough for one."""
         rows, values = self._arrays(self.window)
         stayed = np.cumsum(self._current.log_densities(rows, values)[::-1])
-        # By the chain rule backwards, one pass gives the evidence of the last k blocks for all k.
+        # By the chain rule, one backward pass gives the evidence of the last k blocks for all k.
         evidence = np.cumsum(self._unknown.log_densities(rows[::-1], values[::-1])) - stayed
         since = int(np.argmax(evidence))
         if evidence[since] <= self.least_evidence:

@@ -1,4 +1,4 @@
-"""When the tool came onto another surface in a recorded session, faster than real time."""
+"""Changes of surface in a recorded session, found faster than real time."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -20,8 +20,8 @@ class FoundSurface(NamedTuple):
     surface: int
     """The number of the surface that the tool is on; a session begins on surface 1."""
     kind: Literal["new", "recalled", "identified"]
-    """``"new"``: a surface not met before; by a person's word ``"recalled"``: one met before, or
-    ``"identified"``: the surface that was new is one met before."""
+    """``"new"``: a surface not met before. Named by a person, ``"recalled"``: one met before;
+    ``"identified"``: the surface found as new is one met before."""
     from_s: float
     """Session time of the change itself, before it was found."""
 
@@ -33,18 +33,18 @@ def follow_surfaces(
 ) -> Iterator[FoundSurface]:
     """Yield each change of surface in a session, as the live leader finds it.
 
-    A change opens a new surface; only a person's word tells that it is one met before.
+    A detected change begins a new surface; only a person can say that it is one met before.
 
     Parameters
     ----------
     frames
         Shape (n,), with position, force and acceleration.
     settings
-        How to model; its ``surfaces`` says how surfaces are told apart, None takes the
-        defaults. How many samples of the acceleration a frame has, the frames say.
+        Settings of the modelling; ``surfaces`` sets how surfaces are told apart. None takes the
+        defaults, for both. The number of samples per frame is taken from the frames.
     said
-        What persons have said meanwhile: `mmt.texture.surfaces.said_surfaces` of the events of a
-        recording.
+        Statements of persons, which `mmt.texture.online.surface_changes.said_surfaces` returns
+        from the events of a recording.
 
     Examples
     --------

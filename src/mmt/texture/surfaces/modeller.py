@@ -20,21 +20,21 @@ from mmt.texture.settings import ModellingSettings, SurfaceSettings, surface_che
 from mmt.texture.surfaces.tracking import NAMED_S, SurfaceTracker
 
 REMEMBERED_S: Final = NAMED_S + 26.0
-"""Seconds of frames kept, for those of a new surface that a person says to be a known one: some
-seconds of stroking may have passed until it was detected."""
+"""Seconds of frames kept, in case a person names a new surface as a known one: its detection may
+have taken some seconds of stroking."""
 
 
 class SurfaceModeller:
     """Track the surfaces, and build a texture model of each.
 
     Cost: that of `SurfaceTracker` and, once a period, of one `OnlineModeller`. Memory: the models,
-    and the frames of `REMEMBERED_S`. How many frames come at a time changes no surface.
+    and the frames of `REMEMBERED_S`. The number of frames at a time does not change the surfaces.
 
     Parameters
     ----------
     settings
-        Settings of the modelling; ``surfaces`` says how they are told apart, None for the
-        defaults.
+        Settings of the modelling; ``surfaces`` sets how surfaces are told apart, None takes
+        the defaults.
     period_frames
         Frames between two updates of a model.
     """
@@ -46,7 +46,7 @@ class SurfaceModeller:
         self._tracker = SurfaceTracker(settings, settings.surfaces or SurfaceSettings())
         self._modellers = {self._tracker.surface: OnlineModeller(settings)}
         self._recent: list[RecordArray] = []
-        self._given = -1  # up to here the current surface's model has its frames
+        self._given = -1  # newest frame that the current surface's model has
         self._first_sequence: int | None = None
 
     @property
@@ -55,7 +55,7 @@ class SurfaceModeller:
         return self._tracker.surface
 
     def say(self, said: SaidSurface) -> None:
-        """Take a person's word on the surface. See `SurfaceTracker`."""
+        """Record a person's statement on the surface. See `SurfaceTracker`."""
         self._tracker.say(said)
 
     @property
@@ -69,15 +69,15 @@ class SurfaceModeller:
         return {number: model for number, model in found.items() if model is not None}
 
     def update(self, frames: RecordArray) -> ModelUpdate | None:
-        """Add the newest frames (n,); return an update where one is due."""
+        """Add the newest frames (n,); return an update if one is due."""
         return carry_out(self.segment(frames))
 
     def segment(self, frames: RecordArray) -> Iterator[Work]:
         """Track the surface over the newest frames (n,), and yield the work of updating models.
 
         An update is due once a period, and at every change.
-        Whatever is yielded must be carried out before this goes on: which frames a model is given
-        depends on whether it is complete.
+        Each yielded work must be carried out before the next is asked for: the frames that a model
+        is given depend on whether the model is complete.
         """
         if not len(frames):
             return
@@ -114,7 +114,7 @@ class SurfaceModeller:
             del self._recent[0]
 
     def _give(self, until: int, surface: int | None = None) -> Iterator[Work]:
-        """Give a surface's model, the current one's if none is named, its frames up to a sample."""
+        """Give a surface's model (by default the current one) its frames up to a sample."""
         modeller = self._modellers[surface or self.surface]
         waiting = [
             part
@@ -130,7 +130,7 @@ class SurfaceModeller:
             yield work
 
     def _leave(self, change: SurfaceChange, left: list[ModelUpdate]) -> Iterator[Work]:
-        """Part the frames at the change point between the models of two surfaces."""
+        """Divide the frames between the models of two surfaces at the change-point."""
         if change.kind != "identified":  # else they were the same all along
             yield from self._give(change.from_sample, change.before)
             work = self._modellers[change.before].forget(change.from_sample)

@@ -1,13 +1,13 @@
-"""What is expected of a surface's blocks: a Bayesian regression on their strokes.
+"""Bayesian regression of a surface's blocks on their strokes.
 
 Each component of the spectrum (`mmt.texture.surfaces.bands`) is linear in u and v
 (`mmt.texture.field.covariance`) plus a smooth departure: a Gaussian process with Matern covariances
 of smoothness 3/2, in the reduced-rank form of Solin and Sarkka ("Hilbert space methods for
 reduced-rank Gaussian process regression", Statistics and Computing 30, 2020), sines whose weights
-have the process's spectral density as variance. Where the heading counts, its first two harmonics
-are added. The scatter of blocks about it is learned with it: its variance has an inverse gamma
-prior, so that blocks are predicted by Student's t distribution. All is conjugate and of closed form
-(Bishop, Pattern Recognition and Machine Learning, 2006, section 3.3).
+have the process's spectral density as variance. If the heading counts, its first two harmonics are
+added. The variance of blocks about the regression is learned too: it has an inverse gamma prior, so
+that blocks are predicted by Student's t distribution. All is conjugate and in closed form (Bishop,
+Pattern Recognition and Machine Learning, 2006, section 3.3).
 
 The figures of the prior are the spread among the development half of HaTT's models, component by
 component, rounded up.
@@ -28,7 +28,7 @@ _CONSTANTS: Final = np.array([3.0, 0.7, 0.5, 0.25, 0.2, 0.15])
 """Standard deviations of the components from surface to surface."""
 
 _SIZES: Final = np.array([1.0, 0.5, 0.3, 0.2, 0.15, 0.12])
-"""Sizes of the components' changes with the stroke over those of the level."""
+"""Size of each component's changes with the stroke, over that of the level's."""
 
 _SCATTER: Final = 1.5 * np.array([0.05, 0.05, 0.045, 0.04, 0.032, 0.025])
 """Expected variance of blocks, nepers^2: one and a half times that of white noise (measured)."""
@@ -43,15 +43,15 @@ _LENGTHS: Final = (0.6, 0.8)
 """Lengths of the departure in u and v."""
 
 _CENTRE, _HALF_WIDTH, _SINES = -1.1, 2.6, 6
-"""The square of u and v in which the sines vanish at the edges, and their number on each axis."""
+"""Square of u and v at whose edges the sines vanish, and number of sines on each axis."""
 
 LARGEST: Final = 4.8
-"""Standard deviations, root of the sum of squares over the components, beyond which what is new in
-a block counts and is learned as no larger: a knock says little."""
+"""Bound on the innovation of a block, in standard deviations (root of the sum of squares over the
+components). A larger one, as of a knock, counts and is learned as this large."""
 
 
 def features(strokes: FloatArray, *, directed: bool) -> FloatArray:
-    """Return what components are regressed on, (n, d), for strokes (n, 3): u, v and heading.
+    """Return the regressors (n, d) of strokes (n, 3): u, v and heading.
 
     ``directed``: whether the heading counts.
     """
@@ -79,12 +79,12 @@ def _prior_precision(*, directed: bool) -> FloatArray:
 
 
 class Innovations(NamedTuple):
-    """What is new in n blocks, none beyond `LARGEST`.
+    """Innovations of n blocks, bounded by `LARGEST`.
 
     ``deviation``: standard deviation of each block's prediction, over that of the scatter;
-    ``innovation``: what is new over ``deviation``; ``values``: the components, as they would be
-    with these innovations; all (`COMPONENTS`, n). ``shape`` (n,) and ``rate`` (`COMPONENTS`, n):
-    of the inverse gamma distribution of the variance before each block.
+    ``innovation``: prediction error over ``deviation``; ``values``: the components that have these
+    innovations; all (`COMPONENTS`, n). ``shape`` (n,) and ``rate`` (`COMPONENTS`, n): parameters of
+    the inverse gamma distribution of the variance before each block.
     """
 
     deviation: FloatArray
@@ -112,7 +112,7 @@ class SurfaceRegression:
         self.rate: FloatArray = np.asarray(self.shape * _SCATTER)
 
     def log_densities(self, rows: FloatArray, values: FloatArray) -> FloatArray:
-        """Return the log density (n,) of each of n blocks, given what was learned and those before.
+        """Return the log density (n,) of n blocks, given learned blocks and those before each.
 
         Parameters
         ----------
@@ -136,7 +136,7 @@ class SurfaceRegression:
         self.rate = np.asarray(self.rate + 0.5 * np.square(found.innovation).sum(axis=1))
 
     def innovations(self, rows: FloatArray, values: FloatArray) -> Innovations:
-        """Return what is new in each of n blocks, given what was learned and those before it."""
+        """Return the innovations of n blocks, given learned blocks and those before each."""
         mean = np.einsum("cde,ce,nd->cn", self.covariance, self._weighted, rows)
         factor = np.linalg.cholesky(rows @ self.covariance @ rows.T + np.eye(len(rows)))
         deviation = np.diagonal(factor, axis1=1, axis2=2)

@@ -1,4 +1,4 @@
-"""Surface tracking from frames: detected changes of surface, and what a person says of it."""
+"""Surface tracking from frames: detected changes of surface, and statements of persons."""
 
 from bisect import insort
 from typing import Final, Literal
@@ -14,22 +14,22 @@ from mmt.texture.surfaces.blocks import SurfaceBlockCutter
 from mmt.texture.surfaces.detection import SurfaceDetector
 
 NAMED_S: Final = 4.0
-"""Time after a detected change in which a person's word is about the surface since that change."""
+"""Time after a detected change in which a person's statement is on the surface since then."""
 
 
 class SurfaceTracker:
     """Tracker of the surface under the tool in a stream of frames.
 
-    A detected change opens a new surface. That the tool is on one met before is not detected: a
-    person says it (`say`). Within `NAMED_S` of a detected change that is said of the new surface,
-    which then was that one all along; else the tool is on it from the sample that is named.
+    A detected change begins a new surface. A return to a known surface is not detected: a person
+    says it (`say`). Within `NAMED_S` of a detected change the statement is on the new surface,
+    which then was the named one all along. Otherwise it holds from the named sample on.
 
     Cost: that of `SurfaceDetector`.
 
     Parameters
     ----------
     modelling
-        Its axes, its least speed and force, and its inputs.
+        Settings of the modelling: axes, least speed and force, inputs.
     settings
         Settings of the detection.
     """
@@ -54,15 +54,15 @@ class SurfaceTracker:
 
     @property
     def faults(self) -> SignalFaults:
-        """What of the stream was no measurement so far, whatever the surface."""
+        """Faults of the stream's signals so far, whatever the surface."""
         return self._filter.faults
 
     def say(self, said: SaidSurface) -> None:
-        """Take a person's word; it holds from its sample on, whenever that comes.
+        """Record a person's statement; it holds from its sample on, which may be a later one.
 
-        A number that is not known is that of a new surface.
+        An unknown number is that of a new surface.
         """
-        insort(self._said, said)  # at once: another thread may take from the list meanwhile
+        insort(self._said, said)  # in one step, as another thread may read the list
 
     def update(self, frames: RecordArray) -> list[SurfaceChange]:
         """Add the newest frames (n,); return the changes that they reveal."""
@@ -86,7 +86,7 @@ class SurfaceTracker:
         return changes
 
     def _follow(self, said: SaidSurface) -> list[SurfaceChange]:
-        """Return the change that a person's word makes, if any."""
+        """Return the change that a person's statement makes, if any."""
         sample, number = said
         if number == self.surface:
             return []
@@ -106,7 +106,7 @@ class SurfaceTracker:
         at_sample: int,
         evidence: float | None = None,
     ) -> SurfaceChange:
-        """Take the tool to be on another surface."""
+        """Move to another surface, and return the change."""
         change = SurfaceChange(kind, self.surface, number, from_sample, at_sample, evidence)
         self.surface, self._largest = number, max(self._largest, number)
         self.surfaces = [n for n in self.surfaces if n != number] + [number]

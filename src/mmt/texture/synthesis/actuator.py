@@ -1,4 +1,4 @@
-"""What an actuator makes of a texture: how much of its power reaches the skin."""
+"""Response of an actuator, and the share of a texture's power that reaches the skin."""
 
 import math
 from collections.abc import Mapping
@@ -11,14 +11,14 @@ from mmt.core.errors import InputError
 from mmt.texture.model.texture_model import TextureModel
 
 FREQUENCIES_HZ: Final = np.arange(10.0, 500.0, 5.0)
-"""Where a response is told and a texture's power is summed."""
+"""Frequencies at which a response is given and a texture's power is summed."""
 _MOST_STROKES: Final = 64
 _LARGEST: Final = 1e6
-"""No gain and no frequency of an actuator is larger."""
+"""Largest gain, and largest frequency in Hz, of an actuator."""
 
 
 class ActuatorResponse(NamedTuple):
-    """The acceleration at the handle over the one that is asked for, by frequency."""
+    """Ratio of the acceleration at the handle to the wanted one, by frequency."""
 
     gain: FloatArray
     """Magnitude at `FREQUENCIES_HZ`, shape (98,)."""
@@ -26,17 +26,17 @@ class ActuatorResponse(NamedTuple):
     """Below this the actuator is not driven."""
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it for a recording."""
+        """Return the response for a recording."""
         return {"gain": np.round(self.gain, 4).tolist(), "low_hz": self.low_hz}
 
     @classmethod
     def from_dict(cls, found: Mapping[str, Any]) -> "ActuatorResponse":
-        """Return what `as_dict` gave.
+        """Return the response from the result of `as_dict`.
 
         Raises
         ------
         InputError
-            Something else is found there.
+            The mapping is no such result.
         """
         gain, low_hz = found.get("gain"), found.get("low_hz")
         count = len(FREQUENCIES_HZ)
@@ -58,7 +58,7 @@ class ActuatorResponse(NamedTuple):
         return np.asarray((density * self.gain**2).sum(axis=1) / power)
 
     def played_of(self, model: TextureModel) -> float:
-        """Return the share of a model's power that reaches the skin, over the strokes it is of."""
+        """Return the share of a model's power that reaches the skin: mean over its samples."""
         inputs = model.samples.inputs[:: math.ceil(len(model.samples) / _MOST_STROKES)]
         density = model.spectrum(*inputs.T, frequencies_hz=FREQUENCIES_HZ)
         return float(np.mean(self.played_share(density)))
@@ -69,12 +69,12 @@ def _is_size(value: object) -> TypeGuard[float]:
 
 
 def level_at_skin_db(share: float) -> float:
-    """Return by how much what is felt is louder than the texture, dB."""
+    """Return the level at the skin over that of the texture, in dB, for a share of the power."""
     return float(10.0 * np.log10(max(share, 1e-10)))
 
 
 def skin_sentence(share: float, low_hz: float) -> str:
-    """Return what a person wants to know of the share that reaches the skin."""
+    """Return a sentence on the share that reaches the skin."""
     return (
         f"this actuator plays {100.0 * share:.0f} % of this texture's power "
         f"({level_at_skin_db(share):+.1f} dB at the skin): it is not driven below {low_hz:.0f} Hz"

@@ -1,12 +1,12 @@
-"""Go on with a vibration that breaks off: what fills a gap until samples come again.
+"""Concealment of gaps: continues a vibration until samples come again.
 
-An autoregressive model is fitted to the newest samples (Burg), and its normalised lattice goes
-on from the state that these samples leave it in: what they determine of the next ones is
-predicted, the rest is white noise at the level of the newest prediction errors. So the joint
-has no step but the excitation's own, and the spectrum stays that of the surface; Janssen,
+An autoregressive model is fitted to the newest samples (Burg), and its normalised lattice
+continues from the state in which these samples leave it. The predictable part of the next samples
+is predicted, the rest is white noise at the level of the newest prediction errors. So the joint
+has no step but the excitation's own, and the spectrum stays that of the surface. Janssen,
 Veldhuis and Vries, "Adaptive interpolation of discrete-time signals that can be modeled as
 autoregressive processes", IEEE Trans. ASSP 34 (1986), 317-330, treat the case in which the
-samples behind the gap are known too.
+samples after the gap are known too.
 
 Stability: whatever the past, no sample exceeds its largest magnitude, and no step its largest
 step or a sixteenth of that magnitude. Where the gain is zero, the output is exactly zero after
@@ -29,8 +29,8 @@ from mmt.texture.autoregression.order_limit import Order
 
 ORDER: Final = 16
 _LEVEL_SAMPLES: Final = 32
-"""Newest prediction errors that set the excitation's level, which follows the hand's speed
-quicker than a spectrum can be fitted."""
+"""Number of newest prediction errors that set the excitation's level: few, as the level follows
+the hand's speed faster than a spectrum can be fitted."""
 
 _STEEPEST: Final = 1.0 / 16.0
 
@@ -45,9 +45,9 @@ def continuation(
     past : (k,)
         The newest samples, the last one newest; k at least ``order + 32``.
     gain : (n,)
-        Within 0 to 1: the course of the level.
+        Gain of each sample, from 0 to 1.
     noise : (n,)
-        Standard normal numbers, which decide what comes.
+        Standard normal numbers, the excitation.
     order
         Order of the model, from 1 to 64.
 
@@ -78,8 +78,8 @@ def continuation(
 def _follow(reflection: FloatArray, errors: FloatArray, backward: FloatArray) -> None:
     """Replace samples (k,) by their forward errors of the full order.
 
-    `backward` (m,) receives the backward errors of orders 0 ... m-1 at the last sample; both
-    are right from the m-th sample on, before that they miss the past.
+    `backward` (m,) receives the backward errors of orders 0 ... m-1 at the last sample. Both
+    are right from the m-th sample on; before it, earlier samples are missing.
     """
     order = len(reflection)
     backward[:] = 0.0

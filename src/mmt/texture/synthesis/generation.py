@@ -3,8 +3,8 @@
 A filter is a normalised lattice of unit power (`mmt.texture.autoregression.lattice`) and an
 amplitude. It may be replaced between any two samples: the lattice's memory is carried over, and
 the output stays bounded whatever filters follow each other. The amplitude falls no faster than by
-a time constant of 4 ms, so that nothing clicks where a hand stops, and ends at exactly zero. The
-memory is never near zero: nothing becomes denormal. Cost: O(order) a sample.
+a time constant of 4 ms, so that a hand that stops causes no click, and ends at exactly zero. The
+memory is never near zero, so that no number becomes denormal. Cost: O(order) a sample.
 """
 
 import math
@@ -32,8 +32,8 @@ REFLECTION = 3
 COMPLEMENT = REFLECTION + LARGEST_ORDER
 PAST = COMPLEMENT + LARGEST_ORDER
 STATE_SIZE = PAST + LARGEST_ORDER
-"""Places in a generator's state: the order and amplitude of the filter, that of the output, the
-filter, and its memory."""
+"""Indices in a generator's state: order and amplitude of the filter, amplitude of the output,
+coefficients of the filter, and its memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,9 +135,9 @@ class Generator:
         self.state[_AMPLITUDE] = 0.0
 
     def excitation(self, count: int, given: FloatArray | None) -> FloatArray:
-        """Return samples of variance one (count,): the next of its own, or those that are given.
+        """Return samples of variance one (count,): the given ones, or else the next drawn.
 
-        Where those that are given are the first ones, the filter's memory starts at zero.
+        If the first samples of all are given ones, the filter's memory starts at zero.
         """
         if given is None:
             return self.draw(count)

@@ -46,8 +46,8 @@ from mmt.texture.synthesis.generation import (
     scaled,
 )
 
-_COUNTER = SCRATCH  # scratch: that of the interpolation, samples, where it found the point
-_HINT = _COUNTER + 1  # then point, level and LSF, work
+_COUNTER = SCRATCH  # the scratch holds that of the interpolation, a sample counter, the
+_HINT = _COUNTER + 1  # simplex found last, the point, level and LSF, and work
 _POINT = _HINT + 1
 _VALUES = _POINT + 3
 _WORK = _VALUES + 1 + LARGEST_ORDER
@@ -91,7 +91,7 @@ class Synthesizer:
 
     @property
     def directed(self) -> bool:
-        """Whether the model is one of velocity, not of speed."""
+        """Whether the model takes a velocity vector, not a speed."""
         return self.model is not None and self.model.space.directed
 
     def render(self, *inputs: FloatArray, excitation: FloatArray | None = None) -> FloatArray:
@@ -100,14 +100,14 @@ class Synthesizer:
         Parameters
         ----------
         *inputs
-            The hand's motion at each sample, in the model's input space: speed and normal
-            force, or velocity x, y and normal force, where speed and normal force alone are a
-            stroke along x; each of shape (n,), float64, a column of an array too. Values beyond
-            the space are limited to its end; a negative speed or force, and NaN, count as zero.
+            The hand's motion at each sample, arrays or columns of shape (n,), float64: speed and
+            normal force, or velocity x, y and normal force (two inputs are then speed and force of
+            a stroke along x). Values outside the model's input space are limited to it; a negative
+            speed or force, and NaN, count as zero.
         excitation
-            White samples of variance one, (n,), in place of the synthesizer's own, which then do
-            not go on. Before any others the filter starts at rest: two renderers of one model,
-            with the same excitation, give the same samples whatever their seeds.
+            White samples of variance one, (n,), in place of the synthesizer's own, which do not
+            advance. If these are the first samples, the filter starts at rest: two renderers of one
+            model then give the same samples for one excitation, whatever their seeds.
 
         Raises
         ------
@@ -204,7 +204,7 @@ def _filter_into(
     complement: FloatArray,
     scratch: FloatArray,
 ) -> float:
-    """Write a model's LSF, after a number, and lattice at one motion; return the amplitude."""
+    """Write a model's level and LSF, and its lattice, at one motion; return the amplitude."""
     point = scratch[_POINT : _POINT + int(parameters[DIMENSIONS])]
     normalise_into(first, second, third, parameters[PER_SPEED], parameters[PER_FORCE], point)
     hint = int(scratch[_HINT])
@@ -240,7 +240,7 @@ def _render(
     scratch: FloatArray,
     output: FloatArray,
 ) -> bool:
-    """Write vibration (n,); false, and nothing, where the inputs are not all of shape (n,)."""
+    """Write vibration (n,); return False, and write nothing, if an input is not of shape (n,)."""
     count = len(output)
     if len(first) != count or len(second) != count or len(third) != count:
         return False

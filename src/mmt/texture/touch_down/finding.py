@@ -1,9 +1,9 @@
 """Touch-downs in a stream, each with its approach speed and its vibration.
 
-A contact begins where the smoothed force rises above half of the least force that is modelled,
-after a quiet time in the air. Within the smearing of that force its onset is where the vibration
-sets in. What follows the transient, the texture and the sensor's noise, is taken off its energy,
-and a touch-down that does not stand out of it, or of what was before, is left out.
+A contact begins when the smoothed force rises above half of the least force that is modelled, after
+a quiet time in the air. Smoothing blurs the rise, so the onset is taken where the vibration sets in
+nearby. The energy of what follows (texture and sensor noise) is subtracted. A touch-down whose
+energy does not stand out from that before and after it is left out.
 """
 
 import math
@@ -25,14 +25,14 @@ _EARLY_S: Final = 0.01
 _LATE_S: Final = 0.025
 """How far before and behind the rise of the smoothed force the vibration may set in."""
 _SMEARED_S: Final = 0.011
-"""For so long before it the smoothed position knows of the contact."""
+"""Time before the onset for which the contact already affects the smoothed position."""
 _SLOPE_S: Final = 0.004
 _ONSET: Final = 0.1
-"""Of the largest power of a frame."""
+"""Share of the largest power of a frame, from which on the vibration has set in."""
 _STANDS_OUT: Final = 2.0
-"""Times the energy before and behind it."""
+"""Least ratio of the energy to that before and to that after it."""
 _FADE: Final = 0.2
-"""Share of the window, its end, in which it goes to zero."""
+"""Share of the window, at its end, over which it is faded to zero."""
 _LEAST_MM_S: Final = 1.0
 _AXES: Final = "xyz"
 
@@ -60,7 +60,7 @@ class TouchDown:
 
 
 class TouchDownFinder:
-    """Find touch-downs in a stream of aligned samples; how it comes in parts changes none.
+    """Find touch-downs in a stream of aligned samples; its partition does not change them.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ class TouchDownFinder:
         return [each for each in found if each is not None]
 
     def _measured(self, joined: AlignedBlock, at: int) -> TouchDown | None:
-        """Return the touch-down whose force rises at a row, None if it is none."""
+        """Return the touch-down whose force rises at row `at`, or None if it is none."""
         part = joined[at - self._before : at + self._after]
         force_n = part.normal_force_n[self._before - self._quiet : self._before]
         whole = part.index[-1] - part.index[0] == len(part) - 1

@@ -1,9 +1,9 @@
-"""From recorded touch-downs to a transient.
+"""Fit of a transient to recorded touch-downs.
 
-No filter is fitted: of each group of touch-downs of like speed the most typical one stands for it.
+No filter is fitted: the most typical of each group of touch-downs of similar speed represents it.
 On the taps of the Penn Haptic Texture Toolkit an autoregressive impulse response, or the first
-singular vector of all, is further off: a transient's spectrum rises with the speed, and a filter of
-minimum phase decays too soon.
+singular vector of all, has larger errors: a transient's spectrum rises with the speed, and a filter
+of minimum phase decays too soon.
 """
 
 import math
@@ -18,12 +18,12 @@ from mmt.texture.touch_down.finding import TouchDown
 from mmt.texture.touch_down.transient import MOST_SHAPES, STEEPEST, Law, Transient
 
 LEAST: Final = 3
-"""Touch-downs from which on a transient is learnt, and in a group of like speed."""
+"""Least number of touch-downs for a transient, and in a group of similar speed."""
 
 _USUAL_EXPONENT: Final = 0.7
-"""Of the amplitude over the speed, if the speeds tell none."""
+"""Exponent of the amplitude over the speed, if the speeds are too similar to estimate one."""
 _APART: Final = math.log(1.5)
-"""Speeds whose ratio is larger tell of the exponent."""
+"""Logarithm of the ratio of two speeds above which the pair counts for the exponent."""
 _LEAST_PAIRS: Final = 3
 _NEPER_DB: Final = 20.0 / math.log(10.0)
 _NORMAL: Final = 1.4826
@@ -35,7 +35,7 @@ _FLOOR: Final = 1e-9
 
 
 def fit_transient(touch_downs: Sequence[TouchDown], rate_hz: float) -> Transient | None:
-    """Return the transient of a surface, None of fewer than `LEAST` touch-downs.
+    """Return the transient of a surface, or None for fewer than `LEAST` touch-downs.
 
     The exponent is the median of the slopes of pairs (Theil and Sen), amplitude and error are
     medians too: one bad touch-down in four changes little.
@@ -43,7 +43,7 @@ def fit_transient(touch_downs: Sequence[TouchDown], rate_hz: float) -> Transient
     Parameters
     ----------
     touch_downs
-        Of windows of one length, in any order.
+        With windows of one length, in any order.
     rate_hz
         Sampling rate of the acceleration.
     """
@@ -97,8 +97,8 @@ def _law(speeds_mm_s: FloatArray, roots: FloatArray) -> Law:
 class HeldOutErrors:
     """Errors of touch-downs, each rendered by a transient that was learnt from the others.
 
-    ``count`` of them; ``energy_db`` is the mean magnitude of the error of their energy,
-    ``spectrum_db`` the mean over them of the root mean square error by bands, both in dB.
+    ``count``: number of touch-downs. ``energy_db``: mean magnitude of the error of their energy,
+    in dB. ``spectrum_db``: mean of their root mean square errors by bands, in dB.
     """
 
     count: int
@@ -107,7 +107,7 @@ class HeldOutErrors:
 
     @property
     def sentence(self) -> str:
-        """What a person wants to know of them."""
+        """The errors as a sentence."""
         return (
             f"Rendered from all others, each of {self.count} touch-downs is off by "
             f"{self.energy_db:.1f} dB in energy and {self.spectrum_db:.1f} dB in its spectrum."
@@ -115,7 +115,7 @@ class HeldOutErrors:
 
 
 def held_out_errors(touch_downs: Sequence[TouchDown], rate_hz: float) -> HeldOutErrors | None:
-    """Return the errors where each is left out once, None where too few are left."""
+    """Return the errors with each touch-down left out once, or None if there are too few."""
     energy_db, spectrum_db = [], []
     for place, left_out in enumerate(touch_downs):
         others = [*touch_downs[:place], *touch_downs[place + 1 :]]

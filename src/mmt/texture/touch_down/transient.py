@@ -1,4 +1,4 @@
-"""What was learnt of a surface's touch-downs, and what it renders."""
+"""Transient of a surface's touch-downs: learnt shapes, and amplitude over the speed."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -19,10 +19,10 @@ _REFERENCE_MM_S: Final = 100.0
 
 @dataclass(frozen=True)
 class Law:
-    """The amplitude over the approach speed, a power law; proportional below the slowest.
+    """Amplitude as a power law of the approach speed; proportional to it below the slowest.
 
     ``amplitude`` is the root of the energy at 100 mm/s, in m/s2 times the root of a second.
-    ``slowest_mm_s`` and ``fastest_mm_s`` are those learnt from; faster ones count as the fastest.
+    ``slowest_mm_s`` and ``fastest_mm_s`` bound the learnt speeds; faster ones count as the fastest.
     ``error_db`` is the standard deviation of the energy about the law.
     """
 
@@ -52,7 +52,7 @@ class Transient:
     shapes : (g, n)
         Recorded transients, scaled to an energy (sum of squares over the rate) of 1.
     law
-        Their amplitude.
+        Their amplitude over the approach speed.
     """
 
     speeds_mm_s: FloatArray
@@ -68,19 +68,19 @@ class Transient:
         return np.asarray(amplitude * self.shapes[np.argmin(away)])
 
     def at_rate(self, before_hz: float, rate_hz: float) -> "Transient | None":
-        """Return it at another sampling rate, band-limited; None at less than `LEAST_RATE_HZ`."""
+        """Return the transient at another rate, band-limited; None below `LEAST_RATE_HZ`."""
         if rate_hz < LEAST_RATE_HZ:
             return None
         count = self.shapes.shape[1]
         resized = max(1, round(count * rate_hz / before_hz))
         spectra = np.fft.rfft(self.shapes, axis=1)
         if resized > count and count % 2 == 0:
-            spectra[:, -1] *= 0.5  # half the rate is one frequency there, and two here
+            spectra[:, -1] *= 0.5  # half the old rate is one frequency there, and two here
         shapes = np.fft.irfft(spectra, resized, axis=1) * (resized / count)
         return Transient(self.speeds_mm_s, shapes, self.law)
 
     def check(self) -> None:
-        """Check what a file has told.
+        """Check values that were read from a file.
 
         Raises
         ------

@@ -1,5 +1,5 @@
-"""The live monitor: what a running leader shows to a browser.
+"""The live monitor: a web page that shows a running leader.
 
-The tick and the link leave references in a tap; a task of its own makes messages of them some
-25 times a second, once for all viewers. Without viewers nothing is done.
+The tick and the link put references into a tap. A separate task makes messages from them, by
+default 25 times a second, once for all viewers. Without viewers it only follows the model.
 """

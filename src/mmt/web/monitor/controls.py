@@ -1,4 +1,4 @@
-"""What a person does on the monitor's page; each order is answered by a sentence."""
+"""Carry out orders from the monitor's page; each order is answered with a sentence."""
 
 import asyncio
 import json
@@ -13,18 +13,18 @@ from mmt.web.monitor.view import LeaderView
 
 _LONGEST_MARK: Final = 200
 _FOLDER: Final = Path("mmt-monitor")
-"""Where files go in a scene that names no recording."""
+"""Folder for files if the scene has no ``[recording]``."""
 
 MODES: Final = ("auto", "streamed", "synthesized")
 
 
 class Controls:
-    """Carry out orders, one after the other.
+    """Carries out orders, one after the other.
 
     Parameters
     ----------
     leader
-        What is controlled; it is told of every order, and so the recording.
+        The leader to control; orders become events of the session, and so are recorded.
     """
 
     def __init__(self, leader: LeaderView) -> None:
@@ -41,7 +41,7 @@ class Controls:
         }
 
     def state(self) -> dict[str, Any]:
-        """Return what the controls stand at, and which of them this scene has."""
+        """Return the state of the controls, and which of them this scene has."""
         leader = self._leader
         recording = leader.recording
         return {
@@ -57,9 +57,9 @@ class Controls:
         }
 
     async def answer(self, text: str) -> tuple[str, bytes]:
-        """Carry out an order, JSON text with ``id`` and ``do``; return the answer with its kind.
+        """Carry out an order, JSON text with ``id`` and ``do``; return kind and answer.
 
-        Whatever comes is answered, also if it makes no sense.
+        Invalid orders are answered too.
         """
         number, good = 0, False
         try:
@@ -75,7 +75,7 @@ class Controls:
         except OSError as error:
             sentence = error.strerror or str(error)
         header = {"id": number, "ok": good, "text": sentence}
-        # the kinds are few, so that who sends orders and reads no answers fills no memory
+        # only 16 kinds, so that a client that reads no answers cannot fill the memory
         return f"answer {number % 16}", pack("answer", header, {})
 
     # --- the orders
@@ -160,7 +160,7 @@ class Controls:
             raise InputError("this scene builds no model: it has no [texture]")
 
     def _free(self, what: str, suffix: str) -> Path:
-        """Return a path beside the scene's recording at which there is no file."""
+        """Return a path beside the scene's recording that does not exist yet."""
         scene = self._leader.scene
         recording = scene.recording
         base = recording.file if recording is not None else _FOLDER / scene.session.name

@@ -1,4 +1,4 @@
-"""The live message: where the hand is, and the newest vibration, force and position."""
+"""The live message: the hand's speed and force, and the newest vibration, force and position."""
 
 from typing import Any, Final
 
@@ -14,21 +14,21 @@ from mmt.web.monitor.tap import MonitorTap
 _AXES: Final = {"x": 0, "y": 1, "z": 2}
 _HIGH_PASS_HZ: Final = 10.0
 MOST_SAMPLES: Final = 512
-"""Most samples of vibration in a message: what the page shows, also in a fast replay."""
+"""Most samples of vibration in a message, as many as the page shows, also in a fast replay."""
 
 Motion = tuple[float, float, float]
-"""Velocity along the two axes of the surface, and force."""
+"""Velocity along the two axes of the surface (mm/s), and normal force (N)."""
 
 
 class LiveMessages:
-    """Make the live message of what a tap has kept.
+    """Makes live messages from the data in a tap.
 
     Parameters
     ----------
     scene
-        Says which axis vibrates and which is the surface's normal.
+        Defines the axis of the vibration and the surface's normal.
     tap
-        Has what came since the last message.
+        Holds the data since the last message.
     """
 
     def __init__(self, scene: Scene, tap: MonitorTap) -> None:
@@ -44,13 +44,13 @@ class LiveMessages:
         self._played = 0
 
     def restart(self) -> None:
-        """Begin anew for a first viewer: what the tap kept long ago is not shown."""
+        """Discard old data in the tap, before the first viewer gets messages."""
         self._tap.frames()
         self._tap.played()
         self._filter.reset()
 
     def make(self, header: dict[str, Any]) -> bytes:
-        """Return the message; its arrays are numbered so that the page sees what it missed."""
+        """Return the next message; its counts of samples let the page detect missed ones."""
         blocks = self._tap.frames()
         frames = _joined(blocks) if blocks else None
         played = self._tap.played()
@@ -65,7 +65,7 @@ class LiveMessages:
         return pack("live", values, {"measured": measured, "played": played[-MOST_SAMPLES:]})
 
     def _vibration(self, frames: RecordArray | None) -> FloatArray:
-        """Return the high-passed acceleration (n,) of new frames, the newest samples at most."""
+        """Return the high-passed acceleration (n,) of the newest frames, n <= `MOST_SAMPLES`."""
         if frames is None or not _has(frames, "acceleration_m_s2"):
             return np.zeros(0)
         samples = acceleration_samples(frames)
@@ -73,7 +73,7 @@ class LiveMessages:
         return np.array(self._filter.steps(samples[-MOST_SAMPLES:, self._axis].tolist()))
 
     def _motion(self, frames: RecordArray | None) -> dict[str, Any]:
-        """Return force and position of the newest frame, and the hand's point in the plane."""
+        """Return force and position of the newest frame, and the hand's speed and force."""
         table: dict[str, Any] = {"point": None, "contact": False}
         if frames is not None and _has(frames, "position_mm"):
             table["position_mm"] = [round(x, 3) for x in frames["position_mm"][-1].tolist()]
@@ -88,7 +88,7 @@ class LiveMessages:
         return table
 
     def _hand(self) -> Motion | None:
-        """Return the velocity and force of the hand at the leader."""
+        """Return the velocity and force of the leader's hand, or None if it was not read."""
         state = self._tap.state
         if state is None:
             return None
@@ -96,7 +96,7 @@ class LiveMessages:
         return x, y, state.force_n if state.contact else 0.0
 
     def _streamed(self, frames: RecordArray | None) -> Motion | None:
-        """Return the mean velocity and force of the newest frames."""
+        """Return the mean velocity and force of the newest frames, or None."""
         if frames is None or not (_has(frames, "position_mm") and _has(frames, "force_n")):
             return None
         frames = frames[-MOST_SAMPLES:]
@@ -110,7 +110,7 @@ class LiveMessages:
 
 
 def _joined(blocks: list[RecordArray]) -> RecordArray:
-    """Return blocks of one dtype as one; by their bytes, which is a hundredth of the work."""
+    """Join blocks of one dtype by their bytes, which takes a hundredth of the time."""
     return np.frombuffer(b"".join(block.tobytes() for block in blocks), blocks[-1].dtype)
 
 

@@ -1,4 +1,4 @@
-"""Orders to a running leader from elsewhere, on the socket of its monitor's page."""
+"""Send orders to a running leader from another program, over its monitor's WebSocket."""
 
 import asyncio
 import json
@@ -18,16 +18,16 @@ _NOT_FOUND: Final = 404
 
 
 async def give_order(url: str, access: Access, order: Mapping[str, Any]) -> str:
-    """Give a leader an order of its monitor's page, and return what it answers, a sentence.
+    """Send a leader an order, as its monitor's page does, and return the answer's sentence.
 
     Parameters
     ----------
     url
-        Where the leader listens, ``http://HOST:PORT`` or ``https://HOST:PORT``.
+        URL of the leader, ``http://HOST:PORT`` or ``https://HOST:PORT``.
     access
-        The token and the certificates of this side.
+        Token and certificates of this side.
     order
-        What the page sends, without its ``id``.
+        The order without its ``id``.
 
     Raises
     ------
@@ -70,7 +70,7 @@ async def give_order(url: str, access: Access, order: Mapping[str, Any]) -> str:
 
 
 async def _answer(socket: aiohttp.ClientWebSocketResponse) -> dict[str, Any] | None:
-    """Return the header of the first answer, None if the socket is closed before."""
+    """Return the header of the first answer, or None if the socket is closed before."""
     async for message in socket:
         if message.type is aiohttp.WSMsgType.BINARY:
             header = header_of(message.data)

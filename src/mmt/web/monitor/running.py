@@ -1,4 +1,4 @@
-"""The monitor's task and its page: look some 25 times a second, and publish what is new."""
+"""The monitor's task, which publishes changes periodically, and its page."""
 
 import asyncio
 import logging
@@ -33,18 +33,18 @@ LOG: Final = logging.getLogger("mmt.web.monitor")
 
 _EVENTS: Final = 50
 _HISTORY: Final = 4000
-"""Updates of the model that are remembered: over an hour."""
+"""Most updates of the model that are kept: over an hour."""
 _SHOWN: Final = 1000
-"""Points of that history that a page gets."""
+"""Approximate number of points of that history in a message."""
 
 
 class LeaderMonitor:
-    """Show a running leader.
+    """Shows a running leader on a page.
 
     Parameters
     ----------
     leader
-        What is shown; it is read, never waited for.
+        The leader, which is read without blocking.
     settings
         The scene's table ``[monitor]``.
     """
@@ -54,7 +54,7 @@ class LeaderMonitor:
         self.viewers = Viewers()
         self._leader = leader
         self._period_s = 1.0 / settings.updates_hz
-        self._slow = max(2, round(settings.updates_hz))  # looks in a second
+        self._slow = max(2, round(settings.updates_hz))  # calls of `look` per second
         self._live = LiveMessages(leader.scene, self.tap)
         self._update: ModelUpdate | None = None
         self._model: TextureModel | None = None
@@ -71,11 +71,11 @@ class LeaderMonitor:
 
     @property
     def page(self) -> "Page":
-        """The page for the leader's port."""
+        """The page, to be served at the leader's port."""
         return _monitor_page(self.viewers, self._controls)
 
     async def run(self) -> None:
-        """Look until cancelled. A fault ends the monitor, never the session."""
+        """Call `look` periodically until cancelled. An error ends the monitor, not the session."""
         while True:
             await asyncio.sleep(self._period_s)
             try:
@@ -86,7 +86,7 @@ class LeaderMonitor:
                 return
 
     def look(self) -> None:
-        """Publish what has changed since the last look."""
+        """Publish changes since the last call."""
         self._follow_model()
         if not self.viewers:
             self.tap.watched = False
@@ -104,7 +104,7 @@ class LeaderMonitor:
                 self._shown[kind] = header
                 self.viewers.publish(kind, pack(kind, header, {}))
         self.viewers.publish("live", self._live_message(), retain=False)
-        # one of the two that take longest at a time, so that no look is long
+        # at most one of the two slow messages per call, so that no call takes long
         turn = self._looks % self._slow
         self._looks += 1
         if turn == 0:
@@ -113,7 +113,7 @@ class LeaderMonitor:
             self._publish_link()
 
     def end(self, outcome: str | None = None) -> None:
-        """Look no more; let the viewers have the last state and how the session has ended."""
+        """Send the viewers the last state and the outcome of the session, and stop."""
         if not self.viewers.ended:
             if self.viewers and outcome is None:
                 self.look()
@@ -146,7 +146,7 @@ class LeaderMonitor:
         )
 
     def _follow_model(self) -> None:
-        """Publish a new model and what the criterion says of it."""
+        """Publish a new model and its completion."""
         update = self._leader.update
         if update is self._update:
             return
@@ -172,7 +172,7 @@ class LeaderMonitor:
         self.viewers.publish("model", states.model_message(model))
 
     def note(self, time_s: float, sentence: str) -> None:
-        """Show an event of a session time."""
+        """Show an event with its session time."""
         self._events.append((time_s, sentence))
         self._publish_events()
 
@@ -182,7 +182,7 @@ class LeaderMonitor:
 
 
 def _monitor_page(viewers: Viewers, controls: Controls) -> "Page":
-    """Return the page ``/monitor/`` and its socket ``/monitor/socket``."""
+    """Return the page ``/monitor/`` with its WebSocket ``/monitor/socket``."""
     files = monitor_files()
 
     def add(application: web.Application, access: Access) -> None:
@@ -200,7 +200,7 @@ def _monitor_page(viewers: Viewers, controls: Controls) -> "Page":
 async def _serve(
     request: web.Request, access: Access, viewers: Viewers, controls: Controls
 ) -> web.WebSocketResponse:
-    """Let one browser look on until it leaves or the session ends."""
+    """Serve one browser until it disconnects or the session ends."""
     socket, admitted = await open_socket(request, access)
     if not admitted:
         return socket

@@ -1,4 +1,4 @@
-"""The messages that change seldom: what runs, the model, completion, the link, the ticks."""
+"""Messages that change seldom: the session, the model, completion, the link, the ticks."""
 
 import itertools
 import math
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from mmt.texture.model.texture_model import TextureModel
 
 LATENCY_MS: Final = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
-"""Bounds of the histogram of latencies."""
+"""Bin edges of the histogram of latencies."""
 _PERIOD_MS: Final = (0.5, 0.7, 0.8, 0.9, 0.95, 1.05, 1.1, 1.2, 1.3, 1.5, 2, 5, 10)
 _COUNTS: Final = ("frames", "lost", "out_of_order", "repeated", "dropped", "commands")
 
 
 def hello(scene: Scene, session_id: str) -> bytes:
-    """Return what a page must know before anything else."""
+    """Return the first message to a page; see `hello_header`."""
     return pack("hello", hello_header(scene, session_id), {})
 
 
@@ -45,7 +45,7 @@ def hello_header(scene: Scene, session_id: str) -> dict[str, Any]:
 
 
 def surfaces(leader: LeaderView) -> dict[str, dict[str, int]]:
-    """Return which surface the tool is on and how many are known; nothing with one alone."""
+    """Return the surface under the tool and the number of known ones; {} if there is only one."""
     if leader.surfaces is None:
         return {}
     now, known = leader.surfaces
@@ -55,10 +55,10 @@ def surfaces(leader: LeaderView) -> dict[str, dict[str, int]]:
 def completion_header(
     progress: "Progress | None", start_s: float | None, stop_s: float | None, faults: str = ""
 ) -> dict[str, Any]:
-    """Return what the criterion says of a model, and when it was met.
+    """Return the criterion's value for a model, and the session times at which it was met.
 
-    ``cells`` are those of the input space, ``advice`` the inputs of the stroke that helps most;
-    both are null where there is no model. ``faults`` says what was no measurement, "" for nothing.
+    ``cells`` are values for the cells of the input space, ``advice`` the inputs of the most useful
+    stroke; both are None without a model. ``faults`` describes invalid samples, "" if none.
     """
     return {
         "value": None if progress is None else progress.value,
@@ -71,10 +71,10 @@ def completion_header(
 
 
 def model_message(model: "TextureModel | None") -> bytes:
-    """Return samples, triangulation and cells of a model, None for none.
+    """Return samples, triangulation and cells of a model, or an empty message for None.
 
-    Points and vertices are normalised: speed and force, or velocity x, y and force. The cells
-    are the nine of the plane, or the 27 of velocity and force.
+    Points and vertices are normalised: speed and force, or velocity x, y and force. There are
+    9 cells over speed and force, or 27 over velocity and force.
     """
     if model is None:
         return pack("model", {"samples": 0, "order": None, "cells": None}, {})
@@ -84,7 +84,7 @@ def model_message(model: "TextureModel | None") -> bytes:
     header: dict[str, Any] = {"samples": len(points), "order": model.order}
     header["cells"] = [round(value, 4) for value in cell_distances(points).tolist()]
     arrays: dict[str, npt.ArrayLike] = {"points": points}
-    if not model.interpolant.is_network:  # it has them: nothing is computed for the page
+    if not model.interpolant.is_network:  # then the model has a triangulation already
         arrays["vertices"] = model.vertices[:, :dimensions]
         links = model.triangulation.triangles[:, : dimensions + 1]
         arrays["tetrahedra" if model.space.directed else "triangles"] = links
@@ -92,7 +92,7 @@ def model_message(model: "TextureModel | None") -> bytes:
 
 
 def link_message(leader: LeaderView) -> bytes | None:
-    """Return what the link counted and its latencies, None without one; about 0.5 ms."""
+    """Return counts and latencies of the link, or None without a link; takes about 0.5 ms."""
     server = leader.server
     if server is None:
         return None
@@ -109,7 +109,7 @@ def link_message(leader: LeaderView) -> bytes | None:
 
 
 def ticks_message(leader: LeaderView) -> bytes:
-    """Return how the leader kept its ticks; about 0.3 ms."""
+    """Return statistics of the leader's ticks; takes about 0.3 ms."""
     ticker = leader.ticker
     if ticker is None:
         return pack("ticks", {}, {})
@@ -120,7 +120,7 @@ def ticks_message(leader: LeaderView) -> bytes:
 
 
 def _histogram(histogram: "TimeHistogram", bounds_ms: tuple[float, ...]) -> dict[str, Any]:
-    """Return bounds, and counts below the first, between each two, and beyond the last."""
+    """Return bin edges, and counts below the first, between each two, and above the last."""
     below, _ = histogram.cumulative([round(bound * 1e6) for bound in bounds_ms])
     edges = [0, *below, histogram.count]
     counts = [after - before for before, after in itertools.pairwise(edges)]
@@ -128,6 +128,6 @@ def _histogram(histogram: "TimeHistogram", bounds_ms: tuple[float, ...]) -> dict
 
 
 def thinned(points: list[tuple[float, float]], most: int) -> list[tuple[float, float]]:
-    """Return points at an even step, and the last one, so that about `most` remain."""
+    """Return every k-th point and the last one, with k such that about `most` remain."""
     step = math.ceil(len(points) / most)
     return points if step <= 1 else [*points[::step], points[-1]]

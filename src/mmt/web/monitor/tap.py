@@ -1,4 +1,4 @@
-"""What the tick and the link leave for the monitor: references, no copies, no arithmetic."""
+"""Buffer from the tick and the link to the monitor: stores references, copies nothing."""
 
 from collections import deque
 from typing import Final
@@ -9,30 +9,30 @@ from mmt.core.arrays import FloatArray, RecordArray
 from mmt.devices.protocols import InterfaceState
 
 _MOST_BLOCKS: Final = 500
-"""Half a second at one frame a message; the monitor looks more often than that."""
+"""Half a second at one frame per message; the monitor empties the buffer more often."""
 
 
 class MonitorTap:
-    """Keep what has come since the monitor looked last.
+    """Holds the data since the monitor's last reading.
 
-    The 1 kHz path calls the first two methods; without viewers they return at once.
+    The 1 kHz path calls the `add` methods; without viewers they return at once.
     """
 
     def __init__(self) -> None:
         self.watched = False
         """Whether there are viewers."""
         self.state: InterfaceState | None = None
-        """The hand's state as of the last tick, None where it was not read."""
+        """State of the hand at the last tick, or None if the hand is not read."""
         self._frames: deque[RecordArray] = deque(maxlen=_MOST_BLOCKS)
         self._played: deque[FloatArray] = deque(maxlen=_MOST_BLOCKS)
 
     def add_frames(self, frames: RecordArray) -> None:
-        """Keep frames (n,) that have just come."""
+        """Store frames (n,) that have just arrived."""
         if self.watched:
             self._frames.append(frames)
 
     def add_output(self, vibration_m_s2: FloatArray) -> None:
-        """Keep samples (n,) that were written to the actuator."""
+        """Store samples (n,) that were written to the actuator."""
         if self.watched:
             self._played.append(vibration_m_s2)
 

@@ -1,4 +1,4 @@
-"""What the monitor sees of a running leader, and may ask of it."""
+"""The monitor's interface to a running leader."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
 
 
 class LeaderView(Protocol):
-    """A running leader. It is read some 25 times a second, and never waited for but by orders.
+    """A running leader; reading its properties does not block, orders may take time.
 
     Attributes
     ----------
     scene
-        What it runs.
+        The leader's scene.
     session_id
-        Names the session.
+        Identifies the session.
     """
 
     scene: Scene
@@ -34,31 +34,31 @@ class LeaderView(Protocol):
 
     @property
     def outcome(self) -> str:
-        """How the session has ended, or will if nothing happens."""
+        """Outcome of the session, or the outcome to expect while it runs."""
 
     @property
     def verdict(self) -> Verdict:
-        """The verdict on the run as it is now."""
+        """The current verdict on the run."""
 
     @property
     def server(self) -> "LeaderServer | None":
-        """The link, None without one."""
+        """The link, or None without a link."""
 
     @property
     def ticker(self) -> "Ticker | None":
-        """What ticks."""
+        """The ticker, or None before the start."""
 
     @property
     def playout_delay_ms(self) -> float | None:
-        """Delay of the playout, None without one."""
+        """Delay of the playout, or None without playout."""
 
     @property
     def mode(self) -> str | None:
-        """Which vibration is played, None without an actuator."""
+        """Source of the vibration that is played, or None without an actuator."""
 
     @property
     def forced(self) -> Literal["streamed", "synthesized"] | None:
-        """Which vibration a person holds on to."""
+        """Source of vibration that the user has selected, or None if the criterion decides."""
 
     @property
     def renders(self) -> bool:
@@ -66,15 +66,15 @@ class LeaderView(Protocol):
 
     @property
     def frozen(self) -> bool | None:
-        """Whether the model is left as it is; None where none is built."""
+        """Whether updates of the model are suspended; None if no model is built."""
 
     @property
     def update(self) -> "ModelUpdate | None":
-        """The newest update of the model, None before the first."""
+        """The newest update of the model, or None before the first."""
 
     @property
     def model(self) -> "TextureModel | None":
-        """The model that grows; until the first update the saved one, if there is one."""
+        """The model being built; before the first update the saved model, if any."""
 
     @property
     def criteria_s(self) -> tuple[float | None, float | None]:
@@ -82,42 +82,42 @@ class LeaderView(Protocol):
 
     @property
     def surfaces(self) -> tuple[int, list[int]] | None:
-        """The number of the surface under the tool, and those of all that are known.
+        """The number of the surface under the tool, and the numbers of all known surfaces.
 
-        None if surfaces are not told apart, or before the first update.
+        None if surfaces are not distinguished, or before the first update.
         """
 
     @property
     def shown(self) -> dict[str, dict[str, Any]]:
-        """What other parts show: headers of messages, by their kinds."""
+        """Headers of messages from other parts, by kind."""
 
     @property
     def orders(self) -> dict[str, Callable[[dict[str, Any]], str]]:
-        """Orders that other parts carry out, by their names; see `mmt.leader.part.Part.orders`."""
+        """Orders that other parts carry out, by name; see `mmt.leader.part.Part.orders`."""
 
     @property
     def recording(self) -> Path | None:
-        """The file that is recorded into, None where none is."""
+        """The file of the running recording, or None."""
 
     # --- orders
 
     def tell(self, sentence: str, **details: object) -> None:
-        """Note an event."""
+        """Log an event of the session, and record it."""
 
     def reset_model(self) -> None:
-        """Begin the model anew."""
+        """Discard the model and start a new one."""
 
     def freeze(self, frozen: bool) -> None:
-        """Leave the model as it is, or let it grow again."""
+        """Suspend updates of the model, or resume them."""
 
     def say_surface(self, surface: int) -> None:
-        """Take a person's word that the tool is on this surface from now on."""
+        """Set the surface under the tool, as stated by the user."""
 
     def force(self, mode: Literal["streamed", "synthesized"] | None) -> None:
-        """Hold on to one vibration, or let the criterion decide (None)."""
+        """Select the source of vibration, or let the criterion decide (None)."""
 
     async def start_recording(self, path: Path) -> None:
         """Record into a new file."""
 
     async def end_recording(self) -> tuple[Path, int]:
-        """End the recording; return its file and how many frames are in it."""
+        """End the recording; return its file and number of frames."""

@@ -1,8 +1,7 @@
-"""The viewers: every message is made once, and waits for none of them.
+"""Viewers of the monitor; publishing a message never blocks.
 
-A viewer has room for one message of each kind. A newer one takes the place of one that was
-not sent yet, so that a slow viewer skips states and neither the memory nor the others grow
-or wait.
+A viewer's queue holds one message of each kind. A newer message replaces one that was not sent
+yet, so a slow viewer skips states; it neither delays other viewers nor fills the memory.
 """
 
 import asyncio
@@ -10,35 +9,35 @@ from contextlib import suppress
 from typing import Final, Protocol
 
 MOST_VIEWERS: Final = 8
-"""That may look on at once."""
+"""Largest number of viewers at once."""
 
 
 class ViewerSocket(Protocol):
     """The part of a WebSocket that a viewer needs."""
 
     async def send_bytes(self, data: bytes) -> None:
-        """Send a message, waiting as long as the other side takes."""
+        """Send a message, waiting while the other side is slow."""
 
 
 class Viewer:
-    """One browser's messages that wait to be sent."""
+    """Queue of messages to one browser."""
 
     def __init__(self) -> None:
         self._waiting: dict[str, bytes] = {}
         self._news = asyncio.Event()
         self._closing = False
         self.skipped = 0
-        """Messages whose place a newer one took."""
+        """Number of messages that were replaced by newer ones."""
 
     def offer(self, kind: str, message: bytes) -> None:
-        """Let a message wait in the place of an older one of its kind; never blocks."""
+        """Queue a message, replacing an older one of its kind; never blocks."""
         if kind in self._waiting:
             self.skipped += 1
         self._waiting[kind] = message
         self._news.set()
 
     def close(self) -> None:
-        """Send what waits, and no more."""
+        """Send the queued messages, then stop."""
         self._closing = True
         self._news.set()
 
@@ -48,7 +47,7 @@ class Viewer:
         Raises
         ------
         ConnectionError
-            The other side has gone.
+            The other side has disconnected.
         """
         while True:
             await self._news.wait()
@@ -61,12 +60,12 @@ class Viewer:
 
 
 class Viewers:
-    """All who look on.
+    """All viewers of a session.
 
     Attributes
     ----------
     retained
-        The newest message of each kind that a new viewer needs, in the order of their making.
+        The newest message of each kind that a new viewer needs, in order of first publication.
     """
 
     def __init__(self) -> None:
@@ -83,14 +82,14 @@ class Viewers:
         return self.ended or len(self._viewers) >= MOST_VIEWERS
 
     def publish(self, kind: str, message: bytes, *, retain: bool = True) -> None:
-        """Offer a message to all; `retain` it for those who come later."""
+        """Queue a message for all viewers; with `retain` also for later ones."""
         if retain:
             self.retained[kind] = message
         for viewer in self._viewers:
             viewer.offer(kind, message)
 
     def add(self) -> Viewer:
-        """Return a new viewer, which is offered the retained messages."""
+        """Return a new viewer with the retained messages in its queue."""
         viewer = Viewer()
         self._viewers.add(viewer)
         for kind, message in self.retained.items():
@@ -98,12 +97,12 @@ class Viewers:
         return viewer
 
     def remove(self, viewer: Viewer) -> None:
-        """Forget a viewer who has left."""
+        """Remove a viewer that has disconnected."""
         with suppress(KeyError):
             self._viewers.remove(viewer)
 
     def close(self) -> None:
-        """Let every viewer have what waits, and admit no more."""
+        """Send all queued messages, and admit no further viewers."""
         self.ended = True
         for viewer in self._viewers:
             viewer.close()

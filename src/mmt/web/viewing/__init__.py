@@ -1,5 +1,5 @@
-"""Recorded sessions on the monitor's page, with a slider for the time.
+"""Show recorded sessions on the monitor's page, with a slider for the time.
 
-The model is built again from the recording, as the leader built it; all its states are kept on
+The model is rebuilt from the recording as the leader built it, and all its states are stored on
 disk. The page requests one moment after the other.
 """

@@ -1,4 +1,4 @@
-"""Events and link figures of a recording, as the page shows them beside the slider."""
+"""Events and link statistics of a recording, for the page."""
 
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
@@ -30,7 +30,7 @@ class SessionEvent:
 def session_events(events: Sequence[JsonObject]) -> list[SessionEvent]:
     """Return the events to list, in order.
 
-    Comparisons of clocks and filled gaps are left out; of more than 2000 events, gaps as well.
+    Comparisons of clocks and filled gaps are left out; beyond 2000 events, all gaps as well.
     """
     found = [h for event in events if (h := _session_event(event)) is not None]
     if len(found) > _MOST:
@@ -39,7 +39,7 @@ def session_events(events: Sequence[JsonObject]) -> list[SessionEvent]:
 
 
 def switch_s(events: Sequence[JsonObject]) -> float | None:
-    """Return when the vibration first came from the model, None where no event says so."""
+    """Return when the model first drove the vibration, or None if there is no such event."""
     return next((e["at_s"] for e in events if e.get("event") == "vibration synthesized"), None)
 
 
@@ -57,7 +57,7 @@ def _session_event(event: JsonObject) -> SessionEvent | None:
 
 
 class LinkRecord:
-    """The figures of the link that a recording holds.
+    """Statistics of the link in a recording.
 
     Parameters
     ----------
@@ -74,16 +74,16 @@ class LinkRecord:
 
     @property
     def exists(self) -> bool:
-        """Whether there is anything to show."""
+        """Whether the recording has any such statistics."""
         return bool(self._clocks or self._gaps)
 
     def at(self, time_s: float, arrivals: IntArray) -> dict[str, Any]:
-        """Return the figures at a recording time.
+        """Return the statistics at a recording time.
 
         Parameters
         ----------
         time_s
-            Later events are ignored.
+            Recording time; later events are ignored.
         arrivals
             Shape (m, 2), of the blocks of the last seconds; see `mmt.session.windows.Window`.
         """
@@ -123,9 +123,9 @@ class LinkRecord:
 
 
 def _latencies_ms(clock: Mapping[str, Any], arrivals: IntArray) -> FloatArray:
-    """Return how long blocks were under way, by a comparison of the two clocks.
+    """Return the latencies of blocks, given a comparison of the two clocks.
 
-    See `docs/reference/session-file.md`: the follower's times on the leader's clock.
+    `docs/reference/session-file.md` explains the follower's times on the leader's clock.
     """
     came_ns, sent_ns = arrivals.T
     since_ns = came_ns - int(clock["clock_time_ns"])

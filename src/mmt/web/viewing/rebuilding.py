@@ -1,9 +1,9 @@
-"""Build a recorded session's model again, in a thread, from its beginning to its end.
+"""Rebuild the model of a recorded session in a thread, with all its states.
 
-As the live leader does: an update a period, none while the model was frozen, a new model after a
-reset, none once the stop criterion is met; where surfaces are told apart, a model for each, by what
-persons have said.
-The states' models are kept on disk, so that an hour of them needs little memory.
+The model is updated as by the live leader: once per period, not while it was frozen, from scratch
+after a reset, and no more once the stop criterion is met. If surfaces are distinguished, each has
+a model, and the recorded statements of users count. Models are stored on disk, so that an hour of
+states needs little memory.
 """
 
 import tempfile
@@ -30,13 +30,13 @@ from mmt.texture.online.work import ModelUpdate
 from mmt.texture.settings import ModellingSettings
 
 _MODELS_KEPT: Final = 8
-"""Models kept in memory, the most recently used ones."""
+"""Number of most recently used models that are kept in memory."""
 
 
 class ModelSnapshots:
-    """Models by number, in an anonymous file that is gone when it is closed.
+    """Stores models by number in a temporary file, which is deleted on `close`.
 
-    One thread adds, another one reads.
+    One thread may add while another reads.
     """
 
     def __init__(self) -> None:
@@ -44,13 +44,13 @@ class ModelSnapshots:
         self._places: list[tuple[int, int]] = []
         self._lock = threading.Lock()
         self.model = lru_cache(_MODELS_KEPT)(self._read)
-        """Return the model of a number."""
+        """Return a model by its number."""
 
     def __len__(self) -> int:
         return len(self._places)
 
     def add(self, model: TextureModel) -> int:
-        """Store a model and return its number; some kilobytes, 100 for the largest model."""
+        """Store a model and return its number; takes a few kB, at most about 100 kB."""
         data = model.to_bytes()
         with self._lock:
             place = self._file.seek(0, 2)
@@ -72,20 +72,19 @@ class ModelSnapshots:
 
 
 _SPAN_S: Final = 5.0
-"""Seconds of the recording that are read at a time."""
+"""Length of the recording that is read at once."""
 
 Span = tuple[float, float]
 
 
 @dataclass(frozen=True)
 class ModelState:
-    """What there was of the model from a recording time on.
+    """State of the model from a recording time on.
 
-    ``progress`` is what the completion criterion says.
-    ``number`` is that of its snapshot, None where there was no model; ``start_s`` and
-    ``stop_s`` are the recording times at which the criteria were met, None before. Where
-    surfaces are told apart all this is of ``surface``, one of ``surfaces`` that were known.
-    ``faults`` says what was no measurement, "" for nothing.
+    ``progress`` is the value of the completion criterion. ``number`` is the number of the
+    model's snapshot, or None without a model. ``start_s`` and ``stop_s`` are the recording times
+    at which the criteria were met, or None before. If surfaces are distinguished, all values are
+    for ``surface``, one of ``surfaces`` known ones. ``faults`` describes invalid samples.
     """
 
     time_s: float
@@ -99,12 +98,12 @@ class ModelState:
 
 
 class ModelRebuild:
-    """All states that the model of a recording had; they appear while they are computed.
+    """Rebuilds all states of a recording's model; each is available once it is computed.
 
     Parameters
     ----------
     windows
-        The recording; closed at the end.
+        The recording; closed by `close`.
     settings
         Settings of the modelling.
     period_s
@@ -119,23 +118,23 @@ class ModelRebuild:
         self._modellers = ModellerFactory(settings, period_s)
         self._frozen = frozen_spans(windows.events, windows.duration_s)
         self.snapshots = ModelSnapshots()
-        """The models, by the number in a state."""
+        """The models, by `ModelState.number`."""
         self._leave = threading.Event()
         self._thread = threading.Thread(target=self._run, name="mmt-rebuilding", daemon=True)
         self.states: list[ModelState] = []
-        """In the order of their times; only appended to."""
+        """States in order of time; the thread only appends."""
         self.reached_s = 0.0
         """Recording time up to which the states are known."""
         self.done = False
         self.problem: str | None = None
-        """Why it ended early, None where it did not."""
+        """Why rebuilding ended early, or None."""
 
     def start(self) -> None:
         """Start the thread."""
         self._thread.start()
 
     def close(self) -> None:
-        """End the thread, finished or not."""
+        """Stop the thread, and close the recording and the snapshots."""
         self._leave.set()
         if self._thread.ident is not None:
             self._thread.join()
@@ -143,7 +142,7 @@ class ModelRebuild:
         self._windows.close()
 
     def at(self, time_s: float) -> ModelState | None:
-        """Return the state at a recording time, None before the first update."""
+        """Return the state at a recording time, or None before the first update."""
         states = self.states
         place = bisect_right(states, time_s, key=lambda state: state.time_s)
         return states[place - 1] if place else None
@@ -170,7 +169,7 @@ class ModelRebuild:
             self.done = True
 
     def _build(self, span: Span) -> None:
-        """Build one model, from its first frame until it is complete, reset, or the end."""
+        """Build one model over a span, until the model is complete or the span ends."""
         growing = _Growing(self.snapshots)
         events = [e for e in self._windows.events if span[0] <= e["at_s"] < span[1]]
         modeller = self._modellers.make(said_surfaces(events))
@@ -183,11 +182,11 @@ class ModelRebuild:
                 return
 
     def _blocks(self, span: Span) -> Iterator[tuple[float, RecordArray]]:
-        """Yield the frames of each update, with the recording time of the newest one.
+        """Yield the frames of each update, with the recording time of the newest frame.
 
-        Frames that came late may lie a few milliseconds off, so the last two blocks of what
-        was read wait for what is read next. A model that was reset never saw its last,
-        shorter period; at the end of the recording nothing else is left.
+        Late frames may lie a few milliseconds off, so the last two blocks of each reading wait
+        for the next one. The leader never used the last, incomplete period before a reset; at
+        the end of the recording it did.
         """
         begin_s, span_end_s = span
         waiting: list[tuple[FloatArray, RecordArray]] = []
@@ -208,7 +207,7 @@ class ModelRebuild:
             self.reached_s = max(self.reached_s, begin_s - _SPAN_S)
 
     def _unused(self, blocks: Sequence[RecordArray], end_s: float, span_end_s: float) -> int:
-        """Return how many of the last blocks are not for an update now."""
+        """Return how many of the last blocks to hold back for the next reading, or to discard."""
         if end_s < span_end_s:
             return min(2, len(blocks))
         if end_s >= self._windows.duration_s or not blocks:
@@ -218,7 +217,7 @@ class ModelRebuild:
 
 
 class _Growing:
-    """The state of each surface's model, from its updates."""
+    """Derives the model's states from its updates, for each surface."""
 
     def __init__(self, snapshots: ModelSnapshots) -> None:
         self._snapshots = snapshots
@@ -248,7 +247,7 @@ class _Growing:
         )
 
     def _note(self, update: ModelUpdate, time_s: float) -> None:
-        """Note when its criteria were met, or that they no longer are."""
+        """Store when the criteria were met, or clear the times if they no longer are."""
         for met, times in ((update.started, self._started), (update.stopped, self._stopped)):
             if met:
                 times.setdefault(update.surface, time_s)
@@ -256,7 +255,7 @@ class _Growing:
                 times.pop(update.surface, None)
 
     def _number(self, update: ModelUpdate) -> int | None:
-        """Return the number of its model's snapshot; what has not changed keeps the one it has."""
+        """Return the number of the model's snapshot; an unchanged model keeps its number."""
         model = update.model
         if model is None:
             return None
@@ -267,7 +266,7 @@ class _Growing:
 
 
 def frozen_spans(events: Sequence[JsonObject], end_s: float) -> list[Span]:
-    """Return from when to when a person had frozen the model, in recording time."""
+    """Return the spans during which the model was frozen, in recording time."""
     spans: list[Span] = []
     since_s: float | None = None
     for event in events:
@@ -283,7 +282,7 @@ def frozen_spans(events: Sequence[JsonObject], end_s: float) -> list[Span]:
 
 
 def in_spans(time_s: FloatArray, spans: Sequence[Span]) -> BoolArray:
-    """Say which times (n,) lie in one of the spans."""
+    """Return whether each time (n,) lies in one of the spans."""
     inside = np.zeros(len(time_s), dtype=np.bool_)
     for begin_s, end_s in spans:
         inside |= (time_s >= begin_s) & (time_s < end_s)

@@ -1,4 +1,4 @@
-"""A recording as the page requests it: its description, the model's growth, one moment."""
+"""Answers to the page's requests on a recording: description, growth of the model, moments."""
 
 from pathlib import Path
 from typing import Any, Final, Self
@@ -17,7 +17,7 @@ from mmt.web.viewing.events import LinkRecord, session_events, switch_s
 from mmt.web.viewing.rebuilding import ModelRebuild, ModelState
 
 LONGEST_COURSE_S: Final = 60.0
-"""Longest span whose force and position a page gets at once."""
+"""Longest span of force and position in one message."""
 _CURVE_POINTS: Final = 1000
 _MODEL_NEEDS: Final = ("position", "force", "acceleration")
 
@@ -51,17 +51,17 @@ class ViewedRecording:
         Raises
         ------
         InputError
-            The file is missing, of another kind, not valid, or holds no frames.
+            The file is missing, of an unknown format, not valid, or holds no frames.
         """
         return cls(open_windows(Path(path)))
 
     def start(self) -> None:
-        """Start to build the model, in a thread."""
+        """Start rebuilding the model in a thread."""
         if self._rebuilding is not None:
             self._rebuilding.start()
 
     def close(self) -> None:
-        """End that thread, and close the file."""
+        """Stop the thread and close the file."""
         if self._rebuilding is not None:
             self._rebuilding.close()
         self.windows.close()
@@ -87,7 +87,7 @@ class ViewedRecording:
         return pack("opening", header, {})
 
     def growth(self) -> bytes:
-        """Return the completion criterion against recording time, as far as it is known."""
+        """Return the completion criterion against recording time, as far as it is rebuilt."""
         rebuilding = self._rebuilding
         known = list(rebuilding.states) if rebuilding is not None else []
         course = [(state.time_s, state.progress.value) for state in known]
@@ -102,7 +102,7 @@ class ViewedRecording:
         return pack("growth", header, arrays)
 
     def model(self, number: int) -> bytes:
-        """Return the message of a model, by its number in a moment.
+        """Return the message with a model, given its number from a moment.
 
         Raises
         ------
@@ -115,9 +115,9 @@ class ViewedRecording:
         return states.model_message(model)
 
     def course(self, from_s: float, to_s: float) -> bytes:
-        """Return force, position and what was played between two recording times.
+        """Return force, position and modes of vibration between two recording times.
 
-        Of a longer span only the first minute is returned, since all of its frames are read.
+        Only the first minute of a longer span is returned, since all its frames are read.
         """
         to_s = min(to_s, from_s + LONGEST_COURSE_S)
         window = self.windows.window(from_s, to_s)
@@ -129,7 +129,7 @@ class ViewedRecording:
         """Return the state at a recording time, which is clamped to the recording."""
         windows = self.windows
         at_s = float(min(max(0.0, time_s), windows.duration_s))
-        # half a millisecond more, so that the frame of this very moment is in
+        # half a millisecond more, to include the frame at this moment
         window = windows.window(at_s - traces.RECENT_S, at_s + 5e-4)
         state = self._rebuilding.at(at_s) if self._rebuilding is not None else None
         model = self._model(state.number) if state is not None else None
@@ -164,7 +164,7 @@ class ViewedRecording:
     def _played(
         self, window: Window, at_s: float, model: TextureModel | None
     ) -> tuple[traces.Played, str | None]:
-        """Return the recorded output, or else the model's, and which of the two it is."""
+        """Return the recorded output, else the model's, with "recorded", "rendered" or None."""
         if self.windows.has_output:
             return traces.played(window.outputs, at_s), "recorded"
         if model is not None:
@@ -200,11 +200,11 @@ def _completion(state: ModelState | None) -> dict[str, Any] | None:
     if state is None:
         return None
     said = states.completion_header(state.progress, state.start_s, state.stop_s, state.faults)
-    return {**said, "advice": None}  # nobody strokes in the past
+    return {**said, "advice": None}  # no advice on strokes for a recording
 
 
 def _verdict(at_s: float, mode: str | None, state: ModelState | None) -> Verdict:
-    """Return the verdict on the moment; what was played is None where it was not recorded."""
+    """Return the verdict on a moment; `mode` is None if no output was recorded."""
     if state is None:
         return verdict(Facts(time_s=at_s, mode=mode))
     progress = state.progress
@@ -231,5 +231,5 @@ def _surfaces(state: ModelState | None) -> dict[str, int] | None:
 
 
 def _mode(window: Window, at_s: float) -> str | None:
-    """Return what drove the actuator at a moment, None where nothing did."""
+    """Return the mode of the actuator's vibration at a moment, or None without output."""
     return next((block.mode for block in reversed(window.outputs) if block.time_s <= at_s), None)

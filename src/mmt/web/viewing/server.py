@@ -1,9 +1,8 @@
 """Serve a recording's page and its requests, over HTTP on loopback.
 
-``GET /session/`` is the page; ``opening``, ``growth``, ``model?number=N``,
-``course?from_s=T&to_s=T`` and ``moment?time_s=T`` beside it answer with the monitor's binary
-messages. The server keeps no state of the page, so that a page may be reloaded, or opened twice,
-at any time.
+``GET /session/`` is the page. ``opening``, ``growth``, ``model?number=N``,
+``course?from_s=T&to_s=T`` and ``moment?time_s=T`` below it return the monitor's binary
+messages. The server keeps no state of a page, so a page may be reloaded or opened twice.
 """
 
 import asyncio
@@ -25,7 +24,7 @@ _VIEWERS: Final = Entrance("the recording's page", "--port", "leave the host as 
 
 
 def recording_application(recording: ViewedRecording) -> web.Application:
-    """Return the application that shows a recording."""
+    """Return the web application that shows a recording."""
     application, one = web.Application(), asyncio.Lock()
 
     async def answer(make: Callable[[], bytes]) -> web.Response:
@@ -62,12 +61,12 @@ def recording_application(recording: ViewedRecording) -> web.Application:
 
 
 def _number(request: web.Request, name: str) -> float:
-    """Return a finite number that a request asks with.
+    """Return a finite number from a request's query.
 
     Raises
     ------
     web.HTTPBadRequest
-        It is none.
+        The value is missing or not a finite number.
     """
     try:
         value = float(request.query.get(name, ""))
@@ -79,14 +78,14 @@ def _number(request: web.Request, name: str) -> float:
 
 
 class RecordingServer:
-    """A recording's page at a port of this machine.
+    """Serves a recording's page at a port of this machine.
 
     Parameters
     ----------
     recording
-        The recording; closed at the end.
+        The recording; closed when `run` ends.
     port
-        Port; zero takes any free one.
+        Port; 0 takes any free one.
     """
 
     def __init__(self, recording: ViewedRecording, port: int = 0) -> None:
@@ -95,16 +94,16 @@ class RecordingServer:
         self._ended = asyncio.Event()
 
     def stop(self) -> None:
-        """Let `run` end."""
+        """Make `run` return."""
         self._ended.set()
 
     async def run(self, ready: Callable[[str], None]) -> None:
-        """Serve until `stop`; `ready` is called with the page's address.
+        """Serve until `stop`; `ready` is called with the page's URL.
 
         Raises
         ------
         MmtError
-            The port is taken, or not allowed.
+            The port is in use or not allowed.
         """
         try:
             await self._listener.start(HOST, self._port, Access(), allowed=False)

@@ -1,6 +1,6 @@
-"""The page's curves from a window of frames: the last half second, the trail, the time line.
+"""Curves for the page from a window of frames: the last half second, the trail, the time line.
 
-Arrays in, arrays out. Missing values are NaN: no line is drawn across a gap.
+Missing values are NaN, so that no line is drawn across a gap.
 """
 
 from collections.abc import Sequence
@@ -20,27 +20,27 @@ from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.synthesis.synthesizer import Synthesizer
 
 SHOWN: Final = 512
-"""Samples of vibration on the page, at its own rate: half a second at 1 kHz."""
+"""Samples of vibration on the page, at the vibration's rate: half a second at 1 kHz."""
 RECENT_S: Final = 10.0
-"""What a moment knows of the past: the trail, and how long blocks were under way."""
+"""Length of the window before a moment, for the trail and the latencies."""
 _COURSE_POINTS: Final = 1500
 _GAP: Final = 40
-"""Missing frames across which no line is drawn; late ones are not missing."""
+"""Number of missing frames beyond which no line is drawn; back-filled frames are not missing."""
 _STEP: Final = 40
-"""Frames between two points of a trail: 25 a second, as live."""
+"""Frames between two points of a trail: 25 points a second, as in the live monitor."""
 _TRAIL: Final = 120
 _HIGH_PASS_HZ: Final = 10.0
 _SETTLING: Final = 200
 _LATE_S: Final = 0.05
-"""By which a block may begin late or early and still follow the one before."""
+"""Largest offset between the end of a block and the beginning of one that continues it."""
 _BLOCK: Final = 1000
-"""Rendering begins at multiples of it, so that a jump to a later moment plays the same samples."""
+"""Rendering begins at a multiple of so many frames, so that overlapping moments agree."""
 _AXES: Final = {"x": 0, "y": 1, "z": 2}
 
 
 @dataclass(frozen=True, eq=False)
 class Played:
-    """What drove the actuator in the last 512 samples (512,), and whether a model had a part."""
+    """The actuator's last samples (512,), and for each 1 if a model contributed, else 0."""
 
     vibration_m_s2: FloatArray
     modelled: FloatArray
@@ -52,7 +52,7 @@ def numbers(frames: RecordArray) -> IntArray:
 
 
 def measured(window: Window, end_s: float, settings: ModellingSettings) -> FloatArray:
-    """Return the newest samples of the high-passed acceleration (512,) up to a moment."""
+    """Return the last samples of the high-passed acceleration (512,) before a moment."""
     if "acceleration_m_s2" not in (window.frames.dtype.names or ()):
         return np.full(SHOWN, np.nan)
     several = samples_per_frame(window.frames.dtype)
@@ -66,10 +66,10 @@ def measured(window: Window, end_s: float, settings: ModellingSettings) -> Float
 
 
 def played(outputs: Sequence[OutputBlock], end_s: float) -> Played:
-    """Return the newest samples that the leader wrote to its actuator up to a moment.
+    """Return the last samples that the leader wrote to its actuator before a moment.
 
-    A tick that is late writes what it missed at once: the stream has no hole, though the times
-    of its blocks have. Blocks that all but meet are therefore put together.
+    A late tick writes the samples of missed ticks as well, so the samples have no gap although
+    the times of blocks do. Blocks that nearly meet are therefore joined.
     """
     vibration, modelled = np.full(SHOWN, np.nan), np.zeros(SHOWN)
     later = None
@@ -89,7 +89,7 @@ def played(outputs: Sequence[OutputBlock], end_s: float) -> Played:
 def synthesized(
     window: Window, end_s: float, settings: ModellingSettings, model: TextureModel
 ) -> Played:
-    """Render from a model what the recorded motion asks for; the same moment gives the same."""
+    """Render the recorded motion from a model; the same moment gives the same samples."""
     sequence = numbers(window.frames)
     if len(sequence) == 0:
         return Played(np.full(SHOWN, np.nan), np.ones(SHOWN))
@@ -109,7 +109,7 @@ def synthesized(
 
 
 def course(window: Window) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return times (k,), force (3, k) and position (3, k), at an even step; 1500 or a few more."""
+    """Return times (k,), force (3, k), position (3, k) at an even step; k <= 1500 plus gaps."""
     step = max(1, -(-len(window.frames) // _COURSE_POINTS))
     time_s, frames = window.time_s[::step], window.frames[::step]
     columns = [_vectors(frames, name) for name in ("force_n", "position_mm")]
@@ -119,9 +119,9 @@ def course(window: Window) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def modes(outputs: Sequence[OutputBlock]) -> list[tuple[float, float, str]]:
-    """Return from when to when (s) the actuator played what, as streamed or synthesized.
+    """Return spans (begin in s, end in s, "streamed" or "synthesized") of the actuator's output.
 
-    While it was silent there is no span.
+    Silence gives no span.
     """
     spans: list[tuple[float, float, str]] = []
     for block in outputs:
@@ -134,7 +134,7 @@ def modes(outputs: Sequence[OutputBlock]) -> list[tuple[float, float, str]]:
 
 
 def trail(window: Window, settings: ModellingSettings) -> FloatArray:
-    """Return velocity along the two tangential axes and normal force (k, 3) of the way there."""
+    """Return tangential velocity along two axes and normal force (k, 3) of the last seconds."""
     names = window.frames.dtype.names or ()
     if "position_mm" not in names or "force_n" not in names:
         return np.zeros((0, 3))
@@ -155,21 +155,21 @@ def trail(window: Window, settings: ModellingSettings) -> FloatArray:
 
 
 def _vectors(frames: RecordArray, name: str) -> FloatArray:
-    """Return a channel (3, n), NaN where the recording lacks it."""
+    """Return a channel (3, n), or NaN if the recording lacks the channel."""
     if name not in (frames.dtype.names or ()):
         return np.full((3, len(frames)), np.nan)
     return np.asarray(frames[name].T, dtype=np.float64)
 
 
 def _last_number(frames: RecordArray, time_s: FloatArray, end_s: float) -> int:
-    """Return the number that a frame of a moment would have."""
+    """Return the sequence number that a frame at a moment would have."""
     if len(frames) == 0:
         return 0
     return int(frames["sequence"][-1]) + max(0, round((end_s - float(time_s[-1])) * 1e3) - 1)
 
 
 def _placed(values: FloatArray, sequence: IntArray, last: int, several: int) -> FloatArray:
-    """Return values (n k,) of frames (n,) up to the `last` in the last 512, NaN where is none."""
+    """Return the last 512 of the values (n k,) of frames (n,) up to `last`; NaN for gaps."""
     shown = np.full(SHOWN, np.nan)
     samples = (several * sequence[:, None] + np.arange(several)).ravel()
     places = samples - (several * (last + 1) - SHOWN)

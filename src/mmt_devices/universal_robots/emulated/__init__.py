@@ -1,1 +1,1 @@
-"""A Universal Robots arm that is not there, behind the ports of its controller."""
+"""Emulated Universal Robots arm, behind the ports of its controller."""

@@ -15,7 +15,7 @@ END: Final = 255
 """Commands of ur_rtde, in input register 0."""
 READY: Final = 1
 DONE: Final = 2
-"""What its control script answers in output register 0."""
+"""Answers of the control script, in output register 0."""
 
 RUNNING: Final = 7
 POWER_OFF: Final = 3
@@ -33,19 +33,19 @@ _PROGRAM_RUNS: Final = 1 << 1
 _SAFETY_MODES: Final = {NORMAL: 1, PROTECTIVE_STOP: 3, EMERGENCY_STOP: 7}
 
 TOOL_DOWN_RAD: Final[Vector] = (2.2, 2.2, 0.0)
-"""Rotation vector of a tool that points down, about."""
+"""Rotation vector of a tool that points roughly down."""
 
 
 class ArmTip(Protocol):
-    """What the arm moves, in a frame of its own (mm, N), as `mmt.testing.emulated.world.World`."""
+    """Tip that the arm moves, in its own frame (mm, N): see `mmt.testing.emulated.world.World`."""
 
     command_mm: Vector | None
 
     def position_mm(self, time_ns: int) -> Vector:
-        """Return where it is."""
+        """Return the position of the tip."""
 
     def force_n(self, time_ns: int) -> Vector:
-        """Return the force of the surface on it."""
+        """Return the force of the surface on the tip."""
 
 
 class Values(dict[str, Any]):
@@ -56,22 +56,22 @@ class Values(dict[str, Any]):
 
 
 class EmulatedArm:
-    """An arm that does what ur_rtde's control script would have it do.
+    """An arm that obeys the register commands of ur_rtde's control script.
 
-    The script is not interpreted, its protocol of registers is: the commands that servo, stop,
-    set a watchdog and end it. Another one ends the program, as an error in a script does. The
-    point that the tip is drawn to follows the commanded pose with two equal real poles, so that it
-    trails a steady motion by the lookahead time; the gain changes nothing. Both are our choice: how
-    a real arm servoes is not published.
+    The script itself is not interpreted. The commands are: servo, stop the servo, set a watchdog,
+    and end the program. Any other command ends the program, as an error in a script does. The point
+    that the tip is drawn to follows the commanded pose with two equal real poles, so it trails a
+    steady motion by the lookahead time; the gain has no effect. Both are our choice: how a real arm
+    servoes is not published.
 
     Parameters
     ----------
     tip
-        What is moved.
+        Tip that the arm moves.
     frame
-        The tip's frame in the base's.
+        The tip's frame in the base's frame.
     noise_n
-        Standard deviation of the measured force, which looks stuck without.
+        Standard deviation of the measured force, which looks stuck without noise.
     seed
         Seed of the noise.
     """
@@ -83,7 +83,7 @@ class EmulatedArm:
         self.stuck = False
         """Whether measurements stay the same, while time goes on."""
         self.commands = 0
-        """Poses that were commanded."""
+        """Number of poses commanded."""
         self.inputs, self.outputs = Values(), Values()
         self._tip, self._frame, self.noise_n = tip, frame, noise_n
         self._random = random.Random(seed)  # noqa: S311 - noise, no secret
@@ -97,13 +97,13 @@ class EmulatedArm:
     # --- the program
 
     def start_program(self) -> None:
-        """Run the control script, where safety and power allow it."""
+        """Run the control script if safety and power allow it."""
         if self.mode == RUNNING and self.safety == NORMAL:
             self._watchdog_s, self._executing = 0.0, False
             self.runtime_state = PLAYING
 
     def end_program(self) -> None:
-        """End it; the arm stays where it is."""
+        """End the program; the arm stays where it is."""
         self.runtime_state = STOPPED
         self._target_m = None
         self.outputs["output_int_register_0"] = 0
@@ -144,7 +144,7 @@ class EmulatedArm:
             self._target_m = None
         elif command == SET_WATCHDOG:
             self._watchdog_s = 1.0 / first
-        else:  # END, or what this script does not know
+        else:  # END, or an unknown command
             self.end_program()
             return
         self.outputs["output_int_register_0"] = DONE
@@ -173,7 +173,7 @@ class EmulatedArm:
         self.safety, self.runtime_state, self._target_m = PROTECTIVE_STOP, PAUSED, None
 
     def emergency_stop(self) -> None:
-        """Stop, without power, as by the red button."""
+        """Stop and cut the power, as by the red button."""
         self.end_program()
         self.safety, self.mode = EMERGENCY_STOP, POWER_OFF
 
@@ -193,7 +193,7 @@ class EmulatedArm:
         }
 
     def fields(self, time_s: float) -> Values:
-        """Return what a data package may have of it, by name."""
+        """Return all fields that a data package may have, by name."""
         runs = self.runtime_state == PLAYING
         powered = self.mode != POWER_OFF
         return Values(

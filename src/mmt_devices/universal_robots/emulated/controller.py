@@ -4,7 +4,7 @@ The library has the ports built in: 29999 for the dashboard, 30003 for scripts, 
 The controller therefore listens at a loopback address of its own.
 
 Sources: Universal Robots, "Real-Time Data Exchange (RTDE) guide" and "Dashboard Server e-Series";
-the source of ur_rtde 1.6 (MIT) for what the library says to them.
+the source of ur_rtde 1.6 (MIT) for what the library sends.
 """
 
 import random
@@ -63,7 +63,7 @@ class EmulatedUrController:
     Parameters
     ----------
     tip
-        What the arm moves.
+        Tip that the arm moves.
     origin_mm, rotation_rad
         The tip's frame in the frame of the base, see `SceneFrame`.
     noise_n
@@ -85,11 +85,11 @@ class EmulatedUrController:
         self.arm = EmulatedArm(tip, SceneFrame(origin_mm, rotation_rad), noise_n, seed)
         self.host = ""
         self.remote = True
-        """Whether the pendant leaves control to others."""
+        """Whether the arm is in remote control."""
         self.refuses_version = False
-        """Whether it speaks the first version of RTDE alone."""
+        """Whether the controller speaks only the first version of RTDE."""
         self.silent = False
-        """Whether it keeps back all data, as with the cable out of the switch."""
+        """Whether no data is sent, as if the network cable were unplugged."""
         self._began_ns = time.monotonic_ns()
         self._selector = selectors.DefaultSelector()
         self._listeners: list[socket.socket] = []
@@ -101,12 +101,12 @@ class EmulatedUrController:
     # --- life
 
     def start(self) -> None:
-        """Begin to listen at an address whose ports are free.
+        """Start listening at an address whose ports are free.
 
         Raises
         ------
         MmtError
-            None was found.
+            No such address was found.
         """
         chance = random.SystemRandom()
         for _ in range(_TRIES):
@@ -124,7 +124,7 @@ class EmulatedUrController:
         raise MmtError("no loopback address has the ports of a UR controller free")
 
     def stop(self) -> None:
-        """End, and give the ports back."""
+        """Stop, and free the ports."""
         self._ended.set()
         self._thread.join()
         self._close_all()
@@ -132,31 +132,31 @@ class EmulatedUrController:
 
     @property
     def options(self) -> dict[str, Any]:
-        """Options by which the robot's driver finds it and its surface."""
+        """Options by which the robot's driver finds the arm and its surface."""
         return {"host": self.host, **self._place}
 
     def unplug(self) -> None:
-        """Be gone: close every connection and refuse new ones."""
+        """Close every connection and refuse new ones."""
         self._plugged = False
         while self._listeners:
             time.sleep(0.001)
 
     def plug(self) -> None:
-        """Be there again at the same address, started anew: no program runs."""
+        """Listen again at the same address, as after a restart: no program runs."""
         self.arm.end_program()
         self._plugged = True
         while not self._listeners:
             time.sleep(0.001)
 
     def switch_to_local(self) -> None:
-        """Take the control away from others, as a person does at the pendant."""
+        """Switch to local control, as a person does at the pendant; the program ends."""
         self.remote = False
         self.arm.end_program()
 
     # --- what its ports do
 
     def run_script(self) -> None:
-        """Run the control script, where others may control the arm."""
+        """Run the control script if the arm is in remote control."""
         if self.remote:
             self.arm.start_program()
 
@@ -165,7 +165,7 @@ class EmulatedUrController:
         self.arm.take(values, self._time_s(time.monotonic_ns()))
 
     def answer(self, line: str) -> str:
-        """Return what the dashboard server says to a line."""
+        """Return the dashboard server's answer to a line."""
         arm = self.arm
         if line == "stop":
             arm.end_program()
@@ -209,7 +209,7 @@ class EmulatedUrController:
                     connection.send_state(fields, tick)
 
     def _serve_until(self, due_ns: int) -> None:
-        """Answer what comes; a selector waits for whole milliseconds, the rest is slept."""
+        """Serve the sockets until a time; `select` waits whole milliseconds, `sleep` the rest."""
         left_s = 1.0
         while left_s > 0.0:
             left_s = max(0, due_ns - time.monotonic_ns()) / 1e9 - 0.001

@@ -1,4 +1,4 @@
-"""What one client says and hears at each port of an emulated controller."""
+"""Connections of clients to the ports of an emulated controller."""
 
 import socket
 import struct
@@ -8,18 +8,18 @@ from mmt_devices.universal_robots.emulated import rtde
 from mmt_devices.universal_robots.emulated.rtde import Recipe
 
 VERSION: Final = (5, 12, 2, 1101319)
-"""Of the software that is emulated."""
+"""Version of the emulated software."""
 RATE_HZ: Final = 500
 
 
 class Controller(Protocol):
-    """What is behind the ports."""
+    """The controller behind the ports."""
 
     refuses_version: bool
-    """Whether it speaks the first version of RTDE alone."""
+    """Whether the controller speaks only the first version of RTDE."""
 
     def answer(self, line: str) -> str:
-        """Return what the dashboard server says to a line."""
+        """Return the dashboard server's answer to a line."""
 
     def run_script(self) -> None:
         """Run the control script."""
@@ -48,27 +48,27 @@ class PortConnection:
         self.received = bytearray()
 
     def send(self, data: bytes) -> None:
-        """Send; a client that does not read is dropped, as a controller does."""
+        """Send data; a client that does not read is dropped, as by a real controller."""
         try:
             self.link.sendall(data)
         except OSError:
             self.controller.drop(self)
 
     def greet(self) -> None:
-        """Say what the port says first: nothing."""
+        """Send the greeting of the port; none by default."""
 
     def take(self) -> None:
-        """Act on what was received: leave it."""
+        """Handle the received data; by default, leave it."""
 
     def send_state(self, fields: dict[str, Any], tick: int) -> None:
-        """Send what is due at a cycle: nothing."""
+        """Send the data of a cycle; none by default."""
 
 
 class DashboardConnection(PortConnection):
-    """Lines of text in, a line each out."""
+    """Receives lines of text, and answers each by a line."""
 
     def greet(self) -> None:
-        """Say whose port it is."""
+        """Send the greeting of the dashboard server."""
         self.send(b"Connected: Universal Robots Dashboard Server\n")
 
     def take(self) -> None:
@@ -80,10 +80,10 @@ class DashboardConnection(PortConnection):
 
 
 class ScriptConnection(PortConnection):
-    """Scripts in; nothing is answered."""
+    """Receives scripts, and answers nothing."""
 
     def take(self) -> None:
-        """Start ur_rtde's control script once it is whole; it ends by an ``end`` of its own."""
+        """Start ur_rtde's control script once it is complete, down to its last ``end``."""
         if self.received.startswith(b"def rtde_control():") and self.received.endswith(b"\nend\n"):
             self.received.clear()
             self.controller.run_script()
@@ -130,7 +130,7 @@ class RtdeConnection(PortConnection):
         raise ValueError(f"a package of kind {kind}")
 
     def _set_up_outputs(self, body: bytes) -> bytes:
-        """Read names after a rate, which a session of the first version has not."""
+        """Read the names of the fields and, not in the first version, the rate before them."""
         if self._with_frequency:
             (rate_hz,) = struct.unpack_from(">d", body)
             self._every = max(1, round(RATE_HZ / rate_hz))
@@ -139,6 +139,6 @@ class RtdeConnection(PortConnection):
         return self._outputs.answer(1)
 
     def send_state(self, fields: dict[str, Any], tick: int) -> None:
-        """Send a data package where one is due."""
+        """Send a data package if one is due."""
         if self._started and self._outputs is not None and tick % self._every == 0:
             self.send(rtde.pack(rtde.DATA, b"\x01" + self._outputs.pack(fields)))

@@ -46,7 +46,7 @@ def pack(kind: int, body: bytes = b"") -> bytes:
 
 
 def packages(received: bytearray) -> Iterator[tuple[int, bytes]]:
-    """Take the whole packages out of what was received: kind and body of each."""
+    """Remove the complete packages from the received bytes; yield kind and body of each."""
     while len(received) >= HEADER.size:
         size, kind = HEADER.unpack_from(received)
         if size < HEADER.size:
@@ -59,7 +59,7 @@ def packages(received: bytearray) -> Iterator[tuple[int, bytes]]:
 
 
 def type_of(name: str) -> str:
-    """Return the type of a field, ``NOT_FOUND`` where this controller has none of that name."""
+    """Return the type of a field, ``NOT_FOUND`` if this controller has none of that name."""
     register = _REGISTER.fullmatch(name)
     if register is not None:
         return "INT32" if register[1] == "int" else "DOUBLE"
@@ -72,7 +72,7 @@ class Recipe:
     Parameters
     ----------
     names
-        Joined by commas, as a client sends them.
+        Names of the fields, joined by commas as a client sends them.
     """
 
     def __init__(self, names: bytes) -> None:
@@ -84,7 +84,7 @@ class Recipe:
 
     @property
     def known(self) -> bool:
-        """Whether the controller has all of them."""
+        """Whether the controller has all of the fields."""
         return "NOT_FOUND" not in self.types
 
     def answer(self, number: int) -> bytes:
@@ -92,7 +92,7 @@ class Recipe:
         return bytes((number if self.known else 0,)) + ",".join(self.types).encode()
 
     def pack(self, values: Mapping[str, Any]) -> bytes:
-        """Return the values of the fields that a mapping has for their names."""
+        """Return the body of a package with the fields' values from a mapping."""
         flat: list[Any] = []
         for name in self.names:
             value = values[name]

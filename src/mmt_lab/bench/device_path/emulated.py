@@ -1,8 +1,8 @@
-"""The emulated devices, in a process of their own.
+"""Process of the emulated devices.
 
-It sends their addresses, then does what it is told, ``begin``, ``stall SENSOR`` and
-``resume SENSOR``, each answered by the monotonic time (ns) at which it was done; it ends when the
-pipe does.
+The process first sends the options of the devices' drivers. It then obeys the commands ``begin``,
+``stall SENSOR`` and ``resume SENSOR``, and answers each with the monotonic time (ns) at which it
+was done. It ends when the pipe is closed.
 """
 
 import math
@@ -30,7 +30,7 @@ from mmt_lab.bench.device_path.frame_times import Motion
 
 FORCE_PPM: Final = 40.0
 ACCELERATION_PPM: Final = -70.0
-"""By how much the sensors' clocks run fast."""
+"""How much the clock of the force sensor or the accelerometer runs fast, in ppm."""
 
 RATE_HZ: Final = 2000.0
 """Sampling rate of the accelerometer."""
@@ -38,7 +38,7 @@ _BANDWIDTH_HZ: Final = 1000.0
 _BITS: Final = 16
 _SUPPLY_V: Final = 3.3
 _STILL: Final = {"stuck_s": 60.0}
-"""Without noise, what rests does not change."""
+"""Options of an accelerometer without noise, whose value does not change at rest."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Emulated:
 
 
 class _Tip:
-    """Where the arm's tip is."""
+    """Tip of the emulated arm, which follows a motion."""
 
     def __init__(self, motion: Motion) -> None:
         self.command_mm: Vector | None = None
@@ -135,9 +135,9 @@ ACCELERATIONS: Final = {"adxl335": adxl335, "u6": u6, "iio": iio}
 
 
 def leave_a_processor_to_others() -> None:
-    """Run on all processors but the first: real devices take none of the follower's.
+    """Run on all processors but the first: real devices take none of the follower's time.
 
-    Where there is only one, or the system knows no such choice, they share it.
+    If there is only one processor, or the system has no CPU affinity, nothing changes.
     """
     if hasattr(os, "sched_setaffinity"):
         _, *others = sorted(os.sched_getaffinity(0))
@@ -146,11 +146,11 @@ def leave_a_processor_to_others() -> None:
 
 
 def emulate(pipe: Connection, force: str, acceleration: str, realtime: bool) -> None:
-    """Run the lab until the pipe ends."""
+    """Run the emulated devices until the pipe is closed."""
     prefer_even_ticks()
     leave_a_processor_to_others()
     wake_on_time()
-    if realtime:  # all threads to come: no device waits for other work here
+    if realtime:  # threads inherit this, so that no device waits for other work
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY - 1))
     motions = (Motion(10.0), Motion(5.0), Motion(20.0, (0.0, 0.0, GRAVITY_M_S2)))
     robot = RobotLink(_Tip(motions[0]))

@@ -1,4 +1,4 @@
-"""Vectors that turn, so that a value tells its time, and the times of frames judged by them."""
+"""Vectors that turn, so that a value gives its time, and the errors of frame times against them."""
 
 import math
 from dataclasses import dataclass
@@ -10,13 +10,13 @@ from mmt.core.arrays import FloatArray, IntArray
 from mmt.devices.protocols import Vector
 
 PERIOD_NS: Final = 50_000_000
-"""Period of a turn; a value tells the time within it, even if a filter changes its length."""
+"""Period of a turn; a value's angle gives the time in it, even if a filter changes its length."""
 
 _MS: Final = 1e6
 
 
 class Motion:
-    """A vector at rest, and from `begin` on one that turns about z on top of it."""
+    """A constant vector, to which a vector that turns about z is added from `begin` on."""
 
     def __init__(self, size: float, rest: Vector = (0.0, 0.0, 0.0)) -> None:
         self._size = size
@@ -37,14 +37,14 @@ class Motion:
 
 
 def time_errors_ms(values: FloatArray, times_ns: IntArray) -> FloatArray:
-    """Return how much later than a frame says its value was there, shape (n,).
+    """Return the time that each value gives, less the time stamp of its frame, in ms, shape (n,).
 
     Parameters
     ----------
     values
-        Vectors that turn as `Motion` does, (n, 3).
+        Values of a `Motion`, (n, 3).
     times_ns
-        What the frames say, (n,).
+        Time stamps of the frames, (n,).
     """
     turned = np.arctan2(values[:, 1], values[:, 0]) / (2.0 * np.pi)
     apart = turned - (times_ns % PERIOD_NS) / PERIOD_NS
@@ -53,19 +53,19 @@ def time_errors_ms(values: FloatArray, times_ns: IntArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class FrameTimes:
-    """How late frames are and how true their times; all in ms."""
+    """Latency of frames and errors of their times; all in ms."""
 
     latency_p50_ms: float
-    """From the instant of a frame's oldest value to when the frame is there, less the latency
-    that the slowest sensor states of itself."""
+    """From the instant of a frame's oldest value until the frame is formed, less the largest
+    latency that a sensor states."""
     latency_p99_ms: float
     jitter_p99_ms: dict[str, float]
-    """By the channel: how far the error of the time is from its median."""
+    """By channel: distance of the time error from its median."""
     offset_ms: dict[str, float]
-    """By the channel: the median error of the time, the part of the transport delay that is not
+    """By channel: median time error, which is the part of the transport delay that is not
     compensated."""
     apart_p99_ms: float
-    """Between the instants of two values of one frame."""
+    """Time between the instants of a frame's two values."""
 
 
 def frame_times(
@@ -74,16 +74,16 @@ def frame_times(
     formed_ns: IntArray,
     stated_ms: float,
 ) -> FrameTimes:
-    """Compare frames with the motion that they are of.
+    """Compare frames with the motions that the devices emulated.
 
     Parameters
     ----------
     values
-        Force and acceleration, (n, 3) each, by the channel.
+        Force and acceleration, (n, 3) each, by channel.
     times_ns, formed_ns
-        What the frames say, and when each of them was there, (n,).
+        Time stamp of each frame, and the time at which it was formed, (n,).
     stated_ms
-        The largest latency that a sensor states of itself.
+        The largest latency that a sensor states.
     """
     errors = {name: time_errors_ms(value, times_ns) for name, value in values.items()}
     stacked = np.stack(list(errors.values()))

@@ -1,7 +1,7 @@
-"""The follower's part of it: the real drivers and the frames, in a process of its own.
+"""Process that reads the emulated devices by the real drivers and forms frames.
 
-It is sent the job, and says when it streams, and each device that is lost or back. ``begin`` and
-``end`` say between which moments to measure; at ``finish`` it sends the frames and what it found.
+The process receives a job. It reports when it streams, and each device that is lost or back. The
+commands ``begin`` and ``end`` delimit the measurement; at ``finish`` it sends frames and figures.
 """
 
 import asyncio
@@ -27,11 +27,11 @@ _COMMAND_MM: Final = (0.0, 0.0, 5.0)
 
 
 class _Emulation(Protocol):
-    """What stands for a device in this process."""
+    """An emulated device, or part of one, that runs in this process."""
 
     @property
     def own_ns(self) -> int:
-        """Processor time that it has taken so far."""
+        """Processor time that the emulation has taken so far."""
 
 
 class FrameReader:
@@ -41,10 +41,10 @@ class FrameReader:
     ----------
     job
         ``robot``, ``force_sensor`` and ``accelerometer``, each with ``driver`` and ``options``;
-        ``realtime``, whether it ticks by real-time scheduling; ``bare_s``, for how long the tick is
-        measured alone.
+        ``realtime``: whether to tick by real-time scheduling; ``bare_s``: seconds for which an
+        empty tick is measured first.
     pipe
-        To who measures.
+        Pipe to the measuring process.
     """
 
     def __init__(self, job: dict[str, Any], pipe: Connection) -> None:
@@ -67,7 +67,7 @@ class FrameReader:
         self._bare_s: float = job["bare_s"]
 
     async def run(self) -> None:
-        """Stream until it is to finish; then send the frames and what was found."""
+        """Stream until ``finish``; then send the frames and the figures."""
         loop = asyncio.get_running_loop()
         prefer_even_ticks()
         if self._realtime:
@@ -100,7 +100,7 @@ class FrameReader:
     def _read_command(self) -> None:
         try:
             word = self._pipe.recv()
-        except EOFError:  # who measures has gone
+        except EOFError:  # the measuring process has gone
             word = "finish"
         emulated_ns = sum(each.own_ns for each in self._emulations)
         now = (time.monotonic_ns(), time.process_time_ns(), emulated_ns)
@@ -142,7 +142,7 @@ class FrameReader:
 
 
 async def _bare_share(duration_s: float) -> float:
-    """Return the share of a core that a tick takes by itself."""
+    """Return the share of a core that an empty tick takes."""
     ticker = Ticker(PERIOD_NS, lambda _elapsed: None)
     ticker.start()
     begun_ns, busy_ns = time.monotonic_ns(), time.process_time_ns()
@@ -153,5 +153,5 @@ async def _bare_share(duration_s: float) -> float:
 
 
 def read(pipe: Connection) -> None:
-    """Read devices as the job says that comes first."""
+    """Receive a job from the pipe, and read its devices."""
     asyncio.run(FrameReader(pipe.recv(), pipe).run())

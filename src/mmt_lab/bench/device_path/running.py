@@ -19,18 +19,18 @@ DRIVERS: Final = {
     "bota": "bota-serial",
     "iio": "iio-accelerometer",
 }
-"""By the names of the lab."""
+"""Driver by the name of the emulated device."""
 
 START_S: Final = 60.0
 """How long a process may take until it is ready."""
 ANSWER_S: Final = 20.0
-"""How long it may take to answer."""
+"""How long a process may take to answer."""
 
 _BARE_S: Final = 2.0
 _SETTLE_S: Final = 2.0
 _PAUSE_S: Final = 0.3
 _BY_THE_HOST: Final = {"iio-accelerometer"}
-"""Drivers whose readings are stamped by the host's own clock, which does not drift against it."""
+"""Drivers that stamp readings by the host's own clock, so that their drift is zero."""
 _PPM: Final = {"force_sensor": FORCE_PPM, "accelerometer": ACCELERATION_PPM}
 
 
@@ -44,32 +44,32 @@ class SetUp:
     arm: str = "datagrams"
     """Driver of the arm; ``openhaptics`` runs its emulation within the reader."""
     slow: bool = False
-    """Whether a sensor's readings are too far apart for the latency and the jitter aimed at; such a
-    set-up is shown and not judged by them."""
+    """Whether a sensor's readings are too far apart to reach the targets for latency and jitter.
+    These figures are then shown and not judged."""
 
 
 @dataclass(frozen=True)
 class SetUpFigures:
-    """What one set-up gave."""
+    """Figures of one set-up."""
 
     core_share: float
-    """Share of one core of the process that reads and forms frames."""
+    """Share of a core that the process uses that reads devices and forms frames."""
     emulated_share: float
-    """The part of it that stands for devices, within that process."""
+    """The part of this share that emulates devices inside that process."""
     bare_share: float
-    """By the process's tick alone, beforehand."""
+    """Share of a core of an empty tick in that process, measured beforehand."""
     frames: int
     missing: int
     """Frames that could not be formed."""
     times: FrameTimes
     drift_errors_ppm: dict[str, float]
-    """By the sensor, at the end."""
+    """Error of the estimated clock drift at the end, by sensor."""
     seen_after_ms: list[float]
-    """From when a sensor stopped to when that was known."""
+    """Time from the stop of a sensor until its loss was reported, for each stop."""
     late_share_1ms: float
     """Share of the ticks that came over 1 ms late."""
     imported: list[str]
-    """Which of numba and scipy that process imported."""
+    """Those of numba and scipy that the process imported."""
 
 
 def measure_set_up(
@@ -108,7 +108,7 @@ def _ask(lab: Connection, words: str) -> Any:
 def _await(
     reader: Connection, key: str, value: object, longest_s: float = ANSWER_S
 ) -> dict[str, Any]:
-    """Return the next message that has this value at this key, skipping others."""
+    """Return the next message that has this value for this key, and skip other messages."""
     while True:
         answer: dict[str, Any] = received(reader, longest_s)
         if answer.get(key) == value:
@@ -128,10 +128,10 @@ def _job(set_up: SetUp, addresses: dict[str, Any]) -> dict[str, Any]:
 
 
 def _stop(lab: Connection, reader: Connection, sensor: str) -> float:
-    """Stop a sensor until that is seen; return after how many ms it was."""
+    """Stop a sensor until its loss is reported; return the time that took, in ms."""
     stopped_ns = _ask(lab, f"stall {sensor}")
     role = f"the {sensor.replace('_', ' ')} "
-    while True:  # on a busy machine one may have been lost and found before
+    while True:  # a busy machine may report an earlier loss first
         event = _await(reader, "lost", True)
         if event["at_ns"] > stopped_ns and event["sentence"].startswith(role):
             break

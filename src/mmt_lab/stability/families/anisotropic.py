@@ -1,7 +1,7 @@
 """Models of velocity and force: degenerate samples, odd units and queries, either method.
 
-The plane's cases (`mmt_lab.stability.families.model`) in three dimensions, where samples lie on
-planes and lines of which the plane knows nothing: one force, one heading, a ring of one speed.
+The plane's cases (`mmt_lab.stability.families.model`) in three dimensions. Samples may also lie on
+planes and lines that the plane does not have: one force, one heading, a ring of one speed.
 """
 
 from functools import partial
@@ -25,7 +25,7 @@ MANY: Final = 2000
 METHODS: Final[tuple[Method, ...]] = ("field", "published")
 
 _LARGEST_NETWORK: Final = 200  # samples; a network costs their cube
-_ROUNDING: Final = 1e-7  # of a level, by way of the gain of a filter that is all but unstable
+_ROUNDING: Final = 1e-7  # of a level, through the gain of a nearly unstable filter
 _EXPECTED: Final = "the whole space; filters ordered, level within bounds, silence at rest"
 
 
@@ -60,7 +60,7 @@ def cases(*, many: int = MANY, queries: int = 2000) -> list[Extreme]:
 
 
 def _space(points: FloatArray, queries: int) -> CaseResult:
-    """Build the model by either method, and ask it everywhere and at its samples."""
+    """Build the model by each method, and evaluate it everywhere and at its samples."""
     asked = np.vstack([anywhere(queries, np.random.default_rng(4)), points])
     least_gap, largest_k, highest, silent = np.inf, 0.0, 0.0, True
     for method in METHODS:
@@ -121,7 +121,7 @@ def _level(scale: float) -> CaseResult:
     points, asked = (anywhere(count, np.random.default_rng(6)) for count in (60, 500))
     off = 0.0
     for by in METHODS:
-        # a field's level is in proportion far above what nobody feels
+        # a field's level scales in proportion only far above imperceptible levels
         usual, times = (1.0, scale) if by == "published" else (1e20, max(scale, 1.0 / scale))
         lsf, variance = build(points, by, scale=usual * times).at(*(asked * ANISOTROPIC.scale).T)
         plain = build(points, by, scale=usual).at(*(asked * ANISOTROPIC.scale).T)

@@ -1,4 +1,4 @@
-"""Burg's method on signals that break other implementations, against many digits."""
+"""Burg's method on signals that break other implementations, against 120 digits."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -51,9 +51,9 @@ def white() -> FloatArray:
 
 
 def poles(radius: float, angles_rad: tuple[float, ...]) -> FloatArray:
-    """Return noise through pole pairs at a radius, settled as far as it goes, shape (400,).
+    """Return noise through pole pairs at a radius, the last 400 of 3000 samples, shape (400,).
 
-    In second-order sections, since the coefficients of the whole filter would not hold them.
+    Filtered in second-order sections: the whole filter's coefficients would not hold the poles.
     """
     sections = [
         (1.0, 0.0, 0.0, 1.0, -2.0 * radius * math.cos(angle), radius * radius)
@@ -65,7 +65,7 @@ def poles(radius: float, angles_rad: tuple[float, ...]) -> FloatArray:
 
 
 def signals() -> Mapping[str, FloatArray]:
-    """Return the signals that have no poles to speak of, by their names."""
+    """Return the signals that are not defined by poles alone, by their names."""
     n = np.arange(_SAMPLES)
     time_s = np.arange(1000) / _RATE_HZ
     vibration = poles(0.98, SPREAD_RAD)
@@ -113,7 +113,7 @@ def _fit(x: FloatArray, order: int) -> CaseResult:
 
 
 def _unsound(reflection: FloatArray, variances: FloatArray) -> str:
-    """Say in what way a fit is no usable filter; nothing where it is one."""
+    """Return why a fit is no usable filter, or an empty string if it is one."""
     if not (np.abs(reflection) < 1.0).all():
         return f"not stable: |k| = {np.abs(reflection).max()}"
     if not (np.isfinite(variances).all() and (variances >= 0.0).all()):
@@ -127,7 +127,7 @@ def _unsound(reflection: FloatArray, variances: FloatArray) -> str:
 def exact_burg(x: FloatArray, order: int) -> tuple[list[Decimal], Decimal]:
     """Return the reflection coefficients (m,) of a signal (n,) and their residual, in 120 digits.
 
-    The plain textbook recursion: the digits outweigh what it loses to cancellation. Takes about
+    The plain textbook recursion: the digits make up for the losses by cancellation. It takes about
     1 us a sample and order.
 
     A residual that is exactly zero ends the recursion with coefficients of zero. For the
@@ -148,10 +148,10 @@ def exact_burg(x: FloatArray, order: int) -> tuple[list[Decimal], Decimal]:
 
 
 def exact_residual(x: FloatArray, reflection: Sequence[float] | FloatArray) -> Decimal:
-    """Return what given coefficients leave of a signal (n,).
+    """Return the residual of a signal (n,) for given reflection coefficients (m,).
 
-    The mean square of the forward and backward prediction errors over the n - m samples that
-    have both.
+    The residual is the mean square of the forward and backward prediction errors, over the n - m
+    samples that have both.
     """
     with localcontext(prec=_DIGITS, Emax=_HIGHEST_EXPONENT, Emin=-_HIGHEST_EXPONENT):
         forward = backward = [Decimal(value) for value in x.tolist()]

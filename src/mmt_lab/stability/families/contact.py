@@ -1,4 +1,4 @@
-"""Stiff contact: what is offered as safe keeps its energy, and where the others break."""
+"""Stiff contact: the safe integrator never gains energy, and the others break as theory says."""
 
 import math
 from collections.abc import Sequence
@@ -25,10 +25,10 @@ MAP_MASS_KG, MAP_RATIO = 0.1, 0.1
 
 _MAP_LEAST_STEP_S: Final = 5e-5
 _TOUCHES: Final = (0.0, 0.3, 0.7, 0.95)
-"""Where within a step the surface is met."""
+"""Shares of a step after which the surface is met."""
 
 _SLOW_RATIO: Final = 0.01
-"""So little damping that beside the limit nothing happens within a run."""
+"""Damping ratio that is too small for a run beside the limit to show growth or decay."""
 
 _MOST_STEPS: Final = 5000
 _SUSTAINED_STEPS: Final = 4000
@@ -75,10 +75,10 @@ def wall(mass_kg: float, stiffness_n_m: float, ratio: float) -> ContactLaw:
 def impact_growth(
     way: Integrator, drive: Drive, law: ContactLaw, step_s: float, touch: float
 ) -> float:
-    """Return by what share of its energy an impact at 0.5 m/s grows above what went before.
+    """Return the largest growth of energy in an impact at 0.5 m/s, as a share of that at start.
 
-    The free tool starts so that it meets the surface after a share of a step, and is
-    followed until it has left, or runs away.
+    Growth counts from the lowest energy so far. The free tool meets the surface after the share
+    `touch` of a step, and is followed until it has left or runs away.
     """
     state = (touch * IMPACT_M_S * step_s, -IMPACT_M_S)
     start = lowest = total_energy_j(drive, law, state, 0.0)
@@ -119,7 +119,7 @@ def _share(growth: float) -> str:
 
 
 def _limits(way: Integrator, stiffness: float) -> CaseResult:
-    """Compare the step at which sustained contact breaks with theory, and run beside it."""
+    """Compare the step at which sustained contact breaks with theory, and try steps beside it."""
     worst, text, wrong_runs = 0.0, "", 0
     for mass, ratio in product(MASSES_KG, RATIOS):
         drive, law = Drive(mass, 0.1 * stiffness, 0.0), wall(mass, stiffness, ratio)
@@ -147,7 +147,7 @@ def _limits(way: Integrator, stiffness: float) -> CaseResult:
 def _radius(way: Integrator, drive: Drive, law: ContactLaw, step_s: float) -> float:
     """Return the spectral radius of one step in contact, from three runs of it.
 
-    Far inside the wall, where the step is a linear map; velocities are scaled to lengths.
+    All start far inside the wall, where the step is linear; velocities are scaled to lengths.
     """
     scale = math.sqrt((drive.stiffness_n_m + law.stiffness_n_m) / drive.mass_kg)
     base = np.array(way.step(drive, law, (-1.0, 0.0), 0.0, step_s)[:2])
@@ -171,7 +171,7 @@ def _breaking_step(way: Integrator, drive: Drive, law: ContactLaw, near_s: float
 
 
 def _stays(way: Integrator, drive: Drive, law: ContactLaw, step_s: float) -> bool:
-    """Say whether pressed contact, disturbed by a thousandth, stays within a tenth."""
+    """Return whether pressed contact, disturbed by a thousandth, stays within a tenth."""
     command = -1e-3
     rest = command * drive.stiffness_n_m / (drive.stiffness_n_m + law.stiffness_n_m)
     state = (1.001 * rest, 0.0)
@@ -211,7 +211,7 @@ def _map(points: int) -> CaseResult:
 
 
 def _pictures(figures: Sequence[Figures]) -> list[Picture]:
-    """Draw the energy map, where it ran."""
+    """Draw the energy map, if it ran."""
     from mmt_lab.stability.maps import contact_map
 
     caption = (

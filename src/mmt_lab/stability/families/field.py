@@ -1,4 +1,4 @@
-"""The field of a level: very many blocks, repeated ones, one alone, and any powers."""
+"""The field of a level: very many blocks, one stroke repeated, any powers, unsteady levels."""
 
 import time
 from collections.abc import Callable
@@ -20,7 +20,7 @@ _SCATTER: Final = 0.4  # nepers, of a block's power
 
 
 def cases(*, many: int = MANY) -> list[Extreme]:
-    """Return the family's cases, the largest of so many blocks."""
+    """Return the family's cases, the largest of `many` blocks."""
     return [
         *(
             Extreme(

@@ -1,4 +1,4 @@
-"""Force feedback over a delay: the parts of leader and follower in a loop, beside theory."""
+"""Force feedback over a delay: leader's and follower's parts in a loop, compared with theory."""
 
 import math
 from collections import deque
@@ -65,9 +65,9 @@ def _theory(wall_n_mm: float) -> str:
 def run_loop(wall_n_mm: float, there_ms: int, back_ms: int, seconds: float) -> float:
     """Return the growth of a small disturbance of steady contact; above 1 it is unstable.
 
-    `SimulatedRobot` and `StreamedForce` as they are in the services, a handle in a hand, and
-    two queues for the link. The ratio is that of the force's deviation in the last quarter of
-    the run to that in the second; a deviation of half the contact's force is infinity.
+    The loop has `SimulatedRobot` and `StreamedForce` as in the services, a handle in a hand, and
+    two queues for the link. The growth is the force's deviation in the last quarter of the run
+    over that in the second; infinity if a deviation exceeds half the contact's force.
     """
     robot = SimulatedRobot(Simulated(surface_stiffness_n_mm=wall_n_mm), 0.0)
     drive, _ = tip_drive(BANDWIDTH_HZ)
@@ -187,7 +187,7 @@ def _over_walls(method: Method, walls_n_mm: tuple[float, ...], delay_ms: int) ->
 
 
 def _pictures(figures: Sequence[Figures]) -> list[Picture]:
-    """Draw the map of delays against walls, where it ran, with the boundaries that were found."""
+    """Draw the map of delays against walls, if it ran, with the boundaries that were found."""
     from mmt_lab.stability.maps import loop_map
 
     boundaries = [row for row in figures if {"wall_n_mm", "measured_ms"} <= set(row)]

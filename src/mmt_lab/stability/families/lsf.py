@@ -74,7 +74,7 @@ def many_filters(spread: float, count: int = 50, order: int = 16, *, seed: int =
 
 
 def _swaps(spread: float, samples: int) -> CaseResult:
-    """Jump about the plane, away from its silent edges, and render without any limit."""
+    """Render random points of the plane, away from its silent edges, without any limit."""
     generator = np.random.default_rng(8)
     model = many_filters(spread)
     synthesizer = Synthesizer(model, limit_m_s2=np.inf, seed=3)
@@ -107,8 +107,8 @@ def _power(model: TextureModel, speed: FloatArray, force: FloatArray) -> float:
 def _flatness(seconds: list[float]) -> tuple[float, float]:
     """Return slowest over quickest quarter of a run, and ns a sample.
 
-    By the tenth percentile of the processor's time for each quarter's blocks, which other
-    work on the machine leaves alone.
+    A quarter's time is the tenth percentile of its blocks' processor time, which other work on the
+    machine hardly affects.
     """
     quick = [float(np.quantile(part, 0.1)) for part in np.array_split(seconds, _QUARTERS)]
     return max(quick) / min(quick), 1e9 * min(quick) / _BLOCK

@@ -1,7 +1,7 @@
-"""Radial basis networks: samples all but coincident, on lines and planes, and that leave.
+"""Radial basis networks: samples nearly coincident, on lines and planes, and removed ones.
 
-The system's condition grows without bound as samples approach each other. What a network may then
-not do is leave its samples without need: it is off by its smoothing, which is small.
+The system's condition number grows without bound as samples approach each other. The network must
+still pass through its samples, but for its smoothing, which is small.
 """
 
 from collections.abc import Iterator
@@ -57,7 +57,7 @@ def _pairs(count: int, apart: float) -> FloatArray:
 
 
 def _values(points: FloatArray) -> FloatArray:
-    """Return a smooth function of points (n, 3), as two outputs (n, 2) within one."""
+    """Return a smooth function of points (n, 3): two outputs (n, 2) from -1 to 1."""
     one = np.sin(3.0 * points[:, 0]) * np.cos(2.0 * points[:, 1]) * points[:, 2]
     return np.column_stack([one, np.cos(points @ (1.0, -2.0, 1.5))])
 
@@ -75,7 +75,7 @@ def _through(points: FloatArray) -> CaseResult:
 
 
 def _halved(count: int) -> CaseResult:
-    """Let every second sample leave, and compare the closed form of the errors with networks."""
+    """Remove every second sample; compare the closed form of predictions with solved networks."""
     points, present = _anywhere(count), np.ones(count, dtype=np.bool_)
     values = _values(points)
     neighbours = NetworkNeighbours(points, values, present)

@@ -1,4 +1,4 @@
-"""The services and their parts over clocks that step, over stops, and while a model grows on."""
+"""The services and their parts: clocks that step, stopped processes, and endless modelling."""
 
 from collections.abc import Callable
 from functools import partial
@@ -21,7 +21,7 @@ _EVENT_MS: Final = 4000
 def cases(*, modelling_s: int = 600, stopped_s: float = 6.0) -> list[Extreme]:
     """Return the family's cases.
 
-    The stream that never completes a model lasts `modelling_s`, the stop of the leader `stopped_s`.
+    The endless modelling lasts `modelling_s`, the stop of the leader `stopped_s`.
     """
     return [
         *(
@@ -44,14 +44,14 @@ def cases(*, modelling_s: int = 600, stopped_s: float = 6.0) -> list[Extreme]:
 
 
 def play(lateness_ms: FloatArray, clocks: Callable[[int], tuple[int, int]]) -> FloatArray:
-    """Play frames through a playout buffer; return what is played in each tick (n,).
+    """Play frames through a playout buffer; return the value played in each tick (n,).
 
     Frame k carries the value k + 1/3, so that a played value identifies its frame.
 
     Parameters
     ----------
     lateness_ms
-        Lateness of each frame's arrival, shape (n,); frames overtake none before them.
+        Lateness of each frame's arrival, shape (n,); no frame overtakes an earlier one.
     clocks
         From a tick to the offsets (ns) of the follower's and the leader's clock.
     """
@@ -71,7 +71,7 @@ def play(lateness_ms: FloatArray, clocks: Callable[[int], tuple[int, int]]) -> F
 
 
 def ages_ms(played: FloatArray) -> FloatArray:
-    """Return the age of what is played in each tick (n,), NaN where it is silent or fading."""
+    """Return the age of the value played in each tick (n,), NaN for silence and fading."""
     whole = np.abs(played % 1.0 - 1.0 / 3.0) < 1e-6
     return np.where(whole, np.arange(len(played)) - played, np.nan)
 

@@ -14,7 +14,7 @@ export class Grid {
     addEventListener("resize", () => this.moved());
   }
 
-  /** Make a tile for each texture; those that are there already stay, and what is done on them. */
+  /** Make a tile for each texture; if the names are the same as before, the tiles stay. */
   make(names) {
     if (JSON.stringify(names) === JSON.stringify(this.names)) return;
     this.names = names;
@@ -32,7 +32,7 @@ export class Grid {
     this.tiles.forEach((_, tile) => { if (this.shown[tile] === texture) this.#paint(tile); });
   }
 
-  /** Say something across a tile, until it is touched. */
+  /** Show a sentence across a tile until it is touched. */
   caption(tile, sentence) {
     const node = this.tiles[tile].querySelector("p");
     node.replaceChildren();
@@ -90,7 +90,7 @@ export class Grid {
     return tile < 0 ? null : tile;
   }
 
-  /** Return where a tile is on the screen; kept, since asking costs the browser a layout. */
+  /** Return the box of a tile on the screen; cached, since asking costs the browser a layout. */
   box(tile) {
     this.boxes[tile] ??= this.tiles[tile].getBoundingClientRect();
     return this.boxes[tile];
@@ -101,7 +101,7 @@ export class Grid {
     this.boxes = [];
   }
 
-  /** Show where the pointer is, at the next picture of the screen. */
+  /** Show where the pointer is, in the next animation frame. */
   point(tile, x, y) {
     this.pointer = tile === null ? null : { tile, x, y };
     if (this.drawing) return;
@@ -122,7 +122,7 @@ export class Grid {
     this.#place(tile, "own", this.pointer.x - box.left, this.pointer.y - box.top);
   }
 
-  /** Show where the leader's hand strokes the first tile, as shares of its width and height; null where it does not. */
+  /** Show where the leader's hand strokes the first tile, as shares of its width and height; null if it does not. */
   lead(place) {
     this.tiles[0]?.classList.toggle("led", place !== null);
     if (place !== null) this.#place(0, "leader", place[0] * this.box(0).width, place[1] * this.box(0).height);

@@ -79,7 +79,7 @@ const take = {
   },
 };
 
-/** Return the model under a tile, null where there is none now. */
+/** Return the model under a tile, or null if there is none now. */
 const modelOf = (at) => models[study.state.scenario === null ? at : study.state.textures[at]] ?? null;
 
 function captions() {
@@ -140,7 +140,7 @@ setInterval(() => {
 
 // ---- What is shown
 
-/** Show what is played and how late, a few times a second. */
+/** Show the level and the latency of the vibration, a few times a second. */
 function report(rms) {
   level.square += rms * rms;
   level.counted++;

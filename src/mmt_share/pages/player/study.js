@@ -32,7 +32,7 @@ export class Study {
     }));
   }
 
-  /** Show how the scenario stands. */
+  /** Show the state of the scenario. */
   show(state) {
     this.state = state;
     const runs = state.scenario !== null, matches = state.scenario === "matching";
@@ -52,7 +52,7 @@ export class Study {
     $("prompt").textContent = this.#prompt();
   }
 
-  /** Answer which tile feels like the sample that is asked for. */
+  /** Answer that the chosen tile feels like the current sample. */
   async match() {
     const { scenario, matches } = this.state;
     if (scenario !== "matching" || matches !== null) return;
@@ -65,7 +65,7 @@ export class Study {
     this.show(this.state);
   }
 
-  /** Rate by a digit's key; true where there was something to rate. */
+  /** Rate by a digit key; return whether there was something to rate. */
   rate(rating) {
     if (!this.state.rates) return false;
     $("rating-buttons").children[rating - 1]?.click();

@@ -1,14 +1,14 @@
-"""The network of a texture model at a point: level and filter, in compiled code, made valid.
+"""Evaluation of a texture model's network at a point, in compiled code: a valid level and filter.
 
 The network goes through level and line spectral frequencies (LSF) of the samples. It is no convex
-combination: between samples it overshoots, beyond them it follows its polynomial. What paper B
-leaves open is done here: the level is not negative, no larger than `LEVEL_ROOM` allows, and falls
-to zero from the slowest and the lightest sample on at the latest; the LSF are replaced by the
-nearest valid ones: at least a gap apart, and each within what the samples have of it, which keeps
-them from 0 and pi. With the gaps taken out, ``z_i = w_i - i gap``, valid means ascending within
-ascending bounds, and pooling adjacent violators, each pool at its mean within its bounds, finds the
-nearest (least squares) in O(m) (Best, Chakravarti and Ubhaya, "Minimizing separable convex
-functions subject to simple chain constraints", SIAM J. Optim. 10 (2000), 658-672).
+combination: it overshoots between samples and follows its polynomial beyond them. Paper B does not
+say how to keep the result valid. Here the level is not negative, is limited by `LEVEL_ROOM`, and
+falls to zero below the slowest and the lightest sample. The LSF are replaced by the nearest valid
+ones: at least a gap apart, and each within its range in the samples, which keeps them from 0 and
+pi. With the gaps subtracted, ``z_i = w_i - i gap``, valid means ascending within ascending bounds.
+Pooling adjacent violators, each pool at its mean within its bounds, finds the nearest (least
+squares) in O(m) (Best, Chakravarti and Ubhaya, "Minimizing separable convex functions subject to
+simple chain constraints", SIAM J. Optim. 10 (2000), 658-672).
 """
 
 import math
@@ -22,14 +22,14 @@ from mmt.texture.autoregression.split import separate
 from mmt.texture.interpolation.networks.solving import RadialBasisNetwork
 
 LEVEL_ROOM: Final = 2.0
-"""Largest level over the samples' largest: the level goes on rising beyond the fastest and
-strongest of them, and an extrapolation gone wild is held."""
+"""Largest level allowed, over the largest of the samples: the level may rise further beyond the
+fastest and strongest sample, but a wild extrapolation is limited."""
 
 LEAST_GAP: Final = 0.03
-"""In rad: just below the smallest gap, 0.038 rad, of the HaTT models at 1 kHz."""
+"""Gap in rad: just below the smallest one, 0.038 rad, of the HaTT models at 1 kHz."""
 
 LEAST_REACH: Final = 0.01
-"""Normalised speed and force from which on the level falls to zero, whatever the samples."""
+"""Normalised speed and force below which the level always falls to zero."""
 
 _GAP, _UNIT, _SLOWEST, _LIGHTEST = range(4)  # the first row of the tail
 _LOWEST, _HIGHEST, _COEFFICIENTS = 1, 2, 3  # rows of the tail
@@ -71,7 +71,7 @@ def network_arrays(points: FloatArray, values: FloatArray) -> tuple[FloatArray, 
 
 
 def least_gap(lsf: FloatArray) -> float:
-    """Return the gap to keep for samples (n, m): 0.03 rad, or what they themselves keep.
+    """Return the gap to keep: `LEAST_GAP`, or the smallest of the samples (n, m) if it is less.
 
     Distances from 0 and pi count as gaps.
     """
@@ -81,7 +81,7 @@ def least_gap(lsf: FloatArray) -> float:
 
 @kernel("f8(f8[::1], f8, f8)")
 def _reach(point: FloatArray, slowest: float, lightest: float) -> float:
-    """Return 1, or less where the hand is slower or lighter than any sample, 0 at rest."""
+    """Return 1, or less if the hand is slower or lighter than any sample, 0 at rest."""
     speed = point[0] if len(point) == 2 else math.hypot(point[0], point[1])
     return float(min(1.0, speed / slowest, point[len(point) - 1] / lightest))
 
@@ -125,9 +125,9 @@ def nearest_valid_lsf(
 
     Notes
     -----
-    What rounding leaves together is moved apart by a rounding.
+    Frequencies that are equal after rounding are moved apart by a rounding.
     """
-    pools = 0  # each with its mean, its value within bounds, and how many it has
+    pools = 0  # each with its mean, its value within bounds, and its size
     for i in range(len(lsf)):
         mean = (lsf[i] if math.isfinite(lsf[i]) else 0.5 * math.pi) - i * gap
         size, first, least = 1, i, lowest[i] - i * gap

@@ -1,16 +1,16 @@
-"""A radial basis function network through samples, and its error at each without it.
+"""Radial basis function network through samples, and the terms of its leave-one-out errors.
 
 ``f(u) = sum_j w_j phi(|u - q_j|) + d_0 + sum_k d_k u_k`` (Abdulali and Jeon, "Data-Driven Rendering
-of Anisotropic Haptic Textures", 2016, eq. 1). The paper gives this form, a radial function at every
-sample and a polynomial, and names neither: phi is the thin plate spline ``r^2 log r``, the
-smoothest in a plane, which has no shape parameter to choose, with the polynomial of degree 1 that
-it needs (Fasshauer, "Meshfree Approximation Methods with MATLAB", 2007, chapter 8).
+of Anisotropic Haptic Textures", 2016, eq. 1). The paper names neither the radial function nor the
+polynomial. Here phi is the thin plate spline ``r^2 log r``, the smoothest in a plane, which has no
+shape parameter to choose, with the polynomial of degree 1 that it needs (Fasshauer, "Meshfree
+Approximation Methods with MATLAB", 2007, chapter 8).
 
-The weights are orthogonal to the polynomials, where the matrix K of radial functions is positive
-definite. With U an orthonormal basis of the polynomials' values at the samples,
-``(I - U U^T) K (I - U U^T) + s U U^T`` is so everywhere, and one Cholesky factor solves for all
-outputs. Polynomials that the samples cannot tell apart (fewer samples than polynomials, samples on
-a line or a plane) are not in U.
+The weights are orthogonal to the polynomials; in that subspace the matrix K of radial functions is
+positive definite. With U an orthonormal basis of the polynomials' values at the samples,
+``(I - U U^T) K (I - U U^T) + s U U^T`` is positive definite in the whole space, and one Cholesky
+factor solves for all outputs. Polynomials that the samples cannot tell apart (fewer samples than
+polynomials, samples on a line or a plane) are not in U.
 
 Cost: n^3 / 3 multiplications; n^3 with the inverse, which the errors take.
 """
@@ -28,27 +28,27 @@ SAME_PLANE: Final = 1e-6
 """A combination of polynomials whose values (n,) are smaller than this is dropped."""
 
 _REFINABLE: Final = 1e-4
-"""Largest relative error of a solution that one step of refinement leaves at 1e-8."""
+"""Largest relative error of a solution that one step of refinement reduces to 1e-8."""
 
 _EPS: Final = float(np.finfo(np.float64).eps)
 _LEAST_RECIPROCAL_CONDITION: Final = 100.0 * _EPS / _REFINABLE
 _INDISPENSABLE: Final = 1e-10
-"""A sample whose pivot in the inverse, times the system's norm, is no more than this is the only
-one to tell some polynomial: nothing can be said without it."""
+"""Bound on a sample's pivot in the inverse, times the system's norm. At or below it, the sample
+alone determines some polynomial, and its leave-one-out error is not defined."""
 
 
 class RadialBasisNetwork:
     """The network through samples.
 
-    Samples that all but coincide are smoothed: there the system is too close to singular, and as
-    much is added to its diagonal as gives it twice the least eigenvalue that can be refined.
+    If samples nearly coincide, the system is nearly singular. Its diagonal is then raised to give
+    twice the least eigenvalue that can be refined, which smooths the samples.
 
     Parameters
     ----------
     points, values
         At least one sample, shapes (n, d) and (n, m), finite.
     smoothing
-        What ridge regression adds to the diagonal, not negative; 0 goes through every sample.
+        Number that ridge regression adds to the diagonal, not negative; 0 fits every sample.
 
     Attributes
     ----------
@@ -89,20 +89,20 @@ class RadialBasisNetwork:
         return np.asarray(self._off(self._off(full).T))
 
     def is_indispensable(self, pivot: float) -> bool:
-        """Say of a diagonal element of `inverse` whether nothing is known without that sample.
+        """Return whether a sample with this diagonal element of `inverse` cannot be left out.
 
-        Of all others the error without the sample is its weight over its pivot (Rippa, "An
-        algorithm for selecting a good value for the parameter c in radial basis function
-        interpolation", Adv. Comput. Math. 11 (1999), 193-210).
+        For all other samples, the error of the network without the sample is its weight over its
+        pivot (Rippa, "An algorithm for selecting a good value for the parameter c in radial basis
+        function interpolation", Adv. Comput. Math. 11 (1999), 193-210).
         """
         return pivot * self._scale <= _INDISPENSABLE
 
     def _off(self, columns: FloatArray) -> FloatArray:
-        """Return what of columns (n, k) is orthogonal to the polynomials."""
+        """Return the part of columns (n, k) that is orthogonal to the polynomials."""
         return np.asarray(columns - self._basis @ (self._basis.T @ columns))
 
     def _factored(self, projected: FloatArray, rounding: float) -> tuple[FloatArray, float]:
-        """Return the Cholesky factor, and what was added to the diagonal for it."""
+        """Return the Cholesky factor, and the number added to the diagonal for it."""
         system = projected + self._scale * (self._basis @ self._basis.T)
         least = max(_LEAST_RECIPROCAL_CONDITION * self._scale, rounding)
         factor, failed = lapack.dpotrf(system, lower=1, clean=1)
