@@ -343,3 +343,19 @@ def test_reading_and_merging_three_sensors_takes_a_small_part_of_a_core() -> Non
     print(f"merging 1 kHz and 7 kHz with a robot at 1 kHz: {100 * share:.1f} % of a core")
     assert count > ticks - 20
     assert share < 0.25
+
+
+def test_after_seven_weeks_the_numbers_begin_at_nought_again() -> None:
+    lane = Lane(latency_ns=0)
+    merger = FrameAssembler({"force_n": lane}, DTYPE, MS)
+    merger.tick(2**32 - 2, START_NS)
+    merger.give_up()
+    found: list[int] = []
+    for tick in range(12):
+        lane.add([SensorReading(tick * MS, (0.0, 0.0, 0.0))], START_NS + tick * MS)
+        merger.tick(1, START_NS + (tick + 1) * MS)
+        found += merger.frames()["sequence"].tolist()
+    first = found[0]
+    assert first in (2**32 - 2, 2**32 - 1)
+    assert found == [(first + step) % 2**32 for step in range(len(found))]
+    assert found[-1] > 5

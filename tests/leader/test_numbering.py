@@ -299,3 +299,15 @@ def test_a_follower_that_counts_anew_on_its_connection_is_put_behind_the_silence
     np.testing.assert_array_equal(taken["time_ns"], again["time_ns"])
     following, left_out = numbering.number(made_frames(10, 2), SECOND + 260 * PERIOD_NS)
     assert (left_out, following["sequence"].tolist()) == (0, [5360, 5361])
+
+
+def test_another_followers_clock_counts_even_if_its_numbers_go_on() -> None:
+    numbering = SessionNumbering(PERIOD_NS)
+    numbering.reconnect("one")
+    numbering.number(made_frames(0, 100), 5 * SECOND)
+    numbering.reconnect("another")
+    again = made_frames(350, 10)  # as it happens, those that would be next
+    again["time_ns"] -= 90 * SECOND  # another machine's clock
+    taken, _ = numbering.number(again, 5 * SECOND + 250 * PERIOD_NS)
+    assert taken["sequence"].tolist() == list(range(350, 360))
+    assert np.all(np.diff([99 * PERIOD_NS, *taken["time_ns"].tolist()]) > 0)

@@ -300,3 +300,12 @@ async def test_settings_that_arrive_in_two_segments_are_taken_and_late_ones_refu
     finally:
         await server.stop()
     assert network.settings.delay_ms == 15
+
+
+async def test_what_is_under_way_at_the_end_is_lost_once_and_repeated_by_nobody() -> None:
+    async with outbox(delay_ms=1000, jitter_ms=1, duplicate=0.5) as (box, sent):
+        for index in range(40):
+            box.put(1, bytes([index]))
+        assert box.emulated["repeated"] > 5
+    assert sent.messages == []
+    assert box.emulated == {"messages": 40, "lost": 40, "repeated": 0}

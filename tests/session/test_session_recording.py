@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.reader import make_reader
 from session_samples import START_NS, made_frames
 from waiting import until
 
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
-from mmt.session import read_session
+from mmt.session import export_session, read_session
 from mmt.session.mcap_writer import SessionWriter
 from mmt.session.recorder import McapRecorder
 from mmt.session.recover import recover
@@ -44,8 +45,6 @@ def test_single_frames_become_blocks_of_twenty_with_their_arrival(tmp_path):
     with McapRecorder(path, channels=CHANNELS, clock=lambda: next(now)) as recorder:
         for index in range(50):
             recorder.record_frames(frames[index : index + 1])
-    from mcap.reader import make_reader
-
     with path.open("rb") as stream:
         messages = [m for _, _, m in make_reader(stream).iter_messages(topics=["/frames"])]
     # A partial block may end early where the flush fell into this run.
@@ -262,3 +261,40 @@ def test_where_the_system_has_no_locks_recording_goes_on(tmp_path, monkeypatch):
     with McapRecorder(tmp_path / "run.mcap", channels=CHANNELS) as recorder:
         recorder.record_frames(made_frames(20))
     assert len(read_session(tmp_path / "run.mcap").frames) == 20
+
+
+@given(
+    offset_ns=st.one_of(st.just(0), st.integers(-(10**15), 0), st.integers(10**10, 10**15)),
+    drift_ppm=st.floats(-100.0, 100.0),
+    late_ns=st.integers(1, 10**9),
+    jumps=st.booleans(),
+)
+@settings(max_examples=30, deadline=None)
+def test_a_session_began_when_its_first_frame_was_measured(
+    tmp_path_factory, offset_ns, drift_ppm, late_ns, jumps
+):
+    path = tmp_path_factory.mktemp("session") / "run.mcap"
+    frames = made_frames(50)
+    measured_ns = time.monotonic_ns() - late_ns  # by the leader's clock
+    frames["time_ns"] += measured_ns + offset_ns - frames["time_ns"][0]
+    arrived_ns, later_ns = measured_ns + late_ns, 10**9
+    compared = {
+        "event": "clocks compared",
+        "clock_time_ns": measured_ns + later_ns,
+        "clock_offset_ns": offset_ns + round(drift_ppm * 1e-6 * later_ns),
+        "clock_drift_ppm": drift_ppm,
+        "clock_uncertainty_ns": 1000,
+    }
+    with McapRecorder(path, channels=CHANNELS, clock=lambda: arrived_ns) as recorder:
+        recorder.record_frames(frames)
+        if jumps:
+            recorder.record_event({"event": "clock set", "clock_step_ns": 5})
+        recorder.record_event(compared)
+    session = read_session(path)
+    with path.open("rb") as stream:
+        first = next(make_reader(stream).iter_messages(topics=["/frames"]))[2]
+    before_arrival_ns = 0 if jumps else late_ns
+    assert abs(first.log_time - session.began_utc_ns - before_arrival_ns) <= 100
+    copy = path.with_name("copy.mcap")
+    export_session(session, copy)
+    assert abs(read_session(copy).began_utc_ns - session.began_utc_ns) <= 1

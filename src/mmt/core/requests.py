@@ -73,8 +73,10 @@ class Answer:
             except (OSError, ValueError, HTTPException) as error:
                 raise MmtError(f"{self._url} broke off: try again") from error
             most_bytes -= len(chunk)
-            if most_bytes < 0 or time.monotonic() > until_s:
+            if most_bytes < 0:
                 raise MmtError(f"{self._url} sends more than it should: it was not read to its end")
+            if time.monotonic() > until_s:
+                raise MmtError(f"{self._url} took longer than {_LONGEST_S:g} s to send: try again")
             if not chunk:
                 break
             yield chunk

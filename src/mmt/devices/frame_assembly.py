@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import RecordArray
-from mmt.core.frames import frame_struct
+from mmt.core.frames import SEQUENCES, frame_struct
 from mmt.devices.lanes import Lane, Waiting
 
 HOLD_BACK_NS: Final = 1_250_000
@@ -131,7 +131,7 @@ class FrameAssembler:
             else:
                 numbers += value
         try:
-            return self._pack(self._next, time_ns, *numbers) if complete else b""
+            return self._pack(self._next % SEQUENCES, time_ns, *numbers) if complete else b""
         except OverflowError:  # larger than a frame's numbers: no sensor measures that
             return b""
 

@@ -45,7 +45,8 @@ class Reconnection(threading.Thread):
         pause_s = _RETRY_S
         while not self._given_up.is_set():
             try:
-                self._device.close()
+                with suppress(Exception):
+                    self._device.close()
                 self._device.connect()
             except Exception as error:  # noqa: BLE001 - whatever a driver raises, try again
                 self.reason = str(error) or type(error).__name__

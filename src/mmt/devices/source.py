@@ -13,6 +13,7 @@ from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.core.frames import (
     FIELD_OF_CHANNEL,
     FRAMES_HZ,
+    SEQUENCES,
     Channel,
     frame_dtype,
     missing_band,
@@ -270,7 +271,7 @@ class DeviceSource:
         if self._lost:
             return np.empty(0, dtype=self._dtype)
         frames = np.zeros(1, dtype=self._dtype)
-        frames["sequence"] = self._sequence - 1
+        frames["sequence"] = (self._sequence - 1) % SEQUENCES
         frames["time_ns"] = now_ns
         for field, slot in self._measuring.items():
             assert isinstance(slot.lane, PolledLane)  # noqa: S101 - none is sampled here

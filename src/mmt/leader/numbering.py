@@ -108,7 +108,7 @@ class SessionNumbering:
 
     def renumber(self, frames: RecordArray) -> RecordArray:
         """Return frames (n,) of the connected follower, in the session's numbers and times."""
-        if self._shift:
+        if self._shift or self._time_shift_ns:
             frames = frames.copy()
             own = frames["sequence"].astype(np.int64)
             frames["sequence"] = self._newest + steps_ahead(own, self._newest - self._shift)

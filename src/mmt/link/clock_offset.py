@@ -138,6 +138,7 @@ class ClockOffset:
         """
         if least_ns > most_ns:
             return None
+        self.exchanges += 1
         if self._estimate is not None and self._contradicts(time_ns, least_ns, most_ns):
             self._doubted.append((time_ns, least_ns, most_ns))
             if len(self._doubted) < _WITNESSES:
@@ -182,7 +183,6 @@ class ClockOffset:
             if self._blocks:
                 self._drift, self._drift_error = _drift(self._blocks)
             self._blocks.append(_Block(number, (time, least), (time, most)))
-        self.exchanges += 1
         self._used += 1
         self._estimate = self._fit(time)
         return None

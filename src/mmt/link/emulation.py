@@ -73,7 +73,7 @@ class EmulatedSendQueue(SendQueue):
             self._lost += 1
             return
         self._repeated += len(arrivals) - 1
-        for arrival_ns in arrivals:
+        for arrival_ns in sorted(arrivals):
             heapq.heappush(self._delayed, (arrival_ns, next(self._number), records, message))
             records = 0  # a repeated message is not counted twice
         self._release()
@@ -101,7 +101,9 @@ class EmulatedSendQueue(SendQueue):
 
     def close(self) -> None:
         """Stop sending at once; delayed messages count as lost on their way."""
-        self._lost += len(self._delayed)
+        first_copies = sum(records > 0 for _, _, records, _ in self._delayed)
+        self._lost += first_copies
+        self._repeated -= len(self._delayed) - first_copies
         self._delayed.clear()
         self._alarm.close()
         super().close()

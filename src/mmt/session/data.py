@@ -24,6 +24,8 @@ FRAME_PERIOD_NS = 1_000_000
 """Frames come at 1 kHz."""
 FRAME_PERIOD_S = 1e-3
 
+_COMPARED = ("time_ns", "offset_ns", "drift_ppm", "uncertainty_ns")
+
 _Times = TypeVar("_Times", IntArray, FloatArray)
 
 JsonObject = Mapping[str, Any]
@@ -209,6 +211,12 @@ def event_time_s(event: JsonObject) -> float:
     if isinstance(time_s, int | float) and math.isfinite(time_s):
         return float(time_s)
     return 0.0
+
+
+def compares_clocks(event: JsonObject) -> bool:
+    """Return whether an event is a usable comparison of the follower's and the leader's clock."""
+    values = [event.get(f"clock_{key}") for key in _COMPARED]
+    return all(isinstance(value, int | float) and math.isfinite(value) for value in values)
 
 
 def axis_columns(channel: Channel) -> tuple[str, str, str]:

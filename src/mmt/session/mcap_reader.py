@@ -1,8 +1,9 @@
 """Decode the session in a scanned MCAP file, which may be cut off or damaged."""
 
+import itertools
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from mcap.well_known import MessageEncoding
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
-from mmt.session.data import JsonObject, OutputBlock, RecordedSession
+from mmt.session.data import JsonObject, OutputBlock, RecordedSession, compares_clocks
 from mmt.session.mcap_scan import Scan, scan_mcap
 from mmt.session.mcap_writer import (
     ACCELERATION_RATE,
@@ -67,16 +68,18 @@ def scanned_session(scan: Scan) -> RecordedSession:
     models = [a for a in scan.attachments if a.media_type == MODEL_MEDIA_TYPE]
     scene = scan.metadata_of(SCENE_METADATA).get("json")
     about = scan.metadata_of(SESSION_METADATA)
+    frames = scanned_frames(scan)
+    events = [_event(scan, message, start_ns) for message in scan.on_topic(EVENTS_TOPIC)]
     return RecordedSession(
-        frames=scanned_frames(scan),
+        frames=frames,
         scene=None if scene is None else parse_json(scan.path, scene, "the scene"),
         annotations=annotations[-1] if annotations else b"",
         models=[((model.log_time - start_ns) / 1e9, model.data) for model in models],
-        events=[_event(scan, message, start_ns) for message in scan.on_topic(EVENTS_TOPIC)],
+        events=events,
         outputs=_outputs(scan, start_ns),
         path=scan.path,
         session_id=about.get("session_id"),
-        began_utc_ns=None if utc_offset_ns(about) is None else start_ns,
+        began_utc_ns=_began_utc_ns(utc_offset_ns(about), start_ns, frames, events),
         complete=scan.whole and not scan.metadata_of(RECOVERY_METADATA),
     )
 
@@ -110,6 +113,26 @@ def utc_offset_ns(metadata: Mapping[str, str]) -> int | None:
     """Return UTC minus the recording machine's clock, or None if the file has no date."""
     text = metadata.get(UTC_OFFSET, "")
     return int(text) if re.fullmatch(r"-?[0-9]{1,20}", text) else None
+
+
+def _began_utc_ns(
+    utc_ahead_ns: int | None, start_ns: int, frames: RecordArray, events: Sequence[JsonObject]
+) -> int | None:
+    """Return when the first frame was measured, or None in a file without a date.
+
+    The messages of a live recording have the time of arrival. The first comparison of the clocks
+    says when a frame was measured; without one it is taken to be measured when it arrived.
+    """
+    if utc_ahead_ns is None or len(frames) == 0:
+        return None if utc_ahead_ns is None else start_ns
+    measured_ns = int(frames["time_ns"][0])
+    before_jump = itertools.takewhile(lambda event: "clock_step_ns" not in event, events)
+    clock = next(filter(compares_clocks, before_jump), None)
+    if clock is None or start_ns - utc_ahead_ns == measured_ns:  # times are of the follower's clock
+        return start_ns
+    since_ns = measured_ns - clock["clock_offset_ns"] - clock["clock_time_ns"]
+    offset_ns = clock["clock_offset_ns"] + round(clock["clock_drift_ppm"] / 1e6 * since_ns)
+    return measured_ns - int(offset_ns) + utc_ahead_ns
 
 
 def _outputs(scan: Scan, start_ns: int) -> list[OutputBlock]:

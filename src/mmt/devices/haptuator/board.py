@@ -9,7 +9,7 @@ import serial
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.haptuator.framing import Decoder, Message, encode
-from mmt.devices.serial_ports import close_port, empty_port, open_port
+from mmt.devices.serial_ports import close_port, empty_port, open_port, read_waiting
 
 _AT_ONCE: Final = 16384
 _LARGEST_BACKLOG: Final = 8192
@@ -27,8 +27,8 @@ class HaptuatorBoard:
     def __init__(self, port: str, baud_rate: int) -> None:
         self.name = f"Haptuator's board on {port}"
         self.faults: Counter[str] = Counter()
-        """``bad frames``, ``bad checksums`` and ``other versions`` received, and ``dropped bytes``
-        that the port did not take."""
+        """``bad frames``, ``bad checksums`` and ``other versions`` received, and ``dropped writes``
+        of more than the port takes."""
         self._path = port
         self._baud_rate = baud_rate
         self._port: serial.Serial | None = None
@@ -61,7 +61,7 @@ class HaptuatorBoard:
             The port is not open, or the board was unplugged.
         """
         try:
-            received = self._opened().read(_AT_ONCE)
+            received = read_waiting(self._opened(), _AT_ONCE)
         except (serial.SerialException, OSError, TypeError) as error:
             raise self._gone() from error
         messages = self._decoder.feed(received)
@@ -90,7 +90,7 @@ class HaptuatorBoard:
             raise self._gone() from error
         del backlog[:sent]
         if len(backlog) > _LARGEST_BACKLOG:
-            self.faults["dropped bytes"] += len(backlog)
+            self.faults["dropped writes"] += 1
             backlog[:] = b"\0"
 
     def close(self) -> None:

@@ -259,7 +259,7 @@ class ModelOutput(Part):
             if synthesizing is None:
                 raise InputError("this scene renders from no model: it has no [rendering]")
             if update is not None and update.model is not None:
-                synthesizing.synthesizer.model = update.model
+                self._render(update.model, update.surface)
             if synthesizing.synthesizer.model is None:
                 raise InputError("there is no model yet: stroke the surface first")
         self.forced = mode

@@ -8,11 +8,10 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
-from mmt.session.data import JsonObject
+from mmt.session.data import JsonObject, compares_clocks
 from mmt.web.monitor.states import LATENCY_MS
 
 Kind = Literal["mark", "gap", "criterion", "other"]
-_CLOCK: Final = ("clock_time_ns", "clock_offset_ns", "clock_drift_ppm", "clock_uncertainty_ns")
 _SURFACE_CHANGES: Final = ("new", "recalled", "identified")
 _MOST: Final = 2000
 """Most events that a page receives."""
@@ -66,9 +65,7 @@ class LinkRecord:
     """
 
     def __init__(self, events: Sequence[JsonObject]) -> None:
-        self._clocks = [
-            event for event in events if all(isinstance(event.get(k), int | float) for k in _CLOCK)
-        ]
+        self._clocks = [event for event in events if compares_clocks(event)]
         self._steps_s = [event["at_s"] for event in events if "clock_step_ns" in event]
         self._gaps = [event for event in events if event.get("kind") in ("gap", "filled")]
 
