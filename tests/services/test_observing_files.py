@@ -110,3 +110,20 @@ def fields_of(recording: Path) -> set[str]:
                 *(f"{channel.topic}.{f.name}" for f in content.DESCRIPTOR.fields),
             )
         }
+
+
+def test_grafanas_own_library_knows_all_of_the_dashboard() -> None:
+    models = pytest.importorskip("grafana_foundation_sdk.models.dashboard")
+    encoder = pytest.importorskip("grafana_foundation_sdk.cog.encoder").JSONEncoder()
+    given = json.loads((OBSERVING / "grafana.json").read_text(encoding="utf-8"))
+    assert unread(given, json.loads(encoder.encode(models.Dashboard.from_json(given)))) == []
+    assert given["annotations"] == {"list": []}, "its schema requires it"
+
+
+def unread(given: Any, read: Any, place: str = "") -> list[str]:
+    """Return what of a document is not in what was read of it, by its place."""
+    if isinstance(given, dict) and isinstance(read, dict):
+        return [p for key in given for p in unread(given[key], read.get(key), f"{place}/{key}")]
+    if isinstance(given, list) and isinstance(read, list) and len(given) == len(read):
+        return [p for n, each in enumerate(given) for p in unread(each, read[n], f"{place}/{n}")]
+    return [] if given == read else [place]
