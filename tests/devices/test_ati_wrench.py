@@ -19,7 +19,7 @@ from mmt.devices.ati.calibration import (
 from mmt.devices.wrench import WrenchConverter, diagonal, matrix_of
 
 RANGE_N, RANGE_N_MM = (12.0, 12.0, 17.0), (120.0, 120.0, 120.0)
-FOUND = Calibration("FT00017", "SI-12-0.12", "N", "N-mm", RANGE_N, RANGE_N_MM)
+FOUND = Calibration("FT00017", "SI-12-0.12", "N", RANGE_N, RANGE_N_MM)
 SOME = st.floats(-1.5, 1.5)
 
 
