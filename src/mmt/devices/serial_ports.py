@@ -140,7 +140,8 @@ class FrameDecoder(ABC, Generic[Content]):
     """Cut a stream of bytes into frames; invalid ones are counted and left out.
 
     Bytes before the first zero end an earlier frame: they are dropped and not counted. A subclass
-    says which lengths there are (bytes with the check) and which version, a frame's first byte.
+    says the version, which is a frame's first byte, and the lengths: from `_shortest` (bytes with
+    the check) by `_step`, and at most `_longest` (bytes in COBS, without the zero).
     """
 
     _version: ClassVar[int]

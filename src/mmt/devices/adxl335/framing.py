@@ -24,8 +24,6 @@ Counts = tuple[int, int, int]
 _HEAD: Final = struct.Struct("<BII")
 _SAMPLE: Final = struct.Struct("<HHH")
 _OVERHEAD: Final = _HEAD.size + 2
-_LONGEST: Final = _OVERHEAD + MOST_SAMPLES * _SAMPLE.size + 1
-"""Bytes of an encoded frame without its zero."""
 
 
 class BoardFrame(NamedTuple):
@@ -60,7 +58,7 @@ class BoardDecoder(FrameDecoder[BoardFrame]):
     _version = VERSION
     _shortest = _OVERHEAD + _SAMPLE.size
     _step = _SAMPLE.size
-    _longest = _LONGEST
+    _longest = _OVERHEAD + MOST_SAMPLES * _SAMPLE.size + 1
 
     def _parse(self, content: bytes) -> BoardFrame:
         _, sequence, time_us = _HEAD.unpack_from(content)
