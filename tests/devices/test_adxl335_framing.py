@@ -15,15 +15,14 @@ from sketches import FIRMWARE, check_whole, compiled, needs_compiler, running
 from mmt.devices.adxl335.framing import (
     MOST_SAMPLES,
     VERSION,
+    BoardDecoder,
     BoardFrame,
-    FrameDecoder,
     Timeline,
     encode_frame,
-    stuff,
-    unstuff,
 )
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2
 from mmt.devices.adxl335.serial_driver import SerialAdxl335
+from mmt.devices.serial_ports import stuff, unstuff
 
 SKETCH = FIRMWARE / "adxl335" / "adxl335.ino"
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "accelerometer-framing.md"
@@ -38,9 +37,9 @@ frames = st.builds(
 )
 
 
-def decoder() -> FrameDecoder:
+def decoder() -> BoardDecoder:
     """One that has seen the end of an earlier frame."""
-    made = FrameDecoder()
+    made = BoardDecoder()
     made.feed(b"\0")
     return made
 
@@ -78,7 +77,7 @@ def test_a_flipped_bit_never_passes(frame: BoardFrame, data: st.DataObject) -> N
 @settings(max_examples=50)
 @given(st.binary(max_size=2000), frames)
 def test_after_any_garbage_the_next_frame_is_read(garbage: bytes, frame: BoardFrame) -> None:
-    reader = FrameDecoder()
+    reader = BoardDecoder()
     reader.feed(garbage)
     assert list(reader.feed(b"\0" + encode_frame(frame)))[-1:] == [frame]
     assert len(pickle.dumps(reader)) < 600
@@ -86,7 +85,7 @@ def test_after_any_garbage_the_next_frame_is_read(garbage: bytes, frame: BoardFr
 
 def test_the_first_half_frame_is_no_fault() -> None:
     wire = encode_frame(BoardFrame(7, 8, ((1, 2, 3),)))
-    reader = FrameDecoder()
+    reader = BoardDecoder()
     assert list(reader.feed(wire[5:] + wire)) == [BoardFrame(7, 8, ((1, 2, 3),))]
     assert not reader.faults
 

@@ -46,7 +46,6 @@ def test_forces_come_at_the_rate_of_the_filter_by_the_sensors_clock(emulated, se
     assert steps[100] == pytest.approx(PERIOD_NS, abs=1000)
     assert all(reading.value == NEAR for reading in readings)
     assert sensor.latency_ns == round(1e9 * 370 / 460_800)  # the time on the line
-    assert sensor.temperature_c == 31.5
     assert not sensor.faults.keys() - {"lost frame"}  # a busy machine loses some
 
 

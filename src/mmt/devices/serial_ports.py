@@ -1,10 +1,14 @@
-"""Serial ports: why one cannot be opened, reading without waiting, and COBS for frames."""
+"""Serial ports: why one cannot be opened, reading without waiting, and frames in COBS."""
 
 import contextlib
 import errno
 import os
 import sys
-from typing import Any, Final
+from abc import ABC, abstractmethod
+from binascii import crc_hqx
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any, ClassVar, Final, Generic, TypeVar
 
 import serial
 from serial.tools import list_ports
@@ -122,3 +126,81 @@ def unstuff(stuffed: bytes) -> bytes | None:
         plain[at] = 0  # each block ends with a zero; the one at 0 is not content
         at = following
     return bytes(plain[1:]) if at == end else None
+
+
+def framed(plain: bytes) -> bytes:
+    """Return a frame's content as it goes over the wire, with its check and its final zero."""
+    return stuff(plain + crc_hqx(plain, 0xFFFF).to_bytes(2, "little")) + b"\0"
+
+
+Content = TypeVar("Content")
+
+
+class FrameDecoder(ABC, Generic[Content]):
+    """Cut a stream of bytes into frames; invalid ones are counted and left out.
+
+    Bytes before the first zero end an earlier frame: they are dropped and not counted. A subclass
+    says the version, which is a frame's first byte, and the lengths: from `_shortest` (bytes with
+    the check) by `_step`, and at most `_longest` (bytes in COBS, without the zero).
+    """
+
+    _version: ClassVar[int]
+    _shortest: ClassVar[int]
+    _step: ClassVar = 1
+    _longest: ClassVar = 254
+
+    def __init__(self) -> None:
+        self.faults: Counter[str] = Counter()
+        """``bad frames`` (not COBS, or with impossible content), ``bad checksums``,
+        ``other versions``."""
+        self.rejected = 0
+        """Number of invalid frames of all kinds."""
+        self._buffer = b""
+        self._synchronised = False
+
+    @abstractmethod
+    def _parse(self, content: bytes) -> Content | None:
+        """Return the content of a whole frame without its check; None if it is impossible."""
+
+    def feed(self, received: bytes) -> Sequence[Content]:
+        """Return the frames that these bytes complete, oldest first."""
+        if not received:
+            return ()
+        *pieces, rest = (self._buffer + received).split(b"\0")
+        frames = []
+        for piece in pieces:
+            if not self._synchronised:
+                self._synchronised = True
+            elif piece:  # two zeros in a row hold no frame
+                frame = self._decode(piece)
+                if frame is not None:
+                    frames.append(frame)
+        if len(rest) > self._longest:  # no frame is that long: skip to the next zero
+            if self._synchronised:
+                self._reject("bad frames")
+                self._synchronised = False
+            rest = b""
+        self._buffer = rest
+        return frames
+
+    def _reject(self, fault: str) -> None:
+        self.faults[fault] += 1
+        self.rejected += 1
+
+    def _decode(self, stuffed: bytes) -> Content | None:
+        plain = (unstuff(stuffed) if len(stuffed) <= self._longest else None) or b""
+        beyond = len(plain) - self._shortest
+        if beyond < 0 or beyond % self._step:
+            self._reject("bad frames")
+            return None
+        content = plain[:-2]
+        if crc_hqx(content, 0xFFFF) != plain[-2] | plain[-1] << 8:
+            self._reject("bad checksums")
+            return None
+        if content[0] != self._version:
+            self._reject("other versions")
+            return None
+        frame = self._parse(content)
+        if frame is None:
+            self._reject("bad frames")
+        return frame

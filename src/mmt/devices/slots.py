@@ -53,6 +53,7 @@ class Slot(ABC):
 
     def __init__(self, role: str, device: Device, lane: Lane) -> None:
         self.role = role
+        self.name = f"the {role} ({type(device).__name__})"
         self.device = device
         self.lane = lane
         self.losses = 0
@@ -294,7 +295,7 @@ def slot_of(role: str, device: Any, lane: Lane | None = None) -> Slot:
 def failure(slot: Slot, error: Exception) -> MmtError:
     """Return the message for any exception that a driver raises."""
     reason = str(error) or type(error).__name__
-    return MmtError(f"the {slot.role} ({type(slot.device).__name__}) failed: {reason}")
+    return MmtError(f"{slot.name} failed: {reason}")
 
 
 def summaries(slots: Mapping[str, Slot]) -> dict[str, Any]:

@@ -253,7 +253,7 @@ class DeviceSource:
                 elif slot.reconnect(now_ns):
                     self._regain(slot)
                 elif reason := slot.new_reason():
-                    self._watcher(True, f"{_name(slot)} is not back yet: {reason}")
+                    self._watcher(True, f"{slot.name} is not back yet: {reason}")
             except DeviceLost as error:
                 self._lose(slot, error, now_ns)
             except Exception as error:
@@ -286,11 +286,11 @@ class DeviceSource:
             raise failure(slot, error) from error
         self._lost.append(slot)
         slot.lose(now_ns, str(error))
-        self._watcher(True, f"{_name(slot)} is lost: {error}")
+        self._watcher(True, f"{slot.name} is lost: {error}")
 
     def _regain(self, slot: Slot) -> None:
         self._lost.remove(slot)
-        self._watcher(bool(self._lost), f"{_name(slot)} is back")
+        self._watcher(bool(self._lost), f"{slot.name} is back")
 
     @property
     def finished(self) -> bool:
@@ -342,11 +342,7 @@ def _check_sampled(slot: Slot | None, acceleration_hz: int) -> None:
             if driver.rates and "accelerometer" in driver.roles
         ]
         raise InputError(
-            f"{_name(slot)} is asked once a millisecond and gives 1000 samples a second, where the "
+            f"{slot.name} is asked once a millisecond and gives 1000 samples a second, where the "
             f"scene takes {acceleration_hz} ([session] acceleration_rate_hz): leave that out, or "
             f"take a sensor with a clock of its own: {'; '.join(rates)}"
         )
-
-
-def _name(slot: Slot) -> str:
-    return f"the {slot.role} ({type(slot.device).__name__})"

@@ -122,10 +122,6 @@ class WrenchConverter:
         self._safe = _within(matrix, self._limits)
         self.bias: Six = _ZERO
 
-    def wrench(self, raw: Six) -> Six:
-        """Return the wrench in the sensor's axes, without the bias."""
-        return _multiply(self._matrix, tuple(a - b for a, b in zip(raw, self.bias, strict=True)))
-
     def force(self, raw: Six) -> Vector | None:
         """Return the force in the scene's axes (N), or None if the record is impossible."""
         p, q, r, s, t, u = raw
@@ -197,7 +193,3 @@ def _within(matrix: Matrix, limits: Sequence[float]) -> Six:
             for bound, entry in zip(bounds, entries, strict=True)
         ]
     return six_of(bounds)
-
-
-def _multiply(matrix: Matrix, values: Sequence[float]) -> Six:
-    return six_of([sum(a * b for a, b in zip(row, values, strict=True)) for row in matrix])

@@ -6,8 +6,8 @@ The toolkit's files may not be passed on, so none comes with this package.
 """
 
 import xml.etree.ElementTree as ET
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -217,7 +217,7 @@ def format_hatt(content: HattModelSet) -> bytes:
     from mmt.texture.autoregression.forms import lsf_to_ar
 
     root = ET.Element("modelSet")
-    add = _adder(root)
+    add = partial(_add, root)
     add("material", content.material)
     add("AccelUnits", "m/s^2")
     add("SpeedUnits", "mm/s")
@@ -239,7 +239,7 @@ def format_hatt(content: HattModelSet) -> bytes:
             ET.SubElement(triangle, "value").text = str(int(corner) + 1)
     for number, ar in enumerate(lsf_to_ar(content.lsf)):
         model = add("model", "")
-        add_to = _adder(model)
+        add_to = partial(_add, model)
         _add_values(add_to("ARcoeff", ""), np.append(1.0, ar))
         _add_values(add_to("ARlsf", ""), content.lsf[number])
         add_to("var", _text(content.variance[number] * content.zeros[number, 0] ** 2))
@@ -250,13 +250,10 @@ def format_hatt(content: HattModelSet) -> bytes:
     return b'<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root) + b"\n"
 
 
-def _adder(parent: ET.Element) -> Callable[[str, str], ET.Element]:
-    def add(tag: str, text: str) -> ET.Element:
-        element = ET.SubElement(parent, tag)
-        element.text = text or None
-        return element
-
-    return add
+def _add(parent: ET.Element, tag: str, text: str) -> ET.Element:
+    element = ET.SubElement(parent, tag)
+    element.text = text or None
+    return element
 
 
 def _add_values(parent: ET.Element, values: FloatArray) -> None:

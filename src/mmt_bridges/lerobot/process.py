@@ -55,66 +55,62 @@ def run(settings: Settings) -> str:
     if numerics := numerics_of(scene):
         compile_kernels(numerics, _event)
     with Logs("leader", None, None), requiring():
-        return asyncio.run(_Run(settings, scene).run())
+        return asyncio.run(_run(settings, scene))
 
 
-class _Run:
-    def __init__(self, settings: Settings, scene: "Scene") -> None:
-        self._settings = settings
-        self._scene = scene
+async def _run(settings: Settings, scene: "Scene") -> str:
+    from mmt.cli.common import stop_on_signals
+    from mmt.leader.service import Leader
+    from mmt_bridges.lerobot.observing import ObservingPart
 
-    async def run(self) -> str:
-        from mmt.cli.common import stop_on_signals
-        from mmt.leader.service import Leader
-        from mmt_bridges.lerobot.observing import ObservingPart
+    leader = Leader(scene, on_event=_event)
+    ready = asyncio.Event()
+    hand = leader.parts.hand
+    assert hand is not None  # noqa: S101 - the settings give every scene one
+    part = ObservingPart(leader.session, hand, ready)
+    leader.parts.add(part)
+    stop_on_signals(leader.stop)
+    tasks: list[asyncio.Task[None]] = []
+    requests = asyncio.create_task(_answer(leader, part, ready))
 
-        leader = Leader(self._scene, on_event=_event)
-        ready = asyncio.Event()
-        hand = leader.parts.hand
-        assert hand is not None  # noqa: S101 - the settings give every scene one
-        part = ObservingPart(leader.session, hand, ready)
-        leader.parts.add(part)
-        stop_on_signals(leader.stop)
-        tasks: list[asyncio.Task[None]] = []
-        requests = asyncio.create_task(_answer(leader, part, ready))
+    def listening() -> None:
+        if settings.follower:
+            tasks.append(asyncio.create_task(_follow(settings, scene, leader)))
+        else:
+            _event(f"waiting for a follower at port {leader.port}")
 
-        def listening() -> None:
-            if self._settings.follower:
-                tasks.append(asyncio.create_task(self._follow(leader)))
-            else:
-                _event(f"waiting for a follower at port {leader.port}")
+    try:
+        summary = await leader.run(listening)
+    finally:
+        requests.cancel()
+        if tasks:
+            await asyncio.wait(tasks, timeout=_LAST_S)
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(requests, *tasks, return_exceptions=True)
+    if summary.problem is not None:
+        raise MmtError(summary.problem.removeprefix(FAILED))
+    return summary.outcome
 
-        try:
-            summary = await leader.run(listening)
-        finally:
-            requests.cancel()
-            if tasks:
-                await asyncio.wait(tasks, timeout=_LAST_S)
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(requests, *tasks, return_exceptions=True)
-        if summary.problem is not None:
-            raise MmtError(summary.problem.removeprefix(FAILED))
-        return summary.outcome
 
-    async def _follow(self, leader: "Leader") -> None:
-        """Run the follower as a process of its own; the session ends with it."""
-        from mmt.cli.child import Child
+async def _follow(settings: Settings, scene: "Scene", leader: "Leader") -> None:
+    """Run the follower as a process of its own; the session ends with it."""
+    from mmt.cli.child import Child
 
-        assert self._scene.link is not None and leader.port is not None  # noqa: S101, PT018
-        url = self._scene.link.url(leader.port)
-        arguments = ["follower", self._settings.scene, "--leader", url, "--json-lines"]
-        child = await Child.start("follower", "mmt.cli.child", arguments, on_warning=_event)
-        try:
-            async for line in child.lines():
-                if line["kind"] == "event":
-                    _event(f"follower: {line['event']}")
-            code = await child.wait()
-            if code != 0:
-                why = child.messages.removeprefix("error: ") or f"it ended with exit code {code}"
-                leader.ending.fail(MmtError(f"the follower: {why}"))
-        finally:
-            await child.kill()
+    assert scene.link is not None and leader.port is not None  # noqa: S101, PT018
+    url = scene.link.url(leader.port)
+    arguments = ["follower", settings.scene, "--leader", url, "--json-lines"]
+    child = await Child.start("follower", "mmt.cli.child", arguments, on_warning=_event)
+    try:
+        async for line in child.lines():
+            if line["kind"] == "event":
+                _event(f"follower: {line['event']}")
+        code = await child.wait()
+        if code != 0:
+            why = child.messages.removeprefix("error: ") or f"it ended with exit code {code}"
+            leader.ending.fail(MmtError(f"the follower: {why}"))
+    finally:
+        await child.kill()
 
 
 async def _answer(leader: "Leader", part: "ObservingPart", ready: asyncio.Event) -> None:

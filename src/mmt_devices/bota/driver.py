@@ -93,8 +93,6 @@ class BotaSerial(WrenchSensor):
         self.latency_ns = round(
             1e9 * _FRAME_BITS / options.baud if delay_ms is None else 1e6 * delay_ms
         )
-        self.temperature_c: float | None = None
-        """Temperature of the newest usable frame, None before the first."""
         x, y, z = options.range_n_m
         self._set_converter(
             WrenchConverter(
@@ -189,11 +187,10 @@ class BotaSerial(WrenchSensor):
         line.note(content)
         self._heard_ns = now_ns
         records: list[Stamped] = []
-        for status, wrench, time_us, temperature_c in self._stream.feed(content):
+        for status, wrench, time_us, _ in self._stream.feed(content):
             time_ns = self._clock.stamp(time_us, now_ns)
             if time_ns is None or (status and not self._is_usable(status)):
                 continue
-            self.temperature_c = temperature_c
             records.append((time_ns, wrench))
         if records:
             self._usable_ns, self._status = now_ns, 0

@@ -36,8 +36,6 @@ class EmulatedIio:
         Model of the sensor.
     clock_ppm
         By how much the sensor samples too fast, in ppm.
-    delay_ns
-        Delay of the sensor's filter.
     noise_m_s2
         Standard deviation of the noise on each axis.
     seed
@@ -55,7 +53,6 @@ class EmulatedIio:
         chip: Chip = ADXL355,
         *,
         clock_ppm: float = 0.0,
-        delay_ns: int = 0,
         noise_m_s2: float = 0.02,
         seed: int = 1,
         old: bool = True,
@@ -69,7 +66,6 @@ class EmulatedIio:
         self._elements = "scan_elements" if old else self._buffer
         self.truth = truth
         self._speed = 1.0 + 1e-6 * clock_ppm
-        self._delay_ns = delay_ns
         self._noise = noise_m_s2
         self._random = random.Random(seed)  # noqa: S311 - noise, no secret
         self._folder = Path(tempfile.mkdtemp(prefix="mmt-iio-"))
@@ -239,7 +235,7 @@ class EmulatedIio:
         return with_flipped_bit(scan, self._random)
 
     def _measure(self, time_ns: int) -> tuple[int, ...]:
-        felt = self.truth(time_ns - self._delay_ns)
+        felt = self.truth(time_ns)
         return tuple(
             round((value + self._random.gauss(0.0, self._noise)) / self.chip.scale)
             for value in felt

@@ -34,21 +34,17 @@ class EmulatedTip:
     position_mm
         Initial position at rest, in the device's axes.
     held_at
-        Hand that holds the tip; None for a free tip.
-    hand_n_mm
-        Stiffness of the hand, which is critically damped.
+        Hand that holds the tip by a critically damped spring; None for a free tip.
     """
 
-    def __init__(
-        self, position_mm: Vector, held_at: HeldAt | None = None, *, hand_n_mm: float = 1.0
-    ) -> None:
+    def __init__(self, position_mm: Vector, held_at: HeldAt | None = None) -> None:
         self.position_mm, self.velocity_mm_s = position_mm, _ZERO
         self.motor_n: Vector = _ZERO
         """Force of the motors: as commanded, or that of the service's spring."""
         self.braked = False
         """Whether the tip is held fast."""
         self.mode = "idle"
-        self._held_at, self._hand_n_mm = held_at, hand_n_mm
+        self._held_at, self._hand_n_mm = held_at, 1.0
         self._hand_mm: Vector | None = None
         self._target_mm = _ZERO
         self._command_ns = 0
@@ -57,10 +53,6 @@ class EmulatedTip:
     def hold(self, position_mm: Vector, stiffness_n_mm: float) -> None:
         """Hold the tip at a position by a spring."""
         self._held_at, self._hand_n_mm = (lambda _: position_mm), stiffness_n_mm
-
-    def release(self) -> None:
-        """Take the hand off the tip."""
-        self._held_at = self._hand_mm = None
 
     def place(self, position_mm: Vector) -> None:
         """Put the tip at a position, at rest."""

@@ -270,11 +270,7 @@ def run(arguments: dict[str, Any], pipes: DriverPipes) -> None:
     if arguments["real_time"]:
         with contextlib.suppress(MmtError):
             be_real_time()
-    asyncio.run(_talk(arguments, pipes))
-
-
-async def _talk(arguments: dict[str, Any], pipes: DriverPipes) -> None:
-    await Conversation(arguments, pipes).run()
+    asyncio.run(Conversation(arguments, pipes).run())
 
 
 if __name__ == "__main__":

@@ -23,6 +23,8 @@ _PARTNER: Final = 8
 _PRODUCT: Final = 0x0631
 _CLOCK_HZ: Final = 20e6
 _BITS: Final = 16
+_NOISE_V: Final = 2e-4
+"""Standard deviation of the noise on each input."""
 _WAIT_S: Final = 0.0002
 _MOST_AT_ONCE: Final = 1000
 
@@ -54,23 +56,18 @@ class EmulatedNi(LibraryInterpreter, Daqmx):
         Gives the voltages at the inputs.
     clock_ppm
         By how much the board samples too fast, in ppm.
-    noise_v
-        Standard deviation of the noise on each input, in V.
     seed
         Seed of the noise.
     """
 
     name = "Dev1"
 
-    def __init__(
-        self, volts_at: VoltsAt, *, clock_ppm: float = 0.0, noise_v: float = 2e-4, seed: int = 1
-    ) -> None:
+    def __init__(self, volts_at: VoltsAt, *, clock_ppm: float = 0.0, seed: int = 1) -> None:
         self.plugged = True
         self.stalled = False
         """Whether reads get no samples."""
         self._volts_at = volts_at
         self._speed = 1.0 + 1e-6 * clock_ppm
-        self._noise_v = noise_v
         self._random = np.random.default_rng(seed)
         self._running: _Acquisition | None = None
 
@@ -200,7 +197,7 @@ class EmulatedNi(LibraryInterpreter, Daqmx):
         numbers, differential, ranges_v = map(np.array, zip(*task.channels, strict=True))
         partners = np.where(differential, numbers + _PARTNER, INPUTS)
         grounded = np.concatenate([volts, np.zeros((len(volts), 1))], axis=1)
-        there = self._random.normal(volts[:, numbers] - grounded[:, partners], self._noise_v)
+        there = self._random.normal(volts[:, numbers] - grounded[:, partners], _NOISE_V)
         count_v = 2.0 * ranges_v / 2**_BITS
         measured: FloatArray = np.clip(np.rint(there / count_v) * count_v, -ranges_v, ranges_v).T
         return measured

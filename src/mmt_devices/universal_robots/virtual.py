@@ -5,19 +5,15 @@ from typing import Any, TypeVar
 
 from mmt.core.errors import MmtError
 from mmt.core.extras import require
-from mmt.devices.discovery import missing_package
 from mmt.devices.drivers import Role
 from mmt.devices.protocols import Vector
 from mmt.testing.emulated.drivers import VirtualDevice
 from mmt_devices.universal_robots.force import UrForceSensor
-from mmt_devices.universal_robots.robot import UrRobot
+from mmt_devices.universal_robots.robot import UrRobot, missing
+
+__all__ = ["VirtualUrForceSensor", "VirtualUrRobot", "missing"]
 
 AnyDriver = TypeVar("AnyDriver", UrRobot, UrForceSensor)
-
-
-def missing() -> str:
-    """Return what this machine lacks for the driver, with what to do; empty if nothing."""
-    return missing_package("rtde_control")
 
 
 class _VirtualUr(VirtualDevice[AnyDriver]):

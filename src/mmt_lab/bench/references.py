@@ -12,6 +12,7 @@ import mpmath
 import numpy as np
 
 from mmt.core.arrays import FloatArray
+from mmt_lab.stability.families.ar import exact_burg
 
 DIGITS: Final = 120
 
@@ -30,18 +31,7 @@ def burg(x: FloatArray, order: int) -> list[Number]:
     If a signal is predicted completely, such as one of zeros, the remaining ones are zero.
     """
     with mpmath.workdps(DIGITS):
-        forward = exact(x)
-        backward = list(forward)
-        reflection = []
-        for _ in range(order):
-            forward, backward = forward[1:], backward[:-1]
-            total = mpmath.fdot(forward, forward) + mpmath.fdot(backward, backward)
-            cross = mpmath.fdot(forward, backward)
-            k = -2 * cross / total if total else mpmath.mpf(0)
-            reflection.append(k)
-            pairs = list(zip(forward, backward, strict=True))
-            forward, backward = [f + k * b for f, b in pairs], [b + k * f for f, b in pairs]
-        return reflection
+        return [mpmath.mpf(str(k)) for k in exact_burg(x, order)[0]]
 
 
 def residual(x: FloatArray, ar: Sequence[Number]) -> Number:

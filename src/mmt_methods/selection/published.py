@@ -110,7 +110,6 @@ def select_published(
     tau_1: float = TAU_1,
     tau_2: float = TAU_2,
     smoothing: float = SMOOTHING,
-    threshold: FloatArray | None = None,
 ) -> PublishedSelection:
     """Run algorithm 1 in the order in which the points stand.
 
@@ -122,9 +121,6 @@ def select_published(
         Thresholds on the relative spectral error.
     smoothing
         Smoothing of the network, for points in the unit box.
-    threshold
-        Thresholds of the first stage, shape (n,), for another reading of the paper; by default
-        those of `thresholds`.
 
     Raises
     ------
@@ -143,8 +139,7 @@ def select_published(
     points = (data.points - data.points.min(axis=0)) / np.where(extent > 0.0, extent, 1.0)
     minimal = np.zeros(len(data), dtype=np.bool_)
     minimal[hull_of(points)] = True
-    limit = thresholds(points, tau_1) if threshold is None else threshold
-    limit = np.where(minimal, np.nan, limit)
+    limit = np.where(minimal, np.nan, thresholds(points, tau_1))
     everyone = np.ones(len(data), dtype=np.bool_)
     error = _edit(NetworkNeighbours(points, values, everyone, smoothing), truth, limit)
     outlier = error > limit  # false if not tested

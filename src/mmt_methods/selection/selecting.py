@@ -1,6 +1,6 @@
 """Sample selection independent of point order: outliers first, then redundant points."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -66,7 +66,7 @@ class Selection:
     score: FloatArray
     reason: tuple[str, ...]
     error: FloatArray
-    limit: float | None = field(default=None)
+    limit: float | None = None
 
     @property
     def redundant(self) -> BoolArray:

@@ -51,7 +51,7 @@ class SharedContactForce(StreamedForce):
 
     def tick(self, elapsed: int, state: InterfaceState | None) -> RecordArray | None:
         """Display the force for the elapsed ticks; nothing is sent."""
-        client, wanted = self._client, (0.0, 0.0, 0.0)
+        client = self._client
         shared = client.contact
         if shared is None:
             self._ramp.fall_silent()

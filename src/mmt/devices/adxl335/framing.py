@@ -8,12 +8,11 @@ the length.
 """
 
 import struct
-from binascii import crc_hqx
 from collections import Counter
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-from mmt.devices.serial_ports import stuff, unstuff
+from mmt.devices.serial_ports import FrameDecoder, framed
 
 VERSION: Final = 1
 MOST_SAMPLES: Final = 32
@@ -24,10 +23,7 @@ Counts = tuple[int, int, int]
 
 _HEAD: Final = struct.Struct("<BII")
 _SAMPLE: Final = struct.Struct("<HHH")
-_CHECK: Final = struct.Struct("<H")
-_OVERHEAD: Final = _HEAD.size + _CHECK.size
-_LONGEST: Final = _OVERHEAD + MOST_SAMPLES * _SAMPLE.size + 1
-"""Bytes of an encoded frame without its zero."""
+_OVERHEAD: Final = _HEAD.size + 2
 
 
 class BoardFrame(NamedTuple):
@@ -53,64 +49,20 @@ def encode_frame(frame: BoardFrame) -> bytes:
         raise ValueError(f"a frame holds 1 to {MOST_SAMPLES} samples, not {len(frame.samples)}")
     plain = _HEAD.pack(VERSION, frame.sequence, frame.time_us)
     plain += b"".join(_SAMPLE.pack(*sample) for sample in frame.samples)
-    return stuff(plain + _CHECK.pack(crc_hqx(plain, 0xFFFF))) + b"\0"
+    return framed(plain)
 
 
-class FrameDecoder:
-    """Cut a stream of bytes into frames; invalid ones are counted and left out.
+class BoardDecoder(FrameDecoder[BoardFrame]):
+    """Decoder of the board's frames."""
 
-    Bytes before the first zero end an earlier frame: they are dropped and not counted.
-    """
+    _version = VERSION
+    _shortest = _OVERHEAD + _SAMPLE.size
+    _step = _SAMPLE.size
+    _longest = _OVERHEAD + MOST_SAMPLES * _SAMPLE.size + 1
 
-    def __init__(self) -> None:
-        self.faults: Counter[str] = Counter()
-        """``bad frames`` (not COBS, or of an impossible length), ``bad checksums``,
-        ``other versions``."""
-        self.rejected = 0
-        """Number of invalid frames of all kinds."""
-        self._buffer = b""
-        self._synchronised = False
-
-    def feed(self, received: bytes) -> Sequence[BoardFrame]:
-        """Return the frames that these bytes complete, oldest first."""
-        if not received:
-            return ()
-        *pieces, rest = (self._buffer + received).split(b"\0")
-        frames = []
-        for piece in pieces:
-            if not self._synchronised:
-                self._synchronised = True
-            elif piece:  # two zeros in a row hold no frame
-                frame = self._decode(piece)
-                if frame is not None:
-                    frames.append(frame)
-        if len(rest) > _LONGEST:  # no frame is that long: skip to the next zero
-            if self._synchronised:
-                self._reject("bad frames")
-                self._synchronised = False
-            rest = b""
-        self._buffer = rest
-        return frames
-
-    def _reject(self, fault: str) -> None:
-        self.faults[fault] += 1
-        self.rejected += 1
-
-    def _decode(self, stuffed: bytes) -> BoardFrame | None:
-        plain = unstuff(stuffed) if len(stuffed) <= _LONGEST else None
-        length = 0 if plain is None else len(plain) - _OVERHEAD
-        if plain is None or length <= 0 or length % _SAMPLE.size:
-            self._reject("bad frames")
-            return None
-        content = plain[: -_CHECK.size]
-        if crc_hqx(content, 0xFFFF) != plain[-2] | plain[-1] << 8:
-            self._reject("bad checksums")
-            return None
-        version, sequence, time_us = _HEAD.unpack_from(content)
-        if version != VERSION:
-            self._reject("other versions")
-            return None
-        if length == _SAMPLE.size:  # the usual case, twice as quick
+    def _parse(self, content: bytes) -> BoardFrame:
+        _, sequence, time_us = _HEAD.unpack_from(content)
+        if len(content) == _HEAD.size + _SAMPLE.size:  # the usual case, twice as quick
             return BoardFrame(sequence, time_us, (_SAMPLE.unpack_from(content, _HEAD.size),))
         return BoardFrame(sequence, time_us, tuple(_SAMPLE.iter_unpack(content[_HEAD.size :])))
 

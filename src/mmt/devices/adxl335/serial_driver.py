@@ -10,7 +10,7 @@ import serial
 from serial.tools import list_ports
 
 from mmt.core.errors import DeviceLost, MmtError
-from mmt.devices.adxl335.framing import BoardFrame, Counts, FrameDecoder, Timeline
+from mmt.devices.adxl335.framing import BoardDecoder, BoardFrame, Counts, Timeline
 from mmt.devices.adxl335.options import BAND, SerialOptions
 from mmt.devices.adxl335.sensor import Adxl335
 from mmt.devices.drivers import read_options
@@ -108,7 +108,7 @@ class SerialAdxl335(Adxl335):
         super().__init__(self._options)
         self._volts_per_count = self._options.volts_per_count
         self._board = SerialBoard(self._options.port, self._options.baud_rate)
-        self._decoder = FrameDecoder()
+        self._decoder = BoardDecoder()
         self._timeline = Timeline()
         self._earlier: Counter[str] = Counter()
         self._newest: Counts | None = None
@@ -126,7 +126,7 @@ class SerialAdxl335(Adxl335):
         self._earlier.update(self._decoder.faults)
         self._earlier.update(self._timeline.faults)
         self._timeline = Timeline()
-        self._decoder = FrameDecoder()
+        self._decoder = BoardDecoder()
         self._survived = 0
         self._board.open()
         try:

@@ -81,7 +81,6 @@ class Calibration:
     part: str
     """Name, as ``SI-12-0.12``; empty if the device does not report it."""
     force_unit: str
-    torque_unit: str
     range_n: Vector
     """Largest Fx, Fy, Fz (N)."""
     range_n_mm: Vector

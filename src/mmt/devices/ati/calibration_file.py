@@ -102,7 +102,6 @@ def parse_calibration_file(content: bytes) -> FileCalibration:
             serial=root.get("Serial", ""),
             part=calibration.get("PartNumber", ""),
             force_unit=_text(calibration, "ForceUnits"),
-            torque_unit=_text(calibration, "TorqueUnits"),
             range_n=(x, y, z),
             range_n_mm=(tx, ty, tz),
         ),

@@ -89,9 +89,9 @@ def parse_calibration(registers: Sequence[int], device: str) -> StoredCalibratio
             f"{device}: it holds no usable calibration of this number (units {force_code}, "
             f"{torque_code}, counts {counts}, ranges {ranges}); change 'calibration_number'"
         )
-    force_unit, torque_unit = FORCE_UNITS[force_code - 1], TORQUE_UNITS[torque_code - 1]
+    force_unit = FORCE_UNITS[force_code - 1]
     newton = force_in_newton(force_unit, device)
-    newton_mm = torque_in_newton_mm(torque_unit, device)
+    newton_mm = torque_in_newton_mm(TORQUE_UNITS[torque_code - 1], device)
     scales = [newton / counts[0]] * 3 + [newton_mm / counts[1]] * 3
     try:
         matrix = matrix_of(
@@ -111,7 +111,6 @@ def parse_calibration(registers: Sequence[int], device: str) -> StoredCalibratio
             _text(content[0:8]),
             _text(content[8:40]),
             force_unit,
-            torque_unit,
             (x, y, z),
             (tx, ty, tz),
         ),

@@ -134,9 +134,9 @@ def parse_settings(
         raise MmtError(
             f"{device}: RDT is switched off in the box: enable it on its Communications page"
         )
-    force_unit, torque_unit = _value(page, "scfgfu", device), _value(page, "scfgtu", device)
+    force_unit = _value(page, "scfgfu", device)
     newton = force_in_newton(force_unit, device)
-    newton_mm = torque_in_newton_mm(torque_unit, device)
+    newton_mm = torque_in_newton_mm(_value(page, "scfgtu", device), device)
     ranges = [_number(part, "cfgmr", device) for part in _value(page, "cfgmr", device).split(";")]
     if len(ranges) != 6 or min(ranges) <= 0:
         raise MmtError(f"{device}: its ranges 'cfgmr' are {page['cfgmr']!r}, six are expected")
@@ -148,7 +148,6 @@ def parse_settings(
             serial=calibration_page.get("calsn", ""),
             part=calibration_page.get("calpn", ""),
             force_unit=force_unit,
-            torque_unit=torque_unit,
             range_n=range_n,
             range_n_mm=(tx, ty, tz),
         ),

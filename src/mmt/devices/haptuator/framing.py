@@ -6,12 +6,9 @@ content, and CRC-16 of all that (polynomial 0x1021, initial value 0xFFFF).
 """
 
 import struct
-from binascii import crc_hqx
-from collections import Counter
-from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-from mmt.devices.serial_ports import stuff, unstuff
+from mmt.devices.serial_ports import FrameDecoder, framed
 
 VERSION: Final = 1
 MOST_SAMPLES: Final = 120
@@ -24,8 +21,6 @@ _REPORT: Final = 3
 _HEAD: Final = struct.Struct("<BB")
 _SEQUENCE: Final = struct.Struct("<H")
 _REPORT_BODY: Final = struct.Struct("<IHHHHH")
-_CHECK: Final = struct.Struct("<H")
-_LONGEST: Final = 254
 
 
 class BoardSamples(NamedTuple):
@@ -80,68 +75,23 @@ def encode(message: Message) -> bytes:
         plain = _HEAD.pack(VERSION, _REPORT) + _REPORT_BODY.pack(*message)
     else:
         plain = _HEAD.pack(VERSION, _RESET)
-    return stuff(plain + _CHECK.pack(crc_hqx(plain, 0xFFFF))) + b"\0"
+    return framed(plain)
 
 
-class Decoder:
-    """Cut a stream of bytes into messages; invalid ones are counted and left out.
+class Decoder(FrameDecoder[Message]):
+    """Decoder of messages."""
 
-    Bytes before the first zero end an earlier frame: they are dropped and not counted.
-    """
+    _version = VERSION
+    _shortest = _HEAD.size + 2
 
-    def __init__(self) -> None:
-        self.faults: Counter[str] = Counter()
-        """``bad frames``, ``bad checksums``, ``other versions``."""
-        self._rest = bytearray()
-        self._synchronised = False
-
-    def feed(self, received: bytes) -> Sequence[Message]:
-        """Return the messages that these bytes complete, oldest first."""
-        if not received:
-            return ()
-        *pieces, rest = (self._rest + received).split(b"\0")
-        messages = []
-        for piece in pieces:
-            if not self._synchronised:
-                self._synchronised = True
-            elif piece:
-                message = self._decode(bytes(piece))
-                if message is not None:
-                    messages.append(message)
-        if len(rest) > _LONGEST:
-            if self._synchronised:
-                self.faults["bad frames"] += 1
-                self._synchronised = False
-            rest = bytearray()
-        self._rest = bytearray(rest)
-        return messages
-
-    def _decode(self, stuffed: bytes) -> Message | None:
-        plain = unstuff(stuffed) if len(stuffed) <= _LONGEST else None
-        if plain is None or len(plain) < _HEAD.size + _CHECK.size:
-            self.faults["bad frames"] += 1
-            return None
-        content = plain[: -_CHECK.size]
-        if crc_hqx(content, 0xFFFF) != _CHECK.unpack_from(plain, len(content))[0]:
-            self.faults["bad checksums"] += 1
-            return None
-        version, kind = _HEAD.unpack_from(content)
-        if version != VERSION:
-            self.faults["other versions"] += 1
-            return None
-        message = _message(kind, content[_HEAD.size :])
-        if message is None:
-            self.faults["bad frames"] += 1
-        return message
-
-
-def _message(kind: int, body: bytes) -> Message | None:
-    if kind == _REPORT and len(body) == _REPORT_BODY.size:
-        return BoardReport(*_REPORT_BODY.unpack(body))
-    if kind == _RESET and not body:
-        return Reset()
-    count, odd = divmod(len(body) - _SEQUENCE.size, 2)
-    if kind == _SAMPLES and 1 <= count <= MOST_SAMPLES and not odd:
-        values = struct.unpack_from(f"<{count}h", body, _SEQUENCE.size)
-        return BoardSamples(_SEQUENCE.unpack_from(body)[0], values)
-    return None
+    def _parse(self, content: bytes) -> Message | None:
+        kind, body = content[1], content[_HEAD.size :]
+        if kind == _REPORT and len(body) == _REPORT_BODY.size:
+            return BoardReport(*_REPORT_BODY.unpack(body))
+        if kind == _RESET and not body:
+            return Reset()
+        count, odd = divmod(len(body) - _SEQUENCE.size, 2)
+        if kind == _SAMPLES and 1 <= count <= MOST_SAMPLES and not odd:
+            values = struct.unpack_from(f"<{count}h", body, _SEQUENCE.size)
+            return BoardSamples(_SEQUENCE.unpack_from(body)[0], values)
+        return None

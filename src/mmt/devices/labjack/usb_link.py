@@ -103,11 +103,14 @@ class U6Link:
         MmtError
             The U6 does not answer, or refuses.
         """
-        return self._reply(command(number, payload), number)
+        return self.send(command(number, payload), number)
 
     def send(self, packet: bytes, number: int) -> bytes:
         """Send an encoded extended command and return the content of its reply; see `ask`."""
-        return self._reply(packet, number)
+        try:
+            return read_reply(self._exchange(packet), number)
+        except ValueError as error:
+            raise MmtError(f"a command to the LabJack U6 failed: {error}") from error
 
     def start(self) -> None:
         """Start the stream that was configured.
@@ -194,12 +197,6 @@ class U6Link:
             self._release()
             raise
         return int.from_bytes(reply[7:11], "little")
-
-    def _reply(self, packet: bytes, number: int) -> bytes:
-        try:
-            return read_reply(self._exchange(packet), number)
-        except ValueError as error:
-            raise MmtError(f"a command to the LabJack U6 failed: {error}") from error
 
     def _short(self, packet: bytes) -> int:
         try:

@@ -47,8 +47,6 @@ ErrorInfo hdGetError(void)
     return none;
 }
 
-const char *hdGetErrorString(Enum code) { return code ? "emulated error" : "no error"; }
-
 /* --- devices */
 
 Enum hdInitDevice(const char *name)
@@ -103,7 +101,6 @@ const char *hdGetString(Enum what)
 {
     switch (what) {
     case 0x2501: return "Emulated HD device";
-    case 0x2503: return "mmt";
     case 0x2504: return "EMULATED1";
     }
     push(0x0100);
@@ -113,7 +110,6 @@ const char *hdGetString(Enum what)
 void hdGetIntegerv(Enum what, int *values)
 {
     if (what == 0x2555) values[0] = styles;
-    else if (what == 0x2600) values[0] = 1000;
     else push(0x0100);
 }
 
@@ -139,7 +135,6 @@ void hdGetDoublev(Enum what, double *values)
     switch (what) {
     case 0x2602: values[0] = max_stiffness_n_mm; return;
     case 0x2603: values[0] = max_force_n; return;
-    case 0x2604: values[0] = max_force_n / 6; return;
     case 0x2050: from = device->position; break;
     case 0x2051: from = device->velocity; break;
     case 0x2700: from = device->asked; break;

@@ -48,7 +48,8 @@ class EmulatedPort:
         self._directory = tempfile.TemporaryDirectory(prefix="mmt-port-")
         self._link = Path(self._directory.name) / "port"
         self._master = -1
-        self._baud = 0
+        self.baud = 0
+        """Bits a second that the program has set."""
         self._unmarked = 0
         self._lock = threading.Lock()
         self._due_ns = 0
@@ -58,11 +59,6 @@ class EmulatedPort:
     def path(self) -> str:
         """Path that a program opens; it stays the same after `plug`."""
         return str(self._link)
-
-    @property
-    def baud(self) -> int:
-        """Bits a second that the program has set."""
-        return self._baud
 
     def start(self) -> None:
         """Plug it in and begin."""
@@ -132,7 +128,7 @@ class EmulatedPort:
 
         settings = bytearray(44)
         fcntl.ioctl(self._master, _TCGETS2, settings)
-        (self._baud,) = struct.unpack_from("=I", settings, _SPEED_AT)
+        (self.baud,) = struct.unpack_from("=I", settings, _SPEED_AT)
         (flags,) = struct.unpack_from("=I", settings)
         self._unmarked = 0 if flags & _IXANY else self._unmarked + 1
         if self._unmarked >= _SETTLED:  # the program has done with its settings

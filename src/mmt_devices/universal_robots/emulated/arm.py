@@ -82,8 +82,6 @@ class EmulatedArm:
         self.runtime_state = STOPPED
         self.stuck = False
         """Whether measurements stay the same, while time goes on."""
-        self.commands = 0
-        """Number of poses commanded."""
         self.inputs, self.outputs = Values(), Values()
         self._tip, self._frame, self.noise_n = tip, frame, noise_n
         self._random = random.Random(seed)  # noqa: S311 - noise, no secret
@@ -156,7 +154,6 @@ class EmulatedArm:
         x, y, z, u, v, w, _speed, _acceleration, _time_s, lookahead_s, _gain = values
         self._target_m, self.rotation_rad = (x, y, z), (u, v, w)
         self._pole_hz = 2.0 / lookahead_s
-        self.commands += 1
 
     def _move(self, target_m: Vector, period_s: float) -> None:
         point, speed, pole = self._point_m, self._speed_m_s, self._pole_hz

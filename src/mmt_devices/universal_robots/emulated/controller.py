@@ -46,6 +46,9 @@ SCRIPT_PORT: Final = 30003
 RTDE_PORT: Final = 30004
 
 _SERIAL_NUMBER: Final = "20225500001"
+_ORIGIN_MM: Final[Vector] = (-120.0, -430.0, 150.0)
+_ROTATION_RAD: Final[Vector] = (0.0, 0.0, 0.5)
+"""The tip's frame in the frame of the base, see `SceneFrame`."""
 _TRIES: Final = 50
 _MOST_WAITING: Final = 1 << 16
 
@@ -64,25 +67,13 @@ class EmulatedUrController:
     ----------
     tip
         Tip that the arm moves.
-    origin_mm, rotation_rad
-        The tip's frame in the frame of the base, see `SceneFrame`.
-    noise_n
-        Standard deviation of the measured force.
     seed
         Seed of the noise.
     """
 
-    def __init__(
-        self,
-        tip: ArmTip,
-        origin_mm: Vector = (-120.0, -430.0, 150.0),
-        rotation_rad: Vector = (0.0, 0.0, 0.5),
-        *,
-        noise_n: float = 0.05,
-        seed: int = 1,
-    ) -> None:
-        self._place = {"origin_mm": list(origin_mm), "rotation_rad": list(rotation_rad)}
-        self.arm = EmulatedArm(tip, SceneFrame(origin_mm, rotation_rad), noise_n, seed)
+    def __init__(self, tip: ArmTip, *, seed: int = 1) -> None:
+        frame = SceneFrame(_ORIGIN_MM, _ROTATION_RAD)
+        self.arm = EmulatedArm(tip, frame, noise_n=0.05, seed=seed)
         self.host = ""
         self.remote = True
         """Whether the arm is in remote control."""
@@ -133,7 +124,8 @@ class EmulatedUrController:
     @property
     def options(self) -> dict[str, Any]:
         """Options by which the robot's driver finds the arm and its surface."""
-        return {"host": self.host, **self._place}
+        place = {"origin_mm": list(_ORIGIN_MM), "rotation_rad": list(_ROTATION_RAD)}
+        return {"host": self.host, **place}
 
     def unplug(self) -> None:
         """Close every connection and refuse new ones."""
