@@ -17,7 +17,7 @@ from mmt.scene.files import scene_from_tables
 from mmt.session import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.completion.distance import FARTHEST
-from mmt.texture.online.history import build, stream_blocks
+from mmt.texture.online.history import build, build_model, stream_blocks
 from mmt.texture.settings import ModellingSettings
 
 SETTINGS = ModellingSettings(order=8, method="published")
@@ -214,6 +214,17 @@ def test_a_dead_accelerometer_is_the_reason_and_the_strokes_were_made(stroked_se
     assert evaluation.final.samples == 0
     assert "the tool stroked at" in evaluation.remark
     assert "Not measured: the accelerometer gave one value throughout." in evaluation.remark
+
+
+def test_progress_is_reported_up_to_the_end(stroked_session):
+    reached_s = []
+    evaluate_session(stroked_session, SETTINGS, on_progress=reached_s.append)
+    assert reached_s == sorted(set(reached_s))
+    assert reached_s[-1] == len(stroked_session.frames) / 1000.0
+    built_s = []
+    build_model(stroked_session.frames, SETTINGS, update_s=2.0, on_progress=built_s.append)
+    assert built_s[:2] == [2.0, 4.0]
+    assert built_s[-1] == reached_s[-1]
 
 
 def test_blocks_are_those_of_a_live_leader():

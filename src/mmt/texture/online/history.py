@@ -71,7 +71,11 @@ class ModelHistory(Drawn):
 
 
 def build_model(
-    frames: RecordArray, settings: ModellingSettings | None = None, update_s: float = 1.0
+    frames: RecordArray,
+    settings: ModellingSettings | None = None,
+    update_s: float = 1.0,
+    *,
+    on_progress: Callable[[float], None] | None = None,
 ) -> ModelHistory:
     """Build a session's model as the live leader does, to the end of the session.
 
@@ -84,6 +88,8 @@ def build_model(
         taken from the frames.
     update_s
         Session time between two updates of the model.
+    on_progress
+        Called after each update with the session time (s) that is modelled.
 
     Raises
     ------
@@ -108,7 +114,21 @@ def build_model(
     if len(frames) == 0:
         raise InputError("there are no frames, so no model can be built")
     period_frames = max(1, round(update_s * settings.rate_hz))
-    return build(list(stream_blocks([frames], period_frames)), settings)
+    blocks = stream_blocks([frames], period_frames)
+    return build(report_progress(blocks, settings.rate_hz, on_progress), settings)
+
+
+def report_progress(
+    blocks: Iterable[RecordArray], rate_hz: float, on_progress: Callable[[float], None] | None
+) -> Iterator[RecordArray]:
+    """Yield blocks (n,), and report the session time (s) up to the end of each after its use."""
+    first, stop = None, 0
+    for block in blocks:
+        yield block
+        first = int(block["sequence"].min()) if first is None else first
+        stop = max(stop, int(block["sequence"].max()) + 1)
+        if on_progress is not None:
+            on_progress((stop - first) / rate_hz)
 
 
 def stream_blocks(parts: Iterable[RecordArray], period_frames: int) -> Iterator[RecordArray]:
