@@ -17,10 +17,12 @@ Cost: about 2 us a step in plain Python.
 
 import math
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Annotated, Final
+
+from annotated_types import Ge, Gt
 
 from mmt.contact.estimation import ContactModel
-from mmt.core.errors import InputError
+from mmt.core.bounds import check_fields
 
 _FILTER_S: Final = 3e-3
 """Time constant of the speed filter of the rendered damper: positions are quantised."""
@@ -53,20 +55,13 @@ class RenderingSettings:
         A value is out of range or not finite.
     """
 
-    stiffness_n_m: float = 10_000.0
-    damping_n_s_m: float = 20.0
-    smoothing_s: float = 0.02
-    tick_s: float = 1e-3
+    stiffness_n_m: Annotated[float, Gt(0)] = 10_000.0
+    damping_n_s_m: Annotated[float, Ge(0)] = 20.0
+    smoothing_s: Annotated[float, Ge(0)] = 0.02
+    tick_s: Annotated[float, Gt(0)] = 1e-3
 
     def __post_init__(self) -> None:
-        for name in ("stiffness_n_m", "tick_s"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise InputError(f"{name} is {value}, it must be above 0")
-        for name in ("damping_n_s_m", "smoothing_s"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0.0):
-                raise InputError(f"{name} is {value}, it must be 0 or above")
+        check_fields(self)
 
 
 class LocalContact:
