@@ -66,7 +66,7 @@ class RemoteFollower:
             scene.keep_frames(), self._numbering, parts.call, self._request_frames, journal.note
         )
         if modelling is not None:
-            modelling.wait_for_missing(lambda: self.backfill.missing.first)
+            modelling.segmenting.first_missing = lambda: self.backfill.missing.first
         self.server: LeaderServer | None = None
         """None before `listen`."""
         self._clock_notes: ClockNotes | None = None
