@@ -33,7 +33,7 @@ from mmt.session.messages import (
     OUTPUT_BLOCK,
     FrameCodec,
     OutputCodec,
-    event_codec,
+    encode_event,
     event_schema,
     frame_schema,
     output_schema,
@@ -126,7 +126,7 @@ class SessionWriter:
         self._frames = FrameCodec.of_channels(channels, samples_per_frame)
         self._plot = PlotCodec(channels)
         self._output = OutputCodec()
-        self._event, self._log = event_codec(), LogCodec()
+        self._log = LogCodec()
         several = samples_per_frame > 1
         plain = {
             (ACCELERATION_TOPIC if k > 1 else SCALARS_TOPIC): (
@@ -219,7 +219,7 @@ class SessionWriter:
 
     def write_event(self, event: str, log_time_ns: int) -> None:
         """Write an event, the text of a JSON object, and its sentence as a log message."""
-        self._add(EVENTS_TOPIC, self._event.encode(event), log_time_ns, log_time_ns)
+        self._add(EVENTS_TOPIC, encode_event(event), log_time_ns, log_time_ns)
         sentence = json.loads(event).get("event")
         if isinstance(sentence, str):
             data = self._log.encode(self._utc_ns(log_time_ns), sentence)
