@@ -188,15 +188,10 @@ class SessionWriter:
     def _utc_ns(self, log_time_ns: int) -> int:
         return max(0, max(0, log_time_ns) + self._utc_offset_ns)
 
-    def write_frames(self, frames: RecordArray, log_time_ns: int) -> None:
+    def write_frames(
+        self, frames: RecordArray, log_time_ns: int, topic: str = FRAMES_TOPIC
+    ) -> None:
         """Write a block of frames (n,), n >= 1, as one message, and one message for plots."""
-        self._write_block(FRAMES_TOPIC, frames, log_time_ns)
-
-    def write_backfill(self, frames: RecordArray, log_time_ns: int) -> None:
-        """Write a block of frames (n,), n >= 1, that arrived late, as `write_frames` does."""
-        self._write_block(BACKFILL_TOPIC, frames, log_time_ns)
-
-    def _write_block(self, topic: str, frames: RecordArray, log_time_ns: int) -> None:
         time_ns, sequence = int(frames["time_ns"][0]), int(frames["sequence"][0])
         for each, data in (
             (topic, self._frames.encode(frames)),
