@@ -22,6 +22,7 @@ from typing import Annotated, Final
 from annotated_types import Ge, Gt
 
 from mmt.contact.estimation import ContactModel
+from mmt.contact.force_map import SmoothSpeed
 from mmt.core.bounds import check_fields
 
 _FILTER_S: Final = 3e-3
@@ -70,8 +71,7 @@ class LocalContact:
     def __init__(self, settings: RenderingSettings | None = None) -> None:
         self._settings = settings or RenderingSettings()
         self._target: ContactModel | None = None
-        self._depth_m: float | None = None
-        self._smooth_m = 0.0
+        self._speed = SmoothSpeed(_FILTER_S)
         self.rendered: ContactModel | None = None
         """The model rendered now, None before the first."""
 
@@ -82,7 +82,7 @@ class LocalContact:
 
     def rest(self) -> None:
         """Reset the position of the hand; the model is kept."""
-        self._depth_m = None
+        self._speed = SmoothSpeed(_FILTER_S)
 
     def step(self, depth_m: float, ticks: int = 1) -> float:
         """Return the force (N) against the axis into the surface, never negative.
@@ -97,12 +97,7 @@ class LocalContact:
         if not math.isfinite(depth_m):
             return 0.0
         period_s = ticks * self._settings.tick_s
-        if self._depth_m is None:
-            self._smooth_m = depth_m
-        self._depth_m = depth_m
-        keep = math.exp(-period_s / _FILTER_S)
-        speed_m_s = keep * (depth_m - self._smooth_m) / _FILTER_S
-        self._smooth_m = depth_m + keep * (self._smooth_m - depth_m)
+        speed_m_s = self._speed.step(depth_m, period_s)
         self._approach(period_s)
         if self.rendered is None:
             return 0.0
