@@ -132,7 +132,7 @@ async def test_an_update_comes_once_a_period_with_every_frame(
         assert sizes == [100, 100, 100]
         given_on = np.concatenate(made.modeller.updates)["sequence"]
         np.testing.assert_array_equal(given_on, np.arange(300))
-        assert made.task.dropped_frames == 0
+        assert made.task.segmenting.figures.drops == 0
         assert all(seconds >= 0 for seconds in made.seconds)
 
 
@@ -156,7 +156,7 @@ async def test_what_waits_is_bounded_and_the_oldest_is_dropped(
         assert made.task.working
         for first in range(100, 12_100, 100):
             made.task.on_frames(made_frames(first, 100))
-        assert made.task.dropped_frames == 2000
+        assert made.task.segmenting.figures.drops == 2000
         made.modeller.leave.set()
         await made.settle(2)
         assert not made.task.working
@@ -170,7 +170,7 @@ async def test_of_a_block_longer_than_the_queue_the_newest_frames_are_kept(
         made.task.on_frames(made_frames(0, 10_001))
         await made.settle(1)
         np.testing.assert_array_equal(made.modeller.updates[0]["sequence"], np.arange(1, 10_001))
-        assert made.task.dropped_frames == 1
+        assert made.task.segmenting.figures.drops == 1
 
 
 async def test_a_reset_throws_away_what_is_under_way_and_what_waits(
@@ -215,7 +215,7 @@ async def test_updates_wait_for_frames_that_may_still_come_and_are_cut_by_number
 ) -> None:
     missing: list[int] = [40]
     async with modelled(monkeypatch) as made:
-        made.task.wait_for_missing(lambda: missing[0] if missing else None)
+        made.task.segmenting.first_missing = lambda: missing[0] if missing else None
         made.task.on_frames(made_frames(0, 40))
         made.task.on_frames(made_frames(60, 240))
         await asyncio.sleep(0.02)
@@ -229,7 +229,7 @@ async def test_updates_wait_for_frames_that_may_still_come_and_are_cut_by_number
             np.testing.assert_array_equal(
                 update["sequence"], np.arange(100 * number, 100 * number + 100)
             )
-        assert made.task.late_frames == 0
+        assert made.task.segmenting.late_frames == 0
 
 
 async def test_frames_that_come_after_their_update_are_left_out_and_counted(
@@ -242,7 +242,7 @@ async def test_frames_that_come_after_their_update_are_left_out_and_counted(
         made.task.on_backfill(made_frames(40, 20))
         made.task.on_frames(made_frames(100, 100))
         await made.settle(2)
-        assert made.task.late_frames == 20
+        assert made.task.segmenting.late_frames == 20
         np.testing.assert_array_equal(made.modeller.updates[1]["sequence"], np.arange(100, 200))
 
 
@@ -250,12 +250,12 @@ async def test_a_gap_that_never_closes_cannot_hold_the_modelling_up_for_ever(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     async with modelled(monkeypatch) as made:
-        made.task.wait_for_missing(lambda: 0)
+        made.task.segmenting.first_missing = lambda: 0
         for first in range(1, 9001, 100):
             made.task.on_frames(made_frames(first, 100))
             await asyncio.sleep(0)
         await made.settle(1)
-        assert made.task.dropped_frames == 0
+        assert made.task.segmenting.figures.drops == 0
 
 
 async def test_what_is_complete_at_the_end_is_still_modelled(

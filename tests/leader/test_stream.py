@@ -1,5 +1,7 @@
 """Vibration and motion as they are streamed, before there is a model."""
 
+import math
+
 import numpy as np
 import pytest
 from frame_samples import made_frames
@@ -94,7 +96,7 @@ def test_the_stream_and_the_truth_as_the_model_are_of_one_level(
     moved = []
     for frame in frames:
         motion.on_frames(np.atleast_1d(frame), 0)
-        moved.append((motion.speed_mm_s, motion.force_n))
+        moved.append((math.hypot(*motion.velocity_mm_s), motion.force_n))
     speed, force = np.array(moved)[::20].T
     grid = np.arange(0.0, 500.5, 1.0)
     density = surface.spectrum(speed, force, grid)
@@ -132,7 +134,7 @@ def test_speed_is_tangential_and_force_is_normal(size: int) -> None:
     frames = moving(120.0, 1.5, 400)
     for first in range(0, 400, size):
         motion.on_frames(frames[first : first + size], 0)
-    assert motion.speed_mm_s == pytest.approx(120.0, rel=1e-3)
+    assert math.hypot(*motion.velocity_mm_s) == pytest.approx(120.0, rel=1e-3)
     assert motion.force_n == pytest.approx(1.5, rel=1e-3)
 
 
@@ -152,9 +154,9 @@ def test_pulling_is_no_normal_force_and_rest_is_zero() -> None:
     motion = StreamedMotion("z", 1000.0)
     motion.on_frames(moving(50.0, -2.0, 300), 0)
     assert motion.force_n == 0.0
-    assert motion.speed_mm_s > 49.0
-    motion.rest()
-    assert (motion.speed_mm_s, motion.force_n) == (0.0, 0.0)
+    assert math.hypot(*motion.velocity_mm_s) > 49.0
+    motion.on_lost()
+    assert (math.hypot(*motion.velocity_mm_s), motion.force_n) == (0.0, 0.0)
 
 
 def test_a_gap_makes_no_jump_of_speed() -> None:
@@ -164,6 +166,6 @@ def test_a_gap_makes_no_jump_of_speed() -> None:
     speeds = []
     for frame in frames[1500:]:
         motion.on_frames(np.atleast_1d(frame), 0)
-        speeds.append(motion.speed_mm_s)
+        speeds.append(math.hypot(*motion.velocity_mm_s))
     assert max(speeds) < 110.0
     assert speeds[-1] == pytest.approx(100.0, rel=1e-3)

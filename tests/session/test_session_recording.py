@@ -115,9 +115,9 @@ def test_a_slow_disk_costs_the_oldest_frames_and_counts_them(tmp_path, monkeypat
     blocked = threading.Event()
     write = SessionWriter.write_frames
 
-    def slow(self, frames, log_time_ns):
+    def slow(self, *block):
         blocked.wait(60.0)
-        write(self, frames, log_time_ns)
+        write(self, *block)
 
     monkeypatch.setattr(SessionWriter, "write_frames", slow)
     path = tmp_path / "run.mcap"

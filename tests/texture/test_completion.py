@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from mmt.texture.completion.distance import (
     CELL_CENTRES,
-    FARTHEST,
+    PLANE_CELLS,
     VELOCITY_CELLS,
     CompletionMonitor,
     cell_distances,
@@ -40,7 +40,7 @@ def test_agrees_with_a_search_tree() -> None:
 def test_missing_neighbours_count_as_the_diagonal(count: int) -> None:
     points = np.full((count, 2), 0.5)
     middle = cell_distances(points)[4]
-    assert middle == pytest.approx((3 - count) * FARTHEST)
+    assert middle == pytest.approx((3 - count) * PLANE_CELLS.farthest)
 
 
 @settings(max_examples=80, deadline=None)

@@ -65,7 +65,7 @@ def devices_named(what: str, role: str | None, settings: list[str]) -> list[Name
         There is no such scene or driver, or the scene has no such device.
     """
     options = options_from(settings)
-    if not _is_scene(what):
+    if not is_scene(what):
         return [NamedDevice(role_for(what, role), what, options)]
     if options:
         raise InputError("--set gives options to a driver: a scene has its own")
@@ -81,19 +81,8 @@ def devices_named(what: str, role: str | None, settings: list[str]) -> list[Name
     return chosen
 
 
-def accelerometer_named(what: str, settings: list[str]) -> NamedDevice:
-    """Return the accelerometer of a scene, or the device of a driver.
-
-    Raises
-    ------
-    InputError
-        The scene has no accelerometer, or there is no such driver.
-    """
-    role = "accelerometer" if _is_scene(what) else None
-    return devices_named(what, role, settings)[0]
-
-
-def _is_scene(what: str) -> bool:
+def is_scene(what: str) -> bool:
+    """Return whether a name is a scene's, not a driver's."""
     return what.endswith(".toml") or what in example_scenes()
 
 

@@ -85,13 +85,14 @@ def calibrate_accelerometer(
     json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
 ) -> None:
     """Calibrate an ADXL335 by gravity and store it under its serial number."""
-    from mmt.cli.device_testing import accelerometer_named
+    from mmt.cli.device_testing import devices_named, is_scene
     from mmt.cli.gravity import Files, calibrate_by_gravity
     from mmt.devices.drivers import load_device
 
     if keep is not None:
         require_absent(keep, force=force)
-    named = accelerometer_named(what, settings or [])
+    role = "accelerometer" if is_scene(what) else None
+    named = devices_named(what, role, settings or [])[0]
     device = load_device(named.driver, named.options, role=named.role)
     calibrate_by_gravity(device, named.driver, duration, Files(rests, keep, json_file))
 

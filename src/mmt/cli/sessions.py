@@ -179,7 +179,26 @@ def view(
     ] = True,
 ) -> None:
     """Show a session file in a browser, moment by moment, as the monitor shows a run."""
-    view_file(source, port=port, show=show)
+    compile_kernels(["mmt.web.viewing.recording"], messages.print)
+    from mmt.web.viewing.recording import ViewedRecording
+    from mmt.web.viewing.server import RecordingServer
+
+    recording = ViewedRecording.open(source)
+    if recording.windows.in_memory:
+        messages.print(f"{source} has no index: all of it is held in memory", highlight=False)
+
+    def ready(url: str) -> None:
+        output.print(f"{source.name}: {url}", highlight=False)
+        messages.print("Ctrl-C ends it", highlight=False)
+        if show and not open_page(url):
+            messages.print("no browser was found: open the address in one", highlight=False)
+
+    async def serve() -> None:
+        server = RecordingServer(recording, port)
+        stop_on_signals(server.stop)
+        await server.run(ready)
+
+    asyncio.run(serve())
 
 
 @app.command()
@@ -208,27 +227,3 @@ def recover(
 
 def _same_file(source: Path, target: Path) -> bool:
     return source.exists() and target.exists() and source.samefile(target)
-
-
-def view_file(path: Path, *, port: int, show: bool) -> None:
-    """Serve a recording's page until Ctrl-C; `show` opens it in the browser."""
-    compile_kernels(["mmt.web.viewing.recording"], messages.print)
-    from mmt.web.viewing.recording import ViewedRecording
-    from mmt.web.viewing.server import RecordingServer
-
-    recording = ViewedRecording.open(path)
-    if recording.windows.in_memory:
-        messages.print(f"{path} has no index: all of it is held in memory", highlight=False)
-
-    def ready(url: str) -> None:
-        output.print(f"{path.name}: {url}", highlight=False)
-        messages.print("Ctrl-C ends it", highlight=False)
-        if show and not open_page(url):
-            messages.print("no browser was found: open the address in one", highlight=False)
-
-    async def serve() -> None:
-        server = RecordingServer(recording, port)
-        stop_on_signals(server.stop)
-        await server.run(ready)
-
-    asyncio.run(serve())

@@ -26,10 +26,12 @@ Cost: about 9 us a sample in plain Python, 2 us before the first contact, and 17
 
 import math
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Annotated, Final
+
+from annotated_types import Gt
 
 from mmt.contact.least_squares import RecursiveLeastSquares
-from mmt.core.errors import InputError
+from mmt.core.bounds import check_fields
 
 _MM: Final = 1e3
 _SPEED_SCALE: Final = 0.1
@@ -122,15 +124,12 @@ class EstimationSettings:
         A value is not above 0.
     """
 
-    contact_n: float = 0.2
-    forgetting_s: float = 0.5
-    tick_s: float = 1e-3
+    contact_n: Annotated[float, Gt(0)] = 0.2
+    forgetting_s: Annotated[float, Gt(0)] = 0.5
+    tick_s: Annotated[float, Gt(0)] = 1e-3
 
     def __post_init__(self) -> None:
-        for name in ("contact_n", "forgetting_s", "tick_s"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise InputError(f"{name} is {value}, it must be above 0")
+        check_fields(self)
 
 
 class ContactEstimator:

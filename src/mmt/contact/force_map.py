@@ -34,9 +34,10 @@ Cell = tuple[int, int]
 
 
 class SmoothSpeed:
-    """Speed of a position, behind a first-order filter of 10 ms."""
+    """Speed of a position, behind a first-order filter, of 10 ms by default."""
 
-    def __init__(self) -> None:
+    def __init__(self, filter_s: float = _FILTER_S) -> None:
+        self._filter_s = filter_s
         self._smooth_m: float | None = None
 
     def step(self, place_m: float, period_s: float) -> float:
@@ -47,9 +48,9 @@ class SmoothSpeed:
         if not math.isfinite(place_m):
             return 0.0
         before_m = place_m if self._smooth_m is None else self._smooth_m
-        keep = math.exp(-period_s / _FILTER_S)
+        keep = math.exp(-period_s / self._filter_s)
         self._smooth_m = place_m + keep * (before_m - place_m)
-        return keep * (place_m - before_m) / _FILTER_S
+        return keep * (place_m - before_m) / self._filter_s
 
 
 class ForceMap:

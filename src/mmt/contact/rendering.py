@@ -17,10 +17,13 @@ Cost: about 2 us a step in plain Python.
 
 import math
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Annotated, Final
+
+from annotated_types import Ge, Gt
 
 from mmt.contact.estimation import ContactModel
-from mmt.core.errors import InputError
+from mmt.contact.force_map import SmoothSpeed
+from mmt.core.bounds import check_fields
 
 _FILTER_S: Final = 3e-3
 """Time constant of the speed filter of the rendered damper: positions are quantised."""
@@ -53,20 +56,13 @@ class RenderingSettings:
         A value is out of range or not finite.
     """
 
-    stiffness_n_m: float = 10_000.0
-    damping_n_s_m: float = 20.0
-    smoothing_s: float = 0.02
-    tick_s: float = 1e-3
+    stiffness_n_m: Annotated[float, Gt(0)] = 10_000.0
+    damping_n_s_m: Annotated[float, Ge(0)] = 20.0
+    smoothing_s: Annotated[float, Ge(0)] = 0.02
+    tick_s: Annotated[float, Gt(0)] = 1e-3
 
     def __post_init__(self) -> None:
-        for name in ("stiffness_n_m", "tick_s"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise InputError(f"{name} is {value}, it must be above 0")
-        for name in ("damping_n_s_m", "smoothing_s"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0.0):
-                raise InputError(f"{name} is {value}, it must be 0 or above")
+        check_fields(self)
 
 
 class LocalContact:
@@ -75,8 +71,7 @@ class LocalContact:
     def __init__(self, settings: RenderingSettings | None = None) -> None:
         self._settings = settings or RenderingSettings()
         self._target: ContactModel | None = None
-        self._depth_m: float | None = None
-        self._smooth_m = 0.0
+        self._speed = SmoothSpeed(_FILTER_S)
         self.rendered: ContactModel | None = None
         """The model rendered now, None before the first."""
 
@@ -87,7 +82,7 @@ class LocalContact:
 
     def rest(self) -> None:
         """Reset the position of the hand; the model is kept."""
-        self._depth_m = None
+        self._speed = SmoothSpeed(_FILTER_S)
 
     def step(self, depth_m: float, ticks: int = 1) -> float:
         """Return the force (N) against the axis into the surface, never negative.
@@ -102,12 +97,7 @@ class LocalContact:
         if not math.isfinite(depth_m):
             return 0.0
         period_s = ticks * self._settings.tick_s
-        if self._depth_m is None:
-            self._smooth_m = depth_m
-        self._depth_m = depth_m
-        keep = math.exp(-period_s / _FILTER_S)
-        speed_m_s = keep * (depth_m - self._smooth_m) / _FILTER_S
-        self._smooth_m = depth_m + keep * (self._smooth_m - depth_m)
+        speed_m_s = self._speed.step(depth_m, period_s)
         self._approach(period_s)
         if self.rendered is None:
             return 0.0

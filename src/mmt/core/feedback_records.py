@@ -4,9 +4,11 @@ They are sent only with the methods that need them; the layout is in
 ``docs/reference/wire.md``.
 """
 
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
+
+from mmt.core.arrays import RecordArray
 
 ENERGY: Final = "energy"
 """Both ways, with ``method = "passive"``: energy that entered through the sender's port."""
@@ -31,3 +33,21 @@ the surface on it."""
 
 CONTACT_GATHERED: Final = 5
 """Contact samples in one message."""
+
+
+class FeedbackSide(Protocol):
+    """One side of a force-feedback method, as the link uses it."""
+
+    @property
+    def event(self) -> str | None:
+        """Name of the further event between the two sides, or None if frames are enough."""
+
+    @property
+    def dtype(self) -> "np.dtype[np.void] | None":
+        """Dtype of that event's records."""
+
+    def on_records(self, records: RecordArray) -> None:
+        """Handle validated records (n,) of the further event."""
+
+    def restart(self) -> None:
+        """Prepare for a new connection, perhaps of a restarted peer."""

@@ -150,6 +150,12 @@ class RepeatLimit:
         self._next_s[kind] = now_s + REPEAT_PERIOD_S
         return 1 + self._suppressed.pop(kind, 0)
 
+    def warn(self, log: logging.Logger, sentence: str) -> None:
+        """Log a warning, at most one a second, with the number since the last line."""
+        if times := self.allow("warning"):
+            more = f" ({times} since the last such line)" if times > 1 else ""
+            log.warning("%s%s", sentence, more)
+
 
 class _JsonLines(logging.Formatter):
     def __init__(self, service: str) -> None:

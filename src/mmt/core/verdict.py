@@ -5,7 +5,7 @@ noticeable difference, and the faults. Terminal, pages and reports show it uncha
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Final, Literal
 
 from mmt.core.errors import FAILED
@@ -104,17 +104,8 @@ class Verdict:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the verdict for a page or a program."""
-        return {
-            "state": self.state,
-            "time": self.time,
-            "now": self.now,
-            "readiness": self.readiness,
-            "error": self.error,
-            "noticeable": self.noticeable,
-            "health": self.health,
-            "faults": list(self.faults),
-            "sentence": self.sentence,
-        }
+        more = {"health": self.health, "faults": list(self.faults), "sentence": self.sentence}
+        return asdict(self) | more
 
 
 def verdict(facts: Facts) -> Verdict:

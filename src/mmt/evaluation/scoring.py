@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from mmt.texture.online.history import ModelHistory
 from mmt.texture.online.log import ModelLog
 from mmt.texture.online.methods import method_of
 from mmt.texture.segmentation.segments import Segment
-from mmt.texture.settings import Inputs, ModellingSettings
+from mmt.texture.settings import THRESHOLDS, Inputs, Method, ModellingSettings
 from mmt.texture.signals.amplitude_spectra import Spectra
 from mmt.texture.signals.metrics import within_jnd
 from mmt.texture.space.inputs import InputSpace
@@ -32,19 +32,11 @@ MODEL_NAMES: Final[dict[Inputs, str]] = {
 """Names in errors by heading of a model of these inputs."""
 
 
-_OF_BOTH_METHODS: Final = (
-    *("axis", "normal", "order", "inputs", "rate_hz", "samples_per_frame", "least_speed_mm_s"),
-    *("least_force_n", "overlap_samples", "straightness_mm", "stationarity", "shortest_samples"),
-    *("longest_samples", "longest_bridged_samples"),
-)
-
-
 def method_beside(settings: ModellingSettings) -> tuple[str, ModellingSettings]:
     """Return the name of the method that settings do not name, and its settings for the data."""
-    kept = {name: getattr(settings, name) for name in _OF_BOTH_METHODS}
-    if settings.method == "published":
-        return "field", ModellingSettings(**kept)
-    return "published", ModellingSettings(method="published", **kept)
+    other: Method = "field" if settings.method == "published" else "published"
+    auto: dict[str, Any] = dict.fromkeys(THRESHOLDS[settings.method], "auto")
+    return other, replace(settings, method=other, surfaces=None, **auto)
 
 
 class Scorer:

@@ -14,6 +14,7 @@ from mmt.core.feedback_records import (
     CONTACT_GATHERED,
     ENERGY,
     ENERGY_DTYPE,
+    FeedbackSide,
 )
 from mmt.devices.protocols import Vector
 from mmt.scene import Scene
@@ -21,25 +22,14 @@ from mmt.scene import Scene
 _M: Final = 1e-3
 
 
-class FollowerFeedback(Protocol):
+class FollowerFeedback(FeedbackSide, Protocol):
     """The follower's side of a force-feedback method, called in each tick."""
-
-    event: str
-    """Name of the further event, sent to the leader and by some methods received from it."""
-    dtype: "np.dtype[np.void]"
-    """Dtype of the event's records."""
 
     def command(self, position_mm: Vector | None) -> Vector | None:
         """Return the position (mm) that the robot is to take instead of the commanded one."""
 
     def measured(self, frames: RecordArray) -> RecordArray | None:
         """Handle the frames (n,), n >= 1, after the command; return records to send, or None."""
-
-    def on_records(self, records: RecordArray) -> None:
-        """Handle validated records (n,) of the same event from the leader."""
-
-    def restart(self) -> None:
-        """Prepare for a new connection, perhaps of a restarted leader."""
 
     @property
     def summary(self) -> Mapping[str, Any]:

@@ -152,7 +152,7 @@ class Follower:
                 annotations=self.source.annotations,
                 keep_frames=scene.keep_frames(),
                 run_id=uuid.uuid4().hex,
-                extra="" if feedback is None else feedback.event,
+                extra="" if feedback is None else feedback.event or "",
                 samples_per_frame=scene.session.samples_per_frame,
             ),
             FollowerEvents(

@@ -19,10 +19,10 @@ from mmt.leader.part import Session
 from mmt.scene import LARGEST_SPEED
 
 if TYPE_CHECKING:
+    from mmt.core.feedback_records import FeedbackSide
     from mmt.leader.modelling.pipeline import Modelling
     from mmt.link.clock_exchange import RemoteClock
     from mmt.link.clock_offset import ClockJump
-    from mmt.link.endpoint import ForceFeedbackSide
     from mmt.link.http import Page
     from mmt.link.protocol import FollowerHello, LinkStatistics
     from mmt.link.server import LeaderServer
@@ -50,7 +50,7 @@ class RemoteFollower:
     def __init__(
         self,
         session: Session,
-        feedback: "ForceFeedbackSide | None" = None,
+        feedback: "FeedbackSide | None" = None,
         modelling: "Modelling | None" = None,
     ) -> None:
         self._session = session
@@ -66,7 +66,7 @@ class RemoteFollower:
             scene.keep_frames(), self._numbering, parts.call, self._request_frames, journal.note
         )
         if modelling is not None:
-            modelling.wait_for_missing(lambda: self.backfill.missing.first)
+            modelling.segmenting.first_missing = lambda: self.backfill.missing.first
         self.server: LeaderServer | None = None
         """None before `listen`."""
         self._clock_notes: ClockNotes | None = None

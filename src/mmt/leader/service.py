@@ -20,8 +20,8 @@ from mmt.leader.summary import LeaderStatus, LeaderSummary, summarise
 from mmt.scene import Scene
 
 if TYPE_CHECKING:
+    from mmt.core.feedback_records import FeedbackSide
     from mmt.leader.modelling.process import ModellingProcess
-    from mmt.link.endpoint import ForceFeedbackSide
 
 _STATUS_PERIOD_S: Final = 0.2
 _STATUS_FIELDS: Final = {item.name for item in fields(LeaderStatus)}
@@ -81,7 +81,7 @@ class Leader:
         self._now = Tick()
         self._steps: list[Callable[[Tick], None]] = []
 
-    def _told_more(self) -> "ForceFeedbackSide | None":
+    def _told_more(self) -> "FeedbackSide | None":
         """Return the handler of the follower's further event: force feedback, hand, or None."""
         displayed, hand = self.parts.force_feedback, self.parts.hand
         if displayed is not None and displayed.feedback.event is not None:

@@ -181,7 +181,7 @@ class Acceptor:
             except ConnectionError:
                 continue  # the client left before it was accepted
             except OSError as error:
-                self._tell(f"no connection can be accepted ({error.strerror or error})")
+                self._told.warn(LOG, f"no connection can be accepted ({error.strerror or error})")
                 self._make_room(self._having(admitted=False)[:1])
                 await asyncio.sleep(_PAUSE_S)
                 continue
@@ -210,7 +210,7 @@ class Acceptor:
         for stranger in strangers:
             stranger.close()
             del self._connections[stranger.protocol]
-            self._tell(f"too many connections: closed the oldest from {stranger.address}")
+            self._told.warn(LOG, f"too many connections: closed the oldest from {stranger.address}")
 
     async def _open(
         self, connection: _Connection, arrived: socket.socket, tls: ssl.SSLContext | None
@@ -242,13 +242,6 @@ class Acceptor:
             asyncio.get_running_loop().call_later(_TURN_S, turns.release)
         else:
             turns.release()
-
-    def _tell(self, sentence: str) -> None:
-        """Log a warning, at most once a second."""
-        times = self._told.allow("warning")
-        if times:
-            more = f" ({times} since the last such line)" if times > 1 else ""
-            LOG.warning("%s%s", sentence, more)
 
 
 _ACCEPTOR: Final = web.AppKey("acceptor", Acceptor)

@@ -112,7 +112,7 @@ class BackfillSender:
     """
 
     def __init__(self, kept: FrameBuffer, outbox: SendQueue) -> None:
-        self._buffer = kept
+        self.buffer = kept
         self._outbox = outbox
         self._asked = RangeSet()
         self._scheduled = RangeSet()
@@ -171,7 +171,7 @@ class BackfillSender:
         """Copy the requested frames that are buffered; report the others as gone."""
         for first, stop in self._scheduled:
             self._asked.remove(first, stop)
-        found = self._buffer.select(self._asked)
+        found = self.buffer.select(self._asked)
         for first, stop in ranges_of(found["sequence"]):
             self._asked.remove(first, stop)
             self._scheduled.add(first, stop)

@@ -11,6 +11,7 @@ from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import COMMAND_DTYPE
 from mmt.core.ticking import TimeHistogram
 from mmt.link.access import Access
+from mmt.link.backfill import BackfillSender
 from mmt.link.clock_exchange import ClockRequester
 from mmt.link.connection import LeaderConnection
 from mmt.link.endpoint import Endpoint, ExtraEvent, FollowerEvents
@@ -107,6 +108,7 @@ class FollowerClient:
         )
         """Reader of received messages, and queue of messages to send."""
         self._frames = FrameSender(hello, endpoint)
+        self._backfiller = self._frames.backfiller
         self._clock_hz = clock_hz
         self.clock = ClockRequester(endpoint.reader, endpoint.outbox, endpoint.notify_jump)
         """Estimate of the leader's clock."""
@@ -210,8 +212,8 @@ class FollowerClient:
         self._ended = True
         self.clock.stop()
         self._frames.flush()
-        if self._frames.has_buffer:
-            await self._settle()
+        if self._backfiller is not None:
+            await self._settle(self._backfiller)
         await self.endpoint.outbox.finish(CLOSE_TIMEOUT_S)
         if not self.connected:
             return
@@ -233,7 +235,8 @@ class FollowerClient:
         self.endpoint.restart()
         self.endpoint.notify(self._events.on_open)
         self.endpoint.outbox.open(send)
-        self._frames.open()
+        if self._backfiller is not None:
+            self._backfiller.open()
 
     def _on_broken(self, reason: str) -> None:
         self._stop_sending()
@@ -247,9 +250,10 @@ class FollowerClient:
     def _stop_sending(self) -> None:
         self.clock.stop()
         self.endpoint.outbox.close()
-        self._frames.close()
+        if self._backfiller is not None:
+            self._backfiller.close()
 
-    async def _settle(self) -> None:
+    async def _settle(self, backfiller: BackfillSender) -> None:
         """Send the frames that the leader lacks so far, again if they get lost as well."""
         deadline_s = time.monotonic() + SETTLE_S
         while time.monotonic() < deadline_s:
@@ -262,7 +266,8 @@ class FollowerClient:
                 return  # the leader hangs, or has no such event
             if not isinstance(answer, Mapping) or not answer.get("missing"):
                 return
-            await self._frames.settle(answer["missing"])
+            backfiller.request(answer["missing"])
+            await backfiller.finish(SETTLE_S)
 
     # --- what the leader sends
 
@@ -293,7 +298,8 @@ class FollowerClient:
         self.endpoint.notify(self._events.on_stop, reason or "no reason given")
 
     def _on_missing(self, *arguments: object) -> None:
-        self._frames.request(argument_of(arguments))
+        if self._backfiller is not None:
+            self._backfiller.request(argument_of(arguments))
 
     def _on_network(self, *arguments: object) -> None:
         if self._network is not None:

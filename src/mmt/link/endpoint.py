@@ -4,7 +4,7 @@ import logging
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, Literal, Protocol
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from mmt.link.reader import BlockReader
 from mmt.scene import Scene
 
 if TYPE_CHECKING:
+    from mmt.core.feedback_records import FeedbackSide
     from mmt.link.emulation import EmulatedNetwork
 
 LOG: Final = logging.getLogger("mmt.link")
@@ -148,24 +149,6 @@ class ExtraEvent:
         return encode_event(self.event, records.tobytes())
 
 
-class ForceFeedbackSide(Protocol):
-    """One side of a force-feedback method, as the link uses it."""
-
-    @property
-    def event(self) -> str | None:
-        """Name of the further event, or None if frames are enough."""
-
-    @property
-    def dtype(self) -> "np.dtype[np.void] | None":
-        """Dtype of that event's records."""
-
-    def on_records(self, records: RecordArray) -> None:
-        """Handle validated records (n,) of the further event."""
-
-    def restart(self) -> None:
-        """Prepare for a new connection."""
-
-
 def emulated_network(
     scene: Scene, direction: Literal["up", "down"], say: Callable[[str], None]
 ) -> "EmulatedNetwork | None":
@@ -177,7 +160,7 @@ def emulated_network(
     return EmulatedNetwork(scene.network, direction, scene.session.seed, say)
 
 
-def extra_event(feedback: ForceFeedbackSide | None) -> "ExtraEvent | None":
+def extra_event(feedback: "FeedbackSide | None") -> "ExtraEvent | None":
     """Return the further event of a force-feedback method, or None."""
     if feedback is None or feedback.event is None or feedback.dtype is None:
         return None

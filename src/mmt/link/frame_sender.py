@@ -6,7 +6,7 @@ from typing import Final
 from mmt.core.arrays import RecordArray
 from mmt.link.backfill import BackfillSender, FrameBuffer
 from mmt.link.endpoint import Endpoint
-from mmt.link.protocol import FRAMES, SETTLE_S, FollowerHello
+from mmt.link.protocol import FRAMES, FollowerHello
 
 _SEQUENCE: Final = struct.Struct("<I")
 
@@ -28,11 +28,11 @@ class FrameSender:
         self._full_bytes = hello.frames_per_message * self._dtype.itemsize
         self._batch = bytearray()
         self._last_frame = b""
-        keeps = hello.keep_frames
-        self._buffer = FrameBuffer(self._dtype, keeps) if keeps else None
-        self._backfiller: BackfillSender | None = None
-        if self._buffer is not None:
-            self._backfiller = BackfillSender(self._buffer, endpoint.outbox)
+        self.backfiller: BackfillSender | None = None
+        """Buffers frames and sends them again; None if the hello keeps none."""
+        if hello.keep_frames:
+            buffer = FrameBuffer(self._dtype, hello.keep_frames)
+            self.backfiller = BackfillSender(buffer, endpoint.outbox)
 
     @property
     def sent(self) -> int:
@@ -42,10 +42,10 @@ class FrameSender:
     @property
     def backfill(self) -> dict[str, int]:
         """Counts of buffered, requested, resent and missing frames; empty without a buffer."""
-        if self._backfiller is None or self._buffer is None:
+        kept = self.backfiller
+        if kept is None:
             return {}
-        asked, sent, gone = self._backfiller.asked, self._backfiller.sent, self._backfiller.gone
-        return {"kept": len(self._buffer), "asked": asked, "sent": sent, "gone": gone}
+        return {"kept": len(kept.buffer), "asked": kept.asked, "sent": kept.sent, "gone": kept.gone}
 
     def put(self, frames: RecordArray) -> None:
         """Batch and buffer frames (n,), and send a message as soon as it is full.
@@ -59,8 +59,8 @@ class FrameSender:
             message = f"frames are of dtype {frames.dtype}: the hello's are of {self._dtype}"
             raise ValueError(message)
         data = frames.tobytes()
-        if self._buffer is not None:
-            self._buffer.put(data)
+        if self.backfiller is not None:
+            self.backfiller.buffer.put(data)
         self._batch += data
         if len(self._batch) >= self._full_bytes:
             self.flush()
@@ -72,31 +72,3 @@ class FrameSender:
         if gathered:
             self._endpoint.send(FRAMES, gathered, size)
             self._last_frame = gathered[-size:]
-
-    # --- frames that did not arrive
-
-    def open(self) -> None:
-        """Start to answer back-fill requests on a new connection."""
-        if self._backfiller is not None:
-            self._backfiller.open()
-
-    def close(self) -> None:
-        """Stop answering until the next connection."""
-        if self._backfiller is not None:
-            self._backfiller.close()
-
-    @property
-    def has_buffer(self) -> bool:
-        """Whether frames can be sent again."""
-        return self._backfiller is not None
-
-    def request(self, payload: object) -> None:
-        """Handle a request for frames; its payload is not trusted."""
-        if self._backfiller is not None:
-            self._backfiller.request(payload)
-
-    async def settle(self, payload: object) -> None:
-        """Send the frames that the leader lacks at the end, in bounded time."""
-        if self._backfiller is not None:
-            self._backfiller.request(payload)
-            await self._backfiller.finish(SETTLE_S)

@@ -216,7 +216,7 @@ class Handshake:
             self._clear_slot()
             self._events.on_follower(hello)
         except MmtError as error:
-            self._log_refusal(peer_text(str(error), MAX_SENTENCE))
+            self._refusals.warn(LOG, f"refused a follower: {peer_text(str(error), MAX_SENTENCE)}")
             raise socketio.exceptions.ConnectionRefusedError(str(error)) from error
         except Exception as error:
             self._events.on_error(error)
@@ -229,13 +229,6 @@ class Handshake:
         self._host.sockets.admit(environ, handlers, self._endpoint.rate_limit)
         send = self._host.sockets.send(sid, environ)
         self._start(self._send_welcome(sid, hello.protocol, send))
-
-    def _log_refusal(self, sentence: str) -> None:
-        """Log at most one refusal a second, with the number since the last line."""
-        times = self._refusals.allow("refusal")
-        if times:
-            more = f" ({times} since the last such line)" if times > 1 else ""
-            LOG.warning("refused a follower: %s%s", sentence, more)
 
     def _clear_slot(self) -> None:
         """Drop the earlier connection of a follower that connects again."""

@@ -70,16 +70,6 @@ class Textures:
             count -= part
         return np.concatenate(blocks) if blocks else np.zeros(0)
 
-    def use(self, models: Sequence[TextureModel]) -> None:
-        """Replace the models by other states of them, as many and of the same rates.
-
-        Raises
-        ------
-        InputError
-            The number of models is another one.
-        """
-        self.estimator.use(models)
-
     @property
     def running(self) -> bool:
         """Whether the textures are not closed and no thread has failed."""

@@ -45,18 +45,6 @@ class Estimator:
         self.newest: Estimate | None = None
         """The newest estimate; None before the first touch, and while nothing is touched."""
 
-    def use(self, models: Sequence[TextureModel]) -> None:
-        """Replace the models by others, as many as before.
-
-        Raises
-        ------
-        InputError
-            The number of models is another one.
-        """
-        if len(models) != len(self._models):
-            raise InputError(f"{len(models)} models in place of {len(self._models)}")
-        self._models = tuple(models)
-
     def touch(self, touch: Touch | None) -> None:
         """Set the present motion of the hand; None if it touches nothing.
 

@@ -44,11 +44,6 @@ class OutputGenerator:
             for rate_hz in sorted(set(rates_hz))
         }
 
-    @property
-    def delay_s(self) -> float:
-        """Largest delay of the conversion of a rate."""
-        return max(converter.delay_s for _, converter in self._lanes.values())
-
     def use(self, estimate: Estimate | None) -> None:
         """Use another estimate; None decays to silence."""
         for rate_hz, (generator, _) in self._lanes.items():

@@ -33,7 +33,7 @@ from mmt.session.mcap_writer import (
     SESSION_METADATA,
     UTC_OFFSET,
 )
-from mmt.session.messages import FRAME_BLOCK, FrameCodec, OutputCodec, event_codec
+from mmt.session.messages import FRAME_BLOCK, FrameCodec, OutputCodec, decode_event
 
 
 def read_mcap(path: Path) -> RecordedSession:
@@ -212,7 +212,7 @@ def parse_event(path: Path, data: bytes, channel: Channel) -> dict[str, Any]:
         The event does not parse.
     """
     json_encoded = channel.message_encoding == MessageEncoding.JSON
-    return parse_json(path, data if json_encoded else event_codec().decode(data), "an event")
+    return parse_json(path, data if json_encoded else decode_event(data), "an event")
 
 
 def parse_json(path: Path, text: str | bytes, what: str) -> dict[str, Any]:

@@ -33,7 +33,7 @@ from mmt.session.messages import (
     OUTPUT_BLOCK,
     FrameCodec,
     OutputCodec,
-    event_codec,
+    encode_event,
     event_schema,
     frame_schema,
     output_schema,
@@ -126,7 +126,7 @@ class SessionWriter:
         self._frames = FrameCodec.of_channels(channels, samples_per_frame)
         self._plot = PlotCodec(channels)
         self._output = OutputCodec()
-        self._event, self._log = event_codec(), LogCodec()
+        self._log = LogCodec()
         several = samples_per_frame > 1
         plain = {
             (ACCELERATION_TOPIC if k > 1 else SCALARS_TOPIC): (
@@ -188,15 +188,10 @@ class SessionWriter:
     def _utc_ns(self, log_time_ns: int) -> int:
         return max(0, max(0, log_time_ns) + self._utc_offset_ns)
 
-    def write_frames(self, frames: RecordArray, log_time_ns: int) -> None:
+    def write_frames(
+        self, frames: RecordArray, log_time_ns: int, topic: str = FRAMES_TOPIC
+    ) -> None:
         """Write a block of frames (n,), n >= 1, as one message, and one message for plots."""
-        self._write_block(FRAMES_TOPIC, frames, log_time_ns)
-
-    def write_backfill(self, frames: RecordArray, log_time_ns: int) -> None:
-        """Write a block of frames (n,), n >= 1, that arrived late, as `write_frames` does."""
-        self._write_block(BACKFILL_TOPIC, frames, log_time_ns)
-
-    def _write_block(self, topic: str, frames: RecordArray, log_time_ns: int) -> None:
         time_ns, sequence = int(frames["time_ns"][0]), int(frames["sequence"][0])
         for each, data in (
             (topic, self._frames.encode(frames)),
@@ -219,7 +214,7 @@ class SessionWriter:
 
     def write_event(self, event: str, log_time_ns: int) -> None:
         """Write an event, the text of a JSON object, and its sentence as a log message."""
-        self._add(EVENTS_TOPIC, self._event.encode(event), log_time_ns, log_time_ns)
+        self._add(EVENTS_TOPIC, encode_event(event), log_time_ns, log_time_ns)
         sentence = json.loads(event).get("event")
         if isinstance(sentence, str):
             data = self._log.encode(self._utc_ns(log_time_ns), sentence)

@@ -182,38 +182,32 @@ class OutputCodec:
 
 
 @cache
-def event_codec() -> "EventCodec":
-    """Return the codec of events."""
-    return EventCodec()
+def _event_class() -> Any:
+    return message_class(event_schema(), EVENT)
 
 
-class EventCodec:
-    """Turn events, as JSON text, into ``mmt.Event`` messages and back."""
+def encode_event(text: str) -> bytes:
+    """Return an event, as JSON text, as an ``mmt.Event`` message."""
+    event = json.loads(text)
+    time_s, kind = event.get("time_s"), event.get("kind")
+    message = _event_class()(
+        time_s=float(time_s) if isinstance(time_s, int | float) else 0.0,
+        event=str(event.get("event", "")),
+        kind="" if kind is None else str(kind),
+        json=text,
+    )
+    return bytes(message.SerializeToString())
 
-    def __init__(self) -> None:
-        self._message = message_class(event_schema(), EVENT)
 
-    def encode(self, text: str) -> bytes:
-        """Return an event as a message."""
-        event = json.loads(text)
-        time_s, kind = event.get("time_s"), event.get("kind")
-        message = self._message(
-            time_s=float(time_s) if isinstance(time_s, int | float) else 0.0,
-            event=str(event.get("event", "")),
-            kind="" if kind is None else str(kind),
-            json=text,
-        )
-        return bytes(message.SerializeToString())
+def decode_event(payload: bytes) -> str:
+    """Return the JSON text of an event's message.
 
-    def decode(self, payload: bytes) -> str:
-        """Return the event's JSON text.
-
-        Raises
-        ------
-        InputError
-            The message does not parse.
-        """
-        try:
-            return str(self._message.FromString(payload).json)
-        except _MISFITS as error:
-            raise InputError(f"an event does not fit its schema: {error}") from error
+    Raises
+    ------
+    InputError
+        The message does not parse.
+    """
+    try:
+        return str(_event_class().FromString(payload).json)
+    except _MISFITS as error:
+        raise InputError(f"an event does not fit its schema: {error}") from error

@@ -14,6 +14,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, BinaryIO, Final, Literal, NamedTuple, Self, TypeAlias
@@ -27,7 +28,7 @@ from mmt.core.existing_files import exists_error, numbered
 from mmt.core.frames import Channel, frame_dtype, ordered_channels, samples_per_frame
 from mmt.session.assembling import BlockAssembler, OutputAssembler
 from mmt.session.data import JsonObject, to_json
-from mmt.session.mcap_writer import SessionWriter
+from mmt.session.mcap_writer import BACKFILL_TOPIC, FRAMES_TOPIC, SessionWriter
 
 fcntl: Final[Any] = importlib.import_module("fcntl") if find_spec("fcntl") else None
 """None on Windows, which locks open files by itself."""
@@ -138,8 +139,10 @@ class McapRecorder:
             with suppress(OSError):
                 self._stream.close()
             raise InputError(f"recording {self.path}: {error.strerror or error}") from error
-        self._frame_assembler = BlockAssembler(self._dtype, self._write_frames)
-        self._backfill_assembler = BlockAssembler(self._dtype, self._write_backfill)
+        self._frame_assembler, self._backfill_assembler = (
+            BlockAssembler(self._dtype, partial(self._write_frames, topic))
+            for topic in (FRAMES_TOPIC, BACKFILL_TOPIC)
+        )
         self._output_assembler = OutputAssembler(self._writer.write_output, samples_per_frame)
         # A daemon thread does not keep a program alive that ends without `close`.
         self._thread = threading.Thread(target=self._run, name="mmt-recorder", daemon=True)
@@ -297,12 +300,8 @@ class McapRecorder:
         self._backfill_assembler.flush()
         self._output_assembler.flush()
 
-    def _write_frames(self, frames: RecordArray, log_time_ns: int) -> None:
-        self._writer.write_frames(frames, log_time_ns)
-        self._written_frames += len(frames)
-
-    def _write_backfill(self, frames: RecordArray, log_time_ns: int) -> None:
-        self._writer.write_backfill(frames, log_time_ns)
+    def _write_frames(self, topic: str, frames: RecordArray, log_time_ns: int) -> None:
+        self._writer.write_frames(frames, log_time_ns, topic)
         self._written_frames += len(frames)
 
     def _fail(self, reason: str) -> None:

@@ -48,10 +48,6 @@ class SessionStream:
         for payloads in frame_payloads(self.path):
             yield self.codec.decode(payloads)
 
-    def whole(self) -> RecordedSession:
-        """Return the session with all its frames in memory."""
-        return read_session(self.path)
-
 
 Recording = RecordedSession | SessionStream
 """A recorded session, in memory or in its file."""
@@ -108,4 +104,4 @@ def in_memory(recording: Recording) -> RecordedSession:
     InputError
         See `mmt.read_session`.
     """
-    return recording.whole() if isinstance(recording, SessionStream) else recording
+    return read_session(recording.path) if isinstance(recording, SessionStream) else recording

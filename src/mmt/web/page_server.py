@@ -45,20 +45,17 @@ class PageFile:
     content_type: str
 
 
-MAIN: Final = "main.js"
-"""Name under which the page loads its main module, which differs between run and recording."""
-
-
 def monitor_files(main: str = "monitor.js") -> dict[str, PageFile]:
     """Return the files of the monitor's page by name, about 200 KB.
 
     Parameters
     ----------
     main
-        The main module: ``monitor.js`` for a run, ``recording.js`` for a recording.
+        The main module, which the page loads as ``main.js``: ``monitor.js`` for a run,
+        ``recording.js`` for a recording.
     """
     files = page_files(_FOLDER / "monitor", _VENDORED)
-    return {**files, MAIN: files[main]}
+    return {**files, "main.js": files[main]}
 
 
 def page_files(folder: Path, vendored: Mapping[str, str]) -> dict[str, PageFile]:

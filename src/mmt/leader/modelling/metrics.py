@@ -10,9 +10,7 @@ if TYPE_CHECKING:
     from mmt.leader.run_log import RunLog
 
 
-def modelling_metrics(
-    tasks: "dict[str, Figures]", dropped_frames: int, log: "RunLog"
-) -> Iterator["Metric"]:
+def modelling_metrics(tasks: "dict[str, Figures]", log: "RunLog") -> Iterator["Metric"]:
     """Yield the figures of the model, and of each task that makes it."""
     from mmt.core.exposition import counter, gauge, labelled
 
@@ -41,4 +39,5 @@ def modelling_metrics(
         yield labelled(
             name, text, "task", {k: getattr(t, values) for k, t in tasks.items()}, grows=False
         )
-    yield counter("modelling_dropped_frames", "Frames that found no room.", dropped_frames)
+    dropped = tasks["segmenting"].drops
+    yield counter("modelling_dropped_frames", "Frames that found no room.", dropped)

@@ -154,20 +154,6 @@ class Modelling(Part):
             "completing": self.completing.figures,
         }
 
-    @property
-    def dropped_frames(self) -> int:
-        """Frames dropped because the queue was full."""
-        return self.segmenting.figures.drops
-
-    @property
-    def late_frames(self) -> int:
-        """Frames that were filled in after an update had gone on without them."""
-        return self.segmenting.late_frames
-
-    def wait_for_missing(self, first_missing: Callable[[], int | None]) -> None:
-        """Set the function that returns the first number that may be filled in; updates wait."""
-        self.segmenting.first_missing = first_missing
-
     def on_frames(self, frames: RecordArray, arrival_ns: int = 0) -> None:
         """Queue frames (n,); never blocks."""
         _ = arrival_ns
@@ -271,8 +257,8 @@ class Modelling(Part):
             "updates": len(seconds),
             "update_median_ms": round(1e3 * statistics.median(seconds), 2) if seconds else None,
             "update_longest_ms": round(1e3 * max(seconds), 2) if seconds else None,
-            "dropped_frames": self.dropped_frames,
-            "late_frames": self.late_frames,
+            "dropped_frames": self.segmenting.figures.drops,
+            "late_frames": self.segmenting.late_frames,
             "fault": self.fault,
             "process": None if cost is None else cost.as_dict(),
             "tasks": {name: figures.as_dict() for name, figures in self.figures.items()},
@@ -292,7 +278,7 @@ class Modelling(Part):
         if self._session is not None:
             from mmt.leader.modelling.metrics import modelling_metrics
 
-            yield from modelling_metrics(self.figures, self.dropped_frames, self._session.log)
+            yield from modelling_metrics(self.figures, self._session.log)
 
     def models(self) -> "dict[int, TextureModel]":
         """Return the model of each surface by number; empty if surfaces are not told apart."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from mmt.core.arrays import RecordArray, bounded
+from mmt.core.feedback_records import FeedbackSide
 from mmt.devices.protocols import InterfaceState, Vector
 from mmt.leader.motion.force_ramp import SILENCE_TICKS, ForceRamp
 
@@ -14,24 +15,14 @@ if TYPE_CHECKING:
     from mmt.contact.estimation import ContactModel
 
 
-class Feedback(Protocol):
+class Feedback(FeedbackSide, Protocol):
     """A way to display the remote force to the hand, one tick after another."""
 
-    event: str | None
-    """Name of the further event from the follower, or None if frames are enough."""
-    dtype: "np.dtype[np.void] | None"
-    """Dtype of that event's records."""
     offset_mm: Vector
     """The follower's command minus the hand's position."""
 
     def on_frames(self, frames: RecordArray) -> None:
         """Handle frames (n,), n >= 1, the newest last."""
-
-    def on_records(self, records: RecordArray) -> None:
-        """Handle validated records (n,) of the further event."""
-
-    def restart(self) -> None:
-        """Prepare for a new connection, perhaps of a restarted follower."""
 
     def tick(self, elapsed: int, state: InterfaceState | None) -> RecordArray | None:
         """Display the force for the elapsed ticks.

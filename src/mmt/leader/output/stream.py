@@ -4,7 +4,6 @@ Plain Python filters, a few microseconds a frame, so that a leader that only str
 neither numba nor scipy.
 """
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Final
@@ -167,21 +166,12 @@ class StreamedMotion(Part):
         self.velocity_mm_s = (0.0, 0.0)
         self.force_n = 0.0
 
-    @property
-    def speed_mm_s(self) -> float:
-        """The speed over the surface."""
-        return math.hypot(*self.velocity_mm_s)
-
     @classmethod
     def build(cls, session: Session) -> "StreamedMotion | None":
         """Return the motion that drives the scene's model, or None if a hand does."""
         if session.scene.commands:
             return None
         return cls((session.scene.texture or Texture()).normal, session.rate_hz)
-
-    def on_lost(self) -> None:
-        """Forget the motion: the follower is lost."""
-        self.rest()
 
     def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
         """Follow the newest frames (n,)."""
@@ -210,11 +200,11 @@ class StreamedMotion(Part):
         """Return velocity (mm/s) and force (N) now, at rest after 100 ticks without a frame."""
         self._idle_ticks += elapsed
         if self._idle_ticks > _REST_TICKS:
-            self.rest()
+            self.on_lost()
         return *self.velocity_mm_s, self.force_n
 
-    def rest(self) -> None:
-        """Forget the motion: the stream has stopped."""
+    def on_lost(self) -> None:
+        """Forget the motion: the stream has stopped, or the follower is lost."""
         self._next = None
         self.velocity_mm_s = (0.0, 0.0)
         self.force_n = 0.0

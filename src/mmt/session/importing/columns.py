@@ -131,7 +131,7 @@ def distinct(names: Sequence[str]) -> tuple[list[str], list[str]]:
     said = [
         f"{count} columns are called {name}: {name}.1 and so on" for name, count in doubled.items()
     ]
-    return found, [*said[:SHOWN_COLUMNS]]
+    return found, said[:SHOWN_COLUMNS]
 
 
 def listed(names: Sequence[str]) -> str:

@@ -31,10 +31,6 @@ from mmt.texture.space.inputs import InputSpace
 DIVISIONS: Final = 3
 NEIGHBOURS: Final = 3
 
-FARTHEST: Final = math.sqrt(2.0)
-"""Distance of a neighbour that does not exist yet: the plane's diagonal. So the sum is defined for
-any number of samples, and an added sample can only lower it."""
-
 CELL_CENTRES: Final[FloatArray] = np.array(
     [((x + 0.5) / DIVISIONS, (y + 0.5) / DIVISIONS) for y, x in product(range(DIVISIONS), repeat=2)]
 )
@@ -59,7 +55,8 @@ class Cells:
     neighbours
         Number of nearest samples whose distances are summed at each centre.
     farthest
-        The largest distance within the space, which stands in for a missing neighbour.
+        The largest distance within the space, which stands in for a missing neighbour: so the sum
+        is defined for any number of samples, and an added sample can only lower it.
     """
 
     centres: FloatArray
@@ -78,7 +75,7 @@ def _reachable_centres() -> FloatArray:
     return np.array(rows)
 
 
-PLANE_CELLS: Final = Cells(CELL_CENTRES, NEIGHBOURS, FARTHEST)
+PLANE_CELLS: Final = Cells(CELL_CENTRES, NEIGHBOURS, math.sqrt(2.0))
 """Cells of the plane of speed and force."""
 
 VELOCITY_CELLS: Final = Cells(_reachable_centres(), NEIGHBOURS + 1, math.hypot(2.0, 1.0))

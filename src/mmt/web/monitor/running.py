@@ -64,7 +64,9 @@ class LeaderMonitor:
         self._shown: dict[str, dict[str, Any]] = {}
         self._controls = Controls(leader)
         self._controls_state: dict[str, Any] = {}
-        self.viewers.publish("hello", states.hello(leader.scene, leader.session_id))
+        self.viewers.publish(
+            "hello", pack("hello", states.hello_header(leader.scene, leader.session_id), {})
+        )
         self._publish_model()
         self._publish_completion()
         self._publish_events()

@@ -24,11 +24,6 @@ _PERIOD_MS: Final = (0.5, 0.7, 0.8, 0.9, 0.95, 1.05, 1.1, 1.2, 1.3, 1.5, 2, 5, 1
 _COUNTS: Final = ("frames", "lost", "out_of_order", "repeated", "dropped", "commands")
 
 
-def hello(scene: Scene, session_id: str) -> bytes:
-    """Return the first message to a page; see `hello_header`."""
-    return pack("hello", hello_header(scene, session_id), {})
-
-
 def hello_header(scene: Scene, session_id: str) -> dict[str, Any]:
     """Return names, limits and thresholds of a session; ``rate_hz`` is the vibration's."""
     return {

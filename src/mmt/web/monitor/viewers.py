@@ -5,7 +5,6 @@ yet, so a slow viewer skips states; it neither delays other viewers nor fills th
 """
 
 import asyncio
-from contextlib import suppress
 from typing import Final, Protocol
 
 MOST_VIEWERS: Final = 8
@@ -98,8 +97,7 @@ class Viewers:
 
     def remove(self, viewer: Viewer) -> None:
         """Remove a viewer that has disconnected."""
-        with suppress(KeyError):
-            self._viewers.remove(viewer)
+        self._viewers.discard(viewer)
 
     def close(self) -> None:
         """Send all queued messages, and admit no further viewers."""
