@@ -74,9 +74,11 @@ LIVE = re.compile(
 """What a file of tests uses that needs real time, a child, a socket, a browser, an emulated device,
 a simulated session or another program's files: `scripts/test --fast` leaves it out."""
 
-# ignored where a shell without job control starts the tests in the background: processes that they
+# ignored in the background of a shell without job control, or under nohup: processes that the tests
 # start would inherit it, and could not be interrupted
 signal.signal(signal.SIGINT, signal.default_int_handler)
+if hasattr(signal, "SIGHUP"):
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 HANDLERS = {number: signal.getsignal(number) for number in signal.valid_signals()}
 
 SWITCH_INTERVAL_S = sys.getswitchinterval()

@@ -25,7 +25,7 @@ from mmt.web.binary_messages import pack
 from mmt.web.monitor.live import MOST_SAMPLES, LiveMessages
 from mmt.web.monitor.states import (
     completion_header,
-    hello,
+    hello_header,
     model_message,
     surfaces,
     thinned,
@@ -139,8 +139,7 @@ def test_automatic_thresholds_are_told_as_numbers() -> None:
     scene = SCENE.model_copy(update={"texture": Texture(method="published")})
     assert scene.texture is not None
     assert scene.texture.start_distance == "auto"
-    message = unpack(hello(scene, "some-id"))
-    scale = message["criterion"]
+    scale = hello_header(scene, "some-id")["criterion"]
     assert (scale["start"], scale["stop"]) == pytest.approx((7.5, 4.243), abs=1e-3)
     assert (scale["title"], scale["rises"]) == ("completion sum", False)
 

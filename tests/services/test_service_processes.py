@@ -43,13 +43,13 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
     surface = {"MMT_SIMULATED__SURFACE": "plastic"}
     with session(directory, "demo", *arguments, **surface) as (leader, follower):
         port = leader.port()
+        leader.wait_for(lambda: streamed_s(leader) > 0.0)  # else the second may be the first
         with (
             follower_of(leader, "demo", directory) as second_follower,
             Service(
                 "leader", scene("stream-only"), "--port", port, *arguments, cwd=directory
             ) as second_leader,
         ):
-            leader.wait_for(lambda: streamed_s(leader) > 0.5)
             second_follower.end()
             second_leader.end()
             codes = (leader.end(), follower.end())
