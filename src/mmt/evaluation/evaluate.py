@@ -31,13 +31,7 @@ from mmt.scene.recorded import scene_of_recording
 from mmt.session.data import missing_frames
 from mmt.session.operators import control_periods
 from mmt.session.stream import Recording, blocks_of, in_memory
-from mmt.texture.online.history import (
-    ModelHistory,
-    build,
-    build_together,
-    report_progress,
-    stream_blocks,
-)
+from mmt.texture.online.history import ModelHistory, build, build_together, stream_blocks
 from mmt.texture.settings import Inputs, ModellingSettings
 from mmt.texture.signals.amplitude_spectra import Spectra
 from mmt.texture.touch_down.fitting import held_out_errors
@@ -135,9 +129,10 @@ def evaluate_session(
     truth, basis_reason = known_texture(session.annotations, settings)
     beside, other_method = method_beside(settings)
     leader, other = build_together(
-        map(seen.passed, report_progress(blocks(), settings.rate_hz, on_progress)),
+        map(seen.passed, blocks()),
         [settings, other_method],
         observe=seen.strokes.add,
+        on_progress=on_progress,
     )
     if not leader.updates:
         raise InputError(f"session {session.path}: it holds no frames, nothing can be evaluated")

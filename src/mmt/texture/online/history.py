@@ -115,20 +115,7 @@ def build_model(
         raise InputError("there are no frames, so no model can be built")
     period_frames = max(1, round(update_s * settings.rate_hz))
     blocks = stream_blocks([frames], period_frames)
-    return build(report_progress(blocks, settings.rate_hz, on_progress), settings)
-
-
-def report_progress(
-    blocks: Iterable[RecordArray], rate_hz: float, on_progress: Callable[[float], None] | None
-) -> Iterator[RecordArray]:
-    """Yield blocks (n,), and report the session time (s) up to the end of each after its use."""
-    first, stop = None, 0
-    for block in blocks:
-        yield block
-        first = int(block["sequence"].min()) if first is None else first
-        stop = max(stop, int(block["sequence"].max()) + 1)
-        if on_progress is not None:
-            on_progress((stop - first) / rate_hz)
+    return build_together(blocks, [settings], on_progress=on_progress)[0]
 
 
 def stream_blocks(parts: Iterable[RecordArray], period_frames: int) -> Iterator[RecordArray]:
@@ -202,6 +189,7 @@ def build_together(
     *,
     deferred: bool = True,
     observe: Callable[[AlignedBlock], None] | None = None,
+    on_progress: Callable[[float], None] | None = None,
 ) -> list[ModelHistory]:
     """Build several models from the same segments, as `build` builds one.
 
@@ -213,6 +201,8 @@ def build_together(
         Settings of each model. Those of filters and segments must be the same.
     observe
         Called with each filtered block.
+    on_progress
+        As of `build_model`.
 
     Raises
     ------
@@ -237,6 +227,8 @@ def build_together(
                 finished[place] = tuple(fit.segment for fit in modeller.fits.values())
         if observe is not None:
             observe(segmented.observed[0])
+        if on_progress is not None:
+            on_progress(updates[0][-1].time_s)
     criteria = (modeller.completion for modeller in modellers)
     return [
         ModelHistory(tuple(made), segments, criterion.start_s, criterion.stop_s, log)
