@@ -219,6 +219,21 @@ def compares_clocks(event: JsonObject) -> bool:
     return all(isinstance(value, int | float) and math.isfinite(value) for value in values)
 
 
+def clock_offset_ns(comparison: JsonObject, time_ns: int | IntArray) -> IntArray:
+    """Return the follower's clock minus the leader's at times by the leader's clock, in ns.
+
+    Parameters
+    ----------
+    comparison
+        See `compares_clocks`.
+    time_ns
+        Any shape, which is that of the result.
+    """
+    since_ns = np.asarray(time_ns) - int(comparison["clock_time_ns"])
+    gained_ns = np.rint(float(comparison["clock_drift_ppm"]) / 1e6 * since_ns).astype(np.int64)
+    return np.asarray(int(comparison["clock_offset_ns"]) + gained_ns)
+
+
 def axis_columns(channel: Channel) -> tuple[str, str, str]:
     """Return the three column names of a channel, as in ``position_x_mm``."""
     unit = FIELD_OF_CHANNEL[channel].removeprefix(f"{channel}_")

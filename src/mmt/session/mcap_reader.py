@@ -17,7 +17,13 @@ from mcap.well_known import MessageEncoding
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
-from mmt.session.data import JsonObject, OutputBlock, RecordedSession, compares_clocks
+from mmt.session.data import (
+    JsonObject,
+    OutputBlock,
+    RecordedSession,
+    clock_offset_ns,
+    compares_clocks,
+)
 from mmt.session.mcap_scan import Scan, scan_mcap
 from mmt.session.mcap_writer import (
     ACCELERATION_RATE,
@@ -123,15 +129,16 @@ def _began_utc_ns(
     The messages of a live recording have the time of arrival. The first comparison of the clocks
     says when a frame was measured; without one it is taken to be measured when it arrived.
     """
-    if utc_ahead_ns is None or len(frames) == 0:
-        return None if utc_ahead_ns is None else start_ns
-    measured_ns = int(frames["time_ns"][0])
+    if utc_ahead_ns is None:
+        return None
     before_jump = itertools.takewhile(lambda event: "clock_step_ns" not in event, events)
     clock = next(filter(compares_clocks, before_jump), None)
-    if clock is None or start_ns - utc_ahead_ns == measured_ns:  # times are of the follower's clock
+    if clock is None or len(frames) == 0:
         return start_ns
-    since_ns = measured_ns - clock["clock_offset_ns"] - clock["clock_time_ns"]
-    offset_ns = clock["clock_offset_ns"] + round(clock["clock_drift_ppm"] / 1e6 * since_ns)
+    measured_ns = int(frames["time_ns"][0])
+    if start_ns - utc_ahead_ns == measured_ns:  # the messages' times are by the follower's clock
+        return start_ns
+    offset_ns = clock_offset_ns(clock, measured_ns - int(clock["clock_offset_ns"]))
     return measured_ns - int(offset_ns) + utc_ahead_ns
 
 

@@ -8,7 +8,7 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
-from mmt.session.data import JsonObject, compares_clocks
+from mmt.session.data import JsonObject, clock_offset_ns, compares_clocks
 from mmt.web.monitor.states import LATENCY_MS
 
 Kind = Literal["mark", "gap", "criterion", "other"]
@@ -120,14 +120,9 @@ class LinkRecord:
 
 
 def _latencies_ms(clock: Mapping[str, Any], arrivals: IntArray) -> FloatArray:
-    """Return the latencies of blocks, given a comparison of the two clocks.
-
-    `docs/reference/session-file.md` explains the follower's times on the leader's clock.
-    """
+    """Return the latencies of blocks, given a comparison of the two clocks."""
     came_ns, sent_ns = arrivals.T
-    since_ns = came_ns - int(clock["clock_time_ns"])
-    offset_ns = int(clock["clock_offset_ns"]) + float(clock["clock_drift_ppm"]) / 1e6 * since_ns
-    return np.asarray((came_ns - sent_ns + offset_ns) / 1e6, dtype=np.float64)
+    return np.asarray((came_ns - sent_ns + clock_offset_ns(clock, came_ns)) / 1e6)
 
 
 def _count(event: JsonObject, name: str) -> int:
