@@ -108,10 +108,17 @@ def _fits(value: Any, allowed: Any) -> bool:
         return isinstance(value, str) and value in parts
     if allowed is float:
         number = isinstance(value, Real) and not isinstance(value, bool)
-        return number and -math.inf < value < math.inf
+        return number and _is_finite(value)
     if allowed is int:
         return isinstance(value, Integral) and not isinstance(value, bool)
     return isinstance(value, NoneType if allowed is None else allowed)
+
+
+def _is_finite(value: Any) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # a whole number above all floats
+        return False
 
 
 def _described(allowed: Any) -> str:

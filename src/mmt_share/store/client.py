@@ -117,9 +117,8 @@ class RemoteStore:
         MmtError
             The store does not answer, or does not accept the model; the message says why.
         """
-        given = said.as_dict()
-        about = {key: given[key] for key in ("name", "who", "licence", "note") if given[key]}
-        about |= {} if said.error_db is None else {"error_db": said.error_db}
+        given = said.as_dict().items()
+        about = {k: v for k, v in given if v or (k == "error_db" and v is not None)}
         path = f"/models?{urllib.parse.urlencode(about)}"
         answer = self._request(path, _LARGEST_ENTRY, data=data)
         try:

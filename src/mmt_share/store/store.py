@@ -7,13 +7,13 @@ its `Entry`.
 
 import hashlib
 import json
-import sys
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, Final, Self, TypeGuard
+from typing import Any, Final, Self
 
+from mmt.core.bounds import check
 from mmt.core.errors import InputError, MmtError
 from mmt.core.existing_files import write_file
 from mmt.core.printable import printable
@@ -81,17 +81,16 @@ class Entry:
             raise InputError(f"what is listed of a model is malformed: {error}") from error
         values = entry.as_dict()
         for name, value in values.items():
-            unknown = name == "error_db" and value is None
-            fits = isinstance(value, str) if name in _TEXTS else _is_finite(value)
-            if not unknown and not fits:
-                raise InputError(f"what is listed of a model is malformed: {name}")
+            number = float | None if name == "error_db" else float
+            allowed = str if name in _TEXTS else number
+            check(f"what is listed of a model is malformed: {name}", value, allowed)
         if not _is_hash(entry.hash):
             raise InputError("what is listed of a model is malformed: hash")
         texts: dict[str, Any] = {name: printable(values[name][:LONGEST_TEXT]) for name in _TEXTS}
         return replace(entry, **texts)
 
     @classmethod
-    def said(cls, said: Mapping[str, object]) -> Self:
+    def said(cls, said: Mapping[str, Any]) -> Self:
         """Parse a person's description of a model, which is not trusted; other fields stay empty.
 
         Raises
@@ -105,10 +104,9 @@ class Entry:
         )
         if not name.strip():
             raise InputError("the model has no name: give it one")
-        error = said.get("error_db")
-        if error is not None and not _is_finite(error):
-            raise InputError(f"error_db is {error!r}: it must be a finite number")
-        return cls(name, who, licence, note, error_db=None if error is None else float(error))
+        error_db = said.get("error_db")
+        check("error_db", error_db, float | None)
+        return cls(name, who, licence, note, error_db=None if error_db is None else float(error_db))
 
 
 class ModelStore:
@@ -176,10 +174,6 @@ class ModelStore:
         except InputError as error:  # the fault of the folder, not of the model
             raise MmtError(str(error)) from error
         return entry
-
-
-def _is_finite(value: object) -> TypeGuard[float]:
-    return isinstance(value, int | float) and abs(value) <= sys.float_info.max
 
 
 def _is_hash(text: str) -> bool:
