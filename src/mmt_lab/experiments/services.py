@@ -144,14 +144,14 @@ def measure(duration_s: float, acceleration_rate_hz: int = 1000) -> Findings:
 def _beside_modelling(duration_s: float, environment: Mapping[str, str]) -> dict[str, Figure]:
     """Return how late the leader's ticks are while it models and while it does not."""
     rows: dict[str, Figure] = {}
-    for name, beside, others in (
-        ("", "", nullcontext),
-        ("awake_", ", no processor idle", _awake_processors),
-        ("busy_", ", beside two busy processes", _two_busy_processes),
-    ):
-        if others is _awake_processors and not hasattr(os, "SCHED_IDLE"):
-            continue
-        with others():
+    settings: list[tuple[str, str, AbstractContextManager[None], dict[str, float]]] = [
+        ("", "", nullcontext(), _MOST_LATE),
+        ("busy_", ", beside two busy processes", _processes(_be_busy, [(), ()]), {}),
+    ]
+    if hasattr(os, "SCHED_IDLE"):
+        settings.insert(1, ("awake_", ", no processor idle", _awake_processors(), _MOST_LATE))
+    for name, beside, others, targets in settings:
+        with others:
             rough = run_demo_services(duration_s, "rough-texture", environment=environment)
             ticks = asyncio.run(rough).leader["ticks"]
         p99_ms, p99_otherwise_ms, share, share_otherwise = (
@@ -166,12 +166,8 @@ def _beside_modelling(duration_s: float, environment: Mapping[str, str]) -> dict
             "share_1ms_more": ("the same, more than otherwise", share - share_otherwise),
         }
         for key, (what, value) in figures.items():
-            target = _MOST_LATE.get(key) if others is not _two_busy_processes else None
-            rows[f"{name}late_modelling_{key}"] = (
-                (what + beside, value)
-                if target is None
-                else (what + beside, value, "at most", target)
-            )
+            limit = ("at most", targets[key]) if key in targets else ()
+            rows[f"{name}late_modelling_{key}"] = (what + beside, value, *limit)
     return rows
 
 
@@ -272,10 +268,6 @@ def _processes(target: Callable[..., None], arguments: Iterable[tuple[int, ...]]
             if process.pid is not None:
                 process.kill()
                 process.join()
-
-
-def _two_busy_processes() -> AbstractContextManager[None]:
-    return _processes(_be_busy, [(), ()])
 
 
 def _awake_processors() -> AbstractContextManager[None]:
