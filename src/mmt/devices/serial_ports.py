@@ -153,8 +153,6 @@ class FrameDecoder(ABC, Generic[Content]):
         self.faults: Counter[str] = Counter()
         """``bad frames`` (not COBS, or with impossible content), ``bad checksums``,
         ``other versions``."""
-        self.rejected = 0
-        """Number of invalid frames of all kinds."""
         self._buffer = b""
         self._synchronised = False
 
@@ -177,30 +175,26 @@ class FrameDecoder(ABC, Generic[Content]):
                     frames.append(frame)
         if len(rest) > self._longest:  # no frame is that long: skip to the next zero
             if self._synchronised:
-                self._reject("bad frames")
+                self.faults["bad frames"] += 1
                 self._synchronised = False
             rest = b""
         self._buffer = rest
         return frames
 
-    def _reject(self, fault: str) -> None:
-        self.faults[fault] += 1
-        self.rejected += 1
-
     def _decode(self, stuffed: bytes) -> Content | None:
         plain = (unstuff(stuffed) if len(stuffed) <= self._longest else None) or b""
         beyond = len(plain) - self._shortest
         if beyond < 0 or beyond % self._step:
-            self._reject("bad frames")
+            self.faults["bad frames"] += 1
             return None
         content = plain[:-2]
         if crc_hqx(content, 0xFFFF) != plain[-2] | plain[-1] << 8:
-            self._reject("bad checksums")
+            self.faults["bad checksums"] += 1
             return None
         if content[0] != self._version:
-            self._reject("other versions")
+            self.faults["other versions"] += 1
             return None
         frame = self._parse(content)
         if frame is None:
-            self._reject("bad frames")
+            self.faults["bad frames"] += 1
         return frame

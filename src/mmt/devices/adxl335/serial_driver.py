@@ -147,16 +147,18 @@ class SerialAdxl335(Adxl335):
         scale = self._volts_per_count
         place = self._timeline.place
         placed: list[tuple[int, Vector]] = []
-        for frame in self._decoder.feed(self._board.read()):
-            self._newest = frame.samples[-1]
-            self._survived = self._decoder.rejected
+        frames = self._decoder.feed(self._board.read())
+        if frames:
+            self._newest = frames[-1].samples[-1]
+            self._survived = self._decoder.faults.total()
+        for frame in frames:
             for time_ns, (x, y, z) in place(frame):
                 placed.append((time_ns, (x * scale, y * scale, z * scale)))
         return placed
 
     def complaint(self) -> str:
         """Return the problem if only invalid frames have come since the last good one, else ""."""
-        broken = self._decoder.rejected - self._survived
+        broken = self._decoder.faults.total() - self._survived
         if broken <= 0:
             return ""
         return (
