@@ -136,7 +136,7 @@ class About:
     samples
         Number of its samples.
     completion
-        Progress of the model by the criterion in use, in words.
+        The readiness of the leader's verdict, in words; see `mmt.core.verdict`.
     complete
         Whether the model is final.
     """

@@ -99,7 +99,7 @@ class Verdict:
 
     @property
     def sentence(self) -> str:
-        """What happens now, and the faults, for a title and for visitors."""
+        """What happens now, and the faults, for a title."""
         return "; ".join([self.now, *(each for each in self.faults if each not in self.now)])
 
     def as_dict(self) -> dict[str, Any]:

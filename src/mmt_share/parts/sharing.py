@@ -234,7 +234,7 @@ class SharingPart(Part):
             ready=completing.takes_over or log.start_s is not None,
             surface=None if update is None else update.surface,
             samples=len(model.samples),
-            completion="" if update is None else str(update.progress),
+            completion=self._session.verdict().readiness,
             complete=log.stop_s is not None or self._session.scene.texture is None,
         )
 
