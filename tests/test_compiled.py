@@ -1,3 +1,4 @@
+import ast
 import json
 import subprocess
 import sys
@@ -64,6 +65,30 @@ def doubled(x):
 """
 
 
+INNER = """
+from mmt.core.compiled import kernel
+
+@kernel("f8(f8)", inner=True)
+def halved(x):
+    return 0.5 * x
+
+@kernel("f8(f8)")
+def quartered(x):
+    return halved(halved(x))
+"""
+
+INNER_FROM_CACHE = """
+import sys
+from mmt.core.compiled import are_cached, collect_kernels, compile_collected
+
+kernels = collect_kernels(["inner_numerics"])
+was_cached = are_cached(kernels)
+compile_collected(kernels)
+from inner_numerics import halved, quartered
+print(was_cached, len(halved.signatures), quartered(3.0), halved(3.0))
+"""
+
+
 def test_a_kernel_needs_a_signature() -> None:
     with pytest.raises(ValueError, match="signature"):
         kernel()
@@ -95,6 +120,51 @@ def test_kernels_that_are_collected_are_compiled_when_they_are_asked_for(
     assert are_cached(kernels)
     assert doubled(3.0) == 6.0
     assert collect_kernels(["doubled_numerics"]) == {}
+
+
+def test_an_inner_kernel_is_loaded_for_callers_that_are_not_cached(tmp_path: Path) -> None:
+    (tmp_path / "inner_numerics.py").write_text(INNER)
+    (tmp_path / "run.py").write_text(INNER_FROM_CACHE)
+    found = [
+        subprocess.run(
+            [sys.executable, tmp_path / "run.py"],
+            check=True,
+            capture_output=True,
+            text=True,
+            timeout=150,
+        ).stdout.split()
+        for _ in range(2)
+    ]
+    assert found == [["False", "1", "0.75", "1.5"], ["True", "0", "0.75", "1.5"]]
+
+
+def _kernels_and_callers() -> tuple[dict[str, bool], set[str]]:
+    """Return the kernels of the sources, and whether inner, and all names that Python reads."""
+    kernels: dict[str, bool] = {}
+    read: set[str] = set()
+
+    def visit(node: ast.AST) -> None:
+        for child in ast.iter_child_nodes(node):
+            decorators = getattr(child, "decorator_list", [])
+            calls = [each for each in decorators if isinstance(each, ast.Call)]
+            found = [each for each in calls if getattr(each.func, "id", "") == "kernel"]
+            if found:
+                assert isinstance(child, ast.FunctionDef)
+                kernels[child.name] = any(word.arg == "inner" for word in found[0].keywords)
+                continue
+            if isinstance(child, ast.Name):
+                read.add(child.id)
+            visit(child)
+
+    for source in (Path(__file__).parents[1] / "src").rglob("*.py"):
+        visit(ast.parse(source.read_text()))
+    return kernels, read
+
+
+def test_kernels_that_only_kernels_call_are_inner() -> None:
+    kernels, read = _kernels_and_callers()
+    assert len(kernels) > 50
+    assert {name for name, inner in kernels.items() if inner} == kernels.keys() - read
 
 
 @pytest.mark.parametrize("scene", [SAVED_MODEL, MODELLING], ids=["saved model", "modelling"])

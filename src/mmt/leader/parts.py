@@ -51,12 +51,12 @@ _OWN: Final[dict[str, PartEntry]] = {
         building.modelling,
         lambda scene: scene.texture is not None,
         ("segmenting", "fitting", "synthesizing", "completing"),
-        ("mmt.leader.modelling.pipeline", "mmt.texture.field.observations"),
+        ("mmt.leader.modelling.pipeline",),
     ),
     "synthesizing": PartEntry(
         building.synthesizing,
         lambda scene: scene.rendering is not None,
-        numerics=("mmt.texture.synthesis.synthesizer", "mmt.texture.field.observations"),
+        numerics=("mmt.texture.synthesis.synthesizer",),
     ),
     "vibration": PartEntry(building.vibration, lambda scene: scene.actuator is not None),
     "completing": PartEntry(building.completing, lambda _: True),
@@ -110,7 +110,11 @@ def numerics_of(scene: Scene) -> list[str]:
     if not scene.numerics:
         return []
     entries = [entry for entry in PARTS.values() if entry.wanted(scene)]
-    return [name for entry in entries for name in entry.numerics]
+    names = [name for entry in entries for name in entry.numerics]
+    table = scene.rendering
+    if table is not None and (table.model is not None or scene.is_given("model")):
+        names += ["mmt.texture.model.rendered", "mmt.texture.field.posterior"]  # to build it
+    return names
 
 
 def build_parts(

@@ -102,7 +102,7 @@ def nearest_rows(among: FloatArray, points: FloatArray) -> IntArray:
     return nearest
 
 
-@kernel("void(f8[:, ::1], u8, u8, u8, f8[::1], u8, f8[:, ::1], u8)")
+@kernel("void(f8[:, ::1], u8, u8, u8, f8[::1], u8, f8[:, ::1], u8)", inner=True)
 def _subtract(
     out: FloatArray,
     row: int,

@@ -6,7 +6,7 @@ Each key of a scene's ``[texture]`` is one field here, with default, bounds (see
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Final, Literal, NamedTuple
+from typing import Annotated, Final, Literal, NamedTuple, get_args
 
 from annotated_types import Ge, Gt, Le, Lt
 
@@ -16,6 +16,7 @@ from mmt.core.frames import MOST_SAMPLES
 from mmt.texture.autoregression.order_limit import LARGEST_ORDER, Order
 
 Method = Literal["field", "published"]
+METHODS: Final = get_args(Method)
 Axis = Literal["x", "y", "z"]
 VibrationAxis = Literal["x", "y", "z", "dft321"]
 Inputs = Literal["isotropic", "anisotropic"]

@@ -62,14 +62,14 @@ def encode_block(values: npt.NDArray[np.int64], planes: int, scale_code: int) ->
     return np.packbits(_encode(np.ascontiguousarray(values), planes, scale_code)).tobytes()
 
 
-@kernel("void(u1[:,::1], i8[::1], i8, i8)")
+@kernel("void(u1[:,::1], i8[::1], i8, i8)", inner=True)
 def _put(symbols: Array, sizes: Array, symbol: int, context: int) -> None:
     symbols[sizes[_SYMBOLS], 0] = symbol
     symbols[sizes[_SYMBOLS], 1] = context
     sizes[_SYMBOLS] += 1
 
 
-@kernel("void(i8[::1], i8, i8, i8, i8[::1], i8[::1], i8[::1], u1[:,::1])")
+@kernel("void(i8[::1], i8, i8, i8, i8[::1], i8[::1], i8[::1], u1[:,::1])", inner=True)
 def _test(
     values: Array,
     threshold: int,
@@ -92,7 +92,7 @@ def _test(
         sizes[_PIXELS] += 1
 
 
-@kernel("void(i8[::1], i8[::1], i8[::1])")
+@kernel("void(i8[::1], i8[::1], i8[::1])", inner=True)
 def _descend(values: Array, descendants: Array, beyond: Array) -> None:
     """Find the largest descendant of each coefficient, and the largest beyond its children."""
     for place in range(len(values) // 2 - 1, 0, -1):
@@ -104,6 +104,7 @@ def _descend(values: Array, descendants: Array, beyond: Array) -> None:
 
 @kernel(
     "void(i8[::1], i8, i8[::1], i8[::1], i8[:,::1], i8[::1], i8[::1], i8[::1], u1[:,::1])",
+    inner=True,
 )
 def _sort_sets(
     values: Array,
@@ -141,7 +142,7 @@ def _sort_sets(
     sizes[_SETS] = kept
 
 
-@kernel("u1[:,::1](i8[::1], i8, i8)")
+@kernel("u1[:,::1](i8[::1], i8, i8)", inner=True)
 def _symbols(values: Array, planes: int, scale_code: int) -> Array:
     """Return the header and the bits of SPIHT, each with its context; shape (k, 2)."""
     count = len(values)
@@ -175,7 +176,7 @@ def _symbols(values: Array, planes: int, scale_code: int) -> Array:
     return symbols[: sizes[_SYMBOLS]]
 
 
-@kernel("u1[::1](u1[:,::1])")
+@kernel("u1[::1](u1[:,::1])", inner=True)
 def _code(symbols: Array) -> Array:
     """Return the arithmetic code of symbols with contexts, without trailing zeros."""
     zeros, totals = np.full(_CONTEXTS, 8), np.full(_CONTEXTS, 16)

@@ -17,7 +17,8 @@ from mmt.core.arrays import BoolArray, RecordArray
 from mmt.scene import Hand, Scene
 from mmt.session import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
-from mmt.texture.interpolation.interpolant import Interpolant, networked
+from mmt.texture.interpolation.interpolant import Interpolant
+from mmt.texture.model.rendered import networked
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.segmentation.segmenter import segment
 from mmt.texture.segmentation.segments import Segment

@@ -27,7 +27,7 @@ _VANISHED: Final = 2.0**-100
 _LARGEST: Final = float(np.finfo(np.float64).max)
 
 
-@kernel("f8(f8[::1])")
+@kernel("f8(f8[::1])", inner=True)
 def largest_magnitude(values: FloatArray) -> float:
     """Return the largest magnitude, infinity if a value is not a number."""
     largest = 0.0
@@ -38,7 +38,7 @@ def largest_magnitude(values: FloatArray) -> float:
     return largest
 
 
-@kernel("void(f8[::1], i8, f8[::1])")
+@kernel("void(f8[::1], i8, f8[::1])", inner=True)
 def _scale(x: FloatArray, exponent: int, scaled: FloatArray) -> None:
     """Write x times 2^-exponent, in two factors: one alone would overflow for denormal numbers."""
     half = exponent // 2
@@ -58,7 +58,7 @@ def _sums(forward: FloatArray, backward: FloatArray) -> tuple[float, float]:
     return plus, minus
 
 
-@kernel("void(f8[::1], f8[::1], f8, f8)")
+@kernel("void(f8[::1], f8[::1], f8, f8)", inner=True)
 def _predict(forward: FloatArray, backward: FloatArray, plus: float, minus: float) -> None:
     """Replace f, b by f + k b, b + k f, given 1 + k and 1 - k.
 
@@ -76,7 +76,7 @@ def _predict(forward: FloatArray, backward: FloatArray, plus: float, minus: floa
         backward[i] = (b + f) - minus * f
 
 
-@kernel("b1(f8[::1], f8[::1], f8[::1], f8[::1])")
+@kernel("b1(f8[::1], f8[::1], f8[::1], f8[::1])", inner=True)
 def burg_into(
     x: FloatArray, reflection: FloatArray, variances: FloatArray, work: FloatArray
 ) -> bool:

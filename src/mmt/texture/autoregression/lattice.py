@@ -51,7 +51,7 @@ def lsf_to_lattice_into(
         complement[i] = math.sqrt((1.0 - reflection[i]) * (1.0 + reflection[i]))
 
 
-@kernel("f8(f8[::1], f8[::1], f8[::1], i8, f8)")
+@kernel("f8(f8[::1], f8[::1], f8[::1], i8, f8)", inner=True)
 def lattice_step(
     reflection: FloatArray,
     complement: FloatArray,

@@ -41,7 +41,7 @@ def _leja_orders(largest: int) -> IntArray:
 _PRODUCT_ORDERS: Final = _leja_orders((LARGEST_ORDER + 1) // 2)
 
 
-@kernel("void(f8[::1], i8, i8, f8[::1])")
+@kernel("void(f8[::1], i8, i8, f8[::1])", inner=True)
 def _half_product(lsf: FloatArray, first: int, count: int, half: FloatArray) -> None:
     """Multiply out ``prod (1 - 2 cos(w) z^-1 + z^-2)`` over every second frequency.
 
@@ -61,7 +61,7 @@ def _half_product(lsf: FloatArray, first: int, count: int, half: FloatArray) -> 
             half[1] += middle
 
 
-@kernel("void(f8[::1], f8[::1], f8[::1])")
+@kernel("void(f8[::1], f8[::1], f8[::1])", inner=True)
 def lsf_to_ar_into(lsf: FloatArray, ar: FloatArray, work: FloatArray) -> None:
     """Write the coefficients of the filter with these line spectral frequencies.
 
@@ -107,7 +107,7 @@ def lsf_to_ar_each_into(lsf: FloatArray, ar: FloatArray) -> None:
         lsf_to_ar_into(lsf[row], ar[row], work)
 
 
-@kernel("f8(f8, f8, f8, f8)")
+@kernel("f8(f8, f8, f8, f8)", inner=True)
 def _cosine_difference(low: float, high: float, low_mirror: float, high_mirror: float) -> float:
     """Return ``(cos(w_low) - cos(w_high)) / 2`` from sin^2(w/2) and cos^2(w/2) of both.
 
@@ -118,7 +118,7 @@ def _cosine_difference(low: float, high: float, low_mirror: float, high_mirror: 
     return high - low
 
 
-@kernel("f8(f8[::1], f8[::1])")
+@kernel("f8(f8[::1], f8[::1])", inner=True)
 def lsf_inverse_gain(lsf: FloatArray, work: FloatArray) -> float:
     """Return ``prod (1 - k_i^2)``, the excitation's variance over the output's power.
 
@@ -173,7 +173,7 @@ def lsf_inverse_gain_each_into(lsf: FloatArray, gain: FloatArray) -> None:
         gain[row] = lsf_inverse_gain(lsf[row], work)
 
 
-@kernel("void(f8[::1], f8[::1])")
+@kernel("void(f8[::1], f8[::1])", inner=True)
 def reflection_to_ar_into(reflection: FloatArray, ar: FloatArray) -> None:
     """Write the coefficients (m,) of the filter with the reflection coefficients (m,).
 
@@ -197,7 +197,7 @@ def reflection_to_ar_each_into(reflection: FloatArray, ar: FloatArray) -> None:
         reflection_to_ar_into(reflection[row], ar[row])
 
 
-@kernel("f8(f8[::1], f8[::1])")
+@kernel("f8(f8[::1], f8[::1])", inner=True)
 def ar_to_reflection_into(ar: FloatArray, reflection: FloatArray) -> float:
     """Write the reflection coefficients (m,) of the coefficients `ar` (m,).
 

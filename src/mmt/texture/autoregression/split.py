@@ -33,7 +33,7 @@ from mmt.core.compiled import kernel
 from mmt.texture.autoregression.burg_recursion import LARGEST_REFLECTION
 
 
-@kernel("void(f8[::1], f8[::1], i8, f8)")
+@kernel("void(f8[::1], f8[::1], i8, f8)", inner=True)
 def _move_origin(q: FloatArray, e: FloatArray, size: int, distance: float) -> None:
     """Move all nodes up by `distance`: the stationary qd step with a positive shift."""
     t = distance
@@ -46,7 +46,7 @@ def _move_origin(q: FloatArray, e: FloatArray, size: int, distance: float) -> No
             t = distance + share * t
 
 
-@kernel("void(f8[::1], f8[::1], i8, f8, f8)")
+@kernel("void(f8[::1], f8[::1], i8, f8, f8)", inner=True)
 def _add_mass(q: FloatArray, e: FloatArray, size: int, mass: float, added: float) -> None:
     """Add a node of mass `added` at zero to nodes of total `mass`; the size grows by one."""
     d = q[0] * (added / (mass + added))
@@ -65,7 +65,7 @@ _LEAST_FREQUENCY: Final = 2.0**-100
 _BINARY_DIGITS: Final = 58
 
 
-@kernel("void(f8[::1])")
+@kernel("void(f8[::1])", inner=True)
 def separate(lsf: FloatArray) -> None:
     """Make the frequencies ascend strictly inside (0, pi), moving those that do not by roundings.
 
@@ -86,7 +86,7 @@ def separate(lsf: FloatArray) -> None:
         most = np.nextafter(lsf[i], 0.0)
 
 
-@kernel("void(f8[::1], i8, f8[::1], f8[::1], f8[::1])")
+@kernel("void(f8[::1], i8, f8[::1], f8[::1], f8[::1])", inner=True)
 def _bisect(
     reflection: FloatArray, first: int, t: FloatArray, pivot: FloatArray, above: FloatArray
 ) -> None:
@@ -151,13 +151,13 @@ def reflection_to_lsf_each_into(reflection: FloatArray, lsf: FloatArray) -> None
         separate(lsf[row])
 
 
-@kernel("f8(f8, f8)")
+@kernel("f8(f8, f8)", inner=True)
 def _distance(left: float, right: float) -> float:
     """Return ``2 |cos(left) - cos(right)|`` with the digits of the difference."""
     return 4.0 * math.sin(0.5 * (left + right)) * math.sin(0.5 * abs(right - left))
 
 
-@kernel("f8(f8[::1], i8, f8[::1])")
+@kernel("f8(f8[::1], i8, f8[::1])", inner=True)
 def _weigh(lsf: FloatArray, first: int, weights: FloatArray) -> float:
     """Write the masses at the zeros of P (first 0) or Q (first 1); return the mass at w = pi.
 
@@ -187,7 +187,7 @@ def _weigh(lsf: FloatArray, first: int, weights: FloatArray) -> float:
     return at_pi if zero_at_pi else 0.0
 
 
-@kernel("f8(f8[::1], i8, f8[::1], f8[::1], f8[::1])")
+@kernel("f8(f8[::1], i8, f8[::1], f8[::1], f8[::1])", inner=True)
 def _recover(
     lsf: FloatArray, first: int, weights: FloatArray, q: FloatArray, e: FloatArray
 ) -> float:
@@ -217,7 +217,7 @@ def _recover(
     return float(mass + at_pi)
 
 
-@kernel("void(f8[::1], f8[::1], f8[::1])")
+@kernel("void(f8[::1], f8[::1], f8[::1])", inner=True)
 def lsf_to_reflection_into(lsf: FloatArray, reflection: FloatArray, work: FloatArray) -> None:
     """Write the reflection coefficients (m,) of line spectral frequencies (m,).
 

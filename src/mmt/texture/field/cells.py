@@ -13,20 +13,18 @@ disagrees with all others can be recognised (`mmt.texture.field.observations`).
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final, Self
+from typing import TYPE_CHECKING, Final, Self
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.errors import InputError
-from mmt.texture.field.covariance import (
-    CELL_WIDTHS,
-    Coordinates,
-    coordinates,
-    different,
-    points_at,
-    warped,
-)
+
+if TYPE_CHECKING:
+    from mmt.texture.field.covariance import Coordinates
+
+# The covariance's compiled code is imported where it is used: a process that hands on, saves and
+# renders models needs none of it.
 
 LARGEST: Final = 4096
 """Largest number of rows; beyond it, moments are joined in pairs."""
@@ -39,7 +37,6 @@ FELT_POWER: Final = 1e-3
 fingertip thresholds are 0.1 m/s2 and more, ISO 13091-1). Less power is equally silent."""
 
 _SECTORS: Final = 16
-_FIRST: Final = float(warped(np.zeros(1))[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +110,10 @@ class FieldCells:
     def __len__(self) -> int:
         return len(self.keys)
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """Pickle the rows alone, without what was computed from them."""
+        return type(self), (self.directed, self.keys, self.sums, self.moment_blocks)
+
     def check(self) -> None:
         """Raise `InputError` if the rows cannot have come from blocks."""
         counts, powers = self.sums[:, 0], self.sums[:, 1]
@@ -146,13 +147,15 @@ class FieldCells:
         return _unique(self.keys[:, :3])
 
     @cached_property
-    def centres(self) -> Coordinates:
+    def centres(self) -> "Coordinates":
         """Coordinates of the c cells of strokes that hold blocks."""
         return centres(self._strokes[0], directed=self.directed)
 
     @property
     def points(self) -> FloatArray:
         """Normalised inputs at these centres, (c, 2) or (c, 3)."""
+        from mmt.texture.field.covariance import points_at
+
         return points_at(self.centres, directed=self.directed)
 
     @property
@@ -161,19 +164,23 @@ class FieldCells:
         return self._strokes[1]
 
 
-def centres(cells: IntArray, *, directed: bool) -> Coordinates:
+def centres(cells: IntArray, *, directed: bool) -> "Coordinates":
     """Return the coordinates of the centres of cells (k, 3) of strokes."""
+    from mmt.texture.field.covariance import CELL_WIDTHS, FIRST, Coordinates
+
     width = CELL_WIDTHS[directed]
-    u, v = (np.asarray(_FIRST + width * (cells[:, axis] + 0.5)) for axis in (0, 1))
+    u, v = (np.asarray(FIRST + width * (cells[:, axis] + 0.5)) for axis in (0, 1))
     turn = 2.0 * np.pi / _SECTORS if directed else 0.0
     return Coordinates(u, v, np.asarray(turn * cells[:, 2]))
 
 
 def _at_centres(points: FloatArray, power: FloatArray) -> tuple[IntArray, FloatArray]:
     """Return the cells (n, 3) of strokes, and the log powers (n,) at the cells' centres."""
+    from mmt.texture.field.covariance import CELL_WIDTHS, FIRST, coordinates
+
     directed, at = points.shape[1] == 3, coordinates(points)
     cells = np.zeros((len(points), 3), np.int64)
-    cells[:, :2] = np.floor((np.column_stack([at.u, at.v]) - _FIRST) / CELL_WIDTHS[directed])
+    cells[:, :2] = np.floor((np.column_stack([at.u, at.v]) - FIRST) / CELL_WIDTHS[directed])
     if directed:
         cells[:, 2] = np.rint(at.heading * (_SECTORS / (2.0 * np.pi))) % _SECTORS
     apart = at.law - centres(cells, directed=directed).law
@@ -182,6 +189,8 @@ def _at_centres(points: FloatArray, power: FloatArray) -> tuple[IntArray, FloatA
 
 def _unique(keys: IntArray) -> tuple[IntArray, IntArray]:
     """Return the distinct rows of keys (r, k), sorted, and the index of each row among them."""
+    from mmt.texture.field.covariance import different
+
     if not len(keys):
         return keys, np.zeros(0, np.int64)
     lowest = keys.min(axis=0)

@@ -91,6 +91,10 @@ def warped(normalised: FloatArray) -> FloatArray:
     return np.asarray(_PER_COORDINATE * np.log(normalised + _NEAR_REST))
 
 
+FIRST: Final = float(warped(np.zeros(1))[0])
+"""Coordinate of no speed and of no force, at which the first cell begins."""
+
+
 def coordinates(points: FloatArray) -> Coordinates:
     """Return the coordinates of normalised points, (k, 2) or (k, 3)."""
     if points.shape[1] == 2:

@@ -14,7 +14,6 @@ Building costs O(n log n) (Qhull); locating costs O(1) for a continuous motion.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import Delaunay
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.compiled import kernel
@@ -69,6 +68,8 @@ def triangulate(points: FloatArray) -> Triangulation:
     points
         Shape (n, d), finite, d 2 or 3, not all on one line or plane.
     """
+    from scipy.spatial import Delaunay  # rendering takes no memory for it
+
     delaunay = Delaunay(points)
     corners = delaunay.simplices.astype(np.int64)
     opposite = delaunay.neighbors.astype(np.int64)
@@ -83,7 +84,7 @@ def triangulate(points: FloatArray) -> Triangulation:
     )
 
 
-@kernel("b1(f8[:, ::1], i8[:, ::1], i8, f8[::1], f8[::1])")
+@kernel("b1(f8[:, ::1], i8[:, ::1], i8, f8[::1], f8[::1])", inner=True)
 def barycentric(
     points: FloatArray, simplices: IntArray, simplex: int, point: FloatArray, weights: FloatArray
 ) -> bool:
@@ -118,7 +119,7 @@ def barycentric(
     return True
 
 
-@kernel("i8(f8[::1])")
+@kernel("i8(f8[::1])", inner=True)
 def _least(weights: FloatArray) -> int:
     least = 0
     for corner in range(1, len(weights)):
@@ -183,7 +184,7 @@ def locate(
     return simplex
 
 
-@kernel("i8(f8[:, ::1], i8[:, ::1], i8, f8[::1], f8[::1], f8[::1])")
+@kernel("i8(f8[:, ::1], i8[:, ::1], i8, f8[::1], f8[::1], f8[::1])", inner=True)
 def linear_into(
     rows: FloatArray,
     links: IntArray,

@@ -7,14 +7,11 @@ line spectral frequencies (LSF) that ascend strictly in (0, pi).
 
 from typing import Final, NamedTuple
 
-import numpy as np
-
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.compiled import kernel
 from mmt.texture.autoregression.order_limit import LARGEST_ORDER
-from mmt.texture.interpolation.delaunay import linear_into, triangulate
-from mmt.texture.interpolation.networks.evaluation import network_arrays, network_into
-from mmt.texture.interpolation.vertices import Vertices
+from mmt.texture.interpolation.delaunay import linear_into
+from mmt.texture.interpolation.networks.evaluation import network_into
 
 SCRATCH: Final = 4 * LARGEST_ORDER + 1
 """Length of the scratch array that `interpolate_into` needs."""
@@ -43,20 +40,7 @@ class Interpolant(NamedTuple):
         return len(self.links) == 0
 
 
-def triangulated(vertices: Vertices) -> Interpolant:
-    """Return the piecewise linear interpolant of samples and boundary; O(n log n)."""
-    mesh = triangulate(vertices.points)
-    return Interpolant(vertices.table, mesh.triangles, np.zeros((0, 0)))
-
-
-def networked(vertices: Vertices) -> Interpolant:
-    """Return the network through the vertices that are samples; O(n^3)."""
-    samples = vertices.samples
-    rows, tail = network_arrays(vertices.points[:samples], vertices.values[:samples])
-    return Interpolant(rows, np.zeros((0, 0), dtype=np.int64), tail)
-
-
-@kernel("i8(f8[:, ::1], i8[:, ::1], f8[:, ::1], i8, f8[::1], f8[::1], f8[::1])")
+@kernel("i8(f8[:, ::1], i8[:, ::1], f8[:, ::1], i8, f8[::1], f8[::1], f8[::1])", inner=True)
 def interpolate_into(
     rows: FloatArray,
     links: IntArray,

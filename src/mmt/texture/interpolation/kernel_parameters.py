@@ -47,7 +47,7 @@ def table_grid(*, directed: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
     return np.linspace(lowest, 0.0, speeds), np.linspace(lowest, 0.0, forces), turn
 
 
-@kernel("f8(f8[::1], f8, f8, f8)")
+@kernel("f8(f8[::1], f8, f8, f8)", inner=True)
 def tabulated_level(parameters: FloatArray, x: float, y: float, force: float) -> float:
     """Return the level at a normalised point.
 

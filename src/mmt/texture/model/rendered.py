@@ -7,7 +7,9 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.forms import lsf_to_reflection
-from mmt.texture.interpolation.interpolant import Interpolant, networked, triangulated
+from mmt.texture.interpolation.delaunay import triangulate
+from mmt.texture.interpolation.interpolant import Interpolant
+from mmt.texture.interpolation.networks.evaluation import network_arrays
 from mmt.texture.interpolation.vertices import Vertices, vertex_table
 from mmt.texture.linear_algebra import nearest_rows
 from mmt.texture.settings import Method
@@ -16,6 +18,19 @@ from mmt.texture.space.samples import TextureSamples
 if TYPE_CHECKING:
     from mmt.texture.field.cells import FieldCells
     from mmt.texture.field.posterior import LevelField
+
+
+def triangulated(vertices: Vertices) -> Interpolant:
+    """Return the piecewise linear interpolant of samples and boundary; O(n log n)."""
+    mesh = triangulate(vertices.points)
+    return Interpolant(vertices.table, mesh.triangles, np.zeros((0, 0)))
+
+
+def networked(vertices: Vertices) -> Interpolant:
+    """Return the network through the vertices that are samples; O(n^3)."""
+    samples = vertices.samples
+    rows, tail = network_arrays(vertices.points[:samples], vertices.values[:samples])
+    return Interpolant(rows, np.zeros((0, 0), dtype=np.int64), tail)
 
 
 class PublishedRendered:

@@ -20,9 +20,6 @@ from mmt.core.bounds import RateHz, check
 from mmt.core.drawn import Drawn
 from mmt.core.errors import InputError
 from mmt.core.existing_files import replacing
-from mmt.models import find_model
-from mmt.texture.autoregression.spectra import lsf_spectrum
-from mmt.texture.interpolation.delaunay import Triangulation, triangulate
 from mmt.texture.interpolation.interpolant import Interpolant
 from mmt.texture.interpolation.kernel_parameters import (
     DIMENSIONS,
@@ -35,18 +32,21 @@ from mmt.texture.interpolation.kernel_parameters import (
 )
 from mmt.texture.model.file import ModelContents, arrays_of, unpack
 from mmt.texture.model.file_arrays import pack_arrays
-from mmt.texture.model.rendered import RENDERED
-from mmt.texture.settings import Method
+from mmt.texture.settings import METHODS, Method
 from mmt.texture.space.inputs import InputSpace
 from mmt.texture.space.samples import TextureSamples
 
 if TYPE_CHECKING:
     from mmt.texture.field.cells import FieldCells
     from mmt.texture.field.posterior import LevelField
+    from mmt.texture.interpolation.delaunay import Triangulation
+    from mmt.texture.model.rendered import PublishedRendered
     from mmt.texture.touch_down.transient import Transient
 
 __all__ = ["TextureModel", "TextureSamples", "load_model"]
 
+# What builds models is imported where it is used: rendering a model that the modelling process has
+# built needs none of it.
 
 _PREPARED: Final = ("interpolant", "kernel_parameters")
 """Attributes that rendering needs."""
@@ -90,8 +90,8 @@ class TextureModel(Drawn):
         touch_down: "Transient | None" = None,
         at_once: bool = True,
     ) -> None:
-        if method not in RENDERED:
-            raise InputError(f"method is {method!r}, allowed are {', '.join(RENDERED)}")
+        if method not in METHODS:
+            raise InputError(f"method is {method!r}, allowed are {', '.join(METHODS)}")
         samples.check()
         check("rate_hz", rate_hz, RateHz)
         self.samples = samples.frozen()
@@ -106,10 +106,15 @@ class TextureModel(Drawn):
         self.points = self.samples.points
         self.points.setflags(write=False)
         self.dimensions = self.space.dimensions
-        self.rendered = RENDERED[method](self.samples, self.field, self.rate_hz)
-        """Vertices, interpolant and level from which the model renders."""
         if at_once:
             self.prepared()
+
+    @cached_property
+    def rendered(self) -> "PublishedRendered":
+        """Vertices, interpolant and level from which the model renders."""
+        from mmt.texture.model.rendered import RENDERED
+
+        return RENDERED[self.method](self.samples, self.field, self.rate_hz)
 
     def at_rate(self, rate_hz: float) -> "TextureModel":
         """Return the model converted to a sampling rate, or itself if that is its rate.
@@ -140,7 +145,8 @@ class TextureModel(Drawn):
     @property
     def vertices(self) -> FloatArray:
         """Points, level and LSF of samples and boundary points; see `Vertices`."""
-        return self.rendered.vertices.table
+        rows = self.interpolant.rows
+        return self.rendered.vertices.table if self.interpolant.is_network else rows
 
     @cached_property
     def interpolant(self) -> Interpolant:
@@ -215,8 +221,10 @@ class TextureModel(Drawn):
         return self.triangulation.triangles
 
     @cached_property
-    def triangulation(self) -> Triangulation:
+    def triangulation(self) -> "Triangulation":
         """The triangulation of samples and boundary points, also for a network."""
+        from mmt.texture.interpolation.delaunay import Triangulation, triangulate
+
         points = np.ascontiguousarray(self.vertices[:, : self.dimensions])
         if self.interpolant.is_network:
             return triangulate(points)
@@ -262,6 +270,8 @@ class TextureModel(Drawn):
         InputError
             There are not d inputs.
         """
+        from mmt.texture.autoregression.spectra import lsf_spectrum
+
         lsf, variance = self.at(*inputs)
         density = lsf_spectrum(lsf, variance, frequencies_hz, self.rate_hz)
         return density if any(np.ndim(each) for each in inputs) else density[0]
@@ -345,4 +355,6 @@ def load_model(source: str | Path) -> TextureModel:
     >>> vibration_m_s2.shape
     (500,)
     """
+    from mmt.models import find_model
+
     return TextureModel.load(find_model(Path(source)))

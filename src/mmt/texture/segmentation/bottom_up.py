@@ -99,7 +99,7 @@ def stationary_pieces(
     return _bottom_up(starts, np.zeros((0, 0)), moments.copy(), vector, limit, longest_cells)
 
 
-@kernel("f8(f8[:, ::1], i8, i8)")
+@kernel("f8(f8[:, ::1], i8, i8)", inner=True)
 def _deviation(position_mm: FloatArray, start: int, stop: int) -> float:
     """Return the largest distance from the chord between the first and the last position."""
     chord = np.empty(3)
@@ -121,7 +121,7 @@ def _deviation(position_mm: FloatArray, start: int, stop: int) -> float:
     return math.sqrt(largest)
 
 
-@kernel("f8(f8[:, :, ::1], i8, i8, i8, i8)")
+@kernel("f8(f8[:, :, ::1], i8, i8, i8, i8)", inner=True)
 def _variation(moments: FloatArray, vector: int, left: int, right: int, stop: int) -> float:
     """Return the largest std/mean of the union of the pieces at cells `left` and `right`."""
     n_left, n_right = float(right - left), float(stop - right)

@@ -38,7 +38,7 @@ class FilteredVibration(NamedTuple):
     valid: BoolArray
 
 
-@kernel("void(f8[:, ::1], b1[::1], b1[::1], i8, i8, i8, i8, i8[::1])")
+@kernel("void(f8[:, ::1], b1[::1], b1[::1], i8, i8, i8, i8, i8[::1])", inner=True)
 def _bridge(
     samples: FloatArray,
     unknown: BoolArray,
@@ -69,7 +69,7 @@ def _bridge(
     state[_LEFT] = stop - row - 1
 
 
-@kernel("void(f8[:, ::1], b1[::1], b1[::1], i8, i8, i8, f8[::1], f8[:, ::1], i8[::1])")
+@kernel("void(f8[:, ::1], b1[::1], b1[::1], i8, i8, i8, f8[::1], f8[:, ::1], i8[::1])", inner=True)
 def _restart(
     samples: FloatArray,
     unknown: BoolArray,
@@ -113,7 +113,7 @@ def filtered(value: float, taps: FloatArray, state: FloatArray) -> float:
     return float(output)
 
 
-@kernel("void(f8[::1], f8[::1], f8[:, ::1], i8[::1], f8)")
+@kernel("void(f8[::1], f8[::1], f8[:, ::1], i8[::1], f8)", inner=True)
 def _learn(
     sample: FloatArray, vibration: FloatArray, axes: FloatArray, state: IntArray, longest: float
 ) -> None:

@@ -35,7 +35,7 @@ def history_of(per_frame: int) -> int:
     return HISTORY * min(per_frame, 4)
 
 
-@kernel("void(f8[:], b1[::1], i8, i8, i8, i8, i8)")
+@kernel("void(f8[:], b1[::1], i8, i8, i8, i8, i8)", inner=True)
 def _fill_by_model(
     values: FloatArray,
     unknown: BoolArray,

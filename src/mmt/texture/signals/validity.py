@@ -105,7 +105,7 @@ class ChannelStates:
         return bool(self.axes[:, _CHANGES].any())
 
 
-@kernel("b1(f8[::1], f8, f8, f8, i8)")
+@kernel("b1(f8[::1], f8, f8, f8, i8)", inner=True)
 def _is_rail(
     tracker: FloatArray, value: float, mean: float, resolution: float, recent: int
 ) -> bool:
@@ -180,7 +180,7 @@ def _step(
     return found
 
 
-@kernel("b1(f8[::1], i8)")
+@kernel("b1(f8[::1], i8)", inner=True)
 def _is_silence(state: FloatArray, per_frame: int) -> bool:
     """Return whether a value that is repeated is one at which a vibration has ended."""
     away = np.abs(state[_BEFORE:] - state[_LAST]).mean()
@@ -195,7 +195,7 @@ def _is_silence(state: FloatArray, per_frame: int) -> bool:
     return bool(first or again.any())
 
 
-@kernel("b1(f8[::1], f8[:, ::1])")
+@kernel("b1(f8[::1], f8[:, ::1])", inner=True)
 def _is_surprise(state: FloatArray, repeats: FloatArray) -> bool:
     """Learn from a run of repeats, and return whether it is longer than chance allows."""
     octave, could, did = int(state[_OCTAVE]), 0.0, 0.0
@@ -223,7 +223,7 @@ def _strokes(
     return bool(slid and motion[first : last + 1, 2].mean() >= least[1])
 
 
-@kernel("b1(f8[::1], f8[:, ::1], f8[:, ::1], b1[::1], f8[::1], i8, i8)")
+@kernel("b1(f8[::1], f8[:, ::1], f8[:, ::1], b1[::1], f8[::1], i8, i8)", inner=True)
 def _is_held(
     state: FloatArray,
     repeats: FloatArray,

@@ -140,14 +140,14 @@ ANISOTROPIC: Final = InputSpace("anisotropic")
 """Velocity vector and force, up to 300 mm/s and 3 N."""
 
 
-@kernel("f8(f8, f8)")
+@kernel("f8(f8, f8)", inner=True)
 def from_zero(value: float, per_unit: float) -> float:
     """Return a speed or force, normalised and limited to 0 ... 1; NaN counts as 0."""
     scaled = value * per_unit
     return min(scaled, 1.0) if scaled > 0.0 else 0.0
 
 
-@kernel("f8(f8, f8)")
+@kernel("f8(f8, f8)", inner=True)
 def _bounded(value: float, per_unit: float) -> float:
     scaled = value * per_unit
     if scaled != scaled:  # noqa: PLR0124 - NaN
@@ -155,7 +155,7 @@ def _bounded(value: float, per_unit: float) -> float:
     return max(min(scaled, _LARGEST), -_LARGEST)
 
 
-@kernel("void(f8, f8, f8, f8, f8, f8[::1])")
+@kernel("void(f8, f8, f8, f8, f8, f8[::1])", inner=True)
 def normalise_into(
     first: float,
     second: float,

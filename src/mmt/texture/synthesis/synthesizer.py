@@ -189,7 +189,8 @@ def _unfit(inputs: tuple[FloatArray, ...]) -> str:
 
 @kernel(
     "f8(f8[:, ::1], i8[:, ::1], f8[:, ::1], f8[::1], f8, f8, f8, f8[::1], f8[::1], f8[::1],"
-    " f8[::1])"
+    " f8[::1])",
+    inner=True,
 )
 def _filter_into(
     rows: FloatArray,

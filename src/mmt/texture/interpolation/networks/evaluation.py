@@ -19,7 +19,6 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.core.compiled import kernel
 from mmt.texture.autoregression.split import separate
-from mmt.texture.interpolation.networks.solving import RadialBasisNetwork
 
 LEVEL_ROOM: Final = 2.0
 """Largest level allowed, over the largest of the samples: the level may rise further beyond the
@@ -56,6 +55,8 @@ def network_arrays(points: FloatArray, values: FloatArray) -> tuple[FloatArray, 
         and force of a sample; then least and largest values; then the polynomial's coefficients.
         Shape (4 + d, max(4, 1 + order)).
     """
+    from mmt.texture.interpolation.networks.solving import RadialBasisNetwork  # as triangulation
+
     unit = float(values[:, 0].max()) or 1.0
     scaled = np.column_stack([values[:, 0] / unit, values[:, 1:]])
     network = RadialBasisNetwork(points, scaled)
@@ -79,14 +80,14 @@ def least_gap(lsf: FloatArray) -> float:
     return float(min(LEAST_GAP, gaps.min()))
 
 
-@kernel("f8(f8[::1], f8, f8)")
+@kernel("f8(f8[::1], f8, f8)", inner=True)
 def _reach(point: FloatArray, slowest: float, lightest: float) -> float:
     """Return 1, or less if the hand is slower or lighter than any sample, 0 at rest."""
     speed = point[0] if len(point) == 2 else math.hypot(point[0], point[1])
     return float(min(1.0, speed / slowest, point[len(point) - 1] / lightest))
 
 
-@kernel("void(f8[:, ::1], f8[::1], f8[::1], f8[::1])")
+@kernel("void(f8[:, ::1], f8[::1], f8[::1], f8[::1])", inner=True)
 def _add_radial(rows: FloatArray, point: FloatArray, values: FloatArray, block: FloatArray) -> None:
     """Add the radial functions' part, block by block of rows."""
     dimensions, first = len(point), 0
@@ -106,7 +107,7 @@ def _add_radial(rows: FloatArray, point: FloatArray, values: FloatArray, block: 
         first = last
 
 
-@kernel("void(f8[::1], f8, f8[::1], f8[::1], f8[::1])")
+@kernel("void(f8[::1], f8, f8[::1], f8[::1], f8[::1])", inner=True)
 def nearest_valid_lsf(
     lsf: FloatArray, gap: float, lowest: FloatArray, highest: FloatArray, work: FloatArray
 ) -> None:
@@ -152,7 +153,7 @@ def nearest_valid_lsf(
     separate(lsf)
 
 
-@kernel("void(f8[:, ::1], f8[:, ::1], f8[::1], f8[::1], f8[::1])")
+@kernel("void(f8[:, ::1], f8[:, ::1], f8[::1], f8[::1], f8[::1])", inner=True)
 def network_into(
     rows: FloatArray,
     tail: FloatArray,
