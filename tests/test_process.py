@@ -99,12 +99,12 @@ def test_sleeps_that_end_when_they_are_due_are_asked_of_the_system() -> None:
 def test_the_code_of_the_compiler_is_released_and_runs_again() -> None:
     program = (
         "import numba, psutil\n"
-        "from mmt.core.process import release_code\n"
+        "from mmt.core.process import release_file\n"
         "memory_mb = lambda: psutil.Process().memory_info().rss / 1e6\n"
         "double = numba.njit('f8(f8)')(lambda x: x + x)\n"
         "before_mb = memory_mb()\n"
-        "assert release_code('libllvmlite') > 0\n"
-        "assert release_code('no such library') == 0\n"
+        "assert release_file('libllvmlite') > 0\n"
+        "assert release_file('no such library') == 0\n"
         "assert memory_mb() < before_mb - 20.0\n"
         "assert numba.njit('f8(f8)')(lambda x: double(x) + x)(1.0) == 3.0\n"
     )

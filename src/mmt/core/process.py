@@ -25,7 +25,7 @@ SLICE_NS = 100_000
 _BOOT_ID: Final = Path("/proc/sys/kernel/random/boot_id")
 _OFFSETS: Final = Path("/proc/self/timens_offsets")
 
-_MAPPINGS: Final = Path("/proc/self/maps")
+_MAPPINGS: Final = Path("/proc/self/smaps")
 
 _MADV_DONTNEED = 4
 _NICENESS = 5
@@ -138,12 +138,12 @@ def release_freed_memory() -> bool:
 
 
 def release_compiler() -> None:
-    """Release the memory of the compiler's code: little of it runs once kernels are loaded."""
-    release_code("libllvmlite")
+    """Release the memory of the compiler's file: little of it is used once kernels are loaded."""
+    release_file("libllvmlite")
 
 
-def release_code(library: str) -> int:
-    """Release the memory that holds a library's code; code that runs again is read again.
+def release_file(library: str) -> int:
+    """Release the memory that holds a library's code and constants; what is used is read again.
 
     These pages are equal to the file, so that nothing is lost. Returns the bytes of the mappings
     released, 0 if the library is not loaded or the system is not Linux.
@@ -157,10 +157,13 @@ def release_code(library: str) -> int:
         lines = _MAPPINGS.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
         return 0
-    released = 0
-    for words in (line.split() for line in lines if library in line):
-        start, stop = (int(edge, 16) for edge in words[0].split("-"))
-        if words[1] == "r-xp":
+    released, mapping = 0, ""  # the address of one that may be released
+    for line in lines:
+        words = line.split()
+        if len(words) >= 5 and "-" in words[0]:
+            mapping = words[0] if library in line and words[1] in {"r-xp", "r--p"} else ""
+        elif mapping and words[:2] == ["Anonymous:", "0"]:  # the loader has written nothing there
+            start, stop = (int(edge, 16) for edge in mapping.split("-"))
             result = ctypes.CDLL(None).madvise(
                 ctypes.c_void_p(start), ctypes.c_size_t(stop - start), _MADV_DONTNEED
             )
