@@ -6,10 +6,8 @@ from typing import Final, get_args
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray, RecordArray
-from mmt.scene import Hand, Scene
+from mmt.core.arrays import FloatArray
 from mmt.session import RecordedSession
-from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.segmentation.segmenter import segment
 from mmt.texture.settings import Inputs
@@ -17,7 +15,7 @@ from mmt.texture.signals.amplitude_spectra import Spectra, amplitude_spectra
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.signals.metrics import gfc_of_rows, power_error_db
 from mmt.texture.synthesis.synthesizer import Synthesizer
-from mmt_lab.selection.concatenated import network_settings
+from mmt_lab.selection.concatenated import RATE_HZ, network_settings, stroke
 from mmt_methods.selection.points import spectral_error
 from mmt_methods.selection.pooling import pool_sessions
 
@@ -27,11 +25,10 @@ RECORDED_S: Final = 30.0
 STROKED_S: Final = 10.0
 """Length of the stroke on each sample in the matching test."""
 
-RENEWAL_SAMPLES: Final = 10
+RENEWAL_SAMPLES: Final = RATE_HZ // 100
 """Samples between two estimates of the filter: 100 Hz, as in section 3.1 of paper B."""
 
-_WELCH_SAMPLES: Final = 64
-_HEADINGS: Final = Scene(hand=Hand(headings="all"))
+_WELCH_SAMPLES: Final = 128
 
 
 @dataclass(frozen=True)
@@ -56,7 +53,7 @@ class StrokedSample:
     """A real sample stroked anew.
 
     ``velocity_mm_s`` (n, 2), ``speed_mm_s`` (n,), ``force_n`` (n,) and ``vibration_m_s2`` (n,) are
-    the whole stroke's, ``segments`` the parts that are compared.
+    the whole stroke's, at the rate of the vibration; ``segments`` are the parts that are compared.
     """
 
     name: str
@@ -84,13 +81,9 @@ class MatchedPair:
     power_db: float
 
 
-def _stroke(texture: str, duration_s: float, seed: int) -> RecordArray:
-    return simulate_session(_HEADINGS, texture, duration_s, seed)[0]
-
-
 def virtual_texture(texture: str, seed: int) -> Virtual:
     """Record a texture, and build its models of all segments."""
-    frames = _stroke(texture, RECORDED_S, seed)
+    frames = stroke(texture, RECORDED_S, seed, directed=True)
     session = RecordedSession(frames, path=Path(texture))
     models: dict[Inputs, TextureModel] = {}
     for inputs in get_args(Inputs):
@@ -103,15 +96,20 @@ def real_sample(texture: str, seed: int) -> StrokedSample:
     """Stroke a texture anew."""
     settings = network_settings("anisotropic")
     stream = StreamFilter(settings)
-    block = stream.process(_stroke(texture, STROKED_S, seed))
-    first = int(block.index[0])
+    block = stream.process(stroke(texture, STROKED_S, seed, directed=True))
+    first, more = int(block.index[0]), settings.samples_per_frame
+    velocity, speed, force = (
+        np.repeat(channel, more, axis=0)
+        for channel in (block.velocity_mm_s, block.speed_mm_s, block.normal_force_n)
+    )
+    segments = (slice(part.start - first, part.stop - first) for part in segment(block, settings))
     return StrokedSample(
         texture,
-        block.velocity_mm_s,
-        block.speed_mm_s,
-        block.normal_force_n,
-        block.vibration_m_s2[:, 0, 0],
-        tuple(slice(part.start - first, part.stop - first) for part in segment(block, settings)),
+        velocity,
+        speed,
+        force,
+        block.vibration_m_s2[:, :, 0].ravel(),
+        tuple(slice(part.start * more, part.stop * more) for part in segments),
     )
 
 
@@ -137,7 +135,7 @@ def _compared(
     nperseg = _WELCH_SAMPLES if spectra is Spectra.WELCH else None
     for part in sample.segments:
         own, truth = (
-            amplitude_spectra(signal[part], 1000.0, nperseg)[1] for signal in (rendered, recorded)
+            amplitude_spectra(signal[part], RATE_HZ, nperseg)[1] for signal in (rendered, recorded)
         )
         errors.append(float(spectral_error(own, truth)))
         scores.append(float(gfc_of_rows(own, truth)))

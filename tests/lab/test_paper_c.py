@@ -48,7 +48,7 @@ def test_a_data_set_is_made_of_trials_and_knocks_add_their_share_of_the_power(ro
 
 
 def test_trials_are_one_sequence_in_which_the_clock_runs_on():
-    trials = [stroke(PLANE, 1.0, seed) for seed in (1, 2)]
+    trials = [stroke(PLANE.surface, 1.0, seed, directed=False) for seed in (1, 2)]
     frames = concatenated.joined(trials)
     np.testing.assert_array_equal(frames["sequence"], np.arange(2000))
     assert set(np.diff(frames["time_ns"])) == {1_000_000}

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import BoolArray, RecordArray
-from mmt.scene import Hand, Scene
+from mmt.scene import Hand, Scene, SessionTable
 from mmt.session import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.interpolation.interpolant import Interpolant
@@ -25,9 +25,14 @@ from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import Inputs, ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
 from mmt_lab.selection.knocks import SHARE, placed_knock, simulated_knock
-from mmt_lab.selection.sessions import ORDER
 from mmt_methods.selection import ModelPoints
 from mmt_methods.selection.pooling import Pool, pool_sessions
+
+RATE_HZ: Final = 2000
+"""Rate of the vibration: that of paper B's output, and the least for the band of both papers."""
+
+ORDER: Final = 24
+"""Order of the filters of models, which the papers do not name: 12 at 1 kHz."""
 
 TRIAL_S: Final = 20.0
 KNOCKS: Final = 6
@@ -89,11 +94,11 @@ class DataSet:
 
 
 def network_settings(inputs: Inputs, order: int = ORDER) -> ModellingSettings:
-    """Return the settings of the network of papers B and C, over velocity or speed, and force.
-
-    The papers name no order of the filters.
-    """
-    return ModellingSettings(method="published", inputs=inputs, order=order)
+    """Return the settings of the network of papers B and C, over velocity or speed, and force."""
+    samples = RATE_HZ // 1000
+    return ModellingSettings(
+        method="published", inputs=inputs, order=order, samples_per_frame=samples
+    )
 
 
 def settings_of(row: PaperRow, order: int = ORDER) -> ModellingSettings:
@@ -101,10 +106,11 @@ def settings_of(row: PaperRow, order: int = ORDER) -> ModellingSettings:
     return network_settings("anisotropic" if row.directed else "isotropic", order)
 
 
-def stroke(row: PaperRow, duration_s: float, seed: int) -> RecordArray:
+def stroke(surface: str, duration_s: float, seed: int, *, directed: bool) -> RecordArray:
     """Simulate a trial, frames (n,); the hand takes all headings if the texture is directed."""
-    scene = Scene(hand=Hand(headings="all" if row.directed else "opposite"))
-    return simulate_session(scene, row.surface, duration_s, seed)[0]
+    session = SessionTable(acceleration_rate_hz=RATE_HZ)
+    scene = Scene(session=session, hand=Hand(headings="all" if directed else "opposite"))
+    return simulate_session(scene, surface, duration_s, seed)[0]
 
 
 def segments_of(frames: RecordArray, settings: ModellingSettings) -> list[Segment]:
@@ -120,7 +126,8 @@ def recording(row: PaperRow, seed: int) -> ConcatenatedTrials:
     trials: list[RecordArray] = []
     found = 0
     while found < row.points:
-        trials.append(stroke(row, TRIAL_S, int(generator.integers(2**31))))
+        number = int(generator.integers(2**31))
+        trials.append(stroke(row.surface, TRIAL_S, number, directed=row.directed))
         found += len(segments_of(trials[-1], settings))
     frames = joined(trials)
     return ConcatenatedTrials(frames, segments_of(frames, settings)[: row.points], len(trials))
@@ -137,13 +144,15 @@ def data_set(
     generator = np.random.default_rng([seed, row.points, 1])
     bad = generator.choice(row.points, row.outliers, replace=False)
     frames = recorded.frames.copy()
-    kinds = [simulated_knock(generator) for _ in range(KNOCKS)]
-    acceleration = frames["acceleration_m_s2"][:, _NORMAL]
+    kinds = [simulated_knock(generator, RATE_HZ) for _ in range(KNOCKS)]
+    every = frames["acceleration_m_s2"]
+    acceleration = every[..., _NORMAL].ravel()
     for number in bad.tolist():
         struck, knock = recorded.segments[number], kinds[int(generator.integers(len(kinds)))]
         start, placed = placed_knock(struck.vibration_m_s2, knock, generator, share)
-        rung = acceleration[struck.start + start :][: len(placed)]
+        rung = acceleration[struck.start * every.shape[1] + start :][: len(placed)]
         rung += placed[: len(rung)]
+    every[..., _NORMAL] = acceleration.reshape(every.shape[:2])
     session = RecordedSession(frames, path=Path(row.surface))
     pool = pool_sessions([session], settings_of(row, order))
     knocked = np.zeros(row.points, dtype=np.bool_)

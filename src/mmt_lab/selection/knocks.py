@@ -10,7 +10,8 @@ from mmt.core.errors import InputError
 from mmt.core.xml_files import parse_xml
 
 RATE_HZ: Final = 1000.0
-SAMPLES: Final = 400
+KNOCK_S: Final = 0.4
+SAMPLES: Final = round(KNOCK_S * RATE_HZ)
 SHARE: Final = 0.4
 """Variance of the knock over that of the segment (paper C, equation 3)."""
 
@@ -19,13 +20,13 @@ _LEAD: Final = 10
 _TAP_STEP: Final = 10  # samples at 10 kHz
 
 
-def simulated_knock(generator: np.random.Generator) -> FloatArray:
-    """Return two to four modes of a table struck at once, shape (SAMPLES,).
+def simulated_knock(generator: np.random.Generator, rate_hz: float = RATE_HZ) -> FloatArray:
+    """Return two to four modes of a table struck at once, 0.4 s at a rate.
 
     Frequencies 30 to 300 Hz, decay times 10 to 60 ms, amplitudes and phases at random.
     """
-    time_s = np.arange(SAMPLES) / RATE_HZ
-    knock = np.zeros(SAMPLES)
+    time_s = np.arange(round(KNOCK_S * rate_hz)) / rate_hz
+    knock = np.zeros(len(time_s))
     for _ in range(int(generator.integers(2, 5))):
         frequency = generator.uniform(30.0, 300.0)
         decay_s = generator.uniform(0.01, 0.06)
@@ -54,7 +55,7 @@ def placed_knock(
     -------
     start
         Index in the segment at which the knock begins.
-    placed : (SAMPLES,)
+    placed : (k,)
         The knock, which may ring beyond the segment's end.
     """
     start = int(generator.integers(0, max(1, int(_LATEST * len(segment)))))

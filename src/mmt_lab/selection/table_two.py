@@ -8,6 +8,7 @@ import numpy as np
 from mmt.core.arrays import BoolArray
 from mmt.evaluation.held_out import Approximation, HeldOutRecording
 from mmt.texture.signals.amplitude_spectra import Spectra
+from mmt_lab.selection.concatenated import ORDER as OWN_ORDER
 from mmt_lab.selection.concatenated import (
     DataSet,
     NetworkModel,
@@ -30,7 +31,7 @@ from mmt_methods.selection.published import (
 FRESH_S: Final = 10.0
 """Length of the stroke that no model has seen."""
 
-ORDER: Final = 14
+ORDER: Final = 28
 """Order of the filters in the published selection; the paper gives none. Both detection and false
 alarms grow with it: see `VARIATIONS`."""
 
@@ -51,8 +52,8 @@ AS_PUBLISHED: Final = "as published"
 
 VARIATIONS: Final = {
     AS_PUBLISHED: Variation(),
-    "filters of order 8": Variation(order=8),
-    "filters of order 20": Variation(order=20),
+    "filters of order 16": Variation(order=16),
+    "filters of order 40": Variation(order=40),
     "network through every point": Variation(smoothing=0.0),
     "knocks of 0.2 of the variance": Variation(share=0.2),
     "knocks of 0.8 of the variance": Variation(share=0.8),
@@ -103,7 +104,7 @@ def select_from(row: PaperRow, seed: int, spectra: Spectra) -> Selected:
         name: vary(variation, sets[variation.share]) for name, variation in VARIATIONS.items()
     }
     found, result = sets[SHARE], results[AS_PUBLISHED][0]
-    own = select(fitted(found.data.points, found.data.segments or ()))
+    own = select(fitted(found.data.points, found.data.segments or (), OWN_ORDER))
     everything = np.ones(row.points, dtype=np.bool_)
     scored = [_score(found, row, seed, mask, spectra) for mask in (everything, result.kept)]
     gfc = [np.array([each.gfc for each in scores]) for scores in scored]
@@ -146,7 +147,7 @@ def _score(
     chosen = np.zeros(len(found.pool.data), dtype=np.bool_)
     chosen[: row.points] = mask
     model = NetworkModel.from_contents(found.pool.model(chosen).contents)
-    fresh = segments_of(stroke(row, FRESH_S, seed), settings)
+    fresh = segments_of(stroke(row.surface, FRESH_S, seed, directed=row.directed), settings)
     return [
         HeldOutRecording(one, settings.vibration_rate_hz, spectra).approximate(model, number)
         for number, one in enumerate(fresh)
