@@ -70,6 +70,13 @@ def test_a_scene_that_is_nested_without_end_is_explained(tmp_path):
         load_scene(path)
 
 
+def test_a_line_without_end_is_refused_before_it_is_taken_apart(tmp_path):
+    path = tmp_path / "line.csv"
+    path.write_bytes(b"time_s\n" + b"1," * (10 << 20))
+    with pytest.raises(InputError, match=r"line\.csv: a line has more than 1048576 characters"):
+        import_session(path)
+
+
 def test_the_sentence_on_a_table_of_many_columns_is_short(tmp_path):
     path = tmp_path / "wide.csv"
     path.write_text(",".join(f"c{n}" for n in range(50_000)), encoding="utf-8")
