@@ -14,6 +14,8 @@ from mmt.core.errors import InputError
 from mmt.scene.files import load_scene
 from mmt.session import import_session
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 
 def archive(path, **members):
     with zipfile.ZipFile(path, "w") as stream:

@@ -104,13 +104,19 @@ def reading(
         raise InputError(f"{origin}: {error.strerror or error}") from error
 
 
-def wanted_names(options: ImportOptions) -> Callable[[str], bool]:
-    """Return a function that tells whether to read the column of a given name."""
-    names = {"sequence", BEGAN, *STANDARD_NAMES.values(), *options.mapped_names()}
-    return lambda name: (
-        name in names
-        or any(name[: place.start()] in names for place in re.finditer(r"[.\[(]", name))
-    )
+class Wanted(frozenset[str]):
+    """Names of columns to read. Called with a name, it tells whether to read that column."""
+
+    def __call__(self, name: str) -> bool:
+        """Return whether a name, or that of which it is a part, is in the set."""
+        return name in self or any(
+            name[: place.start()] in self for place in re.finditer(r"[.\[(]", name)
+        )
+
+
+def wanted_names(options: ImportOptions) -> Wanted:
+    """Return the names of the columns to read."""
+    return Wanted({"sequence", BEGAN, *STANDARD_NAMES.values(), *options.mapped_names()})
 
 
 def distinct(names: Sequence[str]) -> tuple[list[str], list[str]]:

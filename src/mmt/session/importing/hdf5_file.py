@@ -6,7 +6,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from mmt.core.archives import check_growth
 from mmt.core.arrays import FloatArray
 from mmt.core.extras import require
 from mmt.session.importing.columns import (
@@ -33,8 +32,7 @@ def read_hdf5(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
     Raises
     ------
     InputError
-        h5py is not installed, the file is missing or not an HDF5 file, or a data set is much
-        larger than the file.
+        h5py is not installed, or the file is missing or not an HDF5 file.
     """
     origin = f"import {path}"
     require("h5py")
@@ -46,7 +44,6 @@ def read_hdf5(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
         values, units = {}, {}
         for name, (_, item, field) in zip(names, sets, strict=True):
             if wanted(name):
-                check_growth(item.size * 8, path.stat().st_size)
                 values[name] = _numbers(file, item[()] if field is None else item[field])
                 units[name] = _unit(item)
         exported = file.keys() >= _OF_MMT
