@@ -90,10 +90,10 @@ def test_the_sentence_on_a_table_of_many_columns_is_short(tmp_path):
 @pytest.mark.parametrize(
     ("name", "text", "reason"),
     [
-        ("scene_json", "[1]", "scene_json is not a JSON object"),
-        ("events_json", '{"event": "mark"}', "events_json is not a list of JSON objects"),
-        ("events_json", "[1]", "events_json is not a list of JSON objects"),
-        ("events_json", "[", "events_json is not valid JSON"),
+        ("scene_json", "[1]", "scene is not a JSON object"),
+        ("events_json", '{"event": "mark"}', "events is not a list of JSON objects"),
+        ("events_json", "[1]", "events is not a list of JSON objects"),
+        ("events_json", "[", "events is not valid JSON"),
     ],
 )
 def test_scenes_and_events_of_another_form_are_explained(tmp_path, name, text, reason):
