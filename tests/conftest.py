@@ -155,6 +155,16 @@ def unused_tcp_port() -> int:
             return port
 
 
+@pytest.fixture(scope="module")
+def read_here() -> Iterator[None]:
+    """Read files of foreign formats in this process: each child takes a second to start."""
+    from mmt.session.importing.reading_child import reads_here
+
+    reads_here.set()
+    yield
+    reads_here.clear()
+
+
 @pytest.fixture(autouse=True)
 def _ordinary_process() -> Iterator[None]:
     """Put back what a service asks of its process: it would last, and children would inherit it."""

@@ -26,6 +26,8 @@ from mmt.session.recover import recover
 from mmt.testing.simulation.recorded_path import load_path
 from mmt_bridges.hatt.file import parse_hatt
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 LONGEST_SENTENCE = 1000
 SLOWEST_S = 20.0
 MOST_GROWTH_MB = 1500.0

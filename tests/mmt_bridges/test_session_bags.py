@@ -18,6 +18,8 @@ from mmt.session.data import RecordedSession
 from mmt.session.info import info
 from mmt_bridges.ros.clocks import Stamped
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 BEGAN_NS = 1_765_000_000_123_456_789
 SCENE = {"session": {"name": "wood"}}
 EVENTS = [

@@ -20,6 +20,8 @@ from mmt_bridges.lerobot.dataset import export_lerobot
 from mmt_bridges.lerobot.importing import _ranges
 from mmt_bridges.lerobot.rows import low_rate_rows
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 pc = pytest.importorskip("pyarrow.compute", reason="needs the extra 'export'")
 pq = pytest.importorskip("pyarrow.parquet", reason="needs the extra 'export'")
 pa = pytest.importorskip("pyarrow", reason="needs the extra 'export'")
@@ -415,7 +417,7 @@ def test_components_of_one_name_are_both_reached(tmp_path):
 def test_frames_are_not_compared_with_rows_of_a_rate_that_has_none(folder, sessions, fps):
     file = folder / "meta/info.json"
     file.write_text(json.dumps({**json.loads(file.read_text()), "fps": fps}))
-    rows = read_columns(folder, lambda _: True)
+    rows = read_columns(folder, bool)
     assert any("(nothing can be compared): the rows alone were read" in n for n in rows.notes)
 
 

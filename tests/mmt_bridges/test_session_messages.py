@@ -15,6 +15,8 @@ from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.recording import import_recording, read_columns
 from mmt.session.messages import message_class
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 pytest.importorskip("rosbags", reason="needs the extra 'import'")
 
 BEGAN_NS = 1_765_000_000_000_000_000
@@ -80,10 +82,10 @@ def test_sources_keep_their_values_and_have_one_clock(tmp_path_factory, data):
             rows = [row for row in range(ROWS) if of_rows[row] == frame]
             expected[place, frame] = (values[rows], np.array(stamps)[rows], received[rows])
     write(path, channels)
-    names = {name for name in read_columns(path, lambda _: False).names if ".wrench.force" in name}
+    names = {name for name in read_columns(path, bool).names if ".wrench.force" in name}
     assert len(names) == len(expected)
     alike = set(chosen) in ({"utc"}, {"uptime"})
-    read = read_columns(path, lambda _: True)
+    read = read_columns(path, bool)
     left = list(expected.values())
     for name in names:
         values = read.values[name]
@@ -96,7 +98,7 @@ def test_sources_keep_their_values_and_have_one_clock(tmp_path_factory, data):
     assert told == (set(chosen) != {"none"})
     if not alike:
         with pytest.raises(InputError, match="--stamps header: "):
-            read_columns(path, lambda _: True, ImportOptions(stamps="header"))
+            read_columns(path, bool, ImportOptions(stamps="header"))
     if len(names) > 1:
         with pytest.raises(InputError, match="which is not there"):
             import_session(path, columns={"force": "/ft"})
@@ -137,7 +139,7 @@ def test_protobuf_joints_and_what_cannot_be_decoded(tmp_path):
             ("/text", JSON, "json", [b"{"] * ROWS),
         ],
     )
-    whole = read_columns(path, lambda _: True)
+    whole = read_columns(path, bool)
     np.testing.assert_array_equal(whole.values["/joints.position.b"], 2.0 * np.arange(ROWS))
     assert whole.values["/joints.position"].shape == (ROWS, 2)
     lost = [note for note in whole.notes if "cannot be read and were left out" in note]
@@ -177,7 +179,7 @@ def test_only_what_is_lost_is_said_and_once(tmp_path_factory, plain, indexed, lo
     content = path.read_bytes()
     if lost and plain["use_chunking"]:
         path.write_bytes(b"none".join(content.rsplit(b"\x28\xb5\x2f\xfd", 1)))  # begins a chunk
-    columns = read_columns(path, lambda _: True)
+    columns = read_columns(path, bool)
     if path.read_bytes() == content:
         assert columns.notes == []
         assert len(columns.values["/value.v"]) == ROWS
@@ -209,7 +211,7 @@ def test_protobuf_schemas_are_read_in_any_order(tmp_path_factory, order):
     schema = ("M3", "protobuf", definition.SerializeToString())
     path = tmp_path_factory.mktemp("proto") / "a.mcap"
     write(path, [("/deep", schema, "protobuf", messages)])
-    whole = read_columns(path, lambda _: True)
+    whole = read_columns(path, bool)
     assert whole.notes == []
     np.testing.assert_array_equal(whole.values["/deep.m.m.m.value"], np.arange(ROWS))
     files[0].dependency.append("3.proto")

@@ -16,6 +16,8 @@ from mmt.leader.publishing import Block, Marker
 from mmt.session import import_session, read_session
 from mmt_bridges.lsl.streams import Streams
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 pytest.importorskip("pyxdf", reason="needs the extra 'import'")
 
 EVENT = {"time_s": 0.25, "event": "it begins"}

@@ -14,6 +14,8 @@ from mmt.session.info import info
 from mmt.session.mcap_windows import open_windows
 from mmt.session.stream import open_recording
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 TIME_S = np.arange(3000) / 1000
 POSITION_MM = np.column_stack([30 * np.sin(5 * TIME_S), 10 * TIME_S, 0 * TIME_S])
 FORCE_N = np.column_stack([0.1 * np.cos(5 * TIME_S), 0 * TIME_S, 1 + 0.5 * np.sin(2 * TIME_S)])

@@ -12,6 +12,8 @@ from mmt.core.errors import InputError, MmtError
 from mmt.session import export_session
 from mmt.session.data import RecordedSession
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 SCENE = {"session": {"name": "wood"}}
 EVENTS = [{"time_s": 0.5, "event": "mark", "value": float("nan")}]
 

@@ -14,6 +14,8 @@ from mmt.core.errors import InputError
 from mmt.scene.files import load_scene
 from mmt.session import import_session
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 
 def archive(path, **members):
     with zipfile.ZipFile(path, "w") as stream:
@@ -70,6 +72,13 @@ def test_a_scene_that_is_nested_without_end_is_explained(tmp_path):
         load_scene(path)
 
 
+def test_a_line_without_end_is_refused_before_it_is_taken_apart(tmp_path):
+    path = tmp_path / "line.csv"
+    path.write_bytes(b"time_s\n" + b"1," * (10 << 20))
+    with pytest.raises(InputError, match=r"line\.csv: a line has more than 1048576 characters"):
+        import_session(path)
+
+
 def test_the_sentence_on_a_table_of_many_columns_is_short(tmp_path):
     path = tmp_path / "wide.csv"
     path.write_text(",".join(f"c{n}" for n in range(50_000)), encoding="utf-8")
@@ -81,10 +90,10 @@ def test_the_sentence_on_a_table_of_many_columns_is_short(tmp_path):
 @pytest.mark.parametrize(
     ("name", "text", "reason"),
     [
-        ("scene_json", "[1]", "scene_json is not a JSON object"),
-        ("events_json", '{"event": "mark"}', "events_json is not a list of JSON objects"),
-        ("events_json", "[1]", "events_json is not a list of JSON objects"),
-        ("events_json", "[", "events_json is not valid JSON"),
+        ("scene_json", "[1]", "scene is not a JSON object"),
+        ("events_json", '{"event": "mark"}', "events is not a list of JSON objects"),
+        ("events_json", "[1]", "events is not a list of JSON objects"),
+        ("events_json", "[", "events is not valid JSON"),
     ],
 )
 def test_scenes_and_events_of_another_form_are_explained(tmp_path, name, text, reason):

@@ -19,6 +19,8 @@ from mmt.session.importing.proposal import propose, try_proposal
 from mmt.session.importing.recording import import_recording
 from mmt.session.importing.table import read_table
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 ROWS = 300
 TIME_S = np.arange(ROWS) / 1000
 POSITION_MM = np.column_stack([30 * np.sin(5 * TIME_S), 10 * TIME_S, 0.3 * np.cos(3 * TIME_S)])

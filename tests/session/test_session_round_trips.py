@@ -17,6 +17,8 @@ from mmt.core.frames import CHANNELS
 from mmt.session import export_session, import_session, read_session
 from mmt.session.data import RecordedSession
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 SCENE = {"session": {"name": "wäre"}}
 EVENTS = [{"time_s": 0.5, "event": "mark"}]
 BEGAN_NS = 1_765_000_000_123_456_789

@@ -83,6 +83,17 @@ Decimal = Annotated[str | None, typer.Option(help="The decimal sign of a text, .
 Missing = Annotated[
     list[str] | None, typer.Option(help="What stands for no value, such as 9999. May be repeated.")
 ]
+ReadingMemory = Annotated[
+    float | None,
+    typer.Option(
+        metavar="GB",
+        help="Memory to read a file of another format; 2 GB and 16 times its size if absent.",
+    ),
+]
+ReadingTime = Annotated[
+    float | None,
+    typer.Option(metavar="S", help="Time to read it; 60 s, and 5 s for each MB, if absent."),
+]
 
 
 def inspect_file(
@@ -101,6 +112,8 @@ def inspect_file(
     separator: Separator = None,
     decimal: Decimal = None,
     missing: Missing = None,
+    reading_memory: ReadingMemory = None,
+    reading_time: ReadingTime = None,
 ) -> None:
     """Look at a recording of another program, and propose the command that imports it."""
     from mmt.session.importing.proposal import propose, try_proposal
@@ -149,6 +162,8 @@ def import_file(
     separator: Separator = None,
     decimal: Decimal = None,
     missing: Missing = None,
+    reading_memory: ReadingMemory = None,
+    reading_time: ReadingTime = None,
     offsets: Annotated[
         list[str] | None,
         typer.Option(
@@ -190,6 +205,8 @@ def _options(given: dict[str, Any]) -> "ImportOptions":
         rate_hz=given["rate"],
         longest_gap_s=given["longest_gap"],
         acceleration_rate_hz=given["acceleration_rate"],
+        reading_memory_gb=given["reading_memory"],
+        reading_time_s=given["reading_time"],
         missing=tuple(given["missing"] or ()),
         offsets=assignments(given.get("offsets") or [], "--offset"),
         **{name: given[name] for name in same},

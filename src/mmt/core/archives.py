@@ -64,17 +64,6 @@ def _check_size(stream: Any) -> None:
         unpacked = sum(member.file_size for member in archive.infolist())
     size = stream.seek(0, io.SEEK_END)
     stream.seek(0)
-    check_growth(unpacked, size)
-
-
-def check_growth(unpacked: int, size: int) -> None:
-    """Refuse content that unpacks to far more bytes than its file has.
-
-    Raises
-    ------
-    InputError
-        The content does; the message does not name the file.
-    """
     if unpacked > max(_LARGEST_BYTES, _LARGEST_RATIO * size):
         raise InputError(
             f"it unpacks to {unpacked / 1e6:.0f} MB from {size / 1e6:.3g} MB, which no recording "

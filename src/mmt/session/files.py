@@ -79,13 +79,14 @@ def import_session(
         Other options of the command ``mmt session import``, by the names of
         `mmt.session.importing.options.ImportOptions`: ``rate_hz``, ``acceleration_rate_hz``,
         ``blanks_as_gaps``, ``longest_gap_s``, ``stamps``, ``episode``, ``header``, ``sheet``,
-        ``separator``, ``decimal``, ``missing``, ``offsets``.
+        ``separator``, ``decimal``, ``missing``, ``offsets``, ``reading_memory_gb``,
+        ``reading_time_s``.
 
     Raises
     ------
     InputError
-        The file is missing or not valid, or a column or its unit is not known; the message names
-        the array or the column and row.
+        The file is missing or not valid, reading it takes too much memory or time, or a column or
+        its unit is not known; the message names the array or the column and row.
     """
     from mmt.session.importing.options import ImportOptions
     from mmt.session.importing.recording import import_recording

@@ -12,7 +12,16 @@ import typer
 
 from mmt.cli.browser import open_page
 from mmt.cli.common import Force, messages, output
-from mmt.cli.importing import AccelerationRate, Columns, Rate, SourceFile, Units, print_report
+from mmt.cli.importing import (
+    AccelerationRate,
+    Columns,
+    Rate,
+    ReadingMemory,
+    ReadingTime,
+    SourceFile,
+    Units,
+    print_report,
+)
 from mmt.cli.models import SUFFIX, built, save
 from mmt.core.errors import InputError
 from mmt.core.existing_files import require_absent
@@ -33,6 +42,8 @@ def try_recording(
     units: Units = None,
     rate: Rate = None,
     acceleration_rate: AccelerationRate = None,
+    reading_memory: ReadingMemory = None,
+    reading_time: ReadingTime = None,
     port: Annotated[int, typer.Option(help="Listen on this port; 0 takes any free one.")] = 8770,
     force: Force = False,
 ) -> None:
@@ -51,6 +62,8 @@ def try_recording(
         units=assignments(units or [], "--unit"),
         rate_hz=rate,
         acceleration_rate_hz=acceleration_rate,
+        reading_memory_gb=reading_memory,
+        reading_time_s=reading_time,
     )
     session = _session(source, options)
     model, update, _ = built([session], scene_of(session))

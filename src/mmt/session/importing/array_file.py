@@ -17,9 +17,8 @@ from mmt.session.importing.columns import (
     BEGAN,
     OF_THE_SESSION,
     SourceColumns,
+    beside_columns,
     parsed_date,
-    parsed_events,
-    parsed_scene,
     reading,
 )
 from mmt.session.importing.options import ImportOptions
@@ -40,17 +39,11 @@ def read_archive(
     origin = f"import {path}"
     with reading(origin, "an .npz archive"):
         arrays, names = load_arrays(path, lambda name: name in OF_THE_SESSION or wanted(name))
-    scene, events = (
-        str(arrays[name]) if name in arrays else None for name in ("scene_json", "events_json")
-    )
     return SourceColumns(
         origin=origin,
         values={n: _numbers(a, n, origin) for n, a in arrays.items() if n not in OF_THE_SESSION},
         names=names,
-        scene=parsed_scene(scene, "scene_json", origin),
-        annotations=arrays["annotations"].tobytes() if "annotations" in arrays else b"",
-        events=parsed_events(events, "events_json", origin),
-        began_utc_ns=parsed_date(arrays.get(BEGAN), origin),
+        **beside_columns(arrays, origin),
     )
 
 

@@ -27,7 +27,7 @@ MESSAGE_PARTS: Final = {
 BEGAN: Final = "began_utc_ns"
 """Name of the date of the first frame in exported sessions."""
 OF_THE_SESSION: Final = ("scene_json", "annotations", "events_json", BEGAN)
-"""Names of the data beside the frames in an exported session, in files of arrays."""
+"""Names of the data beside the frames in an exported session."""
 
 SHOWN_COLUMNS = 12
 _SHOWN_CHARACTERS = 60
@@ -104,13 +104,19 @@ def reading(
         raise InputError(f"{origin}: {error.strerror or error}") from error
 
 
-def wanted_names(options: ImportOptions) -> Callable[[str], bool]:
-    """Return a function that tells whether to read the column of a given name."""
-    names = {"sequence", BEGAN, *STANDARD_NAMES.values(), *options.mapped_names()}
-    return lambda name: (
-        name in names
-        or any(name[: place.start()] in names for place in re.finditer(r"[.\[(]", name))
-    )
+class Wanted(frozenset[str]):
+    """Names of columns to read. Called with a name, it tells whether to read that column."""
+
+    def __call__(self, name: str) -> bool:
+        """Return whether a name, or that of which it is a part, is in the set."""
+        return name in self or any(
+            name[: place.start()] in self for place in re.finditer(r"[.\[(]", name)
+        )
+
+
+def wanted_names(options: ImportOptions) -> Wanted:
+    """Return the names of the columns to read."""
+    return Wanted({"sequence", BEGAN, *STANDARD_NAMES.values(), *options.mapped_names()})
 
 
 def distinct(names: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -142,24 +148,37 @@ def listed(names: Sequence[str]) -> str:
     return f"the first of {len(names)} columns are {shown}"
 
 
-def parsed_scene(text: str | bytes | None, name: str, origin: str) -> JsonObject | None:
-    """Parse the scene of an exported session; None if there is none.
+def beside_columns(stored: Mapping[str, Any], origin: str) -> dict[str, Any]:
+    """Parse the data beside the columns of an exported session, as fields of `SourceColumns`.
+
+    `stored` has values of the file by the names in `OF_THE_SESSION`; any may be missing or None.
 
     Raises
     ------
     InputError
-        The text is not a JSON object; `name` is its name in the file.
+        The scene is not a JSON object, the events are not a list of such, or see `parsed_date`.
     """
-    scene = _parsed(text, name, origin)
-    if scene is None:
-        return None
+    given = {name: stored[name] for name in OF_THE_SESSION if stored.get(name) is not None}
+    truth = given.get("annotations", b"")
+    scene = _parsed(text_in(given.get("scene_json", "{}")), "scene", origin)
     if not isinstance(scene, dict):
-        raise InputError(f"{origin}: {name} is not a JSON object")
-    return scene
+        raise InputError(f"{origin}: scene is not a JSON object")
+    return {
+        "scene": scene if "scene_json" in given else None,
+        "events": parsed_events(text_in(given.get("events_json", "[]")), "events", origin),
+        "annotations": truth if isinstance(truth, bytes) else np.asarray(truth).tobytes(),
+        "began_utc_ns": parsed_date(given.get(BEGAN), origin),
+    }
 
 
-def parsed_events(text: str | bytes | None, name: str, origin: str) -> Sequence[JsonObject]:
-    """Parse the events of an exported session; empty if there are none.
+def text_in(value: Any) -> str:
+    """Return a text that a file holds as text, bytes or an array of one of these."""
+    value = value.flat[0] if isinstance(value, np.ndarray) and value.size else value
+    return value.decode(errors="replace") if isinstance(value, bytes) else str(value)
+
+
+def parsed_events(text: str, name: str, origin: str) -> Sequence[JsonObject]:
+    """Parse the events of an exported session.
 
     Raises
     ------
@@ -167,8 +186,6 @@ def parsed_events(text: str | bytes | None, name: str, origin: str) -> Sequence[
         The text is not a list of JSON objects; `name` is its name in the file.
     """
     events = _parsed(text, name, origin)
-    if events is None:
-        return ()
     if not isinstance(events, list) or not all(isinstance(event, dict) for event in events):
         raise InputError(f"{origin}: {name} is not a list of JSON objects")
     return events
@@ -189,8 +206,8 @@ def parsed_date(value: Any, origin: str) -> int | None:
         raise InputError(f"{origin}: {BEGAN} is not a number of nanoseconds") from error
 
 
-def _parsed(text: str | bytes | None, name: str, origin: str) -> Any:
+def _parsed(text: str, name: str, origin: str) -> Any:
     try:
-        return None if text is None else json.loads(text)
+        return json.loads(text)
     except (ValueError, RecursionError) as error:
         raise InputError(f"{origin}: {name} is not valid JSON: {error}") from error

@@ -6,17 +6,15 @@ from typing import Any, Final
 
 import numpy as np
 
-from mmt.core.archives import check_growth
 from mmt.core.arrays import FloatArray
 from mmt.core.extras import require
 from mmt.session.importing.columns import (
     BEGAN,
     SourceColumns,
+    beside_columns,
     distinct,
-    parsed_date,
-    parsed_events,
-    parsed_scene,
     reading,
+    text_in,
 )
 from mmt.session.importing.options import ImportOptions
 
@@ -33,8 +31,7 @@ def read_hdf5(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
     Raises
     ------
     InputError
-        h5py is not installed, the file is missing or not an HDF5 file, or a data set is much
-        larger than the file.
+        h5py is not installed, or the file is missing or not an HDF5 file.
     """
     origin = f"import {path}"
     require("h5py")
@@ -46,23 +43,19 @@ def read_hdf5(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
         values, units = {}, {}
         for name, (_, item, field) in zip(names, sets, strict=True):
             if wanted(name):
-                check_growth(item.size * 8, path.stat().st_size)
                 values[name] = _numbers(file, item[()] if field is None else item[field])
                 units[name] = _unit(item)
         exported = file.keys() >= _OF_MMT
-        own = ("scene", "events", "annotations") if exported else ()
-        texts = {name: file[name][()] for name in own if name in file}
-        began_utc_ns = parsed_date(file.attrs.get(BEGAN), origin) if exported else None
+        own = {"scene_json": "scene", "events_json": "events", "annotations": "annotations"}
+        stored = {name: file[path][()] for name, path in own.items() if path in file and exported}
+        stored |= {BEGAN: file.attrs.get(BEGAN)} if exported else {}
     return SourceColumns(
         origin=origin,
         values=values,
         names=names,
         units={name: unit for name, unit in units.items() if unit},
-        scene=parsed_scene(_text(texts.get("scene")), "scene", origin),
-        events=parsed_events(_text(texts.get("events")), "events", origin),
-        annotations=np.asarray(texts["annotations"]).tobytes() if "annotations" in texts else b"",
         notes=notes,
-        began_utc_ns=began_utc_ns,
+        **beside_columns(stored, origin),
     )
 
 
@@ -93,11 +86,4 @@ def _numbers(file: Any, values: Any) -> FloatArray:
 
 def _unit(item: Any) -> str:
     told = next((item.attrs[name] for name in _UNIT_ATTRIBUTES if name in item.attrs), "")
-    return ", ".join(dict.fromkeys(str(_text(each)) for each in np.ravel(told)))
-
-
-def _text(value: Any) -> str | None:
-    value = value.flat[0] if isinstance(value, np.ndarray) and value.size else value
-    if isinstance(value, bytes):
-        return value.decode(errors="replace")
-    return None if value is None else str(value)
+    return ", ".join(dict.fromkeys(map(text_in, np.ravel(told))))

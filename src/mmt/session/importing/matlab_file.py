@@ -10,12 +10,9 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.core.extras import require
 from mmt.session.importing.columns import (
-    BEGAN,
     OF_THE_SESSION,
     SourceColumns,
-    parsed_date,
-    parsed_events,
-    parsed_scene,
+    beside_columns,
     reading,
 )
 from mmt.session.importing.hdf5_file import read_hdf5
@@ -52,25 +49,18 @@ def read_matlab(path: Path, wanted: Callable[[str], bool], options: ImportOption
             return replace(read, values={n: _upright(v.T) for n, v in read.values.items()})
         own = content.keys() & OF_THE_SESSION if content.keys() >= _OF_MMT else ()
         belongings = {name: content.pop(name) for name in own}
-        annotations = np.asarray(belongings.get("annotations", ()), dtype=np.uint8).tobytes()
+        beside = beside_columns(belongings, origin)
     variables = {
         name: values
         for variable, content in content.items()
         if not variable.startswith("__")
         for name, values in _flattened(variable, content)
     }
-    scene, events = (
-        str(belongings[name]) if name in belongings else None
-        for name in ("scene_json", "events_json")
-    )
     return SourceColumns(
         origin=origin,
         values={n: _upright(v) for n, v in variables.items() if wanted(n)},
         names=list(variables),
-        scene=parsed_scene(scene, "scene_json", origin),
-        annotations=annotations,
-        events=parsed_events(events, "events_json", origin),
-        began_utc_ns=parsed_date(belongings.get(BEGAN), origin),
+        **beside,
     )
 
 

@@ -23,6 +23,7 @@ TARGETS: Final = (
 
 MATCHED: Final = "match"
 """Value of an offset that is to be found by matching the content of the files."""
+_MOST: Final = 1e9
 _SEPARATORS: Final = {"comma": ",", "semicolon": ";", "tab": "\t", "blank": " "}
 
 _SOURCE = re.compile(
@@ -81,6 +82,11 @@ class ImportOptions:
     of an exported session."""
     offsets: Mapping[str, str] = field(default_factory=dict)
     """For several files, except the first: seconds to add to the times, or "match", by name."""
+    reading_memory_gb: float | None = None
+    """Memory that the reader of a foreign format may take; None: 2 GB and 16 times the file's
+    size."""
+    reading_time_s: float | None = None
+    """Time that it may take; None: 60 s, and 5 s for each MB of the file."""
 
     def __post_init__(self) -> None:
         for target in self.columns:
@@ -100,10 +106,10 @@ class ImportOptions:
                     f"known are {QUANTITIES[quantity_of(target)]}"
                 )
         self._check_reading()
-        for name in ("rate_hz", "longest_gap_s"):
+        for name in ("rate_hz", "longest_gap_s", "reading_memory_gb", "reading_time_s"):
             value = getattr(self, name)
-            if value is not None and not 0 < value < float("inf"):
-                raise InputError(f"{name} is {value}, it must be above zero")
+            if value is not None and not 0 < value < _MOST:
+                raise InputError(f"{name} is {value}, it must be above zero, and below {_MOST:g}")
 
     def _check_reading(self) -> None:
         for name, offset in self.offsets.items():
@@ -133,6 +139,8 @@ class ImportOptions:
             "rate_hz": "rate",
             "longest_gap_s": "longest-gap",
             "acceleration_rate_hz": "acceleration-rate",
+            "reading_memory_gb": "reading-memory",
+            "reading_time_s": "reading-time",
         }
         for each in fields(self):
             value = getattr(self, each.name)

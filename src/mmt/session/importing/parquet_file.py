@@ -14,10 +14,9 @@ from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, MOST_SAMPLES, frame_dtyp
 from mmt.core.units import DATE
 from mmt.session.data import field_columns
 from mmt.session.importing.columns import (
+    OF_THE_SESSION,
     SourceColumns,
-    parsed_date,
-    parsed_events,
-    parsed_scene,
+    beside_columns,
     reading,
 )
 from mmt.session.importing.options import ImportOptions
@@ -46,17 +45,15 @@ def read_parquet(
     origin = f"import {path}"
     names, metadata, dated = read_schema(path, origin)
     values = read_numbers([path], [name for name in names if wanted(name)], origin)
+    stored = {n: metadata.get(f"mmt.{n.removesuffix('_json')}".encode()) for n in OF_THE_SESSION}
     own = _OF_FRAMES & set(names) if _is_session(names) else ()
     return SourceColumns(
         origin=origin,
         values={name: column.astype(np.float64) for name, column in values.items()},
         names=names,
         units=dict.fromkeys(dated, DATE),
-        scene=parsed_scene(metadata.get(b"mmt.scene"), "mmt.scene", origin),
-        annotations=metadata.get(b"mmt.annotations", b""),
-        events=parsed_events(metadata.get(b"mmt.events"), "mmt.events", origin),
         frames=_frames(read_numbers([path], own, origin)) if own else None,
-        began_utc_ns=parsed_date(metadata.get(b"mmt.began_utc_ns"), origin),
+        **beside_columns(stored, origin),
     )
 
 

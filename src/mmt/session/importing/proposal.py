@@ -14,8 +14,15 @@ from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
 from mmt.core.units import unit_factor, unit_in_name
 from mmt.session.importing.checks import ImportReport, unit_by_gravity
-from mmt.session.importing.columns import MESSAGE_PARTS, STANDARD_NAMES, SourceColumns, wanted_names
+from mmt.session.importing.columns import (
+    MESSAGE_PARTS,
+    STANDARD_NAMES,
+    SourceColumns,
+    Wanted,
+    wanted_names,
+)
 from mmt.session.importing.options import ImportOptions
+from mmt.session.importing.reading_child import read_limited
 from mmt.session.importing.recording import check_kinds, import_columns, read_columns
 
 _WORDS: Final = {
@@ -77,11 +84,8 @@ def propose(path: str | Path, options: ImportOptions | None = None) -> Proposal:
     """
     path, options = Path(path), options or ImportOptions()
     check_kinds([path], options)
-    read = read_columns(path, lambda _: False, options)
-    names = read.names
-    mapped = {**_guess(names), **options.columns}
-    options = replace(options, columns=mapped)
-    columns = read_columns(path, wanted_names(options), options)
+    read, options, columns = read_limited(path, options, _read, path, options)
+    names, mapped = read.names, options.columns
     options = replace(options, units={**options.units, **_time_unit(columns, options)})
     standard = {*names, *_with_vectors(names)}
     found = set(mapped) | {target for target, name in STANDARD_NAMES.items() if name in standard}
@@ -112,6 +116,13 @@ def try_proposal(
             continue
         return tried.weighed(report), report, None
     return proposal, None, refused
+
+
+def _read(path: Path, options: ImportOptions) -> tuple[SourceColumns, ImportOptions, SourceColumns]:
+    """Return the columns without values, the completed options, and the columns they use."""
+    read = read_columns(path, Wanted(), options)
+    options = replace(options, columns={**_guess(read.names), **options.columns})
+    return read, options, read_columns(path, wanted_names(options), options)
 
 
 def _guess(names: Sequence[str]) -> dict[str, str]:

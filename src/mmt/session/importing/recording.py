@@ -17,6 +17,7 @@ from mmt.session.importing.columns import SourceColumns, wanted_names
 from mmt.session.importing.framing import on_the_grid, to_frames
 from mmt.session.importing.mapping import to_samples
 from mmt.session.importing.options import ImportOptions
+from mmt.session.importing.reading_child import read_limited
 from mmt.session.importing.samples import ROW_NUMBER, Samples
 from mmt.session.importing.several import joined, options_of_each
 from mmt.session.importing.stamps import Stamps
@@ -77,7 +78,9 @@ def import_columns(
     columns = read[0]
     frames, resampled = columns.frames, False
     asked_hz = options.acceleration_rate_hz
-    plain = replace(options, acceleration_rate_hz=None) == ImportOptions(episode=options.episode)
+    of_reading = ("episode", "reading_memory_gb", "reading_time_s")
+    kept = {name: getattr(options, name) for name in of_reading}
+    plain = replace(options, acceleration_rate_hz=None) == ImportOptions(**kept)
     if (
         plain
         and len(read) == 1
@@ -133,13 +136,13 @@ def _of_frames(origin: str, frames: RecordArray) -> tuple[Samples, dict[Channel,
 def read_columns(
     path: Path, wanted: Callable[[str], bool], options: ImportOptions | None = None
 ) -> SourceColumns:
-    """Read the columns of a file whose names are `wanted`.
+    """Read the columns of a file whose names are `wanted`, a function that can be pickled.
 
     Raises
     ------
     InputError
-        The file is missing, of an unknown kind or not valid, or a package that reads it is not
-        installed.
+        The file is missing, of an unknown kind or not valid, a package that reads it is not
+        installed, or see `mmt.session.importing.reading_child.read_limited`.
     """
     options = options or ImportOptions()
     if not (path.suffix or path.exists()):
@@ -152,7 +155,7 @@ def read_columns(
             f"{', '.join(suffixes('import'))}, or the name that of a folder with a ROS 2 bag or a "
             "LeRobot data set"
         )
-    columns: SourceColumns = read(path, wanted, options)
+    columns: SourceColumns = read_limited(path, options, read, path, wanted, options)
     if options.episode is not None and columns.episode is None:
         raise InputError(f"--episode {options.episode}: {path} is no data set with episodes")
     return columns

@@ -1,6 +1,6 @@
 """The channels of a recording with their times, checked."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Final
@@ -110,7 +110,7 @@ class Samples:
             )
 
 
-def name_of(name: Callable[[int], str], rows: IntArray, place: int) -> str:
+def name_of(name: Callable[[int], str], rows: IntArray | Sequence[int], place: int) -> str:
     """Return the name of the row whose number is at index `place` of `rows` (n,)."""
     return name(int(rows[place]))
 

@@ -4,6 +4,7 @@ import re
 from array import array
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from itertools import chain, islice, zip_longest
 from typing import Final
 
@@ -14,6 +15,7 @@ from mmt.core.units import DATE, is_unit
 from mmt.session.importing.cells import MISSING, Cell, Numbers, seconds_of, text_of
 from mmt.session.importing.columns import BEGAN, SourceColumns, distinct, parsed_date
 from mmt.session.importing.options import ImportOptions
+from mmt.session.importing.samples import name_of
 
 _LOOKED_AT = 200
 """Number of rows that are examined to find the first row of numbers."""
@@ -68,7 +70,7 @@ def read_table(
         values={name: np.array(values) for name, values in columns.items() if name != BEGAN},
         names=names,
         units=units | dict.fromkeys(dated, DATE),
-        row_name=lambda row: f"line {lines[row]}",
+        row_name=partial(name_of, "line {}".format, lines),
         notes=(*notes, *doubled, *said),
         began_utc_ns=parsed_date(columns.get(BEGAN), origin),
     )

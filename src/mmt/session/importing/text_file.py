@@ -16,6 +16,8 @@ from mmt.session.importing.table import read_table
 
 _LOOKED_AT = 300
 _SIGNS: Final = ";\t, "
+_LONGEST_LINE: Final = 1 << 20
+"""Number of characters; cells take many times more memory than their text."""
 _BEGINNINGS: Final = {
     b"\xef\xbb\xbf": "utf-8-sig",
     b"\xff\xfe": "utf-16",
@@ -40,17 +42,17 @@ def read_text(path: Path, wanted: Callable[[str], bool], options: ImportOptions)
     with reading(origin, "text in columns", damage):
         encoding = _encoding(path)
         with _opened(path, encoding) as stream:
-            lines = list(islice(stream, (options.header or 0) + _LOOKED_AT))
+            lines = list(islice(_lines(stream), (options.header or 0) + _LOOKED_AT))
         if any("\0" in line for line in lines):
             raise InputError(f"{origin}: this is not text in columns, it holds zero bytes")
         delimiter = options.delimiter or _delimiter(lines[-_LOOKED_AT:], options)
         with _opened(path, encoding) as stream:
-            return read_table(origin, _rows(stream, delimiter), wanted, options)
+            return read_table(origin, _rows(_lines(stream), delimiter), wanted, options)
 
 
 def _opened(path: Path, encoding: str) -> TextIO:
     with path.open("rb") as begin:
-        packed = begin.read(2) == b"\x1f\x8b"
+        packed = path.suffix.lower() == ".gz" and begin.read(2) == b"\x1f\x8b"
     opened: Any = gzip.open if packed else Path.open
     stream: TextIO = opened(path, "rt", encoding=encoding, newline="")
     return stream
@@ -73,7 +75,14 @@ def _encoding(path: Path) -> str:
     return "utf-8"
 
 
-def _rows(lines: Iterator[str] | TextIO, delimiter: str) -> Iterator[Sequence[str]]:
+def _lines(stream: TextIO) -> Iterator[str]:
+    while line := stream.readline(_LONGEST_LINE):
+        if len(line) == _LONGEST_LINE:
+            raise InputError(f"a line has more than {_LONGEST_LINE} characters, which no table has")
+        yield line
+
+
+def _rows(lines: Iterator[str], delimiter: str) -> Iterator[Sequence[str]]:
     uncommented = (
         line.lstrip("#%").lstrip(" ") if line[:1] in ("#", "%") else line for line in lines
     )
