@@ -12,8 +12,12 @@ from surface_samples import BLOCK, PEAKED, SMOOTH, make_blocks
 from mmt.core.arrays import FloatArray
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
-from mmt.texture.surfaces.bands import spectrum_components
-from mmt.texture.surfaces.blocks import AUDIBLE, SurfaceBlock, SurfaceBlockCutter
+from mmt.texture.surfaces.blocks import (
+    AUDIBLE,
+    SurfaceBlock,
+    SurfaceBlockCutter,
+    spectrum_components,
+)
 from mmt.texture.surfaces.regression import LARGEST, SurfaceRegression, features
 
 
