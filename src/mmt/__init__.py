@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from mmt.texture.online.history import ModelHistory, build_model
     from mmt.texture.settings import ModellingSettings, SurfaceSettings
     from mmt.texture.space.samples import TextureSamples
-    from mmt.texture.surfaces.following import follow_surfaces
+    from mmt.texture.surfaces.tracking import follow_surfaces
     from mmt.texture.synthesis.synthesizer import Synthesizer
 
 __all__ = [
@@ -88,7 +88,7 @@ _HOMES = {
     "evaluate_session": "mmt.evaluation.evaluate",
     "evaluate_surfaces": "mmt.evaluation.evaluate",
     "export_session": "mmt.session.files",
-    "follow_surfaces": "mmt.texture.surfaces.following",
+    "follow_surfaces": "mmt.texture.surfaces.tracking",
     "import_session": "mmt.session.files",
     "load_model": "mmt.texture.model.texture_model",
     "load_scene": "mmt.scene.files",

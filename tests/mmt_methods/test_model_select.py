@@ -86,7 +86,7 @@ def test_a_scene_that_models_as_published_selects_as_published(trials: list[Path
 def test_a_model_whose_heading_counts_is_drawn_in_two_planes(tmp_path: Path):
     from mmt.texture.space.inputs import InputSpace
     from mmt_methods.selection import select
-    from mmt_methods.selection.plane import selection_plane
+    from mmt_methods.selection.command import selection_plane
     from mmt_methods.selection.pooling import pool_models
 
     generator = np.random.default_rng(0)

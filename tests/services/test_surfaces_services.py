@@ -27,7 +27,7 @@ from mmt.testing.simulation.textures import get_surface
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.surface_changes import SaidSurface, said_surfaces
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
-from mmt.texture.surfaces.following import surface_changes
+from mmt.texture.surfaces.tracking import surface_changes
 
 FRAMES_A_TICK = 5
 MOST_TICKS = 30_000

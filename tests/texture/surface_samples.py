@@ -5,8 +5,7 @@ from scipy.signal import lfilter
 
 from mmt.core.arrays import FloatArray
 from mmt.texture.field.covariance import coordinates
-from mmt.texture.surfaces.bands import spectrum_components
-from mmt.texture.surfaces.blocks import SurfaceBlock
+from mmt.texture.surfaces.blocks import SurfaceBlock, spectrum_components
 from mmt.texture.surfaces.regression import MEANS
 
 BLOCK = 50

@@ -5,9 +5,9 @@ import pytest
 import scipy.signal
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from stream_samples import stroke_frames
 
-from mmt.core.arrays import BoolArray, FloatArray, RecordArray
-from mmt.core.frames import empty_frames
+from mmt.core.arrays import BoolArray, FloatArray
 from mmt.texture.autoregression.burg import burg
 from mmt.texture.autoregression.forms import reflection_to_ar
 from mmt.texture.field.blocks import mean_square
@@ -25,16 +25,6 @@ def noise(count: int, seed: int, taps: FloatArray = AR) -> FloatArray:
     generator = np.random.default_rng(seed)
     excitation = generator.standard_normal(count + 500)
     return scipy.signal.lfilter([1.0], np.real(taps), excitation)[500:]
-
-
-def stroke(vibration: FloatArray) -> RecordArray:
-    frames = empty_frames(len(vibration))
-    frames["sequence"] = np.arange(len(vibration))
-    frames["time_ns"] = frames["sequence"].astype(np.int64) * 1_000_000
-    frames["position_mm"][:, 0] = 0.1 * np.arange(len(vibration))
-    frames["force_n"][:, 2] = 1.0
-    frames["acceleration_m_s2"][:, 2] = 9.81 + vibration
-    return frames
 
 
 def lost(count: int, share: float, seed: int, longest: int = LONGEST_BRIDGED) -> BoolArray:
@@ -107,7 +97,7 @@ def test_a_constant_is_filled_with_itself(value: float, history: int) -> None:
 def test_short_gaps_leave_no_gap_whatever_their_pattern(
     seed: int, share: float, lengths: list[int]
 ) -> None:
-    frames = stroke(noise(700, seed))
+    frames = stroke_frames(noise(700, seed))
     gone = lost(len(frames), share, seed)
     stream = StreamFilter()
     aligned = stream.process(frames[~gone])
@@ -129,7 +119,7 @@ def test_short_gaps_leave_no_gap_whatever_their_pattern(
 
 
 def test_a_longer_gap_is_not_bridged_and_none_is_where_it_is_turned_off() -> None:
-    frames = stroke(noise(600, 1))
+    frames = stroke_frames(noise(600, 1))
     for longest, gap in ((5, 6), (0, 1), (2, 3)):
         stream = StreamFilter(ModellingSettings(longest_bridged_samples=longest))
         aligned = stream.process(np.delete(frames, np.s_[300 : 300 + gap]))
@@ -148,7 +138,7 @@ def test_filled_samples_count_for_no_power() -> None:
 
 @pytest.mark.parametrize("share", [0.02, 0.05, 0.2])
 def test_power_and_spectrum_of_segments_bear_lost_frames(share: float) -> None:
-    frames = stroke(noise(20_000, 7))
+    frames = stroke_frames(noise(20_000, 7))
     fits = []
     for gone in (np.zeros(len(frames), np.bool_), lost(len(frames), share, 3)):
         aligned = StreamFilter().process(frames[~gone])

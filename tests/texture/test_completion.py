@@ -11,6 +11,7 @@ from mmt.texture.completion.distance import (
     CELL_CENTRES,
     PLANE_CELLS,
     VELOCITY_CELLS,
+    Cells,
     CompletionMonitor,
     cell_distances,
     distance_sum,
@@ -18,7 +19,9 @@ from mmt.texture.completion.distance import (
 from mmt.texture.settings import DISTANCES, ModellingSettings
 
 PUBLISHED = ModellingSettings(method="published")
-POINTS = hnp.arrays(np.float64, (6, 2), elements=st.floats(0.0, 1.0))
+SPACES = pytest.mark.parametrize(
+    ("cells", "largest"), [(PLANE_CELLS, [1.0, 1.0]), (VELOCITY_CELLS, [0.7, -0.7, 1.0])]
+)
 
 
 def test_boundary_points_alone_would_switch_without_data() -> None:
@@ -30,10 +33,13 @@ def test_boundary_points_alone_would_switch_without_data() -> None:
     assert distance_sum(np.array(sorted(boundary))) == pytest.approx(6.76, abs=0.01)
 
 
-def test_agrees_with_a_search_tree() -> None:
-    points = np.random.default_rng(2).random((50, 2))
-    distances, _ = cKDTree(points).query(CELL_CENTRES, k=3)
+@SPACES
+def test_agrees_with_a_search_tree(cells: Cells, largest: list[float]) -> None:
+    points = np.random.default_rng(2).random((50, len(largest))) * largest
+    distances, _ = cKDTree(points).query(cells.centres, k=len(largest) + 1)
     np.testing.assert_allclose(cell_distances(points), distances.sum(axis=1))
+    farthest = len(cells.centres) * (len(largest) + 1) * cells.farthest
+    assert distance_sum(points[:0]) == pytest.approx(farthest)
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])
@@ -43,14 +49,16 @@ def test_missing_neighbours_count_as_the_diagonal(count: int) -> None:
     assert middle == pytest.approx((3 - count) * PLANE_CELLS.farthest)
 
 
+@SPACES
 @settings(max_examples=80, deadline=None)
-@given(POINTS, st.tuples(st.floats(0, 1), st.floats(0, 1)))
+@given(shares=hnp.arrays(np.float64, (7, 3), elements=st.floats(0.0, 1.0)))
 def test_an_added_sample_never_raises_the_sum(
-    points: np.ndarray, more: tuple[float, float]
+    cells: Cells, largest: list[float], shares: np.ndarray
 ) -> None:
-    for count in range(len(points) + 1):
+    points = shares[:, : len(largest)] * largest
+    for count in range(len(points)):
         before = distance_sum(points[:count])
-        assert distance_sum(np.vstack([points[:count], [more]])) <= before + 1e-12
+        assert distance_sum(np.vstack([points[:count], points[-1:]])) <= before + 1e-12
 
 
 def test_the_monitor_remembers_when_each_criterion_was_met() -> None:
@@ -101,20 +109,6 @@ def test_every_cell_of_velocity_and_force_can_be_reached() -> None:
         turned = centres @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
         distances, _ = cKDTree(centres).query(turned)
         assert distances.max() < 1e-9
-
-
-def test_in_space_too_it_agrees_with_a_search_tree() -> None:
-    points = strokes(50)
-    distances, _ = cKDTree(points).query(VELOCITY_CELLS.centres, k=4)
-    np.testing.assert_allclose(cell_distances(points), distances.sum(axis=1))
-    farthest = len(VELOCITY_CELLS.centres) * VELOCITY_CELLS.neighbours * VELOCITY_CELLS.farthest
-    assert distance_sum(np.empty((0, 3))) == pytest.approx(farthest)
-
-
-def test_in_space_too_an_added_sample_never_raises_the_sum() -> None:
-    points = strokes(40)
-    sums = [distance_sum(points[:count]) for count in range(len(points) + 1)]
-    assert (np.diff(sums) <= 1e-12).all()
 
 
 def test_strokes_of_one_heading_never_complete_a_model_of_velocity() -> None:

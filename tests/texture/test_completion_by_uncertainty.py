@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from stream_samples import aligned
 
 from mmt.core.arrays import FloatArray
 from mmt.texture.completion.criterion import Progress
@@ -64,17 +65,12 @@ def motion(
     seconds: float, speed_mm_s: float, force_n: float, heading: float = 0.0, *, valid: bool = True
 ) -> AlignedBlock:
     count = round(1000 * seconds)
-    velocity = np.tile([speed_mm_s * math.cos(heading), speed_mm_s * math.sin(heading)], (count, 1))
-    return AlignedBlock(
-        index=np.arange(count),
-        time_ns=np.arange(count) * 1_000_000,
-        position_mm=np.zeros((count, 3)),
-        velocity_mm_s=velocity,
-        speed_mm_s=np.full(count, speed_mm_s),
-        normal_force_n=np.full(count, force_n),
-        vibration_m_s2=np.zeros((count, 1, 1)),
-        valid=np.full(count, valid),
-        measured=np.ones(count, np.bool_),
+    return aligned(
+        np.zeros((count, 1, 1)),
+        velocity_mm_s=[speed_mm_s * math.cos(heading), speed_mm_s * math.sin(heading)],
+        speed_mm_s=speed_mm_s,
+        normal_force_n=force_n,
+        valid=valid,
     )
 
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from stream_samples import stroke_frames
 
 from mmt.core.arrays import RecordArray
-from mmt.core.frames import empty_frames
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.online.surface_changes import SaidSurface
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
@@ -20,14 +20,7 @@ CAUSES = [field.name for field in fields(SignalFaults) if field.name.endswith("_
 
 
 def stroke(samples: int, seed: int = 1) -> RecordArray:
-    frames = empty_frames(samples)
-    frames["sequence"] = np.arange(samples)
-    frames["time_ns"] = frames["sequence"].astype(np.int64) * 1_000_000
-    frames["position_mm"][:, 0] = 0.1 * np.arange(samples)
-    frames["force_n"][:, 2] = 1.0
-    vibration = np.random.default_rng(seed).standard_normal(samples)
-    frames["acceleration_m_s2"][:, 2] = 9.81 + vibration
-    return frames
+    return stroke_frames(np.random.default_rng(seed).standard_normal(samples))
 
 
 def test_only_causes_that_occurred_are_said_with_their_seconds() -> None:

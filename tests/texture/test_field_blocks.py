@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from stream_samples import aligned
 
 from mmt.texture.field.blocks import BlockCutter
 from mmt.texture.online.gathering import WITHDRAWN_S, BlockSums
@@ -11,18 +12,14 @@ from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC
 
 
 def stroke(count, first=0, speed=100.0, force=1.0, seed=0):
-    index = first + np.arange(count)
-    random = np.random.default_rng(seed)
-    return AlignedBlock(
-        index=index,
-        time_ns=index * 1_000_000,
-        position_mm=np.column_stack([index * 0.1, np.zeros(count), -0.5 * np.ones(count)]),
-        velocity_mm_s=np.tile([0.6 * speed, 0.8 * speed], (count, 1)),
-        speed_mm_s=np.full(count, speed),
-        normal_force_n=np.full(count, force),
-        vibration_m_s2=2.0 * random.standard_normal((count, 1, 1)),
-        valid=np.ones(count, np.bool_),
-        measured=np.ones(count, np.bool_),
+    along = 0.1 * (first + np.arange(count))
+    return aligned(
+        2.0 * np.random.default_rng(seed).standard_normal((count, 1, 1)),
+        first,
+        position_mm=np.column_stack([along, np.zeros(count), np.full(count, -0.5)]),
+        velocity_mm_s=[0.6 * speed, 0.8 * speed],
+        speed_mm_s=speed,
+        normal_force_n=force,
     )
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import RBFInterpolator
 
 from mmt.texture.interpolation.networks.solving import RadialBasisNetwork
-from mmt_methods.selection.networks import NetworkNeighbours
+from mmt_methods.selection.published import NetworkNeighbours
 
 
 def scattered(count: int, dimensions: int, outputs: int = 4, seed: int = 0):

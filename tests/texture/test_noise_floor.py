@@ -2,26 +2,16 @@
 
 import numpy as np
 import pytest
+from stream_samples import aligned
 
 from mmt.texture.field.cells import FieldCells
 from mmt.texture.field.posterior import LevelField
-from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.noise_floor import LEAST_WINDOWS, WINDOW, NoiseFloor
 
 
 def block(count, noise, speed=0.0, force=0.0, seed=0, valid=True):
-    numbers = np.arange(count)
-    return AlignedBlock(
-        index=numbers,
-        time_ns=numbers,
-        position_mm=np.zeros((count, 3)),
-        velocity_mm_s=np.zeros((count, 2)),
-        speed_mm_s=np.full(count, speed),
-        normal_force_n=np.full(count, force),
-        vibration_m_s2=noise * np.random.default_rng(seed).normal(size=(count, 1, 1)),
-        valid=np.full(count, valid),
-        measured=np.ones(count, np.bool_),
-    )
+    vibration = noise * np.random.default_rng(seed).normal(size=(count, 1, 1))
+    return aligned(vibration, speed_mm_s=speed, normal_force_n=force, valid=valid)
 
 
 @pytest.mark.parametrize(("speed", "force"), [(200.0, 0.0), (0.0, 1.5)])

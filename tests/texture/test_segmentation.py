@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from stream_samples import aligned
 
 from mmt.texture.segmentation.bottom_up import CELL
 from mmt.texture.segmentation.segmenter import OnlineSegmenter, segment
@@ -28,17 +29,14 @@ def make_block(
     count = len(speed_mm_s)
     heading_rad = np.broadcast_to(heading_rad, count)
     direction = np.stack([np.cos(heading_rad), np.sin(heading_rad), np.zeros(count)], axis=1)
-    index = np.arange(first, first + count)
-    return AlignedBlock(
-        index=index,
-        time_ns=index * 1_000_000 + 77,
-        position_mm=np.cumsum(speed_mm_s[:, None] * direction, axis=0) / RATE_HZ,
-        velocity_mm_s=np.asarray(speed_mm_s, dtype=float)[:, None] * direction[:, :2],
-        speed_mm_s=np.asarray(speed_mm_s, dtype=float),
-        normal_force_n=np.broadcast_to(np.asarray(force_n, dtype=float), count).copy(),
-        vibration_m_s2=np.random.default_rng(first).normal(size=(count, 1, axes)),
-        valid=np.ones(count, dtype=bool),
-        measured=np.ones(count, np.bool_),
+    velocity_mm_s = np.asarray(speed_mm_s, dtype=float)[:, None] * direction
+    return aligned(
+        np.random.default_rng(first).normal(size=(count, 1, axes)),
+        first,
+        position_mm=np.cumsum(velocity_mm_s, axis=0) / RATE_HZ,
+        velocity_mm_s=velocity_mm_s[:, :2],
+        speed_mm_s=speed_mm_s,
+        normal_force_n=force_n,
     )
 
 

@@ -20,9 +20,8 @@ from mmt.texture.online.work import ModelUpdate
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt.texture.signals.faults import SignalFaults
 from mmt.texture.surfaces import modeller as modelling
-from mmt.texture.surfaces.following import surface_changes
 from mmt.texture.surfaces.modeller import SurfaceModeller
-from mmt.texture.surfaces.tracking import NAMED_S
+from mmt.texture.surfaces.tracking import NAMED_S, surface_changes
 
 SETTINGS = ModellingSettings(method="published", order=10, surfaces=SurfaceSettings())
 Changes = dict[int, list[SurfaceChange]]

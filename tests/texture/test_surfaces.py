@@ -7,13 +7,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import multivariate_t
+from stream_samples import aligned
 from surface_samples import BLOCK, PEAKED, SMOOTH, make_blocks
 
 from mmt.core.arrays import FloatArray
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
-from mmt.texture.surfaces.bands import spectrum_components
-from mmt.texture.surfaces.blocks import AUDIBLE, SurfaceBlock, SurfaceBlockCutter
+from mmt.texture.surfaces.blocks import (
+    AUDIBLE,
+    SurfaceBlock,
+    SurfaceBlockCutter,
+    spectrum_components,
+)
 from mmt.texture.surfaces.regression import LARGEST, SurfaceRegression, features
 
 
@@ -21,19 +26,9 @@ def stream(
     count: int, *, speed: float = 100.0, force: float = 1.0, first: int = 0, rms: float = 1.0
 ) -> AlignedBlock:
     """Return aligned samples of a steady stroke."""
-    index = np.arange(first, first + count)
     vibration = rms * np.random.default_rng(first).standard_normal((count, 1, 1))
-    return AlignedBlock(
-        index=index,
-        time_ns=index * 1_000_000,
-        position_mm=np.zeros((count, 3)),
-        velocity_mm_s=np.tile([0.0, speed], (count, 1)),
-        speed_mm_s=np.full(count, speed),
-        normal_force_n=np.full(count, force),
-        vibration_m_s2=vibration,
-        valid=np.ones(count, dtype=np.bool_),
-        measured=np.ones(count, np.bool_),
-    )
+    motion = {"velocity_mm_s": [0.0, speed], "speed_mm_s": speed, "normal_force_n": force}
+    return aligned(vibration, first, **motion)
 
 
 def cutter() -> SurfaceBlockCutter:

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 from scipy.signal import periodogram
+from stream_samples import aligned
 
 import mmt
 from mmt.core.arrays import FloatArray
@@ -49,20 +50,9 @@ def landings(speeds_mm_s: list[float], noise: float = 0.0, axes: int = 1) -> Ali
         height[at - 200 : at] = speed * np.arange(200, 0, -1) / 1000.0
         force[at : at + 300] = 1.0
         vibration[at * K : (at + 50) * K, -1] += ring(speed)
-    always, index = np.ones(count, np.bool_), np.arange(count)
     place = np.zeros((count, 3))
     place[:, 2] = height
-    return AlignedBlock(
-        index=index,
-        time_ns=index * 1_000_000,
-        position_mm=place,
-        velocity_mm_s=np.zeros((count, 2)),
-        speed_mm_s=np.zeros(count),
-        normal_force_n=force,
-        vibration_m_s2=vibration.reshape(count, K, axes),
-        valid=always,
-        measured=always.copy(),
-    )
+    return aligned(vibration.reshape(count, K, axes), position_mm=place, normal_force_n=force)
 
 
 def found(block: AlignedBlock, chosen: ModellingSettings = SETTINGS) -> list[TouchDown]:

@@ -5,9 +5,9 @@ import pytest
 import scipy.signal
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from stream_samples import stroke_frames
 
 from mmt.core.arrays import BoolArray, FloatArray, RecordArray
-from mmt.core.frames import empty_frames
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.faults import SignalFaults
@@ -23,16 +23,6 @@ def texture(count: int, seed: int, amplitude: FloatArray | float = 1.0) -> Float
     excitation[500:] *= amplitude
     x = scipy.signal.lfilter([1.0], np.real(np.poly(poles)), excitation)
     return np.asarray(x[500:] / x[:500].std())
-
-
-def frames_of(acceleration: FloatArray, gravity: float = 9.81) -> RecordArray:
-    frames = empty_frames(len(acceleration))
-    frames["sequence"] = np.arange(len(acceleration))
-    frames["time_ns"] = frames["sequence"].astype(np.int64) * 1_000_000
-    frames["position_mm"][:, 0] = 0.1 * np.arange(len(acceleration))
-    frames["force_n"][:, 2] = 1.0
-    frames["acceleration_m_s2"][:, 2] = gravity + acceleration
-    return frames
 
 
 def judged(frames: RecordArray) -> tuple[AlignedBlock, SignalFaults]:
@@ -55,7 +45,7 @@ def test_a_held_value_is_found_and_nothing_else(noise: float, step: float) -> No
         away &= np.abs(np.diff(x[2999:5000])) > 0.1
         start = 3000 + int(random.choice(np.flatnonzero(away)))
         x[start : start + length] = x[start]
-        aligned, faults = judged(frames_of(x))
+        aligned, faults = judged(stroke_frames(x))
         held = slice(start + 1, start + length)
         found.append(not (aligned.measured[held] | aligned.valid[held]).any())
         assert faults.held_s <= (length + 3) / 1000
@@ -73,13 +63,13 @@ def test_a_vibration_that_decays_is_silence_and_a_value_held_beside_it_is_not(
     for start in range(2000, 12_000, 2000):
         amplitude[start : start + length] = 0.0
     x = texture(12_000, seed, amplitude)
-    aligned, faults = judged(frames_of(x))
+    aligned, faults = judged(stroke_frames(x))
     assert faults == SignalFaults()
     assert aligned.measured.all()
     away = np.flatnonzero(np.abs(x[5000:5600]) > 0.5)
     start = 5000 + int(away[seed % len(away)])
     x[start : start + 300] = x[start]
-    aligned, faults = judged(frames_of(x))
+    aligned, faults = judged(stroke_frames(x))
     inside = np.zeros(len(aligned), np.bool_)
     inside[start : start + 300] = True
     np.testing.assert_array_equal(aligned.measured, ~inside)
@@ -95,7 +85,7 @@ def test_silence_into_which_a_vibration_sinks_within_some_samples_is_measured(
     held = []
     for seed in range(40):
         x = texture(12_000, seed) * envelope + silent_value
-        held.append(np.count_nonzero(~judged(frames_of(x))[0].measured[silent[:-11]]))
+        held.append(np.count_nonzero(~judged(stroke_frames(x))[0].measured[silent[:-11]]))
     assert np.mean(held) < 0.1 * np.count_nonzero(silent)
     assert np.median(held) == 0
 
@@ -105,7 +95,7 @@ def test_a_vibration_that_stops_at_once_at_its_mean_is_mostly_held() -> None:
     for seed in range(40):
         x = texture(6000, seed)
         x[4000:4300] = 0.0
-        found.append(1000 * judged(frames_of(x))[1].held_s > 290)
+        found.append(1000 * judged(stroke_frames(x))[1].held_s > 290)
     assert np.mean(found) > 0.6
 
 
@@ -117,7 +107,7 @@ def test_a_coarse_converter_at_rest_is_not_held() -> None:
         step, offset = generator.uniform(0.05, 0.3), generator.uniform(0.0, 1.0)
         noise = 0.03 * generator.standard_normal(9000)
         x = texture(9000, seed, amplitude) + noise + offset * step
-        _, faults = judged(frames_of(step * np.round(x / step)))
+        _, faults = judged(stroke_frames(step * np.round(x / step)))
         held.append(round(1000 * faults.held_s))
         assert faults.saturated_s == faults.constant_s == 0
     assert np.median(held) <= 20
@@ -127,7 +117,7 @@ def test_a_coarse_converter_at_rest_is_not_held() -> None:
 @pytest.mark.parametrize("repeats", [2, 4, 8])
 def test_a_slow_sensor_that_repeats_its_values_is_used_once_that_is_known(repeats: int) -> None:
     x = np.repeat(texture(8000 // repeats, 3), repeats)
-    aligned, faults = judged(frames_of(x))
+    aligned, faults = judged(stroke_frames(x))
     assert aligned.measured[200:].all()
     assert faults.saturated_s == 0
 
@@ -139,7 +129,7 @@ def clipped(
     x = texture(12_000, seed)
     low, high = -np.inf if sides == "upper" else -limit, np.inf if sides == "lower" else limit
     x = x.clip(low, high)
-    frames = frames_of(step * np.round(x / step) if step else x)
+    frames = stroke_frames(step * np.round(x / step) if step else x)
     value = frames["acceleration_m_s2"][:, 2]
     at_rail = (value == value.max()) & np.isfinite(high)
     at_rail |= (value == value.min()) & np.isfinite(low)
@@ -180,7 +170,7 @@ def test_a_rail_at_twice_the_rms_is_found_as_well() -> None:
 @settings(max_examples=40, deadline=None)
 def test_a_vibration_within_the_range_has_no_rail(seed: int, step: float) -> None:
     x = texture(12_000, seed)
-    _, faults = judged(frames_of(step * np.round(x / step) if step else x))
+    _, faults = judged(stroke_frames(step * np.round(x / step) if step else x))
     assert faults.saturated_s == faults.constant_s == 0
     assert faults.held_s <= 0.024  # at the crest of a slow wave that a coarse converter reads
 
@@ -188,14 +178,14 @@ def test_a_vibration_within_the_range_has_no_rail(seed: int, step: float) -> Non
 def test_a_rail_that_a_sample_exceeds_was_none() -> None:
     x = texture(8000, 1)
     x[3000:3500] = x[3000:3500].clip(-0.8, 0.8)
-    aligned, faults = judged(frames_of(x))
+    aligned, faults = judged(stroke_frames(x))
     assert faults.saturated_s > 0.05
     assert aligned.measured[3600:].all()
 
 
 def test_a_channel_that_is_constant_throughout_has_no_measurement() -> None:
     for gravity in (0.0, 9.81):
-        aligned, faults = judged(frames_of(np.zeros(3000), gravity))
+        aligned, faults = judged(stroke_frames(np.zeros(3000), gravity))
         assert not aligned.valid.any()
         assert not aligned.measured.any()
         assert faults.constant_s == len(aligned) / 1000
@@ -203,7 +193,7 @@ def test_a_channel_that_is_constant_throughout_has_no_measurement() -> None:
 
 
 def test_one_axis_that_changes_is_a_measurement_of_three() -> None:
-    frames = frames_of(texture(1000, 1))
+    frames = stroke_frames(texture(1000, 1))
     stream = StreamFilter(ModellingSettings(axis="dft321"))
     aligned = stream.process(frames)
     assert aligned.measured.all()
@@ -212,24 +202,24 @@ def test_one_axis_that_changes_is_a_measurement_of_three() -> None:
 
 def test_what_is_unplugged_is_held_and_the_vibration_goes_on_behind_it() -> None:
     x = texture(8000, 5)
-    frames = frames_of(x)
+    frames = stroke_frames(x)
     frames["acceleration_m_s2"][3000:5000] = 0.0
     aligned, faults = judged(frames)
     np.testing.assert_array_equal(np.flatnonzero(~aligned.measured), np.arange(3000, 5000))
     assert faults.held_s == 2.0
     assert aligned.valid[5000:].all()
-    whole, _ = judged(frames_of(x))
+    whole, _ = judged(stroke_frames(x))
     error = aligned.vibration_m_s2[5000:] - whole.vibration_m_s2[5000:]
     assert np.sqrt(np.mean(error**2)) < 0.05
 
 
 def test_a_channel_that_is_not_finite_is_counted() -> None:
-    frames = frames_of(texture(1000, 1))
+    frames = stroke_frames(texture(1000, 1))
     frames["acceleration_m_s2"][:, 2] = np.nan
     aligned, faults = judged(frames)
     assert len(aligned) == 0
     assert faults == SignalFaults(not_finite_s=1.0)
-    frames = frames_of(texture(1000, 1))
+    frames = stroke_frames(texture(1000, 1))
     frames["acceleration_m_s2"][500:503, 2] = np.nan
     _, faults = judged(np.delete(frames, 600))
     assert faults == SignalFaults(not_finite_s=0.003, missing_s=0.001, bridged_s=0.004)
@@ -252,7 +242,7 @@ def spoilt_streams(draw: st.DrawFn) -> tuple[RecordArray, BoolArray, list[int]]:
     came = np.random.default_rng(draw(st.integers(0, 50))).random(count) >= draw(
         st.sampled_from([0.0, 0.02, 0.3])
     )
-    return frames_of(x), came, draw(st.lists(st.integers(0, 60), max_size=30))
+    return stroke_frames(x), came, draw(st.lists(st.integers(0, 60), max_size=30))
 
 
 @given(spoilt=spoilt_streams())

@@ -15,7 +15,7 @@ from mmt.texture.online.history import trials
 from mmt.texture.online.surface_changes import SurfaceChange, said_surfaces
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.numbering import StreamNumbering
-from mmt.texture.surfaces.following import surface_changes
+from mmt.texture.surfaces.tracking import surface_changes
 
 
 @dataclass(frozen=True)

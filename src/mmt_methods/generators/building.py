@@ -26,8 +26,6 @@ class GeneratorModeller:
         See `mmt_methods.generators.protocol`.
     settings
         How frames are filtered and segmented; None takes the defaults.
-    limit_m_s2
-        Limit to which the generator's output is clipped.
 
     Attributes
     ----------
@@ -36,14 +34,9 @@ class GeneratorModeller:
     """
 
     def __init__(
-        self,
-        name: str,
-        builder: Builder,
-        settings: ModellingSettings | None = None,
-        *,
-        limit_m_s2: float = 60.0,
+        self, name: str, builder: Builder, settings: ModellingSettings | None = None
     ) -> None:
-        self._name, self._builder, self._limit_m_s2 = name, builder, limit_m_s2
+        self._name, self._builder = name, builder
         self._settings = settings or ModellingSettings()
         self._modeller: OnlineModeller | None = None
         self._samples: list[AlignedBlock] = []
@@ -82,7 +75,7 @@ class GeneratorModeller:
         if made is None:
             self.generator = None
         elif made is not previous:
-            self.generator = GuardedGenerator(self._name, made, limit_m_s2=self._limit_m_s2)
+            self.generator = GuardedGenerator(self._name, made)
         return self.generator
 
     def _observe(self, news: Iterable[NewSamples]) -> Observed:

@@ -83,7 +83,7 @@ def fit(leader: Connection, renderer: Connection) -> None:
     _read(leader, news.put)
 
     def begun() -> GeneratorModeller:
-        return GeneratorModeller(name, builder, setup["settings"], limit_m_s2=setup["limit_m_s2"])
+        return GeneratorModeller(name, builder, setup["settings"])
 
     epoch, modeller, copy = 0, begun(), None
     while True:

@@ -7,7 +7,8 @@ reversed in time, and the next one fades in.
 """
 
 from contextlib import suppress
-from typing import Final, NamedTuple, Protocol
+from multiprocessing.connection import Connection
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -41,19 +42,6 @@ class RenderedBlock(NamedTuple):
     samples: bytes
 
 
-class ProcessChannel(Protocol):
-    """Channel to the process that renders; see `multiprocessing.connection.Connection`."""
-
-    def send(self, block: tuple[int, bytes], /) -> None:
-        """Send the number of a block, and the bytes of its motion, shape (3, n)."""
-
-    def poll(self) -> bool:
-        """Return whether a message has arrived."""
-
-    def recv(self) -> RenderedBlock | str:
-        """Return a block, or a sentence that says why no more blocks follow."""
-
-
 class GeneratedVibration:
     """Render from the generator if that is wanted and ready, else from our model.
 
@@ -71,7 +59,9 @@ class GeneratedVibration:
     Attributes
     ----------
     channel
-        Channel to the process that renders, None before it runs.
+        Channel to the process that renders, None before it runs. It is sent the number of each
+        block and the bytes of its motion, shape (3, n), and answers with a `RenderedBlock`, or with
+        a sentence that says why no more blocks follow.
     wanted
         Whether the generator is to be rendered.
     epoch
@@ -98,7 +88,7 @@ class GeneratedVibration:
         self._sounds = False  # whether a rendered block is played
         self._at = self._number = self._under_way = self._window = self._late_in_window = 0
         self._newest: tuple[int, int] = (0, 0)  # epoch and fit of the newest block
-        self.channel: ProcessChannel | None = None
+        self.channel: Connection | None = None
         self.wanted = False
         self.epoch = self.late = self.blocks = self.clipped = 0
         self.fault: str | None = None
@@ -159,7 +149,7 @@ class GeneratedVibration:
         arrived = None
         try:
             while channel.poll():
-                block = channel.recv()
+                block: RenderedBlock | str = channel.recv()
                 if isinstance(block, str):
                     self.fault = block
                     break
@@ -176,7 +166,7 @@ class GeneratedVibration:
             self._count(late=arrived is None)
         self._play(arrived)
 
-    def _last_words(self, channel: ProcessChannel) -> str:
+    def _last_words(self, channel: Connection) -> str:
         """Return why the process has ended: its last message, if there is one."""
         with suppress(OSError, EOFError):
             while channel.poll():

@@ -110,13 +110,11 @@ def pool_models(models: Sequence[TextureModel], names: Sequence[str]) -> Pool:
                     "name models that agree, or the sessions that they were built from"
                 )
     parts = [model.samples for model in models]
-    samples = TextureSamples(
-        np.concatenate([part.inputs for part in parts]),
-        np.concatenate([part.lsf for part in parts]),
-        np.concatenate([part.variance for part in parts]),
-        np.concatenate([part.power for part in parts]),
-        first.space,
+    inputs, lsf, variance, power = (
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in ("inputs", "lsf", "variance", "power")
     )
+    samples = TextureSamples(inputs, lsf, variance, power, first.space)
     settings = ModellingSettings(
         method=first.method, inputs=first.space.name, rate_hz=first.rate_hz
     )

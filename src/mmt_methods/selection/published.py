@@ -26,9 +26,8 @@ from typing import Final
 
 import numpy as np
 
-from mmt.core.arrays import BoolArray, FloatArray
-from mmt.core.errors import InputError
-from mmt_methods.selection.networks import NetworkNeighbours
+from mmt.core.arrays import BoolArray, FloatArray, IntArray
+from mmt.texture.interpolation.networks.solving import RadialBasisNetwork
 from mmt_methods.selection.points import ModelPoints, amplitude_of, spectral_error
 from mmt_methods.selection.simplices import enclose_without, hull_of
 
@@ -38,8 +37,65 @@ take two to four times as many good points for outliers."""
 
 TAU_1: Final = 0.25
 TAU_2: Final = 0.42
+"""Thresholds on the relative spectral error."""
 
 _LEAST_GAP_RAD: Final = 0.01
+
+
+class NetworkNeighbours:
+    """One network for all values, through or near every present point.
+
+    The error at a sample, with that sample left out, follows in closed form
+    (`mmt.texture.interpolation.networks.solving`). If a sample is removed or added for good, the
+    network is solved anew.
+
+    Parameters
+    ----------
+    points
+        Shape (n, d), in the unit box.
+    values
+        Shape (n, v).
+    present
+        Mask (n,) of the points in the network, at least one.
+    smoothing
+        Smoothing of the network; 0 passes through every point.
+    """
+
+    def __init__(
+        self,
+        points: FloatArray,
+        values: FloatArray,
+        present: BoolArray,
+        smoothing: float = 0.0,
+    ) -> None:
+        self._points, self._values, self._smoothing = points, values, smoothing
+        self._use(np.flatnonzero(present))
+
+    def predict(self, index: int) -> FloatArray | None:
+        """Predict the values (v,) at a point without it; None if the others do not suffice."""
+        found = np.flatnonzero(self._numbers == index)
+        if not len(found):
+            return np.asarray(self._network.at(self._points[index : index + 1])[0])
+        row = int(found[0])
+        pivot = float(self._network.inverse[row, row])
+        if self._network.is_indispensable(pivot):
+            return None
+        return np.asarray(self._values[index] - self._network.weights[row] / pivot)
+
+    def remove(self, index: int) -> None:
+        """Remove a point."""
+        self._use(self._numbers[self._numbers != index])
+
+    def add(self, index: int) -> None:
+        """Add a point."""
+        self._use(np.append(self._numbers, index))
+
+    def _use(self, numbers: IntArray) -> None:
+        """Solve for the network of some points, at least one."""
+        self._numbers = numbers
+        self._network = RadialBasisNetwork(
+            self._points[numbers], self._values[numbers], self._smoothing
+        )
 
 
 def valid_filter(lsf: FloatArray, variance: float) -> tuple[FloatArray, float]:
@@ -93,58 +149,43 @@ def local_sparsity(points: FloatArray) -> FloatArray:
     return np.where(around.members[:, 0] >= 0, distances, np.nan)
 
 
-def thresholds(points: FloatArray, tau_1: float = TAU_1) -> FloatArray:
+def thresholds(points: FloatArray) -> FloatArray:
     """Return the thresholds (n,) of points (n, d), lines 1, 6 and 7; NaN for corners."""
     sparsity = local_sparsity(points)
     known = sparsity[np.isfinite(sparsity)]
     average = float(known.mean()) if known.size else 0.0
     if average == 0.0:
-        return np.where(np.isfinite(sparsity), tau_1, np.nan)
-    alpha = tau_1 * float(np.abs(known - average).mean()) / average
-    return np.asarray(tau_1 + alpha * (sparsity / average - 1.0))
+        return np.where(np.isfinite(sparsity), TAU_1, np.nan)
+    alpha = TAU_1 * float(np.abs(known - average).mean()) / average
+    return np.asarray(TAU_1 + alpha * (sparsity / average - 1.0))
 
 
-def select_published(
-    data: ModelPoints,
-    *,
-    tau_1: float = TAU_1,
-    tau_2: float = TAU_2,
-    smoothing: float = SMOOTHING,
-) -> PublishedSelection:
+def select_published(data: ModelPoints, *, smoothing: float = SMOOTHING) -> PublishedSelection:
     """Run algorithm 1 in the order in which the points stand.
 
     Parameters
     ----------
     data
         The points; segments are not used.
-    tau_1, tau_2
-        Thresholds on the relative spectral error.
     smoothing
         Smoothing of the network, for points in the unit box.
-
-    Raises
-    ------
-    InputError
-        A threshold is not positive.
 
     Notes
     -----
     O(n^3) for the first stage and O(n kept^2) for the second.
     """
-    if not (tau_1 > 0 and tau_2 > 0):
-        raise InputError(f"tau_1 is {tau_1} and tau_2 {tau_2}: both must be positive")
     truth = amplitude_of(data.lsf, data.variance, data.frequencies)
     values = np.column_stack([data.lsf, data.variance])
     extent = np.ptp(data.points, axis=0)
     points = (data.points - data.points.min(axis=0)) / np.where(extent > 0.0, extent, 1.0)
     minimal = np.zeros(len(data), dtype=np.bool_)
     minimal[hull_of(points)] = True
-    limit = np.where(minimal, np.nan, thresholds(points, tau_1))
+    limit = np.where(minimal, np.nan, thresholds(points))
     everyone = np.ones(len(data), dtype=np.bool_)
     error = _edit(NetworkNeighbours(points, values, everyone, smoothing), truth, limit)
     outlier = error > limit  # false if not tested
     model = NetworkNeighbours(points, values, minimal, smoothing)
-    kept = _condense(model, truth, minimal, ~outlier, tau_2)
+    kept = _condense(model, truth, minimal, ~outlier)
     return PublishedSelection(minimal, outlier, kept, error, limit)
 
 
@@ -162,17 +203,13 @@ def _edit(model: NetworkNeighbours, truth: FloatArray, limit: FloatArray) -> Flo
 
 
 def _condense(
-    model: NetworkNeighbours,
-    truth: FloatArray,
-    minimal: BoolArray,
-    candidates: BoolArray,
-    tau_2: float,
+    model: NetworkNeighbours, truth: FloatArray, minimal: BoolArray, candidates: BoolArray
 ) -> BoolArray:
     """Return the mask of the second stage, lines 12 to 20; the model has the minimal set."""
     kept = minimal.copy()
     for index in np.flatnonzero(candidates & ~minimal).tolist():
         predicted = _amplitude(model, index, truth.shape[1])
-        if predicted is None or spectral_error(predicted, truth[index]) > tau_2:
+        if predicted is None or spectral_error(predicted, truth[index]) > TAU_2:
             model.add(index)
             kept[index] = True
     return kept

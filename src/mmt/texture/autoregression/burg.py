@@ -1,19 +1,35 @@
 """Burg's method: reflection coefficients and residual variances of segments.
 
-Burg, "Maximum entropy spectral analysis", thesis, Stanford 1975. For the recursion, and why it is
-accurate on every finite signal, see `mmt.texture.autoregression.burg_recursion`.
+Burg, "Maximum entropy spectral analysis", thesis, Stanford 1975. Three choices keep the recursion
+accurate on every finite signal, where common forms fail (near-unit-circle poles, offsets, extreme
+amplitudes):
+
+- the denominator is summed anew at every order, never carried on by a recursion;
+- the signal is scaled by a power of two first, which is exact;
+- the reflection coefficient and its complement come from the sums of squares of f+b and f-b,
+  ``k = (D - S) / (D + S)`` and ``1 - k^2 = 4 D S / (D + S)^2``: nothing cancels, so that the
+  residual variance keeps its digits when k is within roundings of one.
+
+Cost: about 8 operations a sample and order.
 """
 
+import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray
+from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.bounds import check, real_numbers
+from mmt.core.compiled import kernel
 from mmt.core.errors import InputError
-from mmt.texture.autoregression.burg_recursion import burg_each_into
 from mmt.texture.autoregression.order_limit import Order
+
+LARGEST_REFLECTION: Final = 1.0 - 2.0**-53
+"""The largest number below one, the bound of |k|."""
+
+_VANISHED: Final = 2.0**-100
+_LARGEST: Final = float(np.finfo(np.float64).max)
 
 
 class ReflectionFits(NamedTuple):
@@ -93,3 +109,127 @@ def burg_batch(segments: Sequence[FloatArray] | FloatArray, order: int) -> Refle
         if fitted < len(arrays):
             raise InputError(f"segment {fitted} has a sample that is not finite: leave it out")
     return ReflectionFits(reflection, variances)
+
+
+@kernel("f8(f8[::1])", inner=True)
+def largest_magnitude(values: FloatArray) -> float:
+    """Return the largest magnitude, infinity if a value is not a number."""
+    largest = 0.0
+    for value in values:
+        if not abs(value) <= np.inf:
+            return float(np.inf)
+        largest = max(largest, abs(value))
+    return largest
+
+
+@kernel("void(f8[::1], i8, f8[::1])", inner=True)
+def _scale(x: FloatArray, exponent: int, scaled: FloatArray) -> None:
+    """Write x times 2^-exponent, in two factors: one alone would overflow for denormal numbers."""
+    half = exponent // 2
+    first, second = math.ldexp(1.0, -half), math.ldexp(1.0, half - exponent)
+    for i in range(len(x)):
+        scaled[i] = x[i] * first * second
+
+
+@kernel("UniTuple(f8, 2)(f8[::1], f8[::1])")
+def _sums(forward: FloatArray, backward: FloatArray) -> tuple[float, float]:
+    """Return the sums of (f+b)^2 and (f-b)^2."""
+    plus, minus = 0.0, 0.0
+    for i in range(len(forward)):
+        f, b = forward[i], backward[i]
+        plus += (f + b) * (f + b)
+        minus += (f - b) * (f - b)
+    return plus, minus
+
+
+@kernel("void(f8[::1], f8[::1], f8, f8)", inner=True)
+def _predict(forward: FloatArray, backward: FloatArray, plus: float, minus: float) -> None:
+    """Replace f, b by f + k b, b + k f, given 1 + k and 1 - k.
+
+    Written around f-b or f+b, whichever is nearly exact when k is near -1 or 1.
+    """
+    if plus < minus:
+        for i in range(len(forward)):
+            f, b = forward[i], backward[i]
+            forward[i] = (f - b) + plus * b
+            backward[i] = (b - f) + plus * f
+        return
+    for i in range(len(forward)):
+        f, b = forward[i], backward[i]
+        forward[i] = (f + b) - minus * b
+        backward[i] = (b + f) - minus * f
+
+
+@kernel("b1(f8[::1], f8[::1], f8[::1], f8[::1])", inner=True)
+def burg_into(
+    x: FloatArray, reflection: FloatArray, variances: FloatArray, work: FloatArray
+) -> bool:
+    """Write the reflection coefficients (m,) and the residual variances of orders 0 ... m.
+
+    Returns False, with nothing written, if a sample is not finite.
+
+    Parameters
+    ----------
+    x : (n,)
+        n > m.
+    reflection : (m,)
+        Receives numbers of magnitude below one. Once the residual has vanished to the
+        rounding of the signal itself (2^-100 of its power), the remaining ones are zero.
+    variances : (m + 1,)
+        Receives the mean squares of x and of the residual of each order, limited to the
+        largest floating-point number.
+    work : (2 * n,) or longer
+        Scratch.
+    """
+    n = len(x)
+    forward, backward = work[:n], work[n : 2 * n]
+    largest = largest_magnitude(x)
+    if not largest < np.inf:
+        return False
+    exponent = math.frexp(largest)[1]
+    _scale(x, exponent, forward)
+    for i in range(n):  # copying slices takes the compiler a second and a half
+        backward[i] = forward[i]
+    variance = 0.25 * _sums(forward, backward)[0] / n
+    vanished = _VANISHED * variance
+    variances[0] = min(math.ldexp(variance, 2 * exponent), _LARGEST)
+    reflection[:] = 0.0
+    for order in range(1, len(reflection) + 1):
+        variances[order] = variances[order - 1]
+        if variance <= vanished:
+            continue
+        ahead, behind = forward[order:], backward[: n - order]
+        sum_square, difference_square = _sums(ahead, behind)
+        total = sum_square + difference_square
+        if total == 0.0:
+            vanished = variance
+            continue
+        plus, minus = 2.0 * (difference_square / total), 2.0 * (sum_square / total)
+        k = (difference_square - sum_square) / total
+        reflection[order - 1] = min(max(k, -LARGEST_REFLECTION), LARGEST_REFLECTION)
+        variance *= min(1.0, plus * minus)
+        variances[order] = min(math.ldexp(variance, 2 * exponent), _LARGEST)
+        _predict(ahead, behind, plus, minus)
+    return True
+
+
+@kernel("i8(f8[::1], i8[::1], f8[:, ::1], f8[:, ::1])")
+def burg_each_into(
+    joined: FloatArray, stops: IntArray, reflection: FloatArray, variances: FloatArray
+) -> int:
+    """Fit segments that are concatenated in `joined`, each up to its stop (s,).
+
+    `reflection` (s, m) and `variances` (s, m + 1) receive a row for each, see `burg_into`.
+    Returns the number of segments fitted: all, or the index of the first that is not finite.
+    """
+    longest, start = 0, 0
+    for stop in stops:
+        longest = max(longest, stop - start)
+        start = stop
+    work = np.empty(2 * longest)
+    start = 0
+    for row in range(len(stops)):
+        if not burg_into(joined[start : stops[row]], reflection[row], variances[row], work):
+            return row
+        start = stops[row]
+    return len(stops)

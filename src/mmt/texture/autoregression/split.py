@@ -30,7 +30,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.compiled import kernel
-from mmt.texture.autoregression.burg_recursion import LARGEST_REFLECTION
+from mmt.texture.autoregression.burg import LARGEST_REFLECTION
 
 
 @kernel("void(f8[::1], f8[::1], i8, f8)", inner=True)

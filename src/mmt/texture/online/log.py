@@ -14,12 +14,7 @@ from mmt.texture.segmentation.segments import SampleRange
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.touch_down.finding import TouchDown
 
-
-class _Fit(NamedTuple):
-    """`Fit.packed`, with the range of its segment."""
-
-    span: SampleRange
-    packed: bytes
+_Fit = tuple[SampleRange, bytes]  # the range of its segment, and `Fit.packed`
 
 
 class _Step(NamedTuple):
@@ -62,7 +57,7 @@ class ModelLog:
         """Log an update that has been carried out; return the source of its model."""
         present = {fit.number for fit in work.fits}
         came = {
-            fit.number: _Fit(fit.segment.span, fit.packed)
+            fit.number: (fit.segment.span, fit.packed)
             for fit in work.fits
             if fit.number not in self._present
         }
@@ -79,9 +74,9 @@ class ModelLog:
 
     def _without(self, step: _Step, held_out: Sequence[SampleRange]) -> _Step:
         came = {
-            number: fit
-            for number, fit in step.came.items()
-            if all(fit.span.stop <= start or fit.span.start >= stop for start, stop in held_out)
+            number: (span, packed)
+            for number, (span, packed) in step.came.items()
+            if all(span.stop <= start or span.start >= stop for start, stop in held_out)
         }
         blocks = step.blocks
         if blocks is not None:
@@ -127,6 +122,6 @@ class ModelLog:
         if not self._fits:
             return None
         cells = None if self._sums is None else self._sums.cells()
-        packed = [fit.packed for fit in self._fits.values()]
+        packed = [packed for _, packed in self._fits.values()]
         step = self._steps[number]
         return made(self._settings, packed, step.noise_power, cells, step.touch_downs)

@@ -17,6 +17,10 @@ from mmt.texture.signals.biquad import SMALLEST, Biquad
 from mmt.texture.signals.bridging import fill, history_of
 from mmt.texture.signals.validity import Cause, ChannelStates, judge
 
+SETTLED_SHARE: Final = 0.05
+"""Samples count as valid once the transient of a filter's restart has decayed to this share in
+amplitude, 0.25 % in power."""
+
 _OFFSET_FRAMES: Final = 300.0  # of the running means of offset and power
 _CHANGED_OFFSET: Final = 2.0  # deviations
 
@@ -194,8 +198,6 @@ class AccelerationFilter:
         Samples in a frame, k.
     delay
         Delay of the output in frames.
-    settling
-        Number of samples for which a restarted high-pass is not valid.
     longest_bridged
         Largest number of successive frames without a measurement that are filled.
     least : (2,)
@@ -208,11 +210,11 @@ class AccelerationFilter:
         axes: int,
         per_frame: int,
         delay: int,
-        settling: int,
         longest_bridged: int,
         least: FloatArray,
     ) -> None:
         self._taps = taps_of(high_pass)
+        settling = high_pass.settling_samples(SETTLED_SHARE)
         self._limits = np.array([per_frame * delay, settling, per_frame * longest_bridged])
         self._per_frame = per_frame
         self._least = least

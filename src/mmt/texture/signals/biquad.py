@@ -52,11 +52,6 @@ class Biquad:
     a2: float
     rate_hz: float
 
-    @property
-    def gain_at_zero(self) -> float:
-        """The gain for a constant input."""
-        return (self.b0 + self.b1 + self.b2) / (1.0 + self.a1 + self.a2)
-
     def gain_at(self, frequencies_hz: FloatArray) -> FloatArray:
         """Return the magnitude of the gain at frequencies (f,), shape (f,)."""
         back = np.exp(-2j * np.pi * frequencies_hz / self.rate_hz)
@@ -82,7 +77,7 @@ class Biquad:
 
     def steady_state(self, value: float) -> tuple[float, float]:
         """Return both states (transposed direct form II) after a constant input for ever."""
-        output = self.gain_at_zero * value
+        output = (self.b0 + self.b1 + self.b2) / (1.0 + self.a1 + self.a2) * value
         second = self.b2 * value - self.a2 * output
         return self.b1 * value - self.a1 * output + second, second
 

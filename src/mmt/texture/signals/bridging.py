@@ -14,7 +14,7 @@ import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray
 from mmt.core.compiled import kernel
-from mmt.texture.autoregression.burg_recursion import burg_into
+from mmt.texture.autoregression.burg import burg_into
 from mmt.texture.autoregression.lsf import reflection_to_ar_into
 from mmt.texture.linear_algebra import backward, factorise, forward
 

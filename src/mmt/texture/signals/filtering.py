@@ -25,7 +25,7 @@ from mmt.core.compiled import kernel
 from mmt.core.errors import InputError
 from mmt.core.frames import check_frames, samples_per_frame
 from mmt.texture.settings import ModellingSettings
-from mmt.texture.signals.acceleration import AccelerationFilter, filtered, taps_of
+from mmt.texture.signals.acceleration import SETTLED_SHARE, AccelerationFilter, filtered, taps_of
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.biquad import (
     MOTION_CUTOFF_HZ,
@@ -37,10 +37,6 @@ from mmt.texture.signals.faults import SignalFaults
 from mmt.texture.signals.frame_gaps import FrameGaps
 from mmt.texture.signals.numbering import StreamNumbering
 from mmt.texture.signals.validity import LEAST_LEARNT, Cause
-
-SETTLED_SHARE: Final = 0.05
-"""Samples count as valid once the transient of a filter's restart has decayed to this share in
-amplitude, 0.25 % in power."""
 
 _AXES: Final = "xyz"
 
@@ -99,7 +95,6 @@ class StreamFilter:
             len(axes),
             self._per_frame,
             self.delay_samples,
-            high_pass.settling_samples(SETTLED_SHARE),
             longest_bridged,
             np.array([settings.least_speed_mm_s / rate_hz, settings.least_force_n]),
         )

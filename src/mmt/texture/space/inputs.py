@@ -84,12 +84,9 @@ class InputSpace:
         force_n: npt.ArrayLike,
     ) -> FloatArray:
         """Return the inputs (n, d) of a motion over the surface, each shape (n,) or scalar."""
-        x, y, force = np.broadcast_arrays(
-            *(
-                np.atleast_1d(np.asarray(values, dtype=np.float64))
-                for values in (velocity_x_mm_s, velocity_y_mm_s, force_n)
-            )
-        )
+        given = (velocity_x_mm_s, velocity_y_mm_s, force_n)
+        arrays = (np.asarray(values, dtype=np.float64) for values in given)
+        x, y, force = np.broadcast_arrays(*np.atleast_1d(*arrays))
         return np.stack([x, y, force] if self.directed else [np.hypot(x, y), force], axis=-1)
 
     def stack(self, *channels: npt.ArrayLike) -> FloatArray:
@@ -109,11 +106,8 @@ class InputSpace:
                 f"{len(channels)} inputs were given: an {self.name} model takes "
                 f"{', '.join(self.channels)}"
             )
-        arrays = [
-            np.atleast_1d(real_numbers(name, values))
-            for name, values in zip(self.channels, channels, strict=True)
-        ]
-        return np.stack(np.broadcast_arrays(*arrays), axis=-1)
+        arrays = map(real_numbers, self.channels, channels)
+        return np.stack(np.broadcast_arrays(*np.atleast_1d(*arrays)), axis=-1)
 
     def speed_mm_s(self, inputs: FloatArray) -> FloatArray:
         """Return the speed (n,) of inputs (n, d)."""

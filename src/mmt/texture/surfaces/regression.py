@@ -1,6 +1,6 @@
 """Bayesian regression of a surface's blocks on their strokes.
 
-Each component of the spectrum (`mmt.texture.surfaces.bands`) is linear in u and v
+Each component of the spectrum (`mmt.texture.surfaces.blocks`) is linear in u and v
 (`mmt.texture.field.covariance`) plus a smooth departure: a Gaussian process with Matern covariances
 of smoothness 3/2, in the reduced-rank form of Solin and Sarkka ("Hilbert space methods for
 reduced-rank Gaussian process regression", Statistics and Computing 30, 2020), sines whose weights
@@ -42,8 +42,11 @@ _SLOPE, _DEPARTURE, _HEADING = 0.5, 0.6, 0.4
 _LENGTHS: Final = (0.6, 0.8)
 """Lengths of the departure in u and v."""
 
-_CENTRE, _HALF_WIDTH, _SINES = -1.1, 2.6, 6
-"""Square of u and v at whose edges the sines vanish, and number of sines on each axis."""
+_CENTRE, _HALF_WIDTH = -1.1, 2.6
+"""Square of u and v at whose edges the sines vanish."""
+
+_WAVES: Final = np.pi * np.arange(1, 7) / (2.0 * _HALF_WIDTH)
+"""Wave numbers of the sines on each axis."""
 
 LARGEST: Final = 4.8
 """Bound on the innovation of a block, in standard deviations (root of the sum of squares over the
@@ -56,9 +59,8 @@ def features(strokes: FloatArray, *, directed: bool) -> FloatArray:
     ``directed``: whether the heading counts.
     """
     u, v, heading = strokes.T
-    waves = np.pi * np.arange(1, _SINES + 1) / (2.0 * _HALF_WIDTH)
     place = np.clip(strokes[:, :2] - _CENTRE, -_HALF_WIDTH, _HALF_WIDTH) + _HALF_WIDTH
-    sines = np.sin(place[:, :, None] * waves) / np.sqrt(_HALF_WIDTH)
+    sines = np.sin(place[:, :, None] * _WAVES) / np.sqrt(_HALF_WIDTH)
     departure = (sines[:, 0, :, None] * sines[:, 1, None, :]).reshape(len(strokes), -1)
     columns = [np.ones(len(strokes)), u, v]
     if directed:
@@ -69,9 +71,8 @@ def features(strokes: FloatArray, *, directed: bool) -> FloatArray:
 @cache
 def _prior_precision(*, directed: bool) -> FloatArray:
     """Return the prior precisions of the weights times the variance of blocks, (components, d)."""
-    waves = np.pi * np.arange(1, _SINES + 1) / (2.0 * _HALF_WIDTH)
     rates = np.sqrt(3.0) / np.array(_LENGTHS)[:, None]
-    densities = 4.0 * rates**3 / np.square(rates**2 + waves**2)
+    densities = 4.0 * rates**3 / np.square(rates**2 + _WAVES**2)
     departure = _DEPARTURE * np.sqrt(np.outer(*densities)).ravel()
     stroke = [_SLOPE, _SLOPE, *([_HEADING] * 4 if directed else []), *departure]
     deviations = np.column_stack([_CONSTANTS, np.outer(_SIZES, stroke)])

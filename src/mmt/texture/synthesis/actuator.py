@@ -68,14 +68,10 @@ def _is_size(value: object) -> TypeGuard[float]:
     return isinstance(value, int | float) and 0.0 <= value <= _LARGEST
 
 
-def level_at_skin_db(share: float) -> float:
-    """Return the level at the skin over that of the texture, in dB, for a share of the power."""
-    return float(10.0 * np.log10(max(share, 1e-10)))
-
-
 def skin_sentence(share: float, low_hz: float) -> str:
-    """Return a sentence on the share that reaches the skin."""
+    """Return a sentence on the share of the power, and the level, that reaches the skin."""
+    level_db = 10.0 * math.log10(max(share, 1e-10))
     return (
         f"this actuator plays {100.0 * share:.0f} % of this texture's power "
-        f"({level_at_skin_db(share):+.1f} dB at the skin): it is not driven below {low_hz:.0f} Hz"
+        f"({level_db:+.1f} dB at the skin): it is not driven below {low_hz:.0f} Hz"
     )

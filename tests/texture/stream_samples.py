@@ -1,0 +1,38 @@
+"""Frames and aligned samples of steady strokes, for tests of what follows in the stream."""
+
+import numpy as np
+import numpy.typing as npt
+
+from mmt.core.arrays import FloatArray, RecordArray
+from mmt.core.frames import empty_frames
+from mmt.texture.signals.aligned import AlignedBlock
+
+
+def stroke_frames(vibration: FloatArray, gravity: float = 9.81) -> RecordArray:
+    """Return frames of a stroke at 100 mm/s and 1 N with a vibration (n,) along z."""
+    frames = empty_frames(len(vibration))
+    frames["sequence"] = np.arange(len(vibration))
+    frames["time_ns"] = frames["sequence"].astype(np.int64) * 1_000_000
+    frames["position_mm"][:, 0] = 0.1 * np.arange(len(vibration))
+    frames["force_n"][:, 2] = 1.0
+    frames["acceleration_m_s2"][:, 2] = gravity + vibration
+    return frames
+
+
+def aligned(vibration: FloatArray, first: int = 0, **channels: npt.ArrayLike) -> AlignedBlock:
+    """Return samples with a vibration (n, k, axes) and other channels: all 0 but those given."""
+    count = len(vibration)
+    index = first + np.arange(count)
+    usual = {
+        "position_mm": np.zeros((count, 3)),
+        "velocity_mm_s": np.zeros((count, 2)),
+        "speed_mm_s": np.zeros(count),
+        "normal_force_n": np.zeros(count),
+        "valid": np.ones(count, np.bool_),
+        "measured": np.ones(count, np.bool_),
+    }
+    for name, values in channels.items():
+        usual[name][:] = values
+    return AlignedBlock(
+        index=index, time_ns=1_000_000 * index + 77, vibration_m_s2=vibration, **usual
+    )
