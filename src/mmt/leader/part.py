@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from mmt.link.protocol import FollowerHello, LinkStatistics
     from mmt.link.server import LeaderServer
     from mmt.scene import Scene
+    from mmt.texture.online.work import ModelUpdate
 
 
 @dataclass
@@ -115,6 +116,9 @@ class Part:
 
     def on_output(self, first_ns: int, mode: str, vibration_m_s2: FloatArray) -> None:
         """Use samples (n,) that the actuator has just been given, the first for this time."""
+
+    def on_update(self, update: "ModelUpdate", seconds: float) -> None:
+        """Use an update of the model, on which the modelling has worked for `seconds`."""
 
     def on_follower(self, hello: "FollowerHello") -> None:
         """Note that a follower has connected."""
