@@ -76,6 +76,7 @@ def test_its_table_is_checked(package: Path, tmp_path: Path) -> None:
     [
         ("raise OSError('no such board')", "no such board"),
         ("PART = 3", "is no AddedPart"),
+        ("import math\nPART = math.pie", "loudness.py, line 2)"),
     ],
 )
 def test_one_that_cannot_be_loaded_is_told_of_where_it_is_wanted(
