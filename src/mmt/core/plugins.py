@@ -47,11 +47,12 @@ def load(entry: EntryPoint, what: str) -> Any:
 
 def not_imported(what: str, error: Exception) -> InputError:
     """Return the error that says why `what` cannot be imported, and what to do."""
+    reason = brief(error) if isinstance(error, ModuleNotFoundError) else located(error)
     if not isinstance(error, ImportError | OSError):
-        return InputError(f"{what} cannot be imported ({located(error)})")
+        return InputError(f"{what} cannot be imported ({reason})")
     return InputError(
-        f"{what} cannot be imported ({brief(error)}); install the package that holds it, and what "
-        "it needs (pip install -e DIRECTORY), or name the directory in PYTHONPATH"
+        f"{what} cannot be imported ({reason}); install the package that holds it, and what it "
+        "needs (pip install -e DIRECTORY), or name the directory in PYTHONPATH"
     )
 
 
