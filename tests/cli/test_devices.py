@@ -248,3 +248,21 @@ def test_a_class_without_the_calls_of_a_device_is_not_good(drivers: str) -> None
     assert "good" not in result.output
     assert "has neither read() nor write()" in result.output
     assert "--role" in result.output
+
+
+def test_a_drivers_own_mistake_is_told_with_its_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lines = ["class Odd:", "    def read(self):", "        return self.gone", "    connect = read"]
+    (tmp_path / "odd_lab.py").write_text(
+        "\n".join([*lines, "    def close(self):", "        int('x')"])
+    )
+    (tmp_path / "odder_lab.py").write_text("import math\n\nmath.pie")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    said = " ".join(run("test", "odd_lab:Odd", "--role", "force_sensor").output.split())
+    assert "AttributeError: 'Odd' object has no attribute 'gone' (" in said
+    assert "odd_lab.py, line 3)" in said.replace("\n", "")
+    assert "odd_lab.py, line 6)" in said
+    problem = str(run("test", "odder_lab:Odd").exception)
+    assert "odder_lab.py, line 3)" in problem
+    assert "install the package" not in problem

@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import AsyncIterator, Callable
@@ -21,6 +22,7 @@ from mmt.cli.scene.costs import MeasuredService, SceneRun
 from mmt.cli.scene.runs import SceneRunner
 from mmt.cli.scene_services import DemoRun
 from mmt.core.errors import InputError, MmtError
+from mmt.core.queued_output import is_queued
 from mmt.scene import Scene
 from mmt.scene.files import example_scenes, load_scene
 from mmt.session import read_session
@@ -210,14 +212,15 @@ async def test_a_monitor_is_opened_for_a_person_alone(
     opened: list[str] = []
     monkeypatch.setattr(scene_services.Child, "start", start)
     monkeypatch.setattr(scene_services, "open_page", opened.append)
-    monkeypatch.setattr(scene_services, "stop_on_signals", lambda _: None)
     scene = load_scene("demo", tables=["monitor"])
     shown = {"shows_monitor": True} if shows_monitor else {}
+    state = signal.getsignal(signal.SIGINT), sys.stdout, sys.stderr, is_queued()
     run = await scene_services.run_services(
         Path("demo"), scene, 1.0, None, console=Console(quiet=True), **shown
     )
     assert not run.failed
     assert len(opened) == shows_monitor
+    assert state == (signal.getsignal(signal.SIGINT), sys.stdout, sys.stderr, is_queued())
 
 
 def test_real_services_tell_what_they_run_and_cost(tmp_path: Path) -> None:

@@ -8,9 +8,11 @@ from scipy import signal
 
 from mmt.core.errors import InputError
 from mmt.scene import Scene
+from mmt.testing.simulation.course import CourseChange, SurfaceCourse
 from mmt.testing.simulation.known_surfaces import surface_from_annotations
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.recorded_path import load_path
+from mmt.testing.simulation.textures import get_surface
 
 RECORDED = Path(__file__).parents[2] / ".." / "shared" / "data" / "bilateral_1dof"
 FILES = sorted(RECORDED.glob("*.npz"))
@@ -96,6 +98,18 @@ def test_session_on_a_recorded_stroke(tmp_path):
     drag = np.sum(frames["force_n"][1:, :2] * np.diff(frames["position_mm"][:, :2], axis=0))
     assert drag < 0.0
     assert surface_from_annotations(annotations).name == "plastic"
+
+
+def test_each_surface_on_the_way_has_its_own_friction(tmp_path):
+    surfaces = [get_surface(name) for name in ("glass", "rubber")]
+    course = SurfaceCourse(surfaces, [CourseChange(2500, 1, in_contact=True)])
+    frames, _ = simulate_session(Scene(), course, 5.0, 3, path=_saved(tmp_path, _tool()))
+    force_n = frames["force_n"].astype(float)
+    gripped = np.hypot(force_n[:, 0], force_n[:, 1]) / force_n[:, 2]
+    found = [gripped[:2500].max(), gripped[2600:].max()]
+    expected = [surface.friction_coefficient for surface in surfaces]
+    assert expected[0] != expected[1]
+    np.testing.assert_allclose(found, expected, rtol=0.1)
 
 
 @needs_recordings

@@ -77,6 +77,9 @@ def build_late(observed, previous):
     return Noise(gain=50.0)
 
 
+RAISES = f"{__file__}, line {build_late.__code__.co_firstlineno + 3}"
+
+
 def build_silent(observed, previous):
     return None
 
@@ -179,7 +182,7 @@ def test_a_fault_ends_a_session_for_its_generator_alone():
     assert 0.1 < clipped[late] < 0.4
     assert clipped[noise] == 0.0
     assert [text.partition(" (in 2 sessions")[0] for text in failures([*faults, *faults])] == [
-        f"generator {late}: the builder raised RuntimeError: diverged",
+        f"generator {late}: the builder raised RuntimeError: diverged ({RAISES})",
         f"generator {silent}: the builder returned None for the whole session",
     ]
     assert [row[0] for row in generators_table(rendered).rows] == [late, noise]
@@ -246,7 +249,7 @@ def test_the_command_compares_the_guides_generator_and_goes_on_past_a_broken_one
     assert 0.5 < of_replay["power_error_db"]["median"] < 5.0
     assert {"published", "field", "replay:build"} <= {row["method"] for row in data["rows"]}
     assert [fault["reason"] for fault in data["faults"]] == [
-        f"generator {__name__}:build_late: the builder raised RuntimeError: diverged"
+        f"generator {__name__}:build_late: the builder raised RuntimeError: diverged ({RAISES})"
     ]
     page = (tmp_path / "report" / "report.html").read_text()
     assert "scatter of the estimates" in page

@@ -410,8 +410,7 @@ async def test_a_task_counts_what_it_drops_and_how_long_its_queue_was() -> None:
     done: list[int] = []
     idle: Any = Idle()
     queue = ItemQueue(3, True, lambda *_: None)
-    task = StageTask(idle, queue, Activity(), lambda item: done.append(item.number))
-    task.stage = "fit"
+    task = StageTask("fit", idle, queue, Activity(), lambda item: done.append(item.number))
     for k in range(5):
         task.put(Item(k))
     assert (task.figures.drops, task.figures.queue_most) == (2, 3)

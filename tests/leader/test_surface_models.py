@@ -11,7 +11,7 @@ from mmt.core.existing_files import replacing
 from mmt.leader.output.model_output import ModelOutput
 from mmt.leader.output.synthesis import SynthesizingPart
 from mmt.leader.output.vibration import VibrationSwitch
-from mmt.leader.part import Session
+from mmt.leader.part import Part, Session
 from mmt.leader.recording import RecordingPart
 from mmt.leader.surface_log import write_surface_models
 from mmt.scene import Scene
@@ -191,6 +191,17 @@ def test_on_a_new_surface_the_stream_is_heard_until_its_own_model_is_ready(leade
     assert leader.heard() == 21.0
     assert leader.log.start_s == 13.3
     assert leader.sounding.crossed == []  # from the stream: the switch's fade
+
+
+def test_every_part_gets_each_update_with_its_session_time(leader: Leader) -> None:
+    got: list[tuple[float, float]] = []
+    part = Part()
+    part.on_update = lambda update, seconds: got.append((update.time_s, seconds))  # type: ignore[method-assign]
+    leader.session.parts.add(part)
+    leader.update(13.3, 2, 21.0, started=True)
+    leader.use.reset(15.0)
+    leader.update(1.0, 1, 10.0)
+    assert got == [(13.3, 0.01), (16.0, 0.01)]
 
 
 def test_a_known_surface_is_rendered_at_once_by_a_fade_between_models(leader: Leader) -> None:

@@ -21,9 +21,10 @@ from mmt.core.arrays import RecordArray
 from mmt.core.errors import MmtError
 from mmt.core.frames import CHANNELS, MOST_SAMPLES, SEQUENCES, Channel
 from mmt.link.backfill import FrameBuffer
-from mmt.link.endpoint import Endpoint, FollowerEvents, LeaderEvents
+from mmt.link.endpoint import LeaderEvents
 from mmt.link.frame_sender import FrameSender
 from mmt.link.protocol import MAX_MESSAGE_BYTES, MAX_RECORDS_PER_MESSAGE, FollowerHello
+from mmt.link.queue import SendQueue
 from mmt.link.rate_limit import RateLimit
 from mmt.link.reader import LARGEST_QUANTITY, BlockReader
 from mmt.scene import LARGEST_SPEED
@@ -36,17 +37,11 @@ def spoil(frames: RecordArray, frame: int, sample: int, axis: int, value: float)
     frames["acceleration_m_s2"][frame].reshape(-1, 3)[sample, axis] = value
 
 
-def endpoint_into(messages: list[bytes]) -> Endpoint:
-    """A follower's endpoint whose messages are kept."""
-    endpoint = Endpoint(
-        BlockReader(hello().frame_dtype, "commands"),
-        50,
-        1000,
-        FollowerEvents(on_commands=lambda *_: None),
-        lambda _: None,
-    )
-    endpoint.outbox.put = lambda records, message: messages.append(message)  # type: ignore[method-assign]
-    return endpoint
+def outbox_into(messages: list[bytes]) -> SendQueue:
+    """A follower's queue whose messages are kept."""
+    outbox = SendQueue(50)
+    outbox.put = lambda records, message: messages.append(message)  # type: ignore[method-assign]
+    return outbox
 
 
 @settings(max_examples=100, deadline=None)
@@ -64,7 +59,7 @@ def test_what_a_follower_sends_is_what_a_leader_reads(
     heard = FollowerHello.from_auth(msgpack.unpackb(msgpack.packb(said.to_auth())))
     assert heard == said
     messages: list[bytes] = []
-    sender = FrameSender(said, endpoint_into(messages))
+    sender = FrameSender(said, outbox_into(messages))
     reader = BlockReader(heard.frame_dtype, "frames")
     kept = FrameBuffer(heard.frame_dtype, sum(counts))
     sent: list[RecordArray] = []

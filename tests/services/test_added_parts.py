@@ -1,55 +1,18 @@
-"""A part of the leader from a package that the product does not know, with its table."""
+"""The documented part of the leader, from a package that the product does not know."""
 
 import json
 import os
+import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
 from plugin_samples import install_package
 from service_processes import LONGEST_S, scene
 
-TABLE = '''
-from typing import Final
-
-from pydantic import Field
-
-from mmt.scene.added import AddedPart
-from mmt.scene.table import PartTable
-
-
-class Loudness(PartTable):
-    """The largest vibration that was played."""
-
-    digits: int = Field(3, ge=0, le=9)
-
-
-PART: Final = AddedPart("loudness_part:LoudnessPart", before="metrics", table=Loudness)
-'''
-
-PART = '''
-from loudness_table import Loudness
-
-from mmt.leader.part import Part
-
-
-class LoudnessPart(Part):
-    """Keeps it."""
-
-    def __init__(self, digits):
-        self._digits, self._largest = digits, 0.0
-
-    @classmethod
-    def build(cls, session, parts):
-        return cls(session.scene.table(Loudness).digits)
-
-    def on_output(self, first_ns, mode, vibration_m_s2):
-        self._largest = max(self._largest, float(abs(vibration_m_s2).max()))
-
-    def summary(self, duration_s):
-        return {"loudness": {"largest_m_s2": round(self._largest, self._digits)}}
-'''
+PAGE = Path(__file__).parents[2] / "docs/how-to/add-a-leader-part.md"
 
 
 def run(folder: Path, *arguments: object) -> "subprocess.CompletedProcess[str]":
@@ -77,9 +40,14 @@ def with_table(tmp_path: Path, table: str) -> Path:
 def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder = tmp_path / "site"
     folder.mkdir()
-    (folder / "loudness_table.py").write_text(TABLE)
-    (folder / "loudness_part.py").write_text(PART)
-    entries = {"mmt.parts": {"loudness": "loudness_table:PART"}}
+    text = PAGE.read_text(encoding="utf-8")
+    code = re.search(r"```python\n(.*?)```", text, re.DOTALL)
+    project = re.search(r"```toml\n(.*?)```", text, re.DOTALL)
+    assert code is not None
+    assert project is not None
+    (folder / "my_package").mkdir()
+    (folder / "my_package" / "loudness.py").write_text(code[1])
+    entries = tomllib.loads(project[1])["project"]["entry-points"]
     install_package(folder, monkeypatch, "loudness-plugin", entries)
     return folder
 
@@ -105,12 +73,16 @@ def test_its_table_is_checked(package: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("text", "said"),
-    [("raise OSError('no such board')", "no such board"), ("PART = 3", "is no AddedPart")],
+    [
+        ("raise OSError('no such board')", "no such board"),
+        ("PART = 3", "is no AddedPart"),
+        ("import math\nPART = math.pie", "loudness.py, line 2)"),
+    ],
 )
 def test_one_that_cannot_be_loaded_is_told_of_where_it_is_wanted(
     package: Path, tmp_path: Path, text: str, said: str
 ) -> None:
-    (package / "loudness_table.py").write_text(text)
+    (package / "my_package" / "loudness.py").write_text(text)
     found = run(package, "leader", with_table(tmp_path, ""))
     assert found.returncode == 2
     assert said in " ".join(found.stderr.split())

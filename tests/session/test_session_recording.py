@@ -276,6 +276,7 @@ def test_a_session_began_when_its_first_frame_was_measured(
     path = tmp_path_factory.mktemp("session") / "run.mcap"
     frames = made_frames(50)
     measured_ns = time.monotonic_ns() - late_ns  # by the leader's clock
+    offset_ns = max(offset_ns, -measured_ns)  # the follower's counts from its machine's start
     frames["time_ns"] += measured_ns + offset_ns - frames["time_ns"][0]
     arrived_ns, later_ns = measured_ns + late_ns, 10**9
     compared = {

@@ -15,10 +15,12 @@ from mmt.core.frames import CHANNELS
 from mmt.session import read_session, write_session
 from mmt.session.data import OutputBlock, RecordedSession
 from mmt.session.files import export_session
+from mmt.session.info import info
 from mmt.session.mcap_windows import open_windows
 from mmt.session.mcap_writer import FRAMES_TOPIC, open_writer
 from mmt.session.messages import FRAME_BLOCK, FrameCodec, frame_schema
 from mmt.session.recorder import McapRecorder
+from mmt.session.stream import SessionStream, open_recording
 from mmt.session.windows import SessionWindows
 
 COUNT = 3000
@@ -141,6 +143,30 @@ def test_a_file_that_was_cut_off_shows_what_it_holds(tmp_path: Path, recorded: P
     windows = open_windows(path)
     assert windows.in_memory
     assert 100 < len(windows.window(0.0, 10.0).frames) < COUNT
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_times_of_a_recording_from_mid_session_count_from_its_first_frame(
+    tmp_path: Path, whole: bool
+) -> None:
+    path = tmp_path / "late.mcap"
+    scene = {"control": {}}  # so that it is streamed with its events
+    with McapRecorder(path, channels=CHANNELS, scene=scene, begins_s=100.0) as recorder:
+        recorder.record_frames(FRAMES[:1000])
+        for time_s, control in ((100.25, "giving"), (100.5, "moves"), (100.75, "ended")):
+            recorder.record_event({"time_s": time_s, "event": "told", "control": control})
+        recorder.record_frames(FRAMES[1000:])
+    if not whole:
+        path.write_bytes(path.read_bytes()[:-200])
+    with closing(open_windows(path)) as windows:
+        assert windows.in_memory is not whole
+        assert [event["at_s"] for event in windows.events] == [0.25, 0.5, 0.75]
+    assert [period.from_s for period in info(path).control] == [0.0, 0.25, 0.5, 0.75]
+    assert info(path).hand_overs[0] == "0.250 s: told"
+    if whole:
+        streamed = open_recording(path)
+        assert isinstance(streamed, SessionStream)
+        assert [event["time_s"] for event in streamed.events] == [0.25, 0.5, 0.75]
 
 
 def test_a_damaged_chunk_is_a_gap(tmp_path: Path, recorded: Path) -> None:

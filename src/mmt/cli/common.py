@@ -16,14 +16,14 @@ from rich.table import Table
 from rich.text import Text
 
 from mmt.cli.plain_help import made_plain
-from mmt.core.end_signals import on_end_signal
+from mmt.core.end_signals import on_end_signal, restoring_end_signals
 from mmt.core.errors import InputError, MmtError
 from mmt.core.existing_files import free_folder, write_file
 from mmt.core.extras import requiring
 from mmt.core.inventory import Inventory
 from mmt.core.labels import label
 from mmt.core.printable import printable
-from mmt.core.queued_output import finish_output, hurry_output, queue_output
+from mmt.core.queued_output import finish_output, hurry_output, is_queued, queue_output
 from mmt.core.tables import plain_table
 from mmt.core.version import __version__
 from mmt.scene import Scene, Service
@@ -237,6 +237,22 @@ def stop_on_signals(stop: Callable[[], None]) -> None:
     # would go unnoticed until the next event. SIGURG does nothing. Windows needs no handler.
     with suppress(NotImplementedError, AttributeError):
         loop.add_signal_handler(signal.SIGURG, lambda: None)
+
+
+@contextmanager
+def stopping_on_signals(stop: Callable[[], None]) -> Iterator[None]:
+    """Do as `stop_on_signals` in the block, and leave output and signals as they were before.
+
+    After an end signal the next one still ends the process at once.
+    """
+    queued = is_queued()
+    with restoring_end_signals():
+        stop_on_signals(stop)
+        try:
+            yield
+        finally:
+            if not queued:
+                finish_output()
 
 
 def summary_table(title: str, summary: Mapping[str, Any]) -> Table:

@@ -25,10 +25,12 @@ from mmt.cli.emulated_pair import SceneFiles, coil_log, hand_log, pair_named, wr
 from mmt.cli.ending import print_ending, typed
 from mmt.cli.guests import invite, with_flags
 from mmt.cli.scene_services import DemoRun, run_services
+from mmt.core.end_signals import on_end_signal
 from mmt.core.errors import InputError, MmtError
 from mmt.core.existing_files import free_folder
 from mmt.core.extras import require
 from mmt.core.plugins import offered
+from mmt.core.queued_output import hurry_output, queue_output
 from mmt.core.realtime import require_real_time
 from mmt.devices.drivers import load_device
 from mmt.follower.sources import build_source
@@ -97,6 +99,8 @@ def demo(
     _check(scene, output_directory)
     having = [flag for flag in added_flags("demo") if {*flag.tables} <= {*scene.added}]
     guests = invite(having, scene)
+    queue_output()
+    on_end_signal(_end)
     try:
         run = asyncio.run(
             run_services(
@@ -120,6 +124,11 @@ def demo(
     finally:
         for guest in guests:
             guest.close()
+
+
+def _end() -> None:
+    hurry_output()
+    raise KeyboardInterrupt
 
 
 def _report(

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from mmt.cli.browser import open_page
 from mmt.cli.child import Child
-from mmt.cli.common import messages, stop_on_signals
+from mmt.cli.common import messages, stopping_on_signals
 from mmt.cli.guests import Guest
 from mmt.cli.status_line import StatusLine
 from mmt.scene import Scene
@@ -134,19 +134,19 @@ class _Services:
     page_until_s: float = 0.0
 
     async def run(self) -> DemoRun:
-        stop_on_signals(self._interrupt)
-        try:
-            self.line.show({}, "starting")
-            leader = await self._start("leader", self.leader_arguments)
-            await self._watch_leader(leader)
-            if self.entering and not self.found.interrupted:
-                # on a busy machine, guests may be ready only after a short session
-                await asyncio.wait(self.entering, timeout=_LAST_SECONDS)
-        finally:
-            self.line.clear()
-            for entering in self.entering:
-                entering.cancel()
-            await asyncio.gather(*(child.kill() for child in self.children))
+        with stopping_on_signals(self._interrupt):
+            try:
+                self.line.show({}, "starting")
+                leader = await self._start("leader", self.leader_arguments)
+                await self._watch_leader(leader)
+                if self.entering and not self.found.interrupted:
+                    # on a busy machine, guests may be ready only after a short session
+                    await asyncio.wait(self.entering, timeout=_LAST_SECONDS)
+            finally:
+                self.line.clear()
+                for entering in self.entering:
+                    entering.cancel()
+                await asyncio.gather(*(child.kill() for child in self.children))
         return self.found
 
     async def _start(self, name: str, arguments: list[str]) -> Child:

@@ -1,7 +1,8 @@
 """The signals that ask a program to end: Ctrl-C, termination, and a terminal that is closed."""
 
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import FrameType
 from typing import Any, Final
 
@@ -10,9 +11,25 @@ _NAMES: Final = ("SIGINT", "SIGTERM", "SIGHUP")
 
 def handle_end_signals(handler: Callable[[int, FrameType | None], Any] | signal.Handlers) -> None:
     """Set the handler of the end signals; SIGTERM and SIGHUP stay ignored if they are (nohup)."""
-    for number in (getattr(signal, name) for name in _NAMES if hasattr(signal, name)):
+    for number in _numbers():
         if number == signal.SIGINT or signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, handler)
+
+
+def _numbers() -> list[signal.Signals]:
+    return [getattr(signal, name) for name in _NAMES if hasattr(signal, name)]
+
+
+@contextmanager
+def restoring_end_signals() -> Iterator[None]:
+    """Restore the handlers of the end signals after the block, unless such a signal has come."""
+    before = {number: signal.getsignal(number) for number in _numbers()}
+    try:
+        yield
+    finally:
+        if signal.getsignal(signal.SIGINT) != signal.SIG_DFL:
+            for number, handler in before.items():
+                signal.signal(number, handler)
 
 
 def on_end_signal(act: Callable[[], None]) -> None:

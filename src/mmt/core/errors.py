@@ -1,5 +1,6 @@
 """Errors whose message is shown to the user."""
 
+from traceback import walk_tb
 from typing import Final
 
 FAILED: Final = "failed: "
@@ -8,6 +9,8 @@ which then ends as failed too."""
 
 
 _LONGEST_TEXT = 200
+_PASSED: Final = ("mmt", "importlib", "_frozen_importlib")
+"""First letters of the packages whose lines of code are not told."""
 
 
 class MmtError(Exception):
@@ -45,3 +48,20 @@ def brief(error: object) -> str:
     line = " ".join(str(error).split())
     plain = "".join(sign if sign.isprintable() else "?" for sign in line)
     return plain if len(plain) <= _LONGEST_TEXT else f"{plain[:_LONGEST_TEXT]} ..."
+
+
+def located(error: BaseException) -> str:
+    """Return an error of another package's code as one line, with the line of code that failed.
+
+    An `MmtError` or `OSError` speaks of the outside, and is returned without it.
+    """
+    if isinstance(error, MmtError | OSError) and str(error):
+        return str(error)
+    place, file = "", None
+    for frame, line in walk_tb(error.__traceback__):
+        package = frame.f_globals.get("__name__", "").partition(".")[0]
+        if file is None and not package.startswith(_PASSED):
+            file = frame.f_code.co_filename
+        if frame.f_code.co_filename == file:
+            place = f" ({file}, line {line})"
+    return f"{type(error).__name__}{': ' * bool(str(error))}{brief(error)}{place}"

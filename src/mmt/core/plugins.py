@@ -10,7 +10,7 @@ from functools import lru_cache
 from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from typing import Any
 
-from mmt.core.errors import InputError, brief
+from mmt.core.errors import InputError, brief, located
 from mmt.core.extras import DISTRIBUTION, requiring
 
 
@@ -42,11 +42,18 @@ def load(entry: EntryPoint, what: str) -> Any:
     except InputError:
         raise
     except Exception as error:  # a library, a file or a Python version may be missing
-        raise InputError(
-            f"{what}: {entry.value} cannot be imported ({brief(error)}); install the package that "
-            "holds it, and what it needs (pip install -e DIRECTORY), or name the directory in "
-            "PYTHONPATH"
-        ) from error
+        raise not_imported(f"{what}: {entry.value}", error) from error
+
+
+def not_imported(what: str, error: Exception) -> InputError:
+    """Return the error that says why `what` cannot be imported, and what to do."""
+    reason = brief(error) if isinstance(error, ModuleNotFoundError) else located(error)
+    if not isinstance(error, ImportError | OSError):
+        return InputError(f"{what} cannot be imported ({reason})")
+    return InputError(
+        f"{what} cannot be imported ({reason}); install the package that holds it, and what it "
+        "needs (pip install -e DIRECTORY), or name the directory in PYTHONPATH"
+    )
 
 
 @lru_cache(maxsize=16)

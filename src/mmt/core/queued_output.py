@@ -181,6 +181,11 @@ def queue_output() -> None:
         setattr(sys, name, stream)
 
 
+def is_queued() -> bool:
+    """Return whether `queue_output` holds, so that `finish_output` is still to come."""
+    return bool(_usual)
+
+
 def is_behind(stream: TextIO) -> bool:
     """Return whether texts of a stream wait to be written; outdated ones can then be skipped."""
     return bool(getattr(stream, "behind", False))

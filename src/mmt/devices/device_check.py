@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from mmt.core.errors import MmtError
+from mmt.core.errors import MmtError, located
 from mmt.core.frames import missing_band
 from mmt.devices.protocols import SensorReading, SetupRemarks
 
@@ -125,13 +125,13 @@ def check_device(
         elif role == "device":
             seen.problems.append(_NO_CALLS)
     except Exception as error:  # noqa: BLE001 - whatever a driver raises is what is wrong
-        seen.problems.append(str(error) or type(error).__name__)
+        seen.problems.append(located(error))
     finally:
         watching.finish()
         try:
             device.close()
         except Exception as error:  # noqa: BLE001 - as above
-            seen.problems.append(f"it cannot be closed: {error}")
+            seen.problems.append(f"it cannot be closed: {located(error)}")
     seen.problems += _judge(seen, watching)
     return seen
 

@@ -11,9 +11,9 @@ from typing import Any, Final, Literal, TypeVar, get_type_hints, overload
 
 from pydantic import BaseModel, ValidationError
 
-from mmt.core.errors import InputError, MmtError
+from mmt.core.errors import InputError, MmtError, located
 from mmt.core.extras import requiring
-from mmt.core.plugins import offered
+from mmt.core.plugins import not_imported, offered
 from mmt.devices.protocols import (
     Accelerometer,
     ForceSensor,
@@ -186,9 +186,8 @@ def load_device(driver: str, options: _Options = None, *, role: Role | None = No
     except ValidationError as error:
         raise InputError(f"device {driver!r}: {explain_problems(error)}") from error
     except Exception as error:
-        reason = str(error) or type(error).__name__
         kind = InputError if isinstance(error, TypeError) and options else MmtError
-        raise kind(f"device {driver!r} cannot be made: {reason}") from error
+        raise kind(f"device {driver!r} cannot be made: {located(error)}") from error
 
 
 def _check_names(driver: str, factory: Any, options: Mapping[str, Any]) -> None:
@@ -215,11 +214,7 @@ def load_factory(driver: str, role: Role | None = None) -> Any:
     except InputError:
         raise
     except Exception as error:  # a driver may want a library, a file, a version of Python
-        raise InputError(
-            f"device {driver!r}: module {module_name} cannot be imported ({error}); "
-            "install the package that holds it, and what it needs (pip install -e DIRECTORY), or "
-            "name the directory in PYTHONPATH"
-        ) from error
+        raise not_imported(f"device {driver!r}: module {module_name}", error) from error
     factory = getattr(module, factory_name, None)
     if not callable(factory):
         raise InputError(f"device {driver!r}: module {module_name} has no factory {factory_name!r}")

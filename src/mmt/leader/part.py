@@ -2,7 +2,8 @@
 
 A part is one module with a class derived from `Part`, and a builder in `mmt.leader.building`,
 which passes it the `Session` that all parts of a run share and the other parts that it needs. The
-service calls its verbs.
+service calls its verbs. `Scene` is not imported here, since its class has the tables of added
+parts, whose modules import this one.
 """
 
 from collections.abc import Callable, Coroutine, Iterable, Iterator
@@ -16,7 +17,6 @@ from mmt.core.ticking import Ticker
 from mmt.core.verdict import Facts, Verdict, verdict
 from mmt.devices.protocols import InterfaceState, Vector
 from mmt.leader.run_log import Journal, RunLog
-from mmt.scene import Scene
 
 if TYPE_CHECKING:
     from prometheus_client.core import Metric
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from mmt.link.http import Page
     from mmt.link.protocol import FollowerHello, LinkStatistics
     from mmt.link.server import LeaderServer
+    from mmt.scene import Scene
+    from mmt.texture.online.work import ModelUpdate
 
 
 @dataclass
@@ -114,6 +116,9 @@ class Part:
 
     def on_output(self, first_ns: int, mode: str, vibration_m_s2: FloatArray) -> None:
         """Use samples (n,) that the actuator has just been given, the first for this time."""
+
+    def on_update(self, update: "ModelUpdate", seconds: float) -> None:
+        """Use an update of the model, on which the modelling has worked for `seconds`."""
 
     def on_follower(self, hello: "FollowerHello") -> None:
         """Note that a follower has connected."""
@@ -308,7 +313,7 @@ class Session:
 
     def __init__(
         self,
-        scene: Scene,
+        scene: "Scene",
         say: Callable[[str], None] | None = None,
         time_s: Callable[[], float] | None = None,
     ) -> None:

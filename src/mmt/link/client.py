@@ -107,7 +107,7 @@ class FollowerClient:
             extra=extra,
         )
         """Reader of received messages, and queue of messages to send."""
-        self._frames = FrameSender(hello, endpoint)
+        self._frames = FrameSender(hello, endpoint.outbox)
         self._backfiller = self._frames.backfiller
         self._clock_hz = clock_hz
         self.clock = ClockRequester(endpoint.reader, endpoint.outbox, endpoint.notify_jump)

@@ -161,7 +161,7 @@ class LeaderConnection:
                 advice = connection_advice(self._url, self._role)
                 raise MmtError(
                     f"no leader answered at {self._url} within {timeout_s:g} s ({problem}): "
-                    f"start mmt-leader there, and check {advice}"
+                    f"start mmt-leader there, wait until it says ready, and check {advice}"
                 )
             await asyncio.sleep(min(pause_s, left_s))
 

@@ -13,7 +13,7 @@ from mmt.core.errors import MmtError
 from mmt.core.ranges import Range
 from mmt.core.ticking import TimeHistogram
 from mmt.link.clock_offset import ClockJump
-from mmt.link.protocol import MAX_RECORDS_PER_MESSAGE, FollowerHello, LinkStatistics, encode_event
+from mmt.link.protocol import FollowerHello, LinkStatistics, encode_event
 from mmt.link.queue import SendQueue
 from mmt.link.rate_limit import RateLimit
 from mmt.link.reader import BlockReader
@@ -219,12 +219,6 @@ class Endpoint:
     def notify_jump(self, jump: ClockJump) -> None:
         """Report that one of the clocks has jumped."""
         self.notify(self._events.on_jump, jump)
-
-    def send(self, event: str, data: bytes, size: int) -> None:
-        """Queue records of `size` bytes each, in messages of at most 100 records."""
-        for start in range(0, len(data), MAX_RECORDS_PER_MESSAGE * size):
-            part = data[start : start + MAX_RECORDS_PER_MESSAGE * size]
-            self.outbox.put(len(part) // size, encode_event(event, part))
 
     def send_extra(self, records: RecordArray) -> None:
         """Queue records (n,) of the further event, which are not counted."""

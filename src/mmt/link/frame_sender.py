@@ -5,8 +5,8 @@ from typing import Final
 
 from mmt.core.arrays import RecordArray
 from mmt.link.backfill import BackfillSender, FrameBuffer
-from mmt.link.endpoint import Endpoint
 from mmt.link.protocol import FRAMES, FollowerHello
+from mmt.link.queue import SendQueue
 
 _SEQUENCE: Final = struct.Struct("<I")
 
@@ -18,12 +18,12 @@ class FrameSender:
     ----------
     hello
         Gives the frames' dtype, ``frames_per_message`` and ``keep_frames``.
-    endpoint
-        The follower's endpoint.
+    outbox
+        The follower's queue of messages.
     """
 
-    def __init__(self, hello: FollowerHello, endpoint: Endpoint) -> None:
-        self._endpoint = endpoint
+    def __init__(self, hello: FollowerHello, outbox: SendQueue) -> None:
+        self._outbox = outbox
         self._dtype = hello.frame_dtype
         self._full_bytes = hello.frames_per_message * self._dtype.itemsize
         self._batch = bytearray()
@@ -32,7 +32,7 @@ class FrameSender:
         """Buffers frames and sends them again; None if the hello keeps none."""
         if hello.keep_frames:
             buffer = FrameBuffer(self._dtype, hello.keep_frames)
-            self.backfiller = BackfillSender(buffer, endpoint.outbox)
+            self.backfiller = BackfillSender(buffer, outbox)
 
     @property
     def sent(self) -> int:
@@ -70,5 +70,5 @@ class FrameSender:
         gathered, size = bytes(self._batch), self._dtype.itemsize
         self._batch.clear()
         if gathered:
-            self._endpoint.send(FRAMES, gathered, size)
+            self._outbox.put_records(FRAMES, gathered, size)
             self._last_frame = gathered[-size:]

@@ -15,6 +15,8 @@ from typing import Any, Final, Protocol
 
 from aiohttp import ClientWebSocketResponse, web
 
+from mmt.link.protocol import MAX_RECORDS_PER_MESSAGE, encode_event
+
 Sending = Coroutine[Any, Any, None]
 
 _FLUSH_POLL_S: Final = 0.002
@@ -85,6 +87,12 @@ class SendQueue:
         if len(self._waiting) >= self._capacity:
             self.dropped += self._waiting.popleft()[0]
         self._waiting.append((records, message))
+
+    def put_records(self, event: str, data: bytes, size: int) -> None:
+        """Put records of `size` bytes each, in messages of at most 100 records."""
+        for start in range(0, len(data), MAX_RECORDS_PER_MESSAGE * size):
+            part = data[start : start + MAX_RECORDS_PER_MESSAGE * size]
+            self.put(len(part) // size, encode_event(event, part))
 
     async def flush(self, timeout_s: float) -> None:
         """Wait until the queue is empty, at most `timeout_s`."""

@@ -204,7 +204,7 @@ class LeaderServer:
             message = f"commands are of dtype {commands.dtype}: allowed is COMMAND_DTYPE"
             raise ValueError(message)
         if self.can_send:
-            self.endpoint.send(COMMANDS, commands.tobytes(), COMMAND_DTYPE.itemsize)
+            self.endpoint.outbox.put_records(COMMANDS, commands.tobytes(), COMMAND_DTYPE.itemsize)
 
     def request_frames(self, ranges: Iterable[Range]) -> None:
         """Request frames that did not arrive; ignored without a follower."""

@@ -1,8 +1,9 @@
 """Parts that other packages add to the leader, and the tables that they add to a scene.
 
 A package offers each part as an entry point of the group ``mmt.parts``, which names an
-`AddedPart`. `Scene` is built from these objects, so their modules import from `mmt` only this
-module, `mmt.scene.table` and `mmt.scene.secured_table`. A part with a table has the table's name.
+`AddedPart`. A part with a table has the table's name. `Scene` is built from these objects in every
+process, so the modules that name them import late whatever imports `Scene` or takes long. They may
+import this module, `mmt.scene.table`, `mmt.scene.secured_table`, `mmt.leader.part` and `mmt.core`.
 """
 
 from collections.abc import Iterable, Mapping

@@ -10,12 +10,12 @@ from typing import Any, BinaryIO, Final, NamedTuple
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk
+from mcap.records import Channel, Chunk, Message
 from mcap.stream_reader import get_chunk_data_stream
 
 from mmt.core.errors import InputError
 from mmt.session.data import JsonObject
-from mmt.session.mcap_reader import frame_codec, parse_event, parse_json
+from mmt.session.mcap_reader import frame_codec, parse_json, recorded_event
 from mmt.session.mcap_records import HEAD, RecordWalk, open_records
 from mmt.session.mcap_scan import DAMAGE, chunk_messages, most_bytes, read_index, unpacked
 from mmt.session.mcap_writer import (
@@ -86,15 +86,21 @@ def open_in_order(path: Path) -> InOrder | None:
 
 def _events(path: Path, stream: BinaryIO, summary: Any) -> list[JsonObject]:
     channels = {c.id: c for c in summary.channels.values() if c.topic == EVENTS_TOPIC}
-    found = [
-        message
-        for index in sorted(summary.chunk_indexes, key=attrgetter("chunk_start_offset"))
-        if channels.keys() & index.message_index_offsets.keys()
-        for message in chunk_messages(stream, index)
-        if message.channel_id in channels
-    ]
+    found = list(_on_topic(stream, summary, EVENTS_TOPIC))
+    first = next(_on_topic(stream, summary, FRAMES_TOPIC), None)
+    start_ns = 0 if first is None else first.log_time
     found.sort(key=attrgetter("log_time"))
-    return [parse_event(path, message.data, channels[message.channel_id]) for message in found]
+    return [
+        recorded_event(path, message, channels[message.channel_id], start_ns) for message in found
+    ]
+
+
+def _on_topic(stream: BinaryIO, summary: Any, topic: str) -> Iterator[Message]:
+    """Yield the messages on a topic in the order of the file."""
+    ids = {channel.id for channel in summary.channels.values() if channel.topic == topic}
+    for index in sorted(summary.chunk_indexes, key=attrgetter("chunk_start_offset")):
+        if ids & index.message_index_offsets.keys():
+            yield from (m for m in chunk_messages(stream, index) if m.channel_id in ids)
 
 
 def frame_payloads(path: Path) -> Iterator[list[bytes]]:

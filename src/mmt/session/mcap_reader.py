@@ -75,7 +75,10 @@ def scanned_session(scan: Scan) -> RecordedSession:
     scene = scan.metadata_of(SCENE_METADATA).get("json")
     about = scan.metadata_of(SESSION_METADATA)
     frames = scanned_frames(scan)
-    events = [_event(scan, message, start_ns) for message in scan.on_topic(EVENTS_TOPIC)]
+    events = [
+        recorded_event(scan.path, message, scan.channels[message.channel_id], start_ns)
+        for message in scan.on_topic(EVENTS_TOPIC)
+    ]
     return RecordedSession(
         frames=frames,
         scene=None if scene is None else parse_json(scan.path, scene, "the scene"),
@@ -108,11 +111,6 @@ def scanned_frames(scan: Scan) -> RecordArray:
         return frames
     filled = np.concatenate([frames, codec.decode([block.data for block in late])])
     return filled[np.argsort(filled["sequence"], kind="stable")]
-
-
-def _event(scan: Scan, message: Message, start_ns: int) -> JsonObject:
-    event = parse_event(scan.path, message.data, scan.channels[message.channel_id])
-    return {"time_s": (message.log_time - start_ns) / 1e9, **event}
 
 
 def utc_offset_ns(metadata: Mapping[str, str]) -> int | None:
@@ -220,6 +218,20 @@ def parse_event(path: Path, data: bytes, channel: Channel) -> dict[str, Any]:
     """
     json_encoded = channel.message_encoding == MessageEncoding.JSON
     return parse_json(path, data if json_encoded else decode_event(data), "an event")
+
+
+def recorded_event(path: Path, message: Message, channel: Channel, start_ns: int) -> JsonObject:
+    """Decode an event; its ``time_s`` becomes the time since the first frame, at `start_ns`.
+
+    In a recording that began in mid-session it was later than that.
+
+    Raises
+    ------
+    InputError
+        The event does not parse.
+    """
+    event = parse_event(path, message.data, channel)
+    return {**event, "time_s": max(0.0, (message.log_time - start_ns) / 1e9)}
 
 
 def parse_json(path: Path, text: str | bytes, what: str) -> dict[str, Any]:

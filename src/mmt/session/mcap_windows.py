@@ -17,8 +17,8 @@ from mmt.session.data import JsonObject, OutputBlock
 from mmt.session.mcap_reader import (
     frame_codec,
     output_block,
-    parse_event,
     parse_json,
+    recorded_event,
     scanned_session,
     utc_offset_ns,
 )
@@ -181,11 +181,9 @@ class McapWindows:
         for index in self._chunks_with(EVENTS_TOPIC):
             for message in self._messages(index):
                 if self._topics.get(message.channel_id) == EVENTS_TOPIC:
-                    event = parse_event(
-                        self.path, message.data, self._mcap_channels[message.channel_id]
-                    )
-                    at_s = (message.log_time - self._start_ns) / 1e9
-                    events.append({"time_s": at_s, **event, "at_s": at_s})
+                    channel = self._mcap_channels[message.channel_id]
+                    event = recorded_event(self.path, message, channel, self._start_ns)
+                    events.append({**event, "at_s": event["time_s"]})
         return sorted(events, key=lambda event: float(event["at_s"]))
 
     def _part(self, number: int) -> _Part:

@@ -204,6 +204,7 @@ def failures(faults: Sequence[Fault]) -> list[str]:
     for fault in faults:
         found.setdefault(fault.reason, []).append(fault)
     return [
-        f"{reason} (in {len(of)} sessions, the first {of[0].name} with seed {of[0].seed})"
+        f"{reason} (in {len(of)} session{'s' * (len(of) > 1)}, the first {of[0].name} with seed "
+        f"{of[0].seed})"
         for reason, of in found.items()
     ]

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.core.errors import MmtError, brief
+from mmt.core.errors import MmtError, located
 
 if TYPE_CHECKING:
     from mmt_methods.generators.protocol import VibrationGenerator
@@ -111,5 +111,4 @@ class GuardedGenerator:
 
 def raised(name: str, what: str, error: Exception) -> GeneratorFault:
     """Return the fault of a generator that has raised an exception."""
-    reason = f"{type(error).__name__}: {brief(error)}" if str(error) else type(error).__name__
-    return GeneratorFault(f"generator {name}: {what} raised {reason}")
+    return GeneratorFault(f"generator {name}: {what} raised {located(error)}")

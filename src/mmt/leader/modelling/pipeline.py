@@ -15,13 +15,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError, MmtError
-from mmt.leader.modelling.completing import CompletingTask
-from mmt.leader.modelling.fitting import FittingTask
 from mmt.leader.modelling.process import ModellingProcess
 from mmt.leader.modelling.segmenting import LONGEST_QUEUE_S, SegmentingTask
-from mmt.leader.modelling.stage import Activity, Figures, InFlight, Item, ItemQueue
+from mmt.leader.modelling.stage import Activity, Figures, InFlight, Item, ItemQueue, StageTask
 from mmt.leader.modelling.stages import Judged, Models, received
-from mmt.leader.modelling.synthesizing import SynthesizingTask
 from mmt.leader.part import Part, Session, Tick
 from mmt.texture.modeller_factory import ModellerFactory
 from mmt.texture.online.surface_changes import SaidSurface
@@ -125,9 +122,9 @@ class Modelling(Part):
     def _make_tasks(self, rate_hz: float, keep_frames: int, capacity: int) -> None:
         process, activity = self._process, self._activity
         queues = [ItemQueue(capacity, first, self._absorb) for first in (True, False, False)]
-        self.completing = CompletingTask(process, queues[2], activity, self._judged)
-        self.synthesizing = SynthesizingTask(process, queues[1], activity, self.completing.put)
-        self.fitting = FittingTask(process, queues[0], activity, self.synthesizing.put)
+        self.completing = StageTask("judge", process, queues[2], activity, self._judged)
+        self.synthesizing = StageTask("build", process, queues[1], activity, self.completing.put)
+        self.fitting = StageTask("fit", process, queues[0], activity, self.synthesizing.put)
         self.segmenting = SegmentingTask(
             self._factory.frames_at_once,
             rate_hz,

@@ -1,11 +1,11 @@
-"""Shared by the modelling's tasks: the bounded queue between two of them, and their figures."""
+"""Fitting, synthesizing and completing: the task, its bounded queue, and its figures."""
 
 import asyncio
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 from mmt.core.ticking import TimeHistogram
 
@@ -180,6 +180,8 @@ class StageTask:
 
     Parameters
     ----------
+    stage
+        Name of the method of `mmt.leader.modelling.stages.Stages` that works on an item.
     process
         Process that runs the numerics.
     queue
@@ -190,16 +192,15 @@ class StageTask:
         Called on the event loop with each item that is done.
     """
 
-    stage: str
-    """Name of the method of `mmt.leader.modelling.stages.Stages` that works on an item."""
-
     def __init__(
         self,
+        stage: Literal["fit", "build", "judge"],
         process: "ModellingProcess",
         queue: ItemQueue,
         activity: Activity,
         deliver: Callable[[Item], None],
     ) -> None:
+        self._stage = stage
         self._process = process
         self._activity = activity
         self._deliver = deliver
@@ -227,7 +228,7 @@ class StageTask:
             generation, started = self._generation, perf_counter()
             self._activity.busy += 1
             try:
-                item.answer = await self._process.call(self.stage, item.number)
+                item.answer = await self._process.call(self._stage, item.number)
             finally:
                 self._activity.busy -= 1
             seconds = perf_counter() - started

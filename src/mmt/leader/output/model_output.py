@@ -151,6 +151,7 @@ class ModelOutput(Part):
         if update.stopped and log.stop_s is None:
             log.stop_s = update.time_s
             self._criterion_met("stop", update)
+        self._session.parts.call("on_update", update, seconds)
 
     def _say_fall(self, update: "ModelUpdate", before: "ModelUpdate | None") -> None:
         """Report why the expected share is lower than before, on the same surface."""

@@ -130,8 +130,8 @@ def _tips(
         acceleration[:, 2] = 0.0
     speed = np.hypot(velocity[:, 0], velocity[:, 1])[:, None]
     force = np.empty_like(position)
-    grip = surface.friction_coefficient * stroke.force_n[:, None]
-    force[:, :2] = -grip * velocity[:, :2] / np.hypot(speed, _STILL_MM_S)
+    grip = _friction(surface, stroke.force_n) * stroke.force_n
+    force[:, :2] = -grip[:, None] * velocity[:, :2] / np.hypot(speed, _STILL_MM_S)
     force[:, 2] = stroke.force_n
     rows = np.concatenate([position, velocity, force, acceleration], axis=1).tolist()
     return [
@@ -143,6 +143,14 @@ def _tips(
         )
         for row in rows
     ]
+
+
+def _friction(surface: KnownSurface | SurfaceCourse, force_n: FloatArray) -> FloatArray:
+    """Return the friction coefficient under the tool at each tick, from the force (n,)."""
+    if isinstance(surface, SurfaceCourse):
+        coefficients = np.array([one.friction_coefficient for one in surface.surfaces])
+        return coefficients[surface.along(force_n)]
+    return np.full_like(force_n, surface.friction_coefficient)
 
 
 def _slope(values: FloatArray) -> FloatArray:
