@@ -102,6 +102,29 @@ def nearest_rows(among: FloatArray, points: FloatArray) -> IntArray:
     return nearest
 
 
+@kernel("f8[:, ::1](f8[:, :], f8[:, :], i8)")
+def nearest_distances(among: FloatArray, points: FloatArray, count: int) -> FloatArray:
+    """Return the `count` least distances to n points (n, d) from k points (k, d), (k, count).
+
+    They ascend. Where there are fewer points, the others are infinite.
+    """
+    nearest = np.full((len(points), count), np.inf)
+    for i in range(len(points)):
+        own = nearest[i]
+        for j in range(len(among)):
+            squared = 0.0
+            for axis in range(among.shape[1]):
+                squared += (among[j, axis] - points[i, axis]) ** 2
+            place = count
+            while place > 0 and squared < own[place - 1]:
+                place -= 1
+                if place + 1 < count:
+                    own[place + 1] = own[place]
+            if place < count:
+                own[place] = squared
+    return np.asarray(np.sqrt(nearest))
+
+
 @kernel("void(f8[:, ::1], u8, u8, u8, f8[::1], u8, f8[:, ::1], u8)", inner=True)
 def _subtract(
     out: FloatArray,

@@ -17,7 +17,6 @@ which gives 52.63 in space. These are `mmt.texture.settings.DISTANCES`.
 
 import math
 from dataclasses import dataclass
-from functools import reduce
 from itertools import product
 from typing import Final
 
@@ -25,6 +24,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.texture.completion.criterion import Criterion, Progress
+from mmt.texture.linear_algebra import nearest_distances
 from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S, ModellingSettings
 from mmt.texture.space.inputs import InputSpace
 
@@ -100,15 +100,10 @@ def cell_distances(points: FloatArray) -> FloatArray:
     FloatArray
         Shape (c,), in the order of the cells' centres. O(n).
     """
-    points = np.asarray(points)
+    points = np.array(points, np.float64)
     cells = cells_of(points.shape[1])
-    missing = max(0, cells.neighbours - len(points))
-    distances = np.full((len(cells.centres), len(points) + missing), cells.farthest)
-    if len(points):
-        offsets = cells.centres[:, None, :] - points[None, :, :]
-        distances[:, : len(points)] = reduce(np.hypot, np.moveaxis(offsets, -1, 0))
-    nearest = np.partition(distances, cells.neighbours - 1, axis=1)[:, : cells.neighbours]
-    return np.asarray(nearest.sum(axis=1))
+    nearest = nearest_distances(points, cells.centres, cells.neighbours)
+    return np.asarray(np.where(np.isfinite(nearest), nearest, cells.farthest).sum(axis=1))
 
 
 def distance_sum(points: FloatArray) -> float:

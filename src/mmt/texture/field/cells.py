@@ -99,7 +99,7 @@ class FieldCells:
     ) -> Self:
         if not len(keys):
             return cls(directed, keys, sums, moment_blocks)
-        own, rows = _unique(keys)
+        own, rows = distinct_rows(keys)
         total = np.zeros((len(own), sums.shape[1]))
         np.add.at(total, rows, sums)
         if len(own) <= LARGEST or np.ptp(own[:, 3]) <= 1:
@@ -144,7 +144,7 @@ class FieldCells:
 
     @cached_property
     def _strokes(self) -> tuple[IntArray, IntArray]:
-        return _unique(self.keys[:, :3])
+        return distinct_rows(self.keys[:, :3])
 
     @cached_property
     def centres(self) -> "Coordinates":
@@ -187,7 +187,7 @@ def _at_centres(points: FloatArray, power: FloatArray) -> tuple[IntArray, FloatA
     return cells, np.log(power + FELT_POWER) - apart
 
 
-def _unique(keys: IntArray) -> tuple[IntArray, IntArray]:
+def distinct_rows(keys: IntArray) -> tuple[IntArray, IntArray]:
     """Return the distinct rows of keys (r, k), sorted, and the index of each row among them."""
     from mmt.texture.field.covariance import different
 

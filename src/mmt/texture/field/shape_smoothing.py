@@ -29,6 +29,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 from mmt.core.arrays import FloatArray, IntArray
+from mmt.texture.field.cells import distinct_rows
 from mmt.texture.interpolation.vertices import boundary
 from mmt.texture.linear_algebra import nearest_rows
 from mmt.texture.space.samples import TextureSamples
@@ -81,8 +82,9 @@ def smoothed(
     middle = (known @ values) / known.sum()
     values = values - middle
     chosen = np.unique(np.linspace(0, len(nodes) - 1, min(len(nodes), _CHOICE)).round().astype(int))
-    scales = _best_scales(nodes[chosen], values[chosen], known[chosen])
-    spectrum = _decompose(_covariance(nodes, nodes, scales), known)
+    scales, spectrum = _best_scales(nodes[chosen], values[chosen], known[chosen])
+    if len(chosen) < len(nodes):
+        spectrum = _decompose(_covariance(nodes, nodes, scales), known)
     rotated = _rotate(spectrum, values)
     noise = _costs(spectrum, rotated).argmin(axis=0)
     filtered = rotated / (spectrum.values[:, None] + np.square(_NOISE[noise]))
@@ -148,12 +150,14 @@ def _costs(spectrum: _Spectrum, rotated: FloatArray) -> FloatArray:
 
 def _best_scales(
     points: FloatArray, values: FloatArray, weights: FloatArray
-) -> tuple[float, float]:
-    choices, costs = list(product(*_SCALES)), []
+) -> tuple[tuple[float, float], _Spectrum]:
+    choices, spectra, costs = list(product(*_SCALES)), [], []
     for scales in choices:
         spectrum = _decompose(_covariance(points, points, scales), weights)
         costs.append(float(_costs(spectrum, _rotate(spectrum, values)).min(axis=0).sum()))
-    return choices[int(np.argmin(costs))]
+        spectra.append(spectrum)
+    best = int(np.argmin(costs))
+    return choices[best], spectra[best]
 
 
 def _pooled(
@@ -162,8 +166,7 @@ def _pooled(
     """Return at most `LARGEST` nodes with their frequencies and weights; means by weight."""
     width = 0.02
     while len(points) > LARGEST:
-        _, cell = np.unique(np.floor(points / width), axis=0, return_inverse=True)
-        cell = cell.reshape(-1)
+        _, cell = distinct_rows(np.floor(points / width).astype(np.int64))
         shares = weights / np.asarray(np.bincount(cell, weights))[cell]
         points, lsf = (_sums(shares[:, None] * values, cell) for values in (points, lsf))
         weights = _sums(weights, cell)
@@ -173,9 +176,9 @@ def _pooled(
 
 def _sums(values: FloatArray, cell: IntArray) -> FloatArray:
     """Return the sums of rows (n, ...) by cell."""
-    sums = np.zeros((int(cell.max()) + 1, *values.shape[1:]))
-    np.add.at(sums, cell, values)
-    return sums
+    columns = values.reshape(len(values), -1).T
+    sums = np.array([np.bincount(cell, column) for column in columns])
+    return np.ascontiguousarray(sums.T).reshape(-1, *values.shape[1:])
 
 
 def _kept_apart(result: FloatArray, fitted: FloatArray) -> FloatArray:

@@ -47,7 +47,6 @@ class ModelLog:
         self._settings = settings
         self._steps = list(steps)
         self._made: weakref.WeakValueDictionary[int, TextureModel] = weakref.WeakValueDictionary()
-        self._present: set[int] = set()
         self._begin()
 
     def __reduce__(self) -> tuple[object, ...]:
@@ -55,16 +54,13 @@ class ModelLog:
 
     def add(self, work: Work) -> ModelSource:
         """Log an update that has been carried out; return the source of its model."""
-        present = {fit.number for fit in work.fits}
         came = {
             fit.number: (fit.segment.span, fit.packed)
-            for fit in work.fits
-            if fit.number not in self._present
+            for fit in work.came
+            if fit.number not in work.gone
         }
-        left = list(self._present - present)
-        self._present = present
         number = len(self._steps) if work.made_anew or not self._steps else self._steps[-1].model
-        step = _Step(came, left, work.blocks, work.noise_power, work.touch_downs, number)
+        step = _Step(came, list(work.gone), work.blocks, work.noise_power, work.touch_downs, number)
         self._steps.append(step)
         return partial(self.model, number)
 

@@ -53,9 +53,14 @@ class ModellingMethod(ABC):
 
     def _maker(self, work: Work, cells: "Callable[[], FieldCells] | None" = None) -> ModelMaker:
         """Return a function, valid until the next update, that models the fits, at least one."""
-        packed = [fit.packed for fit in work.fits]
-        noise_power, touch_downs = work.noise_power, work.touch_downs
-        return lambda: made(self._settings, packed, noise_power, cells and cells(), touch_downs)
+        fits, noise_power, touch_downs = work.fits, work.noise_power, work.touch_downs
+        return lambda: made(
+            self._settings,
+            [fit.packed for fit in fits],
+            noise_power,
+            cells and cells(),
+            touch_downs,
+        )
 
     @abstractmethod
     def model(self, work: Work, *, changed: bool) -> ModelMaker | None:

@@ -149,10 +149,12 @@ class OnlineModeller:
         removed = list(work.removed)
         if work.forget_from is not None:
             removed += [key for key in self.fits if key[1] > work.forget_from]
-        work.removed_count += sum(self.fits.pop(key, None) is not None for key in removed)
-        for fit in self._method.add(work.added, self._numbers):
-            self.fits[fit.segment.span] = fit
-        work.removed_count += self._thin_out()
+        gone = [self.fits.pop(key) for key in removed if key in self.fits]
+        work.came = self._method.add(work.added, self._numbers)
+        self.fits |= {fit.segment.span: fit for fit in work.came}
+        gone += self._thin_out()
+        work.removed_count += len(gone)
+        work.gone = {fit.number for fit in gone}
         work.fits = tuple(self.fits.values())
         self._touched = (*self._touched, *work.touched)[-MOST_TOUCH_DOWNS:]
         if work.forget_from is not None:
@@ -160,24 +162,24 @@ class OnlineModeller:
         work.touch_downs = self._touched
         clock.lap("fit")
 
-    def _thin_out(self) -> int:
-        """Limit the model to `LARGEST_MODEL` samples; return how many are removed.
+    def _thin_out(self) -> list[Fit]:
+        """Limit the model to `LARGEST_MODEL` samples; return those that are removed.
 
         The older of the two closest samples is removed: a region that the hand revisits keeps its
         newest samples, and a region that it touched once keeps its sample.
         """
         surplus = max(0, len(self.fits) - LARGEST_MODEL)
         if surplus == 0:
-            return 0
-        keys = list(self.fits)
+            return []
+        keys, gone = list(self.fits), []
         points = points_of(self.fits.values(), self.space)
         distances, neighbours = cKDTree(points).query(points, k=surplus + 2)
         distances[neighbours == np.arange(len(points))[:, None]] = np.inf
         for _ in range(surplus):
             older = int(np.argmin(distances.min(axis=1)))
             distances[neighbours == older] = distances[older] = np.inf
-            del self.fits[keys[older]]
-        return surplus
+            gone.append(self.fits.pop(keys[older]))
+        return gone
 
     def build(self, work: Work) -> None:
         """Build and set the model of the fits, if it changes."""

@@ -115,8 +115,8 @@ class Work:
     forget_from
         The first sequence number of another surface: segments that reach beyond it are removed.
         None in a usual update.
-    fits
-        Set by ``fit``: all present fits of the model.
+    fits, came, gone
+        Set by ``fit``: all fits of the model, the new ones, and the numbers of removed ones.
     touch_downs
         Set by ``fit``: all touch-downs of the model.
     removed_count
@@ -143,6 +143,8 @@ class Work:
     touched: "list[TouchDown]" = field(default_factory=list)
     durations_s: dict[str, float] = field(default_factory=dict)
     fits: "tuple[Fit, ...]" = ()
+    came: "list[Fit]" = field(default_factory=list)
+    gone: set[int] = field(default_factory=set)
     touch_downs: "tuple[TouchDown, ...]" = ()
     removed_count: int = 0
     blocks: "Blocks | None" = None
