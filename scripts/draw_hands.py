@@ -15,7 +15,7 @@ from mmt.cli.scene_services import run_services
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import MmtError
 from mmt.core.palette import LIGHT, SERIES
-from mmt.evaluation.figures import make_plain
+from mmt.evaluation.figures import style_axes
 from mmt.scene import Hand
 from mmt.scene.files import example_scenes, load_scene
 from mmt.session import RecordedSession, read_session
@@ -51,8 +51,8 @@ class Listeners:
     models: dict[str, list[tuple[float, TextureModel]]] = field(default_factory=dict)
     tasks: list[asyncio.Task[None]] = field(default_factory=list)
 
-    def entering(self, sentence: str) -> Coroutine[Any, Any, str] | None:
-        """Return a call of `open` if a sentence gives the URL; see `mmt.cli.guests.Guest`."""
+    def start_on_event(self, sentence: str) -> Coroutine[Any, Any, str] | None:
+        """Return a call of `open` if a sentence gives the URL; see `SideService`."""
         url = shared_at(sentence)
         return None if url is None else self.open(url)
 
@@ -155,7 +155,7 @@ def three_hands(felt: list[Felt], first_s: float) -> Figure:
         trace.set(xlim=shown, ylabel="m/s²")
         trace.set_title(hand.name, loc="left", fontsize=10)
         for axis in (way, trace):
-            make_plain(axis)
+            style_axes(axis)
     axes[-1, 0].set_xlabel("x (mm)")
     axes[-1, 1].set_xlabel("session time (s); dashed: the model is ready")
     return figure

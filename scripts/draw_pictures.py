@@ -81,7 +81,7 @@ def vibration_at_the_switch(session: RecordedSession) -> Figure:
     axis.set(xlim=(switch_s - 0.6, switch_s + 0.6), ylim=(-largest, largest))
     axis.set_xlabel("session time (s)")
     axis.set_ylabel("vibration (m/s²)")
-    figures.make_plain(axis)
+    figures.style_axes(axis)
     axis.legend(loc="upper right", ncols=3, frameon=False, fontsize=9)
     return figure
 

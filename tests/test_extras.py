@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from mmt.core.errors import InputError
-from mmt.core.extras import install_command, require, requiring
+from mmt.core.extras import install_command, optional_import, require
 
 
 def installed_from(monkeypatch: pytest.MonkeyPatch, origin: object) -> None:
@@ -47,12 +47,12 @@ def test_a_package_that_is_there_is_not_imported(monkeypatch: pytest.MonkeyPatch
 
 
 def test_only_a_missing_optional_package_is_explained(monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(ModuleNotFoundError, match="nowhere"), requiring():
+    with pytest.raises(ModuleNotFoundError, match="nowhere"), optional_import():
         import nowhere  # noqa: F401
-    with pytest.raises(ImportError, match="no_such_name"), requiring():
+    with pytest.raises(ImportError, match="no_such_name"), optional_import():
         from serial import no_such_name  # noqa: F401
     monkeypatch.setitem(sys.modules, "serial", None)
     with pytest.raises(InputError, match=r"pyserial, which is not installed; .*\[devices\]"):
         require("serial")
-    with pytest.raises(InputError, match="pyserial, which is not installed"), requiring():
+    with pytest.raises(InputError, match="pyserial, which is not installed"), optional_import():
         import serial  # noqa: F401

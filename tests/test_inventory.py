@@ -33,11 +33,11 @@ async def test_what_runs_is_found_and_counted() -> None:
     tasks = [asyncio.create_task(lingering()), asyncio.create_task(lingering(), name="told")]
     await asyncio.sleep(0)
     found = Inventory()
-    found.look()
+    found.sample()
     tasks[1].cancel()
     await asyncio.wait([tasks[1]])
     with waiting_thread("at work"):
-        found.look()
+        found.sample()
     seen = found.as_dict()
     assert seen["looks"] == 2
     assert seen["tasks"]["test_inventory: lingering"] == 2

@@ -12,7 +12,7 @@ import pytest
 
 import mmt.core.logs
 from mmt.core.errors import InputError, MmtError
-from mmt.core.logs import Logs, RepeatLimit, details, told
+from mmt.core.logs import Logs, RepeatLimit, details, details_for_log
 
 LOG = logging.getLogger("mmt.test")
 
@@ -188,11 +188,11 @@ def test_what_a_person_is_told_already_is_in_the_file_alone(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with Logs("leader", level="info"):
-        LOG.info("told", extra=told(time_s=1.0))
+        LOG.info("told", extra=details_for_log(time_s=1.0))
         LOG.info("not told")
     assert capsys.readouterr().err == "info: not told\n"
     path = tmp_path / "log.jsonl"
     with Logs("leader", path):
-        LOG.info("told", extra=told(time_s=1.0))
+        LOG.info("told", extra=details_for_log(time_s=1.0))
     (line,) = lines(path)
     assert (line["event"], line["time_s"]) == ("told", 1.0)

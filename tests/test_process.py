@@ -25,7 +25,7 @@ def test_a_process_that_steps_back_gives_up_the_short_turns_of_its_parent() -> N
         pytest.skip("the number of sched_getattr is known for x86_64 and aarch64")
     script = f"""
 import ctypes, struct
-from mmt.core.process import ask_for_short_turns, step_back
+from mmt.core.process import ask_for_short_turns, lower_priority
 def turn_ns():
     attributes = ctypes.create_string_buffer(48)
     assert ctypes.CDLL(None).syscall({number}, 0, attributes, 48, 0) == 0
@@ -33,7 +33,7 @@ def turn_ns():
 ask_for_short_turns(0)
 kernels, asked = turn_ns(), ask_for_short_turns()
 short = turn_ns()
-step_back()
+lower_priority()
 print(asked, kernels, short, turn_ns())
 """
     command = [sys.executable, "-c", script]

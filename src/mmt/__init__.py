@@ -21,7 +21,7 @@ True
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from mmt.core.extras import requiring
+from mmt.core.extras import optional_import
 from mmt.core.version import __version__
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ if not TYPE_CHECKING:  # type checkers would take any name for an attribute of t
         if name not in _HOMES:
             message = f"module {__name__!r} has no attribute {name!r}"
             raise AttributeError(message)
-        with requiring():
+        with optional_import():
             value = getattr(importlib.import_module(_HOMES[name]), name)
         globals()[name] = value  # the next access does not call this function
         return value

@@ -14,8 +14,8 @@ from mmt_lab.harness.command import (
     JsonFile,
     Laboratory,
     ReportFolder,
-    conclude,
     print_list,
+    report_findings,
     run,
 )
 from mmt_lab.harness.experiment import AccelerationRate, listed, load
@@ -84,5 +84,5 @@ def _stability(
 ) -> None:
     """Run the stiff and extreme cases, a row each, and say whether each held."""
     found = run("stability", load("stability"), families=families)
-    if not conclude(found, json_file, report):
+    if not report_findings(found, json_file, report):
         raise typer.Exit(1)

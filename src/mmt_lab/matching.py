@@ -32,7 +32,7 @@ _WELCH_SAMPLES: Final = 128
 
 
 @dataclass(frozen=True)
-class Virtual:
+class VirtualTexture:
     """A texture as a model, its model without heading, and the size of the recording."""
 
     name: str
@@ -81,7 +81,7 @@ class MatchedPair:
     power_db: float
 
 
-def virtual_texture(texture: str, seed: int) -> Virtual:
+def virtual_texture(texture: str, seed: int) -> VirtualTexture:
     """Record a texture, and build its models of all segments."""
     frames = stroke(texture, RECORDED_S, seed, directed=True)
     session = RecordedSession(frames, path=Path(texture))
@@ -89,7 +89,7 @@ def virtual_texture(texture: str, seed: int) -> Virtual:
     for inputs in get_args(Inputs):
         pool = pool_sessions([session], network_settings(inputs))
         models[inputs] = pool.model(np.ones(len(pool.data), dtype=np.bool_))
-    return Virtual(texture, models["anisotropic"], models["isotropic"], frames.nbytes)
+    return VirtualTexture(texture, models["anisotropic"], models["isotropic"], frames.nbytes)
 
 
 def real_sample(texture: str, seed: int) -> StrokedSample:
@@ -120,7 +120,7 @@ def compare_pair(
     return _compared(sample.rendered(model, seed), sample.vibration_m_s2, sample, spectra)
 
 
-def two_renderings(
+def compare_renderings(
     sample: StrokedSample, model: TextureModel, seed: int, spectra: Spectra
 ) -> MatchedPair:
     """Compare two renderings of one model, which gives the error of a perfect model."""

@@ -15,7 +15,7 @@ from mmt.link.connection import LeaderConnection, check_url
 from mmt.link.protocol import peer_text
 from mmt.link.rate_limit import PeriodLimit, RateLimit
 from mmt.link.websocket import Send
-from mmt_share.lag import FIRST_ANSWERS, Have
+from mmt_share.lag import FIRST_ANSWERS, ListenerState
 from mmt_share.messages import (
     AGAIN,
     CHANGE,
@@ -31,8 +31,8 @@ from mmt_share.messages import (
     STATE_DTYPE,
     TOKEN_VARIABLE,
     WELCOME,
-    About,
     Hello,
+    ModelDescription,
 )
 from mmt_share.replica import ModelReplica
 from mmt_share.tables import Listening
@@ -103,7 +103,7 @@ class ListenerClient:
                 **Hello(settings.name or "", operator is not None, states_hz).as_auth(),
                 **({} if operator is None else operator.auth),
             },
-            Access.of(settings, variable=TOKEN_VARIABLE, table="listening"),
+            Access.from_settings(settings, variable=TOKEN_VARIABLE, table="listening"),
             RateLimit(_MESSAGES_HZ, lambda _: None, lambda _: None),
             on_open=self._on_open,
             on_broken=self._on_broken,
@@ -140,7 +140,7 @@ class ListenerClient:
         if self._connection.url != self._settings.url:
             self._on_event(f"{self._settings.url} is full: connected to {self._connection.url}")
 
-    async def next_state(self) -> "tuple[About, TextureModel | None]":
+    async def next_state(self) -> "tuple[ModelDescription, TextureModel | None]":
         """Wait for a state of the model that is new since the last call, and build it in a thread.
 
         Return the newest state's description and its model, or None for the model if it is not
@@ -165,7 +165,7 @@ class ListenerClient:
         if self._operator is not None:
             self._operator.close()
 
-    def ask(self) -> None:
+    def request_model(self) -> None:
         """Request the whole model, unless it is requested already."""
         if self._connection.line is not None and not self._asked:
             self._asked = True
@@ -197,17 +197,17 @@ class ListenerClient:
         self._on_event(f"listening to {self.session['name'] or 'a session'}")
         self._on_message(WELCOME, message)
         self._asked = False
-        self.ask()
+        self.request_model()
 
     def _take_whole(self, message: object = None, *_: object) -> None:
         self._asked = False
         self.wholes += 1
-        self._take(self.replica.take_whole, MODEL, message)
+        self._take(self.replica.replace_model, MODEL, message)
 
     def _take_change(self, message: object = None, *_: object) -> None:
         if not self._asked:  # else it changes a state that was missed
             self.changes += 1
-            self._take(self.replica.take_change, CHANGE, message)
+            self._take(self.replica.apply_change, CHANGE, message)
 
     def _take(self, take: Callable[[object], None], event: str, message: object) -> None:
         try:
@@ -215,7 +215,7 @@ class ListenerClient:
         except InputError as error:
             self.rejected += 1
             LOG.info("a message of the model was not taken: %s", error)
-            self.ask()
+            self.request_model()
         else:
             self._news.set()
             self._on_message(event, message)
@@ -261,7 +261,7 @@ class ListenerClient:
         if self._answers >= FIRST_ANSWERS and not self._answering.passes(1e-9 * now_ns):
             return
         self._answers += 1
-        self._emit(HAVE, Have(self.replica.number % 2**32, now_ns, time_s).pack())
+        self._emit(HAVE, ListenerState(self.replica.number % 2**32, now_ns, time_s).pack())
 
     def _emit(self, event: str, argument: object) -> asyncio.Task[None] | None:
         line = self._connection.line

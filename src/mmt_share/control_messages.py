@@ -62,7 +62,7 @@ def control_access(token_file: Path | None) -> Access:
     InputError
         There is no such token, it is too short, or its file cannot be read.
     """
-    access = Access.of(SecuredTable(token_file=token_file), variable=CONTROL_VARIABLE)
+    access = Access.from_settings(SecuredTable(token_file=token_file), variable=CONTROL_VARIABLE)
     if access.token is None:
         raise InputError(
             "control of a robot needs a token of its own: set one by "

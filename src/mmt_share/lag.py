@@ -14,7 +14,7 @@ _HAVE: Final = struct.Struct("<Iqd")
 _LATEST_NS: Final = 2**61
 
 
-class Have(NamedTuple):
+class ListenerState(NamedTuple):
     """What a listener has: the argument of `HAVE`, 20 bytes.
 
     Attributes
@@ -36,7 +36,7 @@ class Have(NamedTuple):
         return _HAVE.pack(*self)
 
     @classmethod
-    def unpack(cls, data: object) -> "Have":
+    def unpack(cls, data: object) -> "ListenerState":
         """Parse an answer, which is not trusted.
 
         Raises
@@ -67,26 +67,26 @@ class Lag:
         self._offset = ClockOffset()
         self._lags: TimeHistogram | None = None  # some listeners never answer
 
-    def take(self, have: Have, made_ns: int | None, now_ns: int) -> None:
+    def record_answer(self, state: ListenerState, made_ns: int | None, now_ns: int) -> None:
         """Take an answer.
 
         Parameters
         ----------
-        have
+        state
             What the listener has.
         made_ns
             When the state was made, by the clock of this machine; None if that is not known.
         now_ns
             When the answer came, by the same clock.
         """
-        self.number, self.answered_ns = have.number, now_ns
+        self.number, self.answered_ns = state.number, now_ns
         if made_ns is None:
             return
-        self._offset.add(now_ns, have.arrived_ns - now_ns, have.arrived_ns - made_ns)
+        self._offset.add(now_ns, state.arrived_ns - now_ns, state.arrived_ns - made_ns)
         estimate = self._offset.estimate
         if estimate is None:
             return
-        lag_ns = max(0, have.arrived_ns - estimate.at(now_ns) - made_ns)
+        lag_ns = max(0, state.arrived_ns - estimate.at(now_ns) - made_ns)
         if self._lags is None:
             self._lags = TimeHistogram()
         self._lags.add(lag_ns)

@@ -120,7 +120,7 @@ class Hello:
 
 
 @dataclass(frozen=True)
-class About:
+class ModelDescription:
     """Description of a state of the model, sent with its arrays.
 
     Attributes
@@ -177,12 +177,16 @@ class About:
             raise InputError(f"the model's message is malformed: {error}") from error
 
 
-def model_message(number: int, made_ns: int, about: About, file: bytes) -> dict[str, Any]:
+def model_message(
+    number: int, made_ns: int, about: ModelDescription, file: bytes
+) -> dict[str, Any]:
     """Return the argument of `MODEL`; `made_ns` is a time of the leader's monotonic clock."""
     return {"number": number, "made_ns": made_ns, **about.as_dict(), "file": file}
 
 
-def encode_change(number: int, made_ns: int, about: About, change: dict[str, Any]) -> bytes:
+def encode_change(
+    number: int, made_ns: int, about: ModelDescription, change: dict[str, Any]
+) -> bytes:
     """Encode the `CHANGE` from the state before this number to this one."""
     head = {"number": number, "since": number - 1, "made_ns": made_ns}
     return encode_event(CHANGE, {**head, **about.as_dict(), **change})

@@ -77,9 +77,9 @@ class OperatorClient:
     def welcome(self, _: object = None) -> None:
         """Ask for control if wanted and not asked yet on this connection."""
         if self.wants and self.news is None:
-            self.ask()
+            self.request_control()
 
-    def ask(self) -> None:
+    def request_control(self) -> None:
         """Ask for control."""
         self.wants = True
         self._queue.put(0, encode_event(ASK, None))

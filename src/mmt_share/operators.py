@@ -83,7 +83,7 @@ class Operators:
         """Send an operator a message, if it is still connected."""
         listener = self._listeners.get(number)
         if listener is not None:
-            listener.tell(message)
+            listener.queue_message(message)
 
     def _on_ask(self, sid: str, *_: object) -> None:
         if sid not in self._numbers or sid in self._waiting:

@@ -22,7 +22,7 @@ import msgpack
 
 from mmt.core.end_signals import handle_end_signals
 from mmt.core.errors import MmtError
-from mmt.core.process import step_back
+from mmt.core.process import lower_priority
 from mmt.core.queued_output import finish_output, queue_output
 from mmt_share.messages import LONGEST_MESSAGE
 from mmt_share.relay import Relay
@@ -101,7 +101,7 @@ def main() -> None:
     """Run the process; its first argument is JSON with the scene's tables and the welcome."""
     given = json.loads(sys.argv[1])
     handle_end_signals(signal.SIG_IGN)  # the leader says when it ends
-    step_back()  # so that listeners do not delay the leader's ticks
+    lower_priority()  # so that listeners do not delay the leader's ticks
     control = None if given["control"] is None else Control.model_validate(given["control"])
     queue_output()
     try:

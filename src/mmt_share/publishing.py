@@ -8,7 +8,7 @@ from mmt.texture.model.file import arrays_of
 from mmt.texture.model.file_arrays import pack_arrays
 from mmt.texture.model.texture_model import TextureModel
 from mmt_share.difference import difference
-from mmt_share.messages import MODEL, About, encode_change, model_message
+from mmt_share.messages import MODEL, ModelDescription, encode_change, model_message
 
 
 class PublishedModel(NamedTuple):
@@ -31,7 +31,7 @@ class ModelPublisher:
         self._number = 0
         self._arrays: dict[str, Any] = {}
 
-    def publish(self, model: TextureModel, about: About) -> PublishedModel:
+    def publish(self, model: TextureModel, about: ModelDescription) -> PublishedModel:
         """Return the messages of a model's new state."""
         before, after = self._arrays, arrays_of(model.contents)
         self._arrays = after

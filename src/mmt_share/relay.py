@@ -15,7 +15,7 @@ from typing import Any, Final
 from mmt.link.protocol import encode_event
 from mmt.link.queue import Sending, SuspendedSend, begin_send
 from mmt.link.rate_limit import PeriodLimit
-from mmt_share.lag import FIRST_ANSWERS, Have, Lag
+from mmt_share.lag import FIRST_ANSWERS, Lag, ListenerState
 from mmt_share.messages import END
 
 _KINDS: Final = ("wholes", "changes", "states")
@@ -50,7 +50,7 @@ class Relay:
         self._giving: asyncio.Task[None] | None = None
 
     @property
-    def whole(self) -> bytes | None:
+    def whole_model(self) -> bytes | None:
         """The message of the whole model, or None before the first."""
         if callable(self._whole):
             self._whole = self._whole()
@@ -71,14 +71,14 @@ class Relay:
             Message of the change from the state before, or None if there is none.
         """
         self.number, self._whole, self.change = number, whole, change
-        self._tell()
+        self._notify_listeners()
 
     def begin(self) -> None:
         """Begin another session: forget the model and the end, since numbers begin anew."""
         self.number, self._whole, self.change = 0, None, None
         self.end = None
         for listener in self.listeners.values():
-            listener.again()
+            listener.restart()
 
     def offer_state(self, message: bytes, time_s: float, made_ns: int) -> None:
         """Offer a new state of the hand to every listener.
@@ -95,7 +95,7 @@ class Relay:
         self._made_ns[time_s] = None if time_s in self._made_ns else made_ns
         if len(self._made_ns) > _REMEMBERED:
             self._made_ns.popitem(last=False)
-        self._tell()
+        self._notify_listeners()
 
     def made_ns(self, time_s: float) -> int | None:
         """Return when the state of this session time was made, or None if that is not known."""
@@ -104,20 +104,20 @@ class Relay:
     def finish(self, outcome: str) -> None:
         """Tell every listener that the session is over."""
         self.end = encode_event(END, {"outcome": outcome})
-        self._tell()
+        self._notify_listeners()
 
-    def _tell(self) -> None:
+    def _notify_listeners(self) -> None:
         self._news = True
         if self.listeners and self._giving is None:
-            self._giving = asyncio.get_running_loop().create_task(self._give())
+            self._giving = asyncio.get_running_loop().create_task(self._send_newest())
 
-    async def _give(self) -> None:
+    async def _send_newest(self) -> None:
         """Send the newest messages to all listeners, again while new ones have come meanwhile."""
         try:
             while self._news:
                 self._news = False
                 for place, listener in enumerate(tuple(self.listeners.values()), 1):
-                    listener.give()
+                    listener.send_newest()
                     if place % _TURN == 0:
                         await asyncio.sleep(0)
         finally:
@@ -149,24 +149,24 @@ class ListenerFeed:
         self._rest: SuspendedSend | None = None
         self._wanted = asyncio.Event()
 
-    def again(self) -> None:
+    def restart(self) -> None:
         """Send the whole model next, and then the end of the session if it is over."""
         self._number = 0
         self._ended = False
-        self.give()
+        self.send_newest()
 
-    def has(self, have: Have, now_ns: int) -> None:
+    def record_answer(self, state: ListenerState, now_ns: int) -> None:
         """Take the listener's answer, which came at this time of the monotonic clock."""
-        self.lag.take(have, self._relay.made_ns(have.time_s), now_ns)
+        self.lag.record_answer(state, self._relay.made_ns(state.time_s), now_ns)
 
     def figures(self, now_ns: int) -> dict[str, Any]:
         """Return the totals and the lag of the listener for a table."""
         return {**self.lag.figures(now_ns), **self.sent}
 
-    def tell(self, message: bytes) -> None:
+    def queue_message(self, message: bytes) -> None:
         """Queue a message for this listener alone; if the queue is full, the oldest is dropped."""
         self._own.append(message)
-        self.give()
+        self.send_newest()
 
     def next(self) -> bytes | None:
         """Return the next message, or None if the listener has all."""
@@ -179,13 +179,13 @@ class ListenerFeed:
                 self._count("skipped", relay.number - self._number - 1)
             self._number = relay.number
             if follows:
-                return self._given("changes", relay.change)
-            return self._given("wholes", relay.whole)
+                return self._counted("changes", relay.change)
+            return self._counted("wholes", relay.whole_model)
         if relay.states != self._states:
             skipped, self._states = relay.states - self._states - 1, relay.states
             if self._wants_state():
                 self._count("skipped", skipped)
-                return self._given("states", relay.state)
+                return self._counted("states", relay.state)
         if relay.end is not None and not self._ended:
             self._ended = True
             return relay.end
@@ -197,7 +197,7 @@ class ListenerFeed:
             return True
         return self._thinning.passes(time.monotonic())
 
-    def _given(self, kind: str, message: bytes | None) -> bytes | None:
+    def _counted(self, kind: str, message: bytes | None) -> bytes | None:
         """Count one message given to the listener, and return it."""
         self._count(kind, 1)
         self._count(_BYTES_OF[kind], len(message or b""))
@@ -208,7 +208,7 @@ class ListenerFeed:
             self.sent[kind] += more
             self._relay.sent[kind] += more
 
-    def give(self) -> None:
+    def send_newest(self) -> None:
         """While `serve` runs, send the newest messages until a send has to wait."""
         while self._send is not None and self._rest is None:
             message = self.next()
@@ -231,7 +231,7 @@ class ListenerFeed:
         self._states = max(0, self._relay.states - 1)  # it begins with the newest
         self._send = send
         try:
-            self.give()
+            self.send_newest()
             while self._rest is not None or not self._ended:
                 await self._wanted.wait()
                 self._wanted.clear()
@@ -239,7 +239,7 @@ class ListenerFeed:
                     async with asyncio.timeout(STALLED_S):
                         await self._rest
                     self._rest = None
-                    self.give()
+                    self.send_newest()
         finally:
             rest, self._rest, self._send = self._rest, None, None
             if rest is not None:

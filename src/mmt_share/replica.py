@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 from mmt.core.errors import InputError
 from mmt.texture.model.file_arrays import file_arrays, pack_arrays
 from mmt_share.difference import apply
-from mmt_share.messages import About, model_message
+from mmt_share.messages import ModelDescription, model_message
 
 if TYPE_CHECKING:
     from mmt.texture.model.texture_model import TextureModel
@@ -27,10 +27,10 @@ class ModelReplica:
 
     def __init__(self) -> None:
         self.number = self.made_ns = 0
-        self.about: About | None = None
+        self.about: ModelDescription | None = None
         self._arrays: dict[str, Any] = {}
 
-    def take_whole(self, message: object) -> None:
+    def replace_model(self, message: object) -> None:
         """Take a whole model.
 
         Raises
@@ -38,14 +38,14 @@ class ModelReplica:
         InputError
             The message is malformed; the replica stays as it was.
         """
-        stamp, about = _stamp(message), About.from_message(message)
+        stamp, about = _stamp(message), ModelDescription.from_message(message)
         file = message.get("file") if isinstance(message, Mapping) else None
         if not isinstance(file, bytes):
             raise InputError("the model's message has no file")
         self._arrays = file_arrays(file)
         (self.number, self.made_ns), self.about = stamp, about
 
-    def take_change(self, message: object) -> None:
+    def apply_change(self, message: object) -> None:
         """Apply a change to the state that is here.
 
         Raises
@@ -54,7 +54,7 @@ class ModelReplica:
             The change is malformed, or from another state. The replica stays as it was, and the
             whole model must be requested.
         """
-        stamp, about = _stamp(message), About.from_message(message)
+        stamp, about = _stamp(message), ModelDescription.from_message(message)
         since = message.get("since") if isinstance(message, Mapping) else None
         if since != self.number or not self.number:
             raise InputError(f"a change since number {since} came to number {self.number}")

@@ -19,7 +19,7 @@ from mmt.link.http import CLOSE_TIMEOUT_S, LinkServer, Page
 from mmt.link.protocol import MAX_SENTENCE, loss_of, peer_text
 from mmt.link.rate_limit import RateLimit
 from mmt_share.connected_listener import ConnectedListener
-from mmt_share.lag import Have
+from mmt_share.lag import ListenerState
 from mmt_share.messages import (
     AGAIN,
     HAVE,
@@ -92,7 +92,7 @@ class SharingServer:
         manager: socketio.AsyncManager | None = None,
     ) -> None:
         self._settings = settings
-        self._access = Access.of(settings, variable=TOKEN_VARIABLE, table="sharing")
+        self._access = Access.from_settings(settings, variable=TOKEN_VARIABLE, table="sharing")
         self._relay = relay
         self._welcome = {"sharing": SHARING_VERSION, **welcome}
         self._on_change = on_change
@@ -153,7 +153,7 @@ class SharingServer:
         self._welcome.update(changed)
         await self._host.server.emit(WELCOME, self._welcome, ignore_queue=True)
 
-    async def tell_hubs(self, addresses: list[str]) -> None:
+    async def send_hubs(self, addresses: list[str]) -> None:
         """Send every listener the addresses of the other hubs."""
         self._welcome[HUBS] = addresses
         await self._host.server.emit(HUBS, addresses, ignore_queue=True)
@@ -213,7 +213,7 @@ class SharingServer:
             ListenerFeed(self._relay, hello.states_hz),
         )
 
-        def let_go(error: MmtError) -> None:
+        def on_exceeded(error: MmtError) -> None:
             listener.why = str(error)
 
         messages_hz = _MESSAGES_HZ
@@ -221,11 +221,11 @@ class SharingServer:
         if operators is not None:
             handlers |= operators.join(sid, listener.number, name, listener.feed)
             messages_hz += operators.messages_hz
-        limit = RateLimit(messages_hz, listener.reject, let_go)
+        limit = RateLimit(messages_hz, listener.reject, on_exceeded)
         self._host.sockets.admit(environ, handlers, limit)
         self._start(self._host.server.emit(WELCOME, self._welcome, to=sid, ignore_queue=True))
         who = {"id": listener.number, "name": listener.name}
-        self._tell(f"{listener.text} joined", "listener joined", **who)
+        self._report_change(f"{listener.text} joined", "listener joined", **who)
 
     def _on_disconnect(self, sid: str, reason: str) -> None:
         listener = self._connected.pop(sid, None)
@@ -240,13 +240,13 @@ class SharingServer:
             listener.serving.cancel()
         why = listener.why or loss_of(reason)
         text = f"{listener.text} left after {figures['listened_s']:.0f} s ({why})"
-        self._tell(text, "listener left", why=why, **figures)
+        self._report_change(text, "listener left", why=why, **figures)
 
     def _on_again(self, sid: str, *_: object) -> None:
         listener = self._connected.get(sid)
         if listener is None:
             return
-        listener.feed.again()
+        listener.feed.restart()
         if listener.serving is None:
             self._relay.listeners[sid] = listener.feed
             listener.serving = self._start(self._serve(sid, listener))
@@ -256,7 +256,7 @@ class SharingServer:
         if listener is None:
             return
         try:
-            listener.feed.has(Have.unpack(data), time.monotonic_ns())
+            listener.feed.record_answer(ListenerState.unpack(data), time.monotonic_ns())
         except InputError as error:
             listener.reject(str(error))
 
@@ -278,7 +278,7 @@ class SharingServer:
         task.add_done_callback(self._tasks.discard)
         return task
 
-    def _tell(self, text: str, kind: str, **listener: object) -> None:
+    def _report_change(self, text: str, kind: str, **listener: object) -> None:
         count = len(self._connected)
         details = {"kind": kind, "listeners": count, "listener": listener}
         self._on_change(f"{text}, {count} listening", details)

@@ -10,7 +10,7 @@ from mmt.scene.secured_table import SecuredTable, ServedTable
 from mmt.scene.table import PartTable
 
 CONTROL_VARIABLE: Final = "MMT_CONTROL_TOKEN"
-_VISITORS: Final = "mmt_share.commands.visiting:visitors_page"
+_VISITORS: Final = "mmt_share.commands.visitors_page:visitors_page"
 
 
 class Sharing(ServedTable):
@@ -59,14 +59,14 @@ SHARING: Final = AddedPart(
             "--page",
             "Share the model, and serve a page for visitors.",
             ("sharing",),
-            guest=_VISITORS,
+            side_service=_VISITORS,
         ),
         Flag(
             "--share",
             "Let others feel the surface: share the model.",
             ("sharing",),
             command="demo",
-            guest=_VISITORS,
+            side_service=_VISITORS,
         ),
     ),
     foreign=("hub",),

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mmt.cli.ending import ending_lines, typed, verdict_lines
+from mmt.cli.ending import command_text, ending_lines, verdict_lines
 from mmt.core.verdict import Facts, verdict
 
 FOUND = verdict(
@@ -48,6 +48,6 @@ def test_what_to_open_next_can_be_typed(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "executable", str(tmp_path / ".venv/python"))
     monkeypatch.setattr(shutil, "which", lambda _: None)
-    assert typed("mmt", "session", "view", "a b.mcap") == ".venv/mmt session view 'a b.mcap'"
+    assert command_text("mmt", "session", "view", "a b.mcap") == ".venv/mmt session view 'a b.mcap'"
     monkeypatch.setattr(shutil, "which", lambda _: str(tmp_path / ".venv/mmt"))
-    assert typed("mmt", "demo") == "mmt demo"
+    assert command_text("mmt", "demo") == "mmt demo"

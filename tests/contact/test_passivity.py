@@ -168,7 +168,7 @@ def test_after_a_rest_it_begins_at_a_new_position() -> None:
     port = ForcePort(SETTINGS)
     port.step(0.0, 0.0)
     port.step(-1.0, 1e-4)
-    port.rest()
+    port.pause()
     assert port.step(-1.0, 0.05) == 0.0
     assert port.step(-1.0, 0.05) == pytest.approx(-1.0)
     assert port.in_j == port.out_j == 0.0
@@ -279,7 +279,7 @@ def test_before_the_second_position_there_is_no_travel_and_no_work() -> None:
     port.step(5.0, 0.1)
     port.step(5.0, 0.2)
     assert (port.in_j, port.out_j, port.dissipated_j) == (0.0, 0.0, 0.0)
-    port.rest()
+    port.pause()
     port.step(5.0, 0.1)
     port.step(5.0, 0.2)
     assert (port.in_j, port.out_j, port.dissipated_j) == (0.0, 0.0, 0.0)

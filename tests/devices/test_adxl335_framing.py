@@ -22,7 +22,7 @@ from mmt.devices.adxl335.framing import (
 )
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2
 from mmt.devices.adxl335.serial_driver import SerialAdxl335
-from mmt.devices.serial_ports import stuff, unstuff
+from mmt.devices.serial_ports import cobs_decode, cobs_encode
 
 SKETCH = FIRMWARE / "adxl335" / "adxl335.ino"
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "accelerometer-framing.md"
@@ -56,10 +56,10 @@ def test_frames_come_back_however_the_bytes_are_cut(sent: list[BoardFrame], size
 
 @given(st.binary(max_size=253))
 def test_stuffed_bytes_hold_no_zero(plain: bytes) -> None:
-    stuffed = stuff(plain)
+    stuffed = cobs_encode(plain)
     assert 0 not in stuffed
     assert len(stuffed) == len(plain) + 1
-    assert unstuff(stuffed) == plain
+    assert cobs_decode(stuffed) == plain
 
 
 @given(frames, st.data())
@@ -91,13 +91,13 @@ def test_the_first_half_frame_is_no_fault() -> None:
 
 
 def test_another_version_is_counted() -> None:
-    wire = unstuff(encode_frame(BoardFrame(7, 8, ((1, 2, 3),)))[:-1])
+    wire = cobs_decode(encode_frame(BoardFrame(7, 8, ((1, 2, 3),)))[:-1])
     from binascii import crc_hqx
 
     plain = bytes((VERSION + 1,)) + wire[1:-2]
     reader = decoder()
     checked = plain + crc_hqx(plain, 0xFFFF).to_bytes(2, "little")
-    assert not reader.feed(stuff(checked) + b"\0")
+    assert not reader.feed(cobs_encode(checked) + b"\0")
     assert reader.faults == {"other versions": 1}
 
 

@@ -28,7 +28,7 @@ def pair() -> Iterator[tuple[socket.socket, socket.socket]]:
 def receive(stamped: StampedSocket, listening: socket.socket, content: bytes) -> None:
     assert select.select([listening], [], [], 20.0)[0]
     buffer = bytearray(64)
-    assert stamped.look()(buffer) == len(content)
+    assert stamped.receiver()(buffer) == len(content)
     assert buffer.startswith(content)
 
 
@@ -94,4 +94,4 @@ def test_without_stamps_the_time_is_that_of_the_look(pair, monkeypatch) -> None:
 def test_where_nothing_waits_it_does_not_block(pair) -> None:
     listening, _ = pair
     with pytest.raises(BlockingIOError):
-        StampedSocket(listening).look()(bytearray(8))
+        StampedSocket(listening).receiver()(bytearray(8))

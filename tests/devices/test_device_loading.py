@@ -67,8 +67,8 @@ def test_every_driver_of_mmt_has_a_role_and_a_factory() -> None:
     }
     assert {"openhaptics", "ati-net-ft", "adxl335-serial", "haptuator-sound"} <= set(own)
     for driver in own:
-        assert drivers.told_roles(driver)
-        for role in drivers.told_roles(driver):
+        assert drivers.entry_points_by_role(driver)
+        for role in drivers.entry_points_by_role(driver):
             assert callable(drivers.load_factory(driver, role))
 
 

@@ -255,7 +255,7 @@ def test_a_frame_whose_reading_just_missed_its_tick_comes_between_two_ticks(
     for _ in range(100):
         blocks.append(bench.run(1))
         bench.time.now_ns += 900_000
-        lacking = bench.source.look_again(bench.time.now_ns)
+        lacking = bench.source.retry(bench.time.now_ns)
         assert lacking != bool(late)
         blocks += late
         late.clear()

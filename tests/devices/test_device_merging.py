@@ -55,7 +55,7 @@ def seen_hold_back_ns(sensor: SyntheticSensor, looks: int = 600) -> int | None:
     for k in range(looks):
         now_ns = START_NS + k * MS // 10
         lane.add(sensor.arrived(now_ns), now_ns)
-        ages.look(now_ns)
+        ages.record(now_ns)
     return ages.hold_back_ns()
 
 
@@ -102,7 +102,7 @@ def test_bundles_are_waited_for() -> None:
                 [SensorReading((k - 8 + j) * MS // 10, (0.0, 0.0, 0.0)) for j in range(1, 9)],
                 now_ns,
             )
-        ages.look(now_ns)
+        ages.record(now_ns)
     held_ns = ages.hold_back_ns()
     assert held_ns is not None
     assert 0.7 * MS <= held_ns <= 0.95 * MS
@@ -120,7 +120,7 @@ def test_a_host_that_was_held_up_holds_no_frames_back() -> None:
         now_ns = START_NS + k * MS // 10
         if not 150 < k < 250:
             lane.add([SensorReading(k * MS // 10, (0.0, 0.0, 0.0))], now_ns)
-        ages.look(now_ns)
+        ages.record(now_ns)
     held_ns = ages.hold_back_ns()
     assert held_ns is not None
     assert held_ns < 0.25 * MS

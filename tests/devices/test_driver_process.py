@@ -53,7 +53,7 @@ def run(
     for each in made:
         each.end("the test is over")
         each.end("likewise")
-        assert each.take() == []
+        assert each.receive() == []
 
 
 def taken(process: DriverProcess, number: int) -> list[Message]:
@@ -62,7 +62,7 @@ def taken(process: DriverProcess, number: int) -> list[Message]:
     deadline = time.monotonic() + PATIENCE_S
     while len(messages) < number and process.ended is None:
         assert time.monotonic() < deadline, "nothing more has come"
-        messages += process.take()
+        messages += process.receive()
         time.sleep(0.001)
     return messages
 
@@ -71,11 +71,11 @@ def test_commands_messages_and_counts_pass_in_their_order(run, counts) -> None:
     process = run(
         """
         print("what a library prints")
-        pipes.tell(b"F", str(arguments["first"]))
-        while (commands := pipes.take(NUMBER)) is not None:
+        pipes.send(b"F", str(arguments["first"]))
+        while (commands := pipes.receive(NUMBER)) is not None:
             for kind, number in commands:
-                pipes.tell(COUNT, "commands")
-                pipes.tell(kind, str(number))
+                pipes.send(COUNT, "commands")
+                pipes.send(kind, str(number))
             time.sleep(0.001)
         """
     )
@@ -106,12 +106,12 @@ def test_why_it_has_ended_is_told(run, lines: str, reason: str) -> None:
 
 
 def test_silence_is_seen_by_reads_that_find_nothing_not_by_time_alone(run) -> None:
-    process = run("pipes.tell(b'F')\nwhile pipes.take(NUMBER) is not None: time.sleep(0.001)")
+    process = run("pipes.send(b'F')\nwhile pipes.receive(NUMBER) is not None: time.sleep(0.001)")
     taken(process, 1)
     time.sleep(0.01)
     assert process.silent_ns == 0
     for _ in range(20):
-        process.take()
+        process.receive()
     assert process.silent_ns > 10_000_000
 
 
@@ -120,11 +120,11 @@ def test_a_message_for_which_there_is_no_room_is_known_not_to_be_sent() -> None:
     os.set_blocking(theirs, False)
     pipes = DriverPipes(-1, theirs)
     try:
-        while pipes.tell(b"S", bytes(4000)):
+        while pipes.send(b"S", bytes(4000)):
             pass
-        assert not pipes.tell(b"S", bytes(4000))
+        assert not pipes.send(b"S", bytes(4000))
         os.read(ours, 1 << 16)
-        assert pipes.tell(b"L", "it is gone")
+        assert pipes.send(b"L", "it is gone")
     finally:
         os.close(ours)
         os.close(theirs)
@@ -137,10 +137,10 @@ def test_commands_come_out_whole_however_they_were_cut() -> None:
     try:
         for byte in NUMBER.pack(b"A", 1.0) + NUMBER.pack(b"B", -2.0):
             os.write(theirs, bytes((byte,)))
-            found += pipes.take(NUMBER) or []
+            found += pipes.receive(NUMBER) or []
         assert found == [(b"A", 1.0), (b"B", -2.0)]
-        assert pipes.take(NUMBER) == []
+        assert pipes.receive(NUMBER) == []
     finally:
         os.close(theirs)
-    assert pipes.take(NUMBER) is None
+    assert pipes.receive(NUMBER) is None
     os.close(ours)

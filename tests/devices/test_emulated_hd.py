@@ -60,7 +60,7 @@ def test_a_force_belongs_into_a_frame_and_is_gone_in_the_next_one(stack) -> None
         if expected:
             stack.hd.hdSetDoublev(CURRENT_FORCE, force)
         stack.hd.hdEndFrame(stack.device)
-        assert emulated.look(device=stack.device).motor_n[0] == expected
+        assert emulated.tip_state(device=stack.device).motor_n[0] == expected
     assert names(stack) == []
 
 
@@ -73,7 +73,7 @@ def test_a_force_beyond_the_maximum_is_an_error_unless_it_is_clamped(stack) -> N
         stack.hd.hdBeginFrame(stack.device)
         stack.hd.hdSetDoublev(CURRENT_FORCE, Vector3(0.0, 20.0, 0.0))
         stack.hd.hdEndFrame(stack.device)
-        assert emulated.look(device=stack.device).motor_n[1] == pytest.approx(expected)
+        assert emulated.tip_state(device=stack.device).motor_n[1] == pytest.approx(expected)
         assert names(stack) == errors
 
 
@@ -94,7 +94,7 @@ def test_a_wall_stops_the_tip_and_a_hand_moves_it(stack) -> None:
     position = Vector3()
     while emulated.ticks < wanted:
         stack.hd.hdGetDoublev(CURRENT_POSITION, position)
-        if abs(position[1] + 1.0 + 20.0 * 0.1 / 2.1) < 0.01 and emulated.look(
+        if abs(position[1] + 1.0 + 20.0 * 0.1 / 2.1) < 0.01 and emulated.tip_state(
             device=stack.device
         ).velocity_mm_s[1] == pytest.approx(0.0, abs=0.01):
             break

@@ -126,7 +126,9 @@ def test_a_course_is_gone_through_by_every_kind_of_hand(kind):
     course = SurfaceCourse.draw(surfaces, stay_s=4.0, when="either", duration_s=32.0, seed=2)
     assert {change.in_contact for change in course.changes} == {True, False}
     frames, _ = simulate_session(Scene(hand=Hand(kind=kind)), course, 32.0, 2)
-    gone = np.flatnonzero(np.diff(course.along(frames["force_n"][:, 2].astype(np.float64))))
+    gone = np.flatnonzero(
+        np.diff(course.places_by_frame(frames["force_n"][:, 2].astype(np.float64)))
+    )
     assert len(gone) >= 0.6 * len(course.changes)
 
 

@@ -221,7 +221,7 @@ def test_a_stream_that_a_program_left_behind_is_ended(closing) -> None:
     with pytest.raises(MmtError, match="another program has the LabJack U6 open"):
         source.connect()
     left._ending.set()
-    box.orphan()  # nothing stops the stream
+    box.kill_program()  # nothing stops the stream
     source.connect()
     for _, volts in scans(source, 20):
         assert volts == pytest.approx([0.5], abs=0.0025)

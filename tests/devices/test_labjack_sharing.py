@@ -153,7 +153,7 @@ def test_a_stream_that_has_stopped_is_begun_anew_by_the_first_to_connect(closing
     first.connect()
     second.connect()
     box.stall()
-    until(lambda: not first._shared.stream.flows)  # which no reader can see
+    until(lambda: not first._shared.stream.is_streaming)  # which no reader can see
     first.connect()
     assert read_some(first, 5)
     assert read_some(second, 5)

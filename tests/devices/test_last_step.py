@@ -15,7 +15,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.core.arrays import Vector, bounded, towards
+from mmt.core.arrays import Vector, bounded, step_towards
 from mmt.core.guards import ForceGuard, SampleGuard
 from mmt.devices.haptuator.drive import VoltageDrive
 from mmt.devices.haptuator.options import HaptuatorOptions
@@ -43,7 +43,7 @@ LIMIT_N = 3.0
 def test_a_way_towards_a_goal_is_finite_and_no_longer_than_it_may_be(
     start: Vector, goal: Vector, most: float
 ) -> None:
-    point = towards(start, goal, most)
+    point = step_towards(start, goal, most)
     if all(map(math.isfinite, start)):
         assert all(map(math.isfinite, point))
         if all(map(math.isfinite, goal)) and most < 1e9 and max(map(abs, start)) < 1e9:
@@ -217,7 +217,7 @@ class Inverse3:
         self.now_ns += 1_000_000
         if force_n is not None:
             self.servo.command, self.servo.command_ns = force_n, self.now_ns
-        (told,) = json.loads(self.servo.speak(self.now_ns))["inverse3"]
+        (told,) = json.loads(self.servo.next_message(self.now_ns))["inverse3"]
         return tuple(told["commands"]["set_cursor_force"]["vector"][axis] for axis in "xyz")
 
 

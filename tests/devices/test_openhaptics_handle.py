@@ -50,10 +50,10 @@ def test_a_displayed_force_reaches_the_hand_and_fades_as_commands_stop(make, emu
     )
     # the display reaches the full force by a ramp, which a held-up thread is late with
     until(
-        lambda: emulated.look().motor_n == pytest.approx((0.3, 1.0, -0.2)),
+        lambda: emulated.tip_state().motor_n == pytest.approx((0.3, 1.0, -0.2)),
         lambda: handle.write((0.3, 0.2, 1.0)),
     )
-    until(lambda: emulated.look().motor_n == (0.0, 0.0, 0.0))
+    until(lambda: emulated.tip_state().motor_n == (0.0, 0.0, 0.0))
     assert handle.faults == {"stale commands": 1}
 
 
@@ -62,16 +62,16 @@ def test_the_displayed_force_is_cut_to_the_devices_limit(make, emulated) -> None
     handle = make(force_limit_n=10.0)
     emulated.hold((0.0, 0.0, 0.0), 50.0)
     until(
-        lambda: math.hypot(*emulated.look().motor_n) > 2.0 - 1e-9,
+        lambda: math.hypot(*emulated.tip_state().motor_n) > 2.0 - 1e-9,
         lambda: handle.write((0.0, 80.0, 60.0)),
     )
-    assert math.hypot(*emulated.look().motor_n) <= 2.0 + 1e-9
+    assert math.hypot(*emulated.tip_state().motor_n) <= 2.0 + 1e-9
     for force in ((math.nan, 0.0, 0.0), (0.0, math.inf, 0.0)):
         handle.write(force)
     assert handle.faults["commands that are not finite"] == 2
     handle.connect()
     assert handle.faults["commands that are not finite"] == 2
-    assert emulated.look().motor_n[1] <= 1.2 + 1e-9
+    assert emulated.tip_state().motor_n[1] <= 1.2 + 1e-9
 
 
 def test_three_limits_hold_along_each_of_the_scenes_axes(make, emulated) -> None:
@@ -79,7 +79,7 @@ def test_three_limits_hold_along_each_of_the_scenes_axes(make, emulated) -> None
     handle = make(force_limit_n=[1.0, 2.0, 3.0])
     emulated.hold((0.0, 0.0, 0.0), 50.0)
     until(
-        lambda: emulated.look().motor_n == pytest.approx((1.0, 3.0, 2.0), abs=1e-6),
+        lambda: emulated.tip_state().motor_n == pytest.approx((1.0, 3.0, 2.0), abs=1e-6),
         lambda: handle.write((5.0, -9.0, 3.0)),
     )
     with pytest.raises(InputError, match="force_limit_n"):

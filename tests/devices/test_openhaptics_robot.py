@@ -50,7 +50,7 @@ def test_the_arm_goes_where_it_is_told_in_the_scenes_axes(make, emulated) -> Non
     robot.calibrate()
     target = (12.0, -7.0, 4.0)
     until(lambda: distance(robot.read(), target) < 0.01, lambda: robot.write(target))
-    x, y, z = emulated.look().position_mm
+    x, y, z = emulated.tip_state().position_mm
     assert (x, y, z) == pytest.approx((12.0, -16.0, 7.0), abs=0.05)  # up is y, the user is at z
 
 
@@ -60,7 +60,7 @@ def test_an_arm_without_commands_is_limp(make, emulated) -> None:
     emulated.place((5.0, 0.0, 0.0))
     before = emulated.ticks
     until(lambda: emulated.ticks > before + 20)
-    assert emulated.look().motor_n == (0.0, 0.0, 0.0)
+    assert emulated.tip_state().motor_n == (0.0, 0.0, 0.0)
     assert robot.read() == pytest.approx((5.0, 0.0, 0.0))
 
 
@@ -77,7 +77,7 @@ def test_the_force_stays_below_the_smaller_of_both_limits(
     def push() -> None:
         nonlocal largest_n
         robot.write((0.0, 0.0, -100.0))
-        largest_n = max(largest_n, distance(emulated.look().motor_n, (0.0, 0.0, 0.0)))
+        largest_n = max(largest_n, distance(emulated.tip_state().motor_n, (0.0, 0.0, 0.0)))
 
     until(lambda: largest_n > 0.99 * expected_n, push)
     before = emulated.ticks
@@ -100,7 +100,7 @@ def test_the_librarys_thread_keeps_its_state_between_two_calls(make) -> None:
         return kept.calls
 
     for calls in range(1, 4):
-        servo.ask(count)
+        servo.run_in_frame(count)
         until(lambda: servo.request is None)
         assert servo.answer == calls
 
@@ -122,12 +122,12 @@ def test_stale_commands_fade_and_new_ones_do_not_throw_the_arm(make, emulated) -
     robot = make(speed_limit_mm_s=50.0)
     robot.connect()
     emulated.hold((0.0, 0.0, 0.0), 5.0)
-    until(lambda: emulated.look().motor_n[0] > 1.0, lambda: robot.write((40.0, 0.0, 0.0)))
-    until(lambda: emulated.look().motor_n == (0.0, 0.0, 0.0))
+    until(lambda: emulated.tip_state().motor_n[0] > 1.0, lambda: robot.write((40.0, 0.0, 0.0)))
+    until(lambda: emulated.tip_state().motor_n == (0.0, 0.0, 0.0))
     assert robot.faults == {"stale commands": 1}
     robot.write((40.0, 0.0, 0.0))
-    until(lambda: emulated.look().motor_n[0] > 0.0, lambda: robot.write((40.0, 0.0, 0.0)))
-    assert emulated.look().motor_n[0] < 0.5  # the point starts again where the tip is
+    until(lambda: emulated.tip_state().motor_n[0] > 0.0, lambda: robot.write((40.0, 0.0, 0.0)))
+    assert emulated.tip_state().motor_n[0] < 0.5  # the point starts again where the tip is
 
 
 def test_a_command_that_is_no_number_is_counted_and_not_obeyed(make, emulated) -> None:
@@ -139,7 +139,7 @@ def test_a_command_that_is_no_number_is_counted_and_not_obeyed(make, emulated) -
     before = emulated.ticks
     until(lambda: emulated.ticks > before + 5)
     assert robot.faults == {"commands that are not finite": 40}
-    assert emulated.look().motor_n == (0.0, 0.0, 0.0)
+    assert emulated.tip_state().motor_n == (0.0, 0.0, 0.0)
 
 
 def test_warm_motors_give_no_force_and_the_person_is_told_once(make, emulated, caplog) -> None:
@@ -207,7 +207,7 @@ def test_an_arm_whose_position_is_stuck_is_lost_without_force(make, emulated) ->
     emulated.fail("stuck")
     with pytest.raises(DeviceLost, match=r"the same under the largest force.*is off"):
         until(lambda: False, lambda: (robot.write((60.0, 0.0, 0.0)), robot.read()))
-    assert emulated.look().motor_n == (0.0, 0.0, 0.0)
+    assert emulated.tip_state().motor_n == (0.0, 0.0, 0.0)
     emulated.fail("stuck", on=False)
     robot.connect()
     before = robot.read()[0]

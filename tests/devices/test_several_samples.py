@@ -107,7 +107,7 @@ def merged(
         lane.add(sensor.arrived(now_ns), now_ns)
         if not is_tick:
             if merger is None:
-                ages.look(now_ns)
+                ages.record(now_ns)
             continue
         force.record(((now_ns - START_NS) / MS, 0.0, 0.0), now_ns)
         if merger is None:

@@ -47,9 +47,9 @@ def test_changes_are_of_the_kind_asked_for(when: str, kinds: set[bool]) -> None:
 def test_a_change_waits_for_the_tool_to_be_off_the_surface_or_on_it() -> None:
     force = np.concatenate([np.ones(100), np.zeros(100), np.ones(100)])
     lifted = SurfaceCourse(THREE, [CourseChange(50, 1, in_contact=False)])
-    assert int(np.argmax(lifted.along(force) == 1)) == 100 + SETTLED_TICKS - 1
+    assert int(np.argmax(lifted.places_by_frame(force) == 1)) == 100 + SETTLED_TICKS - 1
     touching = SurfaceCourse(THREE, [CourseChange(150, 2, in_contact=True)])
-    assert int(np.argmax(touching.along(force) == 2)) == 200 + SETTLED_TICKS - 1
+    assert int(np.argmax(touching.places_by_frame(force) == 2)) == 200 + SETTLED_TICKS - 1
 
 
 def test_the_truth_comes_back_from_its_annotations() -> None:
@@ -109,7 +109,9 @@ def test_a_course_over_wrong_surfaces_is_refused(surfaces: list[str]) -> None:
 def test_the_recorded_vibration_is_that_of_the_surface_under_the_tool() -> None:
     course = SurfaceCourse(THREE, [CourseChange(1500, 1, in_contact=True)])
     frames, annotations = simulate_session(Scene(), course, 3.0, 4)
-    under = course_from_annotations(annotations).along(frames["force_n"][:, 2].astype(float))
+    under = course_from_annotations(annotations).places_by_frame(
+        frames["force_n"][:, 2].astype(float)
+    )
     assert set(under.tolist()) == {0, 1}
     vibration = np.diff(frames["acceleration_m_s2"][:, 2].astype(float), append=0.0)
     moving = np.arange(len(frames)) > 600

@@ -79,7 +79,7 @@ def test_a_part_that_only_one_has_is_a_sentence(tmp_path: Path) -> None:
     other = {"leader": {"ticks": {"late": 2}, "texture": {"samples": 3}}}
     b = report(tmp_path / "b", {"sessions": [], "run": other})
     found = compare_reports(a, b)
-    assert found.alone == [
+    assert found.missing_parts == [
         "Only A has session, environment, run / leader / link: 8 figures and settings.",
         "Only B has run / leader / texture: 1 figures and settings.",
     ]

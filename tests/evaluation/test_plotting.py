@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import mmt
-from mmt.core.drawn import Drawn
+from mmt.core.plottable import Plottable
 from mmt.texture.model.json_form import model_json
 
 mpl.use("agg")
@@ -31,7 +31,7 @@ def drawn() -> dict[str, Any]:
     }
 
 
-def shown(what: Drawn) -> Any:
+def shown(what: Plottable) -> Any:
     """The axes on which it is plotted, which are those that are given."""
     figure, axes = plt.subplots()
     assert what.plot(ax=axes) is axes

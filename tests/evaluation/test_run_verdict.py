@@ -7,7 +7,7 @@ import pytest
 
 from mmt.core.verdict import has_failed
 from mmt.evaluation.headlines import headlines
-from mmt.evaluation.run_verdict import run_verdict, unusual
+from mmt.evaluation.run_verdict import fault_sentences, run_verdict
 from mmt.texture.signals.faults import SignalFaults
 
 LEADER: dict[str, Any] = {
@@ -158,8 +158,8 @@ def test_only_a_failure_fails(outcome: str) -> None:
     ],
 )
 def test_what_is_unusual_is_named(key: str, value: Any, sentence: str) -> None:
-    assert unusual("leader", LEADER) == []
-    assert unusual("leader", leader(**{key: value})) == [f"leader: {sentence}"]
+    assert fault_sentences("leader", LEADER) == []
+    assert fault_sentences("leader", leader(**{key: value})) == [f"leader: {sentence}"]
     found = run_verdict({"leader": leader(**{key: value})})
     assert f"leader: {sentence}" in found.faults
     assert found.state == ("failed" if key == "recording" else "degraded")
@@ -178,14 +178,14 @@ def test_a_fault_of_the_signals_is_told_once(modelled_s: float, sessions: int) -
 
 @pytest.mark.parametrize("texture", [None, {}, {"faults": None}])
 def test_a_leader_without_a_model_has_no_faults_of_its_signals(texture: Any) -> None:
-    assert unusual("leader", {**LEADER, "texture": texture}) == []
+    assert fault_sentences("leader", {**LEADER, "texture": texture}) == []
     found = {"faults": SignalFaults().as_dict()}
-    assert unusual("leader", {**LEADER, "texture": found}) == []
+    assert fault_sentences("leader", {**LEADER, "texture": found}) == []
 
 
 def test_a_followers_devices_are_named_one_by_one() -> None:
     lost = {**FOLLOWER, "devices": {"robot": {"class": "Arm", "losses": 2}}}
-    assert unusual("follower", lost) == ["follower: 2 losses of the robot"]
+    assert fault_sentences("follower", lost) == ["follower: 2 losses of the robot"]
 
 
 @pytest.mark.parametrize("lost", [0, 3])

@@ -97,10 +97,10 @@ def test_a_part_costs_the_difference_beyond_the_scatter() -> None:
 
     costs = measure_scene(example("stream-only"), runs_of([], start_s), rounds=4)
     playout = costs.part("playout", "leader")
-    assert playout.figures["start_s"].told_apart
+    assert playout.figures["start_s"].is_significant
     assert playout.figures["start_s"].value == pytest.approx(0.3, abs=0.03)
-    assert not costs.part("force_feedback", "leader").figures["start_s"].told_apart
-    assert not playout.figures["memory_mb"].told_apart, "equal figures are no cost"
+    assert not costs.part("force_feedback", "leader").figures["start_s"].is_significant
+    assert not playout.figures["memory_mb"].is_significant, "equal figures are no cost"
     assert (playout.modules, playout.import_s) == (("wave",), 0.5)
     assert costs.part("force_feedback", "leader").modules == ()
 

@@ -36,7 +36,7 @@ def simulated():
 
 
 def made_in(frames, size=1000):
-    return StrokesMade.of(np.split(frames, range(size, len(frames), size)), SETTINGS)
+    return StrokesMade.from_frames(np.split(frames, range(size, len(frames), size)), SETTINGS)
 
 
 def test_strokes_are_those_in_contact_and_in_motion_whatever_the_blocks(simulated):

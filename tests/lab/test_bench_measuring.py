@@ -8,7 +8,7 @@ import time
 import numpy as np
 import pytest
 
-from mmt.evaluation.report import machine
+from mmt.evaluation.report import machine_table
 from mmt_lab.bench import peers
 from mmt_lab.bench.measuring import interleave, spread
 from mmt_lab.harness.experiment import listed, load
@@ -50,7 +50,7 @@ def test_spread_is_median_and_quartiles():
 
 
 def test_the_machine_is_named():
-    about = machine()
+    about = machine_table()
     assert about["processor"]
     assert {"python", "numpy", "numba", "machine"} <= set(about)
 
@@ -74,7 +74,7 @@ def test_what_is_not_finite_is_a_failure_and_no_point():
     curves.add("a", 1, 2.0, 3.0)
     curves.add("a", 2, 2.0, math.inf)
     curves.fail("b", 1, "raises")
-    first, second = curves.done()
+    first, second = curves.build()
     assert [point.knob for point in first.points] == [1]
     assert first.failures == {"2": "not finite"}
     assert second.points == ()
@@ -88,7 +88,7 @@ def test_ratios_are_taken_where_both_have_a_point():
     for knob, time_us in ((1, 2.0), (2, 5.0)):
         curves.add("fast", knob, time_us, 1.0)
     axis = Axis("x", "x")
-    panel = Panel("p", "p", "knob", axis, axis, curves.done())
+    panel = Panel("p", "p", "knob", axis, axis, curves.build())
     assert panel.x_ratios("slow", "fast") == {1: 5.0, 2: 6.0}
     assert panel.x_ratios("none", "fast") == {}
     assert panel.points("none") == ()

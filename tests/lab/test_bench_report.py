@@ -36,7 +36,7 @@ def made_panel():
     curves.add("mmt", 16, Spread.exact(4.0), 0.0)
     curves.add("peer", 8, Spread.exact(40.0), 1e-9)
     curves.fail("peer", 16, "raises: no")
-    return Panel("p", "By order", "order", TIME, ERROR, curves.done())
+    return Panel("p", "By order", "order", TIME, ERROR, curves.build())
 
 
 def made_result():
@@ -103,7 +103,7 @@ def test_what_is_said_once_is_not_repeated():
     curves = Curves()
     curves.add("mmt", 8, 8, 1e-16)
     curves.fail("mmt", 16, "raises: no")
-    over_knob = Panel("p", "By order", "order", Axis("order", "order"), ERROR, curves.done())
+    over_knob = Panel("p", "By order", "order", Axis("order", "order"), ERROR, curves.build())
     table = panel_table(over_knob)
     assert table.columns == ("method", "order", "error")
     assert table.rows == [("mmt", "8", "1e-16"), ("", "16", "raises: no")]

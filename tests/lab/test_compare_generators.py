@@ -131,7 +131,7 @@ def test_a_generator_that_is_the_texture_has_no_error_and_one_3_db_louder_has_3_
 def test_the_estimate_of_our_own_model_agrees_with_its_exact_figures(texture):
     case = ComparisonCase(texture, 1000)
     blocks = blocks_of(case.session())
-    made = StrokesMade.of(blocks, settings_of(case, "field"))
+    made = StrokesMade.from_frames(blocks, settings_of(case, "field"))
     model = build_models(blocks, settings_of(case, "field")).model_at(10.0)
     truth = KnownTexture(get_surface(texture))
     strokes = made.strokes(36)

@@ -13,16 +13,16 @@ from mmt.core.errors import InputError
 from mmt.scene import Network
 from mmt.testing.simulation.textures import SURFACES
 from mmt_lab.experiments import felt
-from mmt_lab.experiments.felt import Trial, TrialResult, by_second, feel, rows
+from mmt_lab.experiments.felt import Trial, TrialResult, by_second, rows, run_trial
 from mmt_lab.felt.judging import Reference
 from mmt_lab.felt.leading import (
-    at_once,
-    led,
+    leader_vibration,
     local_updates,
     settings_over,
     taking_over,
+    undelayed_vibration,
 )
-from mmt_lab.felt.passing import NEVER_TICK, Passage, pass_over
+from mmt_lab.felt.passing import NEVER_TICK, Passage, stroke_over_network
 
 PLASTIC = SURFACES["plastic"]
 
@@ -30,28 +30,28 @@ PLASTIC = SURFACES["plastic"]
 @pytest.fixture(scope="module")
 def far() -> Passage:
     """Six seconds over 50 ms each way."""
-    return pass_over(PLASTIC, Network(delay_ms=50.0), 6000, 4)
+    return stroke_over_network(PLASTIC, Network(delay_ms=50.0), 6000, 4)
 
 
 def test_a_delay_counts_both_ways(far: Passage) -> None:
     assert set((far.arrival_tick - np.arange(6000)).tolist()) == {50}
-    near = pass_over(PLASTIC, Network(), 6000, 4)
+    near = stroke_over_network(PLASTIC, Network(), 6000, 4)
     np.testing.assert_array_equal(near.force_n, far.force_n)  # the same hand
     later = np.argmax(far.frames["force_n"][:, 2] > 0.2)
     assert later - np.argmax(near.frames["force_n"][:, 2] > 0.2) == pytest.approx(50, abs=3)
 
 
 def test_lost_frames_never_arrive_and_others_do() -> None:
-    passage = pass_over(PLASTIC, Network(loss=0.3), 1000, 1)
+    passage = stroke_over_network(PLASTIC, Network(loss=0.3), 1000, 1)
     lost = passage.arrival_tick == NEVER_TICK
     assert 0.15 < lost.mean() < 0.45
     assert (passage.arrival_tick[~lost] == np.flatnonzero(~lost)).all()
 
 
 def test_the_texture_itself_has_no_bias_and_no_delay(far: Passage) -> None:
-    own = at_once(far, 1).vibration_m_s2
+    own = undelayed_vibration(far, 1).vibration_m_s2
     reference = Reference(far, own)
-    other = reference.judge(at_once(far, 2).vibration_m_s2)
+    other = reference.judge(undelayed_vibration(far, 2).vibration_m_s2)
     # the mean of a logarithm is below the logarithm of the mean, by a quarter dB here
     assert abs(other.level_db.mean()) < 0.7
     assert np.sqrt(np.mean(np.square(other.level_db))) < 1.5
@@ -60,7 +60,7 @@ def test_the_texture_itself_has_no_bias_and_no_delay(far: Passage) -> None:
 
 
 def test_a_gain_is_found_as_a_level_in_every_band(far: Passage) -> None:
-    own = at_once(far, 1).vibration_m_s2
+    own = undelayed_vibration(far, 1).vibration_m_s2
     reference = Reference(far, own)
     once, twice = reference.judge(own), reference.judge(2.0 * own)
     loud = np.isin(twice.time_s, once.time_s)
@@ -68,7 +68,7 @@ def test_a_gain_is_found_as_a_level_in_every_band(far: Passage) -> None:
 
 
 def test_a_shift_is_found_as_onset_and_offset(far: Passage) -> None:
-    own = at_once(far, 1).vibration_m_s2
+    own = undelayed_vibration(far, 1).vibration_m_s2
     shifted = np.concatenate([np.zeros(80), own[:-80]])
     found = Reference(far, own).judge(shifted)
     assert np.median(found.onset_ms) == pytest.approx(80, abs=1)
@@ -76,7 +76,7 @@ def test_a_shift_is_found_as_onset_and_offset(far: Passage) -> None:
 
 
 def test_silence_is_an_error_as_large_as_what_is_missing(far: Passage) -> None:
-    reference = Reference(far, at_once(far, 1).vibration_m_s2)
+    reference = Reference(far, undelayed_vibration(far, 1).vibration_m_s2)
     silent = reference.judge(np.zeros(6000))
     assert (silent.level_db < 0).all()
     assert np.median(silent.level_db) < -15.0
@@ -84,15 +84,15 @@ def test_silence_is_an_error_as_large_as_what_is_missing(far: Passage) -> None:
 
 
 def test_a_stream_is_as_late_as_both_ways_and_a_model_is_not(far: Passage) -> None:
-    reference = Reference(far, at_once(far, 1).vibration_m_s2)
-    streamed = led(far, None, 1)
+    reference = Reference(far, undelayed_vibration(far, 1).vibration_m_s2)
+    streamed = leader_vibration(far, None, 1)
     assert streamed.start_s is None
     late = reference.judge(streamed.vibration_m_s2)
     assert np.median(late.onset_ms) == pytest.approx(110, abs=25)
     updates = local_updates(
         far, settings_over(far, {"method": "published", "start_distance": 100.0})
     )
-    modelled = led(far, taking_over(updates), 1)
+    modelled = leader_vibration(far, taking_over(updates), 1)
     assert modelled.start_s is not None
     assert modelled.start_s < 5.0
     course = reference.judge(modelled.vibration_m_s2)
@@ -112,7 +112,7 @@ def test_headings_are_unit_vectors_even_at_rest(far: Passage) -> None:
 def test_outcomes_are_gathered_by_network_and_method(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("mmt_lab.experiments.felt.DURATION_S", 3.0)
     found: list[TrialResult] = [
-        one for network in ("lan", "wan") for one in feel(Trial("fabric", network, 5))
+        one for network in ("lan", "wan") for one in run_trial(Trial("fabric", network, 5))
     ]
     table = rows(found)
     assert [row["network"] for row in table] == ["lan"] * 4 + ["wan"] * 4
@@ -125,8 +125,8 @@ def test_the_command_prints_every_method_and_writes_a_report(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr("mmt_lab.experiments.felt.DURATION_S", 2.0)
-    outcomes = feel(Trial("fabric", "wan", 5))
-    monkeypatch.setattr(felt, "each", lambda *_, **__: [outcomes])
+    outcomes = run_trial(Trial("fabric", "wan", 5))
+    monkeypatch.setattr(felt, "map_in_processes", lambda *_, **__: [outcomes])
     arguments = ["lab", "felt", "--textures", "fabric", "--seeds", "1"]
     arguments += ["--json", str(tmp_path / "felt.json"), "--report", str(tmp_path / "report")]
     result = CliRunner().invoke(app, arguments)

@@ -15,9 +15,9 @@ from mmt.cli.main import app
 from mmt.core.errors import InputError, MmtError
 from mmt.evaluation.document import Paragraph, ReportTable
 from mmt_lab import experiments
-from mmt_lab.harness.experiment import Listed, chosen_textures, listed, load
+from mmt_lab.harness.experiment import ExperimentEntry, chosen_textures, listed, load
 from mmt_lab.harness.findings import Findings, Target
-from mmt_lab.harness.processes import beside, each, received
+from mmt_lab.harness.processes import background_processes, map_in_processes, received
 from mmt_lab.harness.report import write_report
 from mmt_lab.harness.tables import missed_because, targets_table
 
@@ -79,7 +79,7 @@ def test_the_experiments_are_listed() -> None:
 
 
 @pytest.mark.parametrize("one", list(listed()), ids=lambda one: one.name)
-def test_an_experiment_is_what_the_list_says(one: Listed) -> None:
+def test_an_experiment_is_what_the_list_says(one: ExperimentEntry) -> None:
     try:
         found = load(one.name)
     except ImportError as error:
@@ -123,9 +123,9 @@ def test_textures_are_names_between_commas() -> None:
 
 def test_calls_give_the_same_in_processes_and_in_this_one() -> None:
     calls = [(base, 2) for base in range(5)]
-    here = each(pow, calls, what="powers", workers=1)
+    here = map_in_processes(pow, calls, what="powers", workers=1)
     assert here == [0, 1, 4, 9, 16]
-    assert each(pow, calls, what="powers", workers=2) == here
+    assert map_in_processes(pow, calls, what="powers", workers=2) == here
 
 
 def test_a_report_shows_blocks_in_place_of_tables_and_the_definitions(tmp_path: Path) -> None:
@@ -183,5 +183,5 @@ def tell(pipe: Connection, kind: str) -> None:
     ],
 )
 def test_what_becomes_of_a_process_is_told(kind: str, longest_s: float, words: str) -> None:
-    with beside((tell, kind)) as (pipe,), pytest.raises(MmtError, match=words):
+    with background_processes((tell, kind)) as (pipe,), pytest.raises(MmtError, match=words):
         received(pipe, longest_s)

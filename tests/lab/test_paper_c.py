@@ -57,11 +57,11 @@ def test_trials_are_one_sequence_in_which_the_clock_runs_on():
 
 def test_as_published_is_the_published_selection_and_variations_differ(recordings):
     found = data_set(SPACE, 3, recordings["Wood"], ORDER)
-    result, removed = table_two.vary(VARIATIONS[AS_PUBLISHED], found)
+    result, removed = table_two.select_with_variation(VARIATIONS[AS_PUBLISHED], found)
     expected = select_published(found.data)
     np.testing.assert_array_equal(result.outlier, expected.outlier)
     assert removed.detected == expected.outlier[found.knocked].mean()
-    through, _ = table_two.vary(VARIATIONS["network through every point"], found)
+    through, _ = table_two.select_with_variation(VARIATIONS["network through every point"], found)
     assert not np.array_equal(through.outlier, expected.outlier)
 
 

@@ -16,7 +16,7 @@ from mmt.session import write_session
 from mmt_lab.experiments import soak
 from mmt_lab.soak.drift import by_window, drift, outside
 from mmt_lab.soak.faults import CUT, LENGTHS_S, NETWORKS, RESTART, SoakFault, plan_faults
-from mmt_lab.soak.judging import Happened, ServiceSample, SoakLog, judge, table
+from mmt_lab.soak.judging import AppliedFault, ServiceSample, SoakLog, judge, table
 from mmt_lab.soak.recorded import Gap, Readback, find_gaps, read_back
 
 # --- faults
@@ -123,8 +123,8 @@ def good(duration_s=600.0):
         ServiceSample(float(t), 200.0 + generator.standard_normal(), 180.0, 70.0, 200 * i, i)
         for i, t in enumerate(times)
     )
-    killed = Happened(SoakFault(RESTART, 100.0, 0.5), 1100.0, 1100.5)
-    cut = Happened(SoakFault(CUT, 300.0, 0.0), 1300.0, 1300.0)
+    killed = AppliedFault(SoakFault(RESTART, 100.0, 0.5), 1100.0, 1100.5)
+    cut = AppliedFault(SoakFault(CUT, 300.0, 0.0), 1300.0, 1300.0)
     leader = {"recording": {"frames": 590_000, "dropped": 0}}
     observed = SoakLog(1000.0, 1000.0 + duration_s, (killed, cut), (1000.0,), samples, leader, ())
     arrivals = np.arange(1000.0, 1000.0 + duration_s, 0.02)
@@ -218,7 +218,7 @@ def test_a_short_run_says_what_it_cannot_tell():
 def test_an_hour_of_frequent_faults_tells_whether_anything_grows():
     observed, readback = good(duration_s=3600.0)
     faults = [
-        Happened(fault, 1000.0 + fault.at_s, 1000.0 + fault.at_s + fault.length_s)
+        AppliedFault(fault, 1000.0 + fault.at_s, 1000.0 + fault.at_s + fault.length_s)
         for fault in plan_faults(3600.0, 20.0, 7)
     ]
     lives = (1000.0, *(h.end_s for h in faults if h.fault.kind == RESTART))
@@ -236,7 +236,7 @@ def test_an_hour_of_frequent_faults_tells_whether_anything_grows():
 
 def test_a_long_run_that_cannot_tell_does_not_hold():
     observed, readback = good()
-    always = Happened(SoakFault(CUT, 0.0, 600.0), 1000.0, 1600.0)
+    always = AppliedFault(SoakFault(CUT, 0.0, 600.0), 1000.0, 1600.0)
     assert len(broken(replace(observed, faults=(*observed.faults, always)), readback)) == 6
 
 

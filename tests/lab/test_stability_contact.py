@@ -11,7 +11,7 @@ from mmt.contact.normal import Drive
 from mmt.testing.simulation.robot import DISSIPATION_S_M, tip_drive
 from mmt_lab.stability.families import contact, loop
 from mmt_lab.stability.families.contact import impact_growth, wall
-from mmt_lab.stability.families.loop import loop_on, run_loop
+from mmt_lab.stability.families.loop import run_loop, stability_loop
 from mmt_lab.stability.integrators import INTEGRATORS
 from mmt_lab.stability.loop_theory import LIGHT_GRIP, Loop
 
@@ -81,7 +81,7 @@ def test_the_critical_delay_is_where_a_pole_crosses(wall_n_m: float) -> None:
 
 
 def test_a_soft_wall_is_stable_for_every_delay() -> None:
-    assert math.isinf(loop_on(0.2).critical_delay_s())
+    assert math.isinf(stability_loop(0.2).critical_delay_s())
     assert run_loop(0.2, 100, 100, 4.0) < 1.0
 
 
@@ -103,7 +103,9 @@ def test_the_loop_holds() -> None:
 
 def test_another_theory_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
     firm = dataclasses.replace(LIGHT_GRIP, stiffness_n_m=450.0)
-    monkeypatch.setattr(loop, "loop_on", lambda wall: dataclasses.replace(loop_on(wall), hand=firm))
+    monkeypatch.setattr(
+        loop, "stability_loop", lambda wall: dataclasses.replace(stability_loop(wall), hand=firm)
+    )
     cases = loop.cases(walls_n_mm=(1.0,), delays_ms=(13, 50))
     assert not cases[0].run().held
     assert not cases[-1].run().held

@@ -28,7 +28,7 @@ class Known:
         for _ in range(exchanges):
             self._exchanges += 1
             self.clock.add(self._exchanges * PERIOD_NS, 7_000 * MS - MS, 7_000 * MS + MS)
-            self.notes.look()
+            self.notes.record_if_due()
 
 
 def test_the_offset_is_noted_at_first_every_ten_seconds_and_at_the_end() -> None:
@@ -38,8 +38,8 @@ def test_the_offset_is_noted_at_first_every_ten_seconds_and_at_the_end() -> None
     known.run(450)
     times_ns = [note["clock_time_ns"] for note in known.noted]
     assert times_ns == [8 * PERIOD_NS, 208 * PERIOD_NS, 408 * PERIOD_NS]
-    known.notes.look(last=True)
-    known.notes.look(last=True)
+    known.notes.record_if_due(last=True)
+    known.notes.record_if_due(last=True)
     assert len(known.noted) == 4
     assert known.noted[-1] == {
         "event": "clocks compared",

@@ -142,8 +142,8 @@ def test_the_model_shows_the_force_of_the_hands_own_place() -> None:
         feedback.on_frames(pushing(0.0))
         feedback.tick(1, at(1.0 - 0.01 * tick))
     assert handle.force_n[2] == pytest.approx(1.5 * 1.99, rel=0.1)
-    assert feedback.felt is not None
-    assert feedback.felt.stiffness_n_m == pytest.approx(1500.0, rel=0.1)
+    assert feedback.contact_model is not None
+    assert feedback.contact_model.stiffness_n_m == pytest.approx(1500.0, rel=0.1)
     surface = feedback.surface
     assert surface is not None
     assert surface.stiffness_n_m == pytest.approx(3000.0, rel=0.1)
@@ -173,7 +173,7 @@ def test_what_no_model_explains_is_shown_as_it_was_met_at_each_place_and_speed()
     error = np.array(shown) - records["force_n"][2000:, 2]
     for way in (outward[2000:] & moving, ~outward[2000:] & moving):
         assert np.sqrt(np.mean(error[way] ** 2)) < 0.2
-    model = feedback.felt
+    model = feedback.contact_model
     assert model is not None
     alone = [model.force_n(1e-3 * place, 0.0) for place in depth[2000:]] - records["force_n"][
         2000:, 2

@@ -48,13 +48,13 @@ def test_missed_ticks_count_for_the_silence_alone() -> None:
 def test_after_a_rest_the_force_returns_from_zero() -> None:
     ramp = ForceRamp(silence_ticks=2, ramp_ticks=4)
     shares(ramp, 1)
-    ramp.rest(1)
+    ramp.pause(1)
     assert not ramp.silent
     ramp.renew()
     assert shares(ramp, 1) == [0.25]
     ramp.renew()
-    ramp.rest(1)
-    ramp.rest(2)
+    ramp.pause(1)
+    ramp.pause(2)
     assert ramp.silent
     ramp.renew()
     assert shares(ramp, 2) == [0.25, 0.5]

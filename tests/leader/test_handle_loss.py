@@ -211,7 +211,7 @@ def test_the_force_is_gone_at_once_and_comes_back_from_zero(make) -> None:
         feedback.on_frames(frame)
         feedback.tick(1, at)
     assert display.shown == pytest.approx((0.0, 0.0, 2.0))
-    feedback.rest(1)
+    feedback.pause(1)
     assert display.shown == (0.0, 0.0, 0.0)
     elsewhere = at._replace(position_mm=(0.0, 0.0, 80.0))
     course = []
@@ -234,7 +234,7 @@ def test_where_the_handle_comes_back_is_nobodys_work() -> None:
     for _ in range(100):
         feedback.tick(1, at)
     before = feedback.summary["energy_in_mj"], feedback.summary["energy_out_mj"]
-    feedback.rest(1)
+    feedback.pause(1)
     feedback.tick(1, at._replace(position_mm=(0.0, 0.0, -80.0)))
     feedback.tick(1, at._replace(position_mm=(0.0, 0.0, -80.0)))
     assert (feedback.summary["energy_in_mj"], feedback.summary["energy_out_mj"]) == before

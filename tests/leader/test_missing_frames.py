@@ -45,7 +45,7 @@ def test_a_gap_is_noted_before_it_is_asked_for_and_closed_when_it_is_filled() ->
     (note,) = account.notes
     assert (note["kind"], note["frames"], note["announce"]) == ("gap", 3, False)
     assert note["ranges"] == [(10, 12), (14, 15)]
-    taken = account.missing.fill(numbered(14, 11, 10))
+    taken = account.missing.take_missing(numbered(14, 11, 10))
     assert taken["sequence"].tolist() == [10, 11, 14]
     account.wait(50)
     assert account.notes[1]["sentence"] == "of the missing frames 3 are filled in"
@@ -62,19 +62,19 @@ def test_a_gap_is_noted_before_it_is_asked_for_and_closed_when_it_is_filled() ->
 
 def test_what_nobody_asked_for_is_not_taken() -> None:
     account = Account()
-    account.missing.lack(5, 7)
-    assert len(account.missing.fill(numbered(3, 4, 7, 8))) == 0
-    assert account.missing.fill(numbered(5, 5))["sequence"].tolist() == [5]
+    account.missing.add_gap(5, 7)
+    assert len(account.missing.take_missing(numbered(3, 4, 7, 8))) == 0
+    assert account.missing.take_missing(numbered(5, 5))["sequence"].tolist() == [5]
     assert account.missing.summary["unwanted"] == 5
 
 
 def test_long_gaps_are_announced_and_what_the_follower_has_not_got_is_lost() -> None:
     account = Account(most=300, keeps=200)
-    account.missing.lack(0, 1000)
+    account.missing.add_gap(0, 1000)
     account.wait(50)
     assert account.asked == [[(800, 1000)]]
-    account.missing.gone([(900, 2000)])
-    account.missing.fill(numbered(*range(800, 900)))
+    account.missing.give_up([(900, 2000)])
+    account.missing.take_missing(numbered(*range(800, 900)))
     account.wait(50)
     assert [note["announce"] for note in account.notes] == [True, True]
     assert account.notes[1]["sentence"] == ("of the missing frames 100 are filled in, 900 are lost")
@@ -83,7 +83,7 @@ def test_long_gaps_are_announced_and_what_the_follower_has_not_got_is_lost() -> 
 
 def test_of_a_follower_that_keeps_nothing_nothing_is_asked() -> None:
     account = Account(keeps=0)
-    account.missing.lack(3, 5)
+    account.missing.add_gap(3, 5)
     account.wait(100)
     assert account.asked == []
     assert account.notes[-1]["sentence"] == "of the missing frames 2 are lost"
@@ -91,10 +91,10 @@ def test_of_a_follower_that_keeps_nothing_nothing_is_asked() -> None:
 
 def test_an_answer_that_does_not_come_is_asked_for_again_and_then_given_up() -> None:
     account = Account()
-    account.missing.lack(3, 5)
+    account.missing.add_gap(3, 5)
     account.wait(1500)
     assert account.asked == [[(3, 5)]] * 2
-    account.missing.fill(numbered(3))  # it does answer, only slowly
+    account.missing.take_missing(numbered(3))  # it does answer, only slowly
     account.wait(2000)
     assert account.asked == [[(3, 5)]] * 2 + [[(4, 5)]] * 2
     account.wait(1100)
@@ -104,11 +104,11 @@ def test_an_answer_that_does_not_come_is_asked_for_again_and_then_given_up() -> 
 
 def test_a_lost_answer_is_asked_for_again_while_others_come() -> None:
     account = Account()
-    account.missing.lack(0, 1)
+    account.missing.add_gap(0, 1)
     for number in range(10, 2000, 20):  # each of these gaps is filled at once
-        account.missing.lack(number, number + 1)
+        account.missing.add_gap(number, number + 1)
         account.wait(50)
-        account.missing.fill(numbered(number))
+        account.missing.take_missing(numbered(number))
     asked = [at for at, ranges in enumerate(account.asked) if (0, 1) in ranges]
     assert asked == [0, 20, 40, 60, 80]
     assert account.missing.first == 0
@@ -116,17 +116,17 @@ def test_a_lost_answer_is_asked_for_again_while_others_come() -> None:
 
 def test_a_follower_that_still_has_the_frames_is_waited_for() -> None:
     account = Account(most=30_000, keeps=10_000)
-    account.missing.lack(3, 5)
+    account.missing.add_gap(3, 5)
     account.wait(9900)
     assert account.asked == [[(3, 5)]] * 10
-    assert account.missing.fill(numbered(3))["sequence"].tolist() == [3]
+    assert account.missing.take_missing(numbered(3))["sequence"].tolist() == [3]
     account.wait(10_100)
     assert account.missing.summary["filled"] == account.missing.summary["lost"] == 1
 
 
 def test_after_a_reconnection_everything_is_asked_for_anew() -> None:
     account = Account()
-    account.missing.lack(3, 5)
+    account.missing.add_gap(3, 5)
     account.wait(50)
     account.missing.connect(1000)
     account.wait(50)
@@ -135,7 +135,7 @@ def test_after_a_reconnection_everything_is_asked_for_anew() -> None:
 
 def test_at_the_end_what_still_waits_is_noted_as_lost() -> None:
     account = Account()
-    account.missing.lack(3, 5)
+    account.missing.add_gap(3, 5)
     account.missing.close()
     assert [note["kind"] for note in account.notes] == ["gap", "filled"]
     assert account.notes[-1]["lost"] == 2
@@ -175,11 +175,11 @@ def test_every_number_is_live_filled_lost_or_waited_for(
             account.missing.jumped(newest, frames)
             newest, live = newest + first + count, live + count
         elif kind == "late":
-            taken = account.missing.fill(numbered(*range(first, first + count)))["sequence"]
+            taken = account.missing.take_missing(numbered(*range(first, first + count)))["sequence"]
             assert filled.isdisjoint(taken.tolist()), "no frame is taken twice"
             filled |= set(taken.tolist())
         elif kind == "gone":
-            account.missing.gone([(first, first + count)])
+            account.missing.give_up([(first, first + count)])
         else:
             account.missing.tick(first)
         summary = account.missing.summary
@@ -201,8 +201,8 @@ def summary_of(account: Account, name: str) -> int:
 def test_frames_that_no_follower_sent_are_counted_as_missing_and_lost() -> None:
     account = Account()
     account.missing.jumped(9, numbered(12))
-    account.missing.forget()
-    account.missing.skip(4338)
+    account.missing.give_up_all()
+    account.missing.add_unsent(4338)
     assert account.missing.summary["missing"] == account.missing.summary["lost"] == 4340
     account.wait(200)
     assert account.asked == []

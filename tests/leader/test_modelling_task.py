@@ -20,7 +20,7 @@ from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.completion.distance import CompletionMonitor
 from mmt.texture.modeller_factory import ModellerFactory
 from mmt.texture.online import modeller as online_modeller
-from mmt.texture.online.work import Made, ModelUpdate, Work
+from mmt.texture.online.updates import ModelUpdate, ReadyModel, UpdateWork
 from mmt.texture.segmentation.segments import SampleRange
 from mmt.texture.settings import ModellingSettings
 
@@ -37,18 +37,18 @@ class SlowModeller:
         self.leave.set()
         self.stops = False
 
-    def segment(self, frames: RecordArray) -> Iterator[Work]:
+    def segment(self, frames: RecordArray) -> Iterator[UpdateWork]:
         self.updates.append(frames)
         self.started.set()
         assert self.leave.wait(10)
         me: Any = self
-        yield Work(me, float(frames["sequence"][-1]), [], [], [], 0.0)
+        yield UpdateWork(me, float(frames["sequence"][-1]), [], [], [], 0.0)
 
-    def fit(self, work: Work) -> None: ...
+    def fit(self, work: UpdateWork) -> None: ...
 
-    def build(self, work: Work) -> None: ...
+    def build(self, work: UpdateWork) -> None: ...
 
-    def judge(self, work: Work) -> None:
+    def judge(self, work: UpdateWork) -> None:
         work.update = ModelUpdate(
             time_s=work.time_s,
             samples=len(self.updates),
@@ -59,7 +59,7 @@ class SlowModeller:
             order=16,
             started=False,
             stopped=self.stops,
-            source=Made(),
+            source=ReadyModel(),
             durations_s={},
         )
 
@@ -301,7 +301,11 @@ def described(update: ModelUpdate) -> tuple[Any, ...]:
     """Everything that an update says but the time it took; the model by its file."""
     model = None if update.model is None else update.model.to_bytes()
     left = tuple(described(state) for state in update.left)
-    return (*vars(replace(update, durations_s={}, source=Made(), left=())).values(), model, left)
+    return (
+        *vars(replace(update, durations_s={}, source=ReadyModel(), left=())).values(),
+        model,
+        left,
+    )
 
 
 @pytest.mark.parametrize("name", list(TEXTURES))
@@ -326,7 +330,7 @@ async def test_the_tasks_make_the_model_of_an_offline_pass_to_the_bit(name: str)
     expected: list[ModelUpdate] = []
     for block in blocks:
         update = offline.update(block)
-        if update is not None and not (expected and factory.done(expected[-1])):
+        if update is not None and not (expected and factory.is_finished(expected[-1])):
             expected.append(update)
     found: list[ModelUpdate] = []
     live = Modelling(settings, 0.5, lambda update, _: found.append(update))
@@ -357,19 +361,19 @@ class Works:
     """Works by number, which are joined as the process joins them."""
 
     def __init__(self) -> None:
-        self.each: list[Work] = []
+        self.each: list[UpdateWork] = []
         self.absorbed = 0
 
     def item(self, removed: list[SampleRange] | None = None, seconds: float = 0.0) -> Item:
         number, noted = len(self.each), object()
-        made = Work(noted, float(number), [], [], removed or [], 0.0)  # type: ignore[arg-type]
+        made = UpdateWork(noted, float(number), [], [], removed or [], 0.0)  # type: ignore[arg-type]
         segment: Any = type("S", (), {"span": SampleRange(number, number + 1)})()
         made.added = [segment]
         self.each.append(made)
         return Item(number, seconds)
 
     def absorb(self, later: Item, earlier: Item, segments: bool) -> None:
-        self.each[later.number].absorb(self.each[earlier.number], segments=segments)
+        self.each[later.number].merge(self.each[earlier.number], segments=segments)
         self.absorbed += 1
 
     def starts(self, item: Item) -> list[int]:

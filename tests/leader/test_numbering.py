@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import SEQUENCES
-from mmt.core.pacing import most_ahead, shortest_period_ns
+from mmt.core.pacing import largest_advance, shortest_period_ns
 from mmt.leader.numbering import SessionNumbering
 
 SECOND = 1_000_000_000
@@ -174,7 +174,7 @@ def test_the_time_that_passed_bounds_what_a_follower_may_have_counted(name: str)
         numbering.number(made_frames(105, 100), 9 * SECOND)
         numbering.reconnect(name)
         passed_s = 10 if name else 2  # of the same process since its first frame, else of silence
-        most = most_ahead(passed_s * SECOND, shortest_period_ns(1000.0, 1.0))
+        most = largest_advance(passed_s * SECOND, shortest_period_ns(1000.0, 1.0))
         most -= numbering.frames if name else 0
         again = made_frames(204 + most + beyond, 5)
         _, left_out = numbering.number(again, 11 * SECOND)

@@ -9,14 +9,14 @@ from monitor_messages import unpack
 
 from mmt.core.errors import InputError
 from mmt.leader.modelling.pipeline import Modelling
-from mmt.texture.online.surface_changes import SurfaceChange, said_surfaces
+from mmt.texture.online.surface_changes import SurfaceChange, surface_statements
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt.web.monitor.controls import Controls
 
 
 async def ordered(surface: Any, surfaces: Any) -> tuple[bool, str, list[int]]:
     said: list[int] = []
-    leader: Any = SimpleNamespace(surfaces=surfaces, say_surface=said.append, orders={})
+    leader: Any = SimpleNamespace(surfaces=surfaces, state_surface=said.append, orders={})
     order = json.dumps({"id": 1, "do": "surface", "surface": surface})
     _, answer = await Controls(leader).answer(order)
     message = unpack(answer)
@@ -54,10 +54,10 @@ async def test_without_surfaces_there_is_none_to_name() -> None:
 async def test_a_scene_with_one_surface_takes_no_word() -> None:
     modelling = Modelling(ModellingSettings(), 1.0, lambda *_: None)
     with pytest.raises(InputError, match=r"no \[texture\.surfaces\]"):
-        modelling.say_surface(1)
+        modelling.state_surface(1)
     modelling.close()
     several = Modelling(ModellingSettings(surfaces=SurfaceSettings()), 1.0, lambda *_: None)
-    several.say_surface(1)
+    several.state_surface(1)
     several.close()
 
 
@@ -75,5 +75,5 @@ async def test_a_scene_with_one_surface_takes_no_word() -> None:
 def test_events_that_are_no_persons_word_are_none(event: dict[str, Any]) -> None:
     change = SurfaceChange("recalled", 2, 1, 7, 9)
     word = {"surface": change.surface, "at_sample": change.at_sample, "evidence": change.evidence}
-    assert said_surfaces([event, word]) == said_surfaces([word])
-    assert len(said_surfaces([word])) == 1
+    assert surface_statements([event, word]) == surface_statements([word])
+    assert len(surface_statements([word])) == 1

@@ -17,7 +17,7 @@ from mmt.leader.surface_log import write_surface_models
 from mmt.scene import Scene
 from mmt.texture.completion.distance import CompletionMonitor
 from mmt.texture.online.surface_changes import SurfaceChange
-from mmt.texture.online.work import Made, ModelUpdate
+from mmt.texture.online.updates import ModelUpdate, ReadyModel
 from mmt.texture.settings import ModellingSettings
 
 FADE = 50
@@ -151,7 +151,7 @@ def state(
         order=10,
         started=started,
         stopped=stopped,
-        source=Made(model),
+        source=ReadyModel(model),
         durations_s={},
         surface=surface,
         **more,

@@ -129,7 +129,7 @@ async def test_a_follower_with_the_token_is_served(token_file: Path) -> None:
     notes = LeaderNotes()
     settings = Link(port=0, token_file=token_file)
     async with listening(settings, notes) as url:
-        await stream_one(url, Access.of(settings), notes)
+        await stream_one(url, Access.from_settings(settings), notes)
     assert notes.sequences == [0]
 
 
@@ -151,7 +151,7 @@ async def test_without_the_token_nobody_is_served_nor_told_anything(
 
 @pytest.mark.parametrize("offered", [5, TOKEN.encode(), [TOKEN], {"token": TOKEN}, True, "\ud800"])
 async def test_a_token_of_another_type_is_none(token_file: Path, offered: object) -> None:
-    access = Access.of(Link(token_file=token_file))
+    access = Access.from_settings(Link(token_file=token_file))
     assert access.admits(TOKEN)
     assert not access.admits(offered)
 
@@ -178,20 +178,20 @@ async def test_the_token_is_asked_for_again_after_a_break(token_file: Path) -> N
 
 def test_the_environment_precedes_the_file(token_file: Path) -> None:
     settings = Link(token_file=token_file)
-    assert Access.of(settings, {}).token == TOKEN
-    assert Access.of(settings, {TOKEN_VARIABLE: "x" * 16}).token == "x" * 16
-    assert Access.of(settings, {TOKEN_VARIABLE: ""}).token == TOKEN
-    assert Access.of(Link(), {}).token is None
+    assert Access.from_settings(settings, {}).token == TOKEN
+    assert Access.from_settings(settings, {TOKEN_VARIABLE: "x" * 16}).token == "x" * 16
+    assert Access.from_settings(settings, {TOKEN_VARIABLE: ""}).token == TOKEN
+    assert Access.from_settings(Link(), {}).token is None
 
 
 def test_a_token_that_can_be_guessed_or_not_be_read_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"MMT_LINK_TOKEN has 15 characters, at least 16 .*rand"):
-        Access.of(Link(), {TOKEN_VARIABLE: "x" * 15})
+        Access.from_settings(Link(), {TOKEN_VARIABLE: "x" * 15})
     (tmp_path / "token").write_text("\n")
     with pytest.raises(InputError, match="token has 0 characters"):
-        Access.of(Link(token_file=tmp_path / "token"), {})
+        Access.from_settings(Link(token_file=tmp_path / "token"), {})
     with pytest.raises(InputError, match="nothing: No such file"):
-        Access.of(Link(token_file=tmp_path / "nothing"), {})
+        Access.from_settings(Link(token_file=tmp_path / "nothing"), {})
 
 
 @pytest.mark.parametrize(
@@ -200,7 +200,7 @@ def test_a_token_that_can_be_guessed_or_not_be_read_is_refused(tmp_path: Path) -
 def test_what_is_wrong_with_certificates_names_the_table(
     table: str, settings: type[SecuredTable]
 ) -> None:
-    access = Access.of(settings(authority=Path("lab.pem")), {}, table=table)
+    access = Access.from_settings(settings(authority=Path("lab.pem")), {}, table=table)
     with pytest.raises(InputError, match=rf"set certificate and key of \[{table}\]"):
         access.server_context()
     with pytest.raises(InputError, match=rf"\[{table}\] has certificates, give an https:// URL"):
@@ -437,6 +437,6 @@ def test_a_token_file_that_others_can_read_is_told_of(
     file = tmp_path / "token"
     file.write_text(TOKEN)
     file.chmod(mode)
-    assert Access.of(Link(token_file=file), environment={}).token == TOKEN
+    assert Access.from_settings(Link(token_file=file), environment={}).token == TOKEN
     assert ("can be read by others" in caplog.text) is warned
     assert TOKEN not in caplog.text

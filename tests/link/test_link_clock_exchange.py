@@ -116,7 +116,7 @@ async def test_on_one_machine_the_offset_is_nothing_on_both_sides() -> None:
             assert abs(statistics["offset_ms"]) < max(0.2, statistics["uncertainty_ms"])
             assert statistics["uncertainty_ms"] < 50.0
             assert statistics["jumps"] == 0
-        assert link.server.clock.same
+        assert link.server.clock.is_shared
         assert link.server.clock.offset_ns == 0
         assert link.jumps == []
 

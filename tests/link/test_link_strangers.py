@@ -246,7 +246,7 @@ async def test_a_follower_connects_anew_beside_strangers_of_its_address(
 
     def disturb(port: int) -> None:
         while not over.is_set():
-            disturbing.disturb("127.0.0.1", port, kind)
+            disturbing.send_as_stranger("127.0.0.1", port, kind)
 
     async with guarded_leader(monkeypatch) as server:
         first = FollowerClient(
@@ -279,7 +279,7 @@ async def test_no_stranger_sends_more_than_a_hello_needs(
     monkeypatch: pytest.MonkeyPatch, kind: str
 ) -> None:
     async with guarded_leader(monkeypatch) as server:
-        said = asyncio.to_thread(disturbing.disturb, "127.0.0.1", server.port, kind)
+        said = asyncio.to_thread(disturbing.send_as_stranger, "127.0.0.1", server.port, kind)
         async with asyncio.timeout(10):
             await said
         await connects_within(server.port, 5.0)

@@ -222,8 +222,8 @@ def test_a_library_that_fails_is_told_once_and_the_session_goes_on(running: Runn
     running.send(made_frames(0, 5))
     until(lambda: running.part.error)
     running.send(made_frames(5, 5))
-    running.part.look()
-    running.part.look()
+    running.part.poll()
+    running.part.poll()
     (sentence,) = running.said
     assert "[lsl] has failed: an internal error has occurred: the session goes on" in sentence
     assert running.part.faults() == ["[lsl] has failed: an internal error has occurred"]

@@ -216,8 +216,8 @@ def test_events_scene_and_each_model_are_published_and_kept(running: Running) ->
     running.session.journal.event("the model is ready", samples=3)
     for text in (b"a model's file", b"another"):
         running.output.newest = SimpleNamespace(to_bytes=lambda text=text: text)
-        running.part.look()
-        running.part.look()  # it is the same one
+        running.part.poll()
+        running.part.poll()  # it is the same one
         until(lambda text=text: text.hex() in running.log.read_text())
     assert running.end()["models"] == 2
     got = running.published()
@@ -242,8 +242,8 @@ def test_a_process_that_ends_is_told_once_and_the_session_goes_on(running: Runni
     running.send(made_frames(0, 5))
     until(lambda: running.part.error)
     running.send(made_frames(5, 5))
-    running.part.look()
-    running.part.look()
+    running.part.poll()
+    running.part.poll()
     (sentence,) = running.said
     assert sentence == (
         "[ros] has failed: the process that publishes has ended: the session goes on without it"

@@ -64,14 +64,14 @@ def test_the_library_has_what_the_driver_calls() -> None:
         PositionControl(franky, FrankaRobotOptions(host="arm", force_limit_n=10.0)),
     )
     control.target_mm = (510.0, 0.0, 300.0)
-    control.turn(robot, State(), 0)
-    control.turn(robot, State(), 4_000_000)
+    control.step(robot, State(), 0)
+    control.step(robot, State(), 4_000_000)
     reference = robot.motion.get_reference()
     assert reference.target.translation == pytest.approx([0.501, 0.0, 0.3])
     assert reference.target_twist.linear == pytest.approx([0.25 * 4 / 14, 0.0, 0.0])
     assert robot.motion.params.translational_error_clip == pytest.approx([0.01] * 3)
     control.left = True
-    control.turn(robot, State(), 5_000_000)
+    control.step(robot, State(), 5_000_000)
     assert isinstance(robot.motion, franky.TorqueStopMotion)
     for name in ("state", "has_errors", "recover_from_errors", "is_in_control", "join_motion"):
         assert hasattr(franky.Robot, name)

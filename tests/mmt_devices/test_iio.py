@@ -216,13 +216,13 @@ def test_what_is_beyond_its_range_is_counted(emulated, drivers) -> None:
 
 
 def test_silence_is_explained_as_far_as_the_kernel_tells(emulated, sensor) -> None:
-    assert sensor.complaint() == ""
+    assert sensor.explain_fault() == ""
     emulated.write("trigger/current_trigger", "")
-    assert "its trigger is gone" in sensor.complaint()
+    assert "its trigger is gone" in sensor.explain_fault()
     emulated.write("buffer/enable", "0")
-    assert "another program has switched its buffer off" in sensor.complaint()
+    assert "another program has switched its buffer off" in sensor.explain_fault()
     shutil.rmtree(emulated.directory / "buffer")
-    assert "is gone; check the wires" in sensor.complaint()
+    assert "is gone; check the wires" in sensor.explain_fault()
 
 
 def test_a_sensor_that_does_not_feel_gravity_is_told_at_the_start(emulated, sensor, caplog) -> None:

@@ -76,7 +76,7 @@ def test_other_axes_turn_positions_and_forces(make, service) -> None:
     handle = connected(make("handle", axes="y,-x,z", origin_mm=(0.0, 0.0, 0.0)))
     assert handle.read(1).position_mm == pytest.approx((20.0, -10.0, 30.0))
     until(
-        lambda: service.look().motor_n == pytest.approx((-0.2, 0.1, 0.3)),
+        lambda: service.tip_state().motor_n == pytest.approx((-0.2, 0.1, 0.3)),
         lambda: handle.write((0.1, 0.2, 0.3)),
     )
 
@@ -87,14 +87,14 @@ def test_a_displayed_force_reaches_the_hand_and_fades_without_commands(version, 
     service.tip.hold(REST_MM, 0.5)
     handle = connected(make("handle"))
     until(
-        lambda: service.look().motor_n == pytest.approx((0.3, 0.2, 1.0)),
+        lambda: service.tip_state().motor_n == pytest.approx((0.3, 0.2, 1.0)),
         lambda: handle.write((0.3, 0.2, 1.0)),
     )
     until(
         lambda: handle.read(1).position_mm == pytest.approx((0.6, 0.4, 2.0), abs=0.05),
         lambda: handle.write((0.3, 0.2, 1.0)),
     )
-    until(lambda: service.look().motor_n == (0.0, 0.0, 0.0))  # commands have stopped
+    until(lambda: service.tip_state().motor_n == (0.0, 0.0, 0.0))  # commands have stopped
     until(lambda: handle.faults.get("stale commands", 0) >= 1)  # told after the service is
 
 
@@ -103,29 +103,29 @@ def test_names_that_are_given_go_before_what_the_service_seems_to_be(make, servi
     handle = connected(make("handle", commands="3.1"))
     heard = service.heard
     until(lambda: service.heard > heard + 200, lambda: handle.write((0.0, 0.0, 1.0)))
-    assert service.look().motor_n == (0.0, 0.0, 0.0)  # it does not understand them
+    assert service.tip_state().motor_n == (0.0, 0.0, 0.0)  # it does not understand them
 
 
 def test_the_displayed_force_is_cut_to_the_limit(make, service) -> None:
     service.tip.hold(REST_MM, 20.0)
     handle = connected(make("handle", force_limit_n=2.0))
     until(
-        lambda: math.hypot(*service.look().motor_n) > 2.0 - 1e-9,
+        lambda: math.hypot(*service.tip_state().motor_n) > 2.0 - 1e-9,
         lambda: handle.write((0.0, 80.0, 60.0)),
     )
-    assert service.look().motor_n == pytest.approx((0.0, 1.6, 1.2))
+    assert service.tip_state().motor_n == pytest.approx((0.0, 1.6, 1.2))
     for force in ((math.nan, 0.0, 0.0), (0.0, math.inf, 0.0)):
         handle.write(force)
     assert handle.faults["commands that are not finite"] == 2
-    assert math.hypot(*service.look().motor_n) <= 2.0 + 1e-9
+    assert math.hypot(*service.tip_state().motor_n) <= 2.0 + 1e-9
 
 
 def test_at_the_end_there_is_no_force(make, service) -> None:
     service.tip.hold(REST_MM, 20.0)
     handle = connected(make("handle", stale_ms=1000))
-    until(lambda: service.look().motor_n[2] > 0.5, lambda: handle.write((0.0, 0.0, 1.0)))
+    until(lambda: service.tip_state().motor_n[2] > 0.5, lambda: handle.write((0.0, 0.0, 1.0)))
     handle.close()
-    until(lambda: service.look().motor_n == (0.0, 0.0, 0.0))
+    until(lambda: service.tip_state().motor_n == (0.0, 0.0, 0.0))
     handle.close()
     with pytest.raises(DeviceLost, match="not connected"):
         handle.read(1)
@@ -138,7 +138,7 @@ def test_the_arm_goes_where_it_is_told_in_the_scenes_axes(make, service) -> None
     robot = connected(make("robot"))
     target = (12.0, -7.0, 4.0)
     until(lambda: math.dist(robot.read(), target) < 0.05, lambda: robot.write(target))
-    assert service.look().position_mm == pytest.approx(on_device(*target), abs=0.1)
+    assert service.tip_state().position_mm == pytest.approx(on_device(*target), abs=0.1)
     robot.await_turn()
     for position in ((math.nan, 0.0, 0.0), (0.0, -math.inf, 0.0)):
         robot.write(position)
@@ -148,10 +148,10 @@ def test_the_arm_goes_where_it_is_told_in_the_scenes_axes(make, service) -> None
 def test_an_arm_is_limp_without_commands(make, service) -> None:
     robot = connected(make("robot"))
     until(lambda: service.heard > 20)
-    assert service.look().motor_n == (0.0, 0.0, 0.0)
+    assert service.tip_state().motor_n == (0.0, 0.0, 0.0)
     service.tip.hold(on_device(5.0, 0.0, 0.0), 1.0)
-    until(lambda: service.look().motor_n[0] < -1.0, lambda: robot.write((0.0, 0.0, 0.0)))
-    until(lambda: service.look().motor_n == (0.0, 0.0, 0.0))  # commands have stopped
+    until(lambda: service.tip_state().motor_n[0] < -1.0, lambda: robot.write((0.0, 0.0, 0.0)))
+    until(lambda: service.tip_state().motor_n == (0.0, 0.0, 0.0))  # commands have stopped
     until(lambda: robot.faults.get("stale commands", 0) >= 1)  # told after the service is
 
 
@@ -201,7 +201,7 @@ def test_a_device_that_gives_nothing_usable_is_lost_and_comes_back(
     lost(device, sentence)
     counted = device.faults
     assert sum(counted.values()) >= 20
-    assert service.look().motor_n == (0.0, 0.0, 0.0)
+    assert service.tip_state().motor_n == (0.0, 0.0, 0.0)
     service.fail(fault, on=False)
     device.connect()
     assert device.position() == pytest.approx((0.0, 0.0, 0.0))
@@ -280,7 +280,7 @@ def holder(service: EmulatedInverse3) -> Iterator[subprocess.Popen[bytes]]:
         [sys.executable, "-c", HOLDING, service.options["address"]], stderr=subprocess.DEVNULL
     ) as program:
         try:
-            until(lambda: service.look().motor_n == pytest.approx((0.0, 0.0, 1.0)))
+            until(lambda: service.tip_state().motor_n == pytest.approx((0.0, 0.0, 1.0)))
             yield program
         finally:
             program.kill()
@@ -290,12 +290,15 @@ def holder(service: EmulatedInverse3) -> Iterator[subprocess.Popen[bytes]]:
 def test_the_force_fades_while_the_program_stands_still_and_comes_back(holder, service) -> None:
     shown: list[float] = []
     holder.send_signal(signal.SIGSTOP)
-    until(lambda: service.look().motor_n[2] == 0.0, lambda: shown.append(service.look().motor_n[2]))
+    until(
+        lambda: service.tip_state().motor_n[2] == 0.0,
+        lambda: shown.append(service.tip_state().motor_n[2]),
+    )
     assert any(0.1 < force_n < 0.9 for force_n in shown)  # by a ramp
     heard = service.heard
     until(lambda: service.heard > heard + 20)  # the conversation goes on
     holder.send_signal(signal.SIGCONT)
-    until(lambda: service.look().motor_n == pytest.approx((0.0, 0.0, 1.0)))
+    until(lambda: service.tip_state().motor_n == pytest.approx((0.0, 0.0, 1.0)))
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals are for Linux and macOS")
@@ -306,7 +309,7 @@ def test_however_a_program_ends_no_process_and_no_force_is_left(number, holder, 
     holder.wait(60.0)
     psutil.wait_procs([process], timeout=20.0)
     assert not process.is_running()
-    assert service.look().motor_n == (0.0, 0.0, 0.0)
+    assert service.tip_state().motor_n == (0.0, 0.0, 0.0)
 
 
 # --- refused when it starts

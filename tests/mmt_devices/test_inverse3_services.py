@@ -31,7 +31,7 @@ async def test_a_stroking_hand_on_the_handle_moves_the_follower_and_feels_its_su
     )
     try:
         leader, follower = await run_session(scene, None)
-        assert service.look().motor_n == (0.0, 0.0, 0.0)
+        assert service.tip_state().motor_n == (0.0, 0.0, 0.0)
     finally:
         service.stop()
     assert (leader.outcome, follower.problem) == ("completed", None)

@@ -70,7 +70,7 @@ def test_each_version_is_told_forces_by_its_own_names(version: str) -> None:
     clock = Clock()
     servo = handle(clock, version)
     assert vector(said(servo.release())["set_cursor_force"][NAMES[version].force]) == (0, 0, 0)
-    greeting = json.loads(servo.greet())
+    greeting = json.loads(servo.first_message())
     assert ("session" in greeting) == (version == "3.5")
 
 
@@ -101,7 +101,7 @@ def test_positions_and_velocities_are_taken_in_millimetres() -> None:
     clock = Clock()
     servo = handle(clock)
     clock.now_ns += MS
-    servo.hear(answer(0.001, -0.15, 0.152))
+    servo.handle_answer(answer(0.001, -0.15, 0.152))
     assert servo.measured is not None
     assert servo.measured.position_mm == pytest.approx((1.0, -150.0, 152.0))
     assert servo.measured.velocity_mm_s == pytest.approx((100.0, 0.0, -200.0))
@@ -132,33 +132,37 @@ def test_an_answer_that_makes_no_sense_is_counted_and_takes_the_force_away(text,
     for _ in range(200):
         clock.now_ns += MS
         servo.command_ns = clock()
-        servo.hear(answer())
-        told = servo.speak(clock())
+        servo.handle_answer(answer())
+        told = servo.next_message(clock())
     assert vector(said(told)["set_cursor_force"]["vector"]) == (0.0, 0.0, 2.0)
     before = servo.measured
-    servo.hear(text)
+    servo.handle_answer(text)
     assert servo.counts == {problem: 1}
     assert servo.measured == before
-    assert vector(said(servo.speak(clock()))["set_cursor_force"]["vector"]) == (0.0, 0.0, 0.0)
+    assert vector(said(servo.next_message(clock()))["set_cursor_force"]["vector"]) == (
+        0.0,
+        0.0,
+        0.0,
+    )
     clock.now_ns += MS
     servo.command_ns = clock()
-    servo.hear(answer())
-    assert servo.senseless is None
-    told = servo.speak(clock())
+    servo.handle_answer(answer())
+    assert servo.implausible is None
+    told = servo.next_message(clock())
     assert 0.0 <= said(told)["set_cursor_force"]["vector"]["z"] <= 2.0 * 10 / 100  # by its ramp
 
 
 def test_where_calibration_is_needed_a_position_without_it_makes_no_sense() -> None:
     servo = handle(Clock())
-    servo.hear(answer(calibrated=False))
+    servo.handle_answer(answer(calibrated=False))
     assert servo.counts == {}
     servo.needs_calibration = True
-    servo.hear(answer(calibrated=False))
+    servo.handle_answer(answer(calibrated=False))
     assert servo.counts == {UNCALIBRATED: 1}
-    servo.hear(answer())  # an answer that does not tell leaves it as it was
+    servo.handle_answer(answer())  # an answer that does not tell leaves it as it was
     assert servo.counts == {UNCALIBRATED: 2}
-    servo.hear(answer(calibrated=True))
-    assert servo.senseless is None
+    servo.handle_answer(answer(calibrated=True))
+    assert servo.implausible is None
 
 
 @settings(max_examples=40, deadline=None)
@@ -169,9 +173,9 @@ def test_where_calibration_is_needed_a_position_without_it_makes_no_sense() -> N
 def test_no_answer_ends_the_conversation_or_moves_the_device(message: object) -> None:
     servo = handle(Clock())
     before = servo.measured
-    servo.hear(json.dumps(message))
+    servo.handle_answer(json.dumps(message))
     assert servo.measured == before
-    assert servo.senseless is not None
+    assert servo.implausible is not None
 
 
 # --- the force of a handle
@@ -186,7 +190,7 @@ def test_the_force_fades_when_commands_stop_and_comes_back_as_slowly() -> None:
         clock.now_ns += MS
         if not 200 <= tick < 400:
             servo.command_ns = clock()
-        shown.append(vector(said(servo.speak(clock()))["set_cursor_force"]["vector"])[0])
+        shown.append(vector(said(servo.next_message(clock()))["set_cursor_force"]["vector"])[0])
     steps = [abs(late - early) for early, late in pairwise(shown)]
     assert max(steps) < 0.011
     assert shown[150] == shown[240] == shown[599] == 1.0
@@ -200,13 +204,15 @@ def test_the_force_fades_when_commands_stop_and_comes_back_as_slowly() -> None:
 def test_the_point_starts_at_the_tip_and_moves_at_a_bounded_speed() -> None:
     clock = Clock()
     servo = robot(clock, speed_limit_mm_s=100.0, lead_limit_mm=100.0)
-    assert "set_cursor_force" in said(servo.speak(clock()))  # it is limp before the first command
+    assert "set_cursor_force" in said(
+        servo.next_message(clock())
+    )  # it is limp before the first command
     servo.command = (50.0, -150.0, 150.0)
     at = [0.0]
     for _ in range(700):
         clock.now_ns += MS
         servo.command_ns = clock()
-        place = vector(said(servo.speak(clock()))["set_cursor_position"]["position"])
+        place = vector(said(servo.next_message(clock()))["set_cursor_position"]["position"])
         assert place[1:] == pytest.approx((-0.15, 0.15))
         at.append(1e3 * place[0])
     assert max(late - early for early, late in pairwise(at)) < 0.1 + 1e-9
@@ -221,8 +227,8 @@ def test_the_point_leads_the_tip_by_no_more_than_its_limit() -> None:
     for tick in range(400):
         clock.now_ns += MS
         servo.command_ns = clock()
-        servo.hear(answer(1e-6 * tick))
-        place = vector(said(servo.speak(clock()))["set_cursor_position"]["position"])
+        servo.handle_answer(answer(1e-6 * tick))
+        place = vector(said(servo.next_message(clock()))["set_cursor_position"]["position"])
         assert 1e3 * place[0] <= 1e-3 * tick + 4.0 + 1e-9
     assert servo.fault == ""
 
@@ -234,17 +240,17 @@ def test_a_tip_that_does_not_move_although_it_is_pulled_ends_the_connection() ->
     for _ in range(600):
         clock.now_ns += MS
         servo.command_ns = clock()
-        servo.hear(answer())
-        servo.speak(clock())
+        servo.handle_answer(answer())
+        servo.next_message(clock())
     assert servo.fault.startswith("a position that stays the same")
-    assert "set_cursor_force" in said(servo.speak(clock()))
+    assert "set_cursor_force" in said(servo.next_message(clock()))
     near = robot(clock)
     near.command = (3.0, -150.0, 150.0)  # held by friction close to its target
     for _ in range(2000):
         clock.now_ns += MS
         near.command_ns = clock()
-        near.hear(answer())
-        near.speak(clock())
+        near.handle_answer(answer())
+        near.next_message(clock())
     assert near.fault == ""
 
 
@@ -253,13 +259,13 @@ def test_an_arm_without_fresh_commands_is_limp_and_starts_anew_where_it_is() -> 
     servo = robot(clock)
     servo.command, servo.command_ns = (50.0, -150.0, 150.0), clock()
     clock.now_ns += 5 * MS
-    assert "set_cursor_position" in said(servo.speak(clock()))
+    assert "set_cursor_position" in said(servo.next_message(clock()))
     clock.now_ns += 60 * MS
-    assert vector(said(servo.speak(clock()))["set_cursor_force"]["vector"]) == (0, 0, 0)
+    assert vector(said(servo.next_message(clock()))["set_cursor_force"]["vector"]) == (0, 0, 0)
     assert servo.counts == {"stale commands": 1}
-    servo.hear(answer(0.02))
+    servo.handle_answer(answer(0.02))
     servo.command_ns = clock()
-    place = vector(said(servo.speak(clock()))["set_cursor_position"]["position"])
+    place = vector(said(servo.next_message(clock()))["set_cursor_position"]["position"])
     assert place == pytest.approx((0.02, -0.15, 0.15))
 
 

@@ -158,7 +158,7 @@ class Cycles:
 
     def run(self, cycles: int = 1, **registers: float) -> None:
         if registers:
-            self.arm.take(
+            self.arm.set_registers(
                 {f"input_{name}": value for name, value in registers.items()}, self.time_s
             )
         for _ in range(cycles):

@@ -12,7 +12,7 @@ import pytest
 from service_runs import Together, small_scene
 
 from mmt.core.errors import InputError
-from mmt.evaluation.run_verdict import unusual
+from mmt.evaluation.run_verdict import fault_sentences
 from mmt.leader.part import Part, Session
 from mmt.leader.parts import PARTS, build_parts
 from mmt.leader.service import Leader
@@ -21,7 +21,7 @@ from mmt.scene import Scene
 from mmt.session import RecordedSession, read_session, write_session
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.online.modeller import OnlineModeller
-from mmt.texture.online.work import Work
+from mmt.texture.online.updates import UpdateWork
 from mmt_methods.generators.part import GeneratingPart
 
 ORIGIN = "band_plugin:band of band-plugin 2.1"
@@ -191,7 +191,7 @@ async def test_a_builder_that_fails_leaves_the_session_to_our_model(
     assert summary.vibration["mode"] == "synthesized"
     assert summary.recording["frames"] == 2000
     assert summary.more["generator"]["fault"] == fault
-    assert f"leader: {fault}; our model was rendered in its place" in unusual(
+    assert f"leader: {fault}; our model was rendered in its place" in fault_sentences(
         "leader", summary.as_dict()
     )
     assert any(event.get("heard") is False for event in read_session(scene.recording.file).events)
@@ -209,7 +209,7 @@ FAULTS = {
 MOTION = np.full((3, 10), [[80.0], [0.0], [1.0]])
 
 
-def strokes() -> list[Work]:
+def strokes() -> list[UpdateWork]:
     """What the updates of two seconds on felt have got."""
     frames, _ = simulate_session(Scene(), "felt", 2.0, 4)
     return list(OnlineModeller().segment(frames))
@@ -226,7 +226,7 @@ def part_with(directory: Path, generator: str, events: Part | None = None) -> Ge
     return part
 
 
-def feed(part: GeneratingPart, work: list[Work]) -> None:
+def feed(part: GeneratingPart, work: list[UpdateWork]) -> None:
     for each in work:
         part._session.parts.modelling._on_samples(each.samples)
 
@@ -244,7 +244,7 @@ def test_what_goes_wrong_is_told_in_a_sentence(tmp_path: Path, plugin: Path) -> 
     try:
         for part in parts.values():
             part.connect()
-            part.take_over()
+            part.start_rendering()
             feed(part, work)
         deadline_s = time.monotonic() + 60.0
         while any(not events[name].told for name in FAULTS) and time.monotonic() < deadline_s:
@@ -252,7 +252,7 @@ def test_what_goes_wrong_is_told_in_a_sentence(tmp_path: Path, plugin: Path) -> 
                 began_s = time.monotonic()
                 part.vibration.render(*MOTION)
                 assert time.monotonic() - began_s < 1.0  # whatever it does, hanging included
-                part.look()
+                part.poll()
             time.sleep(0.01)
     finally:
         for part in parts.values():
@@ -319,15 +319,15 @@ def test_after_a_reset_it_learns_anew(tmp_path: Path, plugin: Path) -> None:
         part.connect()
         for epoch in range(2):
             assert part.vibration.epoch == epoch
-            part.take_over()
-            assert not part.vibration.heard
+            part.start_rendering()
+            assert not part.vibration.is_rendered
             feed(part, work)
             deadline_s = time.monotonic() + 60.0
-            while not part.vibration.heard and time.monotonic() < deadline_s:
+            while not part.vibration.is_rendered and time.monotonic() < deadline_s:
                 part.vibration.render(*MOTION)
-                part.look()
+                part.poll()
                 time.sleep(0.01)
-            assert part.vibration.heard, part.faults()
+            assert part.vibration.is_rendered, part.faults()
             part.reset()
     finally:
         end(part)

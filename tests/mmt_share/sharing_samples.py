@@ -16,7 +16,7 @@ from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.space.inputs import ISOTROPIC
 from mmt.texture.space.samples import TextureSamples
 from mmt_share.client import ListenerClient
-from mmt_share.messages import CHANGE, MODEL, STATE, STATE_DTYPE, About
+from mmt_share.messages import CHANGE, MODEL, STATE, STATE_DTYPE, ModelDescription
 from mmt_share.operator import OperatorClient
 from mmt_share.player.following import SharedTexture
 from mmt_share.player.results import ResultsFile
@@ -49,8 +49,10 @@ def model_of(count: int, order: int = 6) -> TextureModel:
     )
 
 
-def about(samples: int, *, ready: bool = True) -> About:
-    return About("abc", float(samples), ready, None, samples, "completion sum 5.00", False)
+def about(samples: int, *, ready: bool = True) -> ModelDescription:
+    return ModelDescription(
+        "abc", float(samples), ready, None, samples, "completion sum 5.00", False
+    )
 
 
 async def until(happened: Callable[[], object]) -> None:
@@ -76,7 +78,7 @@ class Shared:
     def publish(self, count: int, *, ready: bool = True) -> None:
         self.offer(model_of(count), about(count, ready=ready))
 
-    def offer(self, model: TextureModel, said: About) -> None:
+    def offer(self, model: TextureModel, said: ModelDescription) -> None:
         self.relay.offer_model(*self.publisher.publish(model, said))
 
     def offer_state(

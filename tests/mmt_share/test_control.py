@@ -147,9 +147,9 @@ async def test_control_is_released_and_asked_for_again_at_once() -> None:
         assert not client.wants
         await until(lambda: kinds(told) == ["ask", "release"])
         for _ in range(5):  # one request a second is heard, the next one waits
-            client.ask()
+            client.request_control()
         await until(lambda: kinds(told) == ["ask", "release", "ask"])
-        client.ask()
+        client.request_control()
         client.release()
         await until(lambda: kinds(told)[3:] == ["release"])
         assert sharing.server.operators is not None
@@ -229,7 +229,7 @@ async def test_nonsense_from_a_leader_is_counted_and_left_out() -> None:
         await until(lambda: sharing.relay.listeners and told)
         (listener,) = sharing.relay.listeners.values()
         for event, argument in bad:
-            listener.tell(encode_event(event, argument))
+            listener.queue_message(encode_event(event, argument))
         await until(lambda: client.rejected == len(bad))
         assert client.news is None
         assert client.contact is None

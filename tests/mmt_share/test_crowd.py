@@ -5,7 +5,7 @@ import asyncio
 from sharing_samples import about, model_of, shared, until
 
 from mmt.texture.model.file import arrays_of
-from mmt_lab.sharing.counting import count
+from mmt_lab.sharing.counting import run_listeners
 from mmt_lab.sharing.crowd import crowd
 from mmt_share.difference import digest
 
@@ -33,7 +33,7 @@ async def test_a_crowd_finds_the_ready_model_and_each_change_of_it() -> None:
 async def test_listeners_that_count_have_the_digest_of_the_last_model() -> None:
     async with shared() as sharing:
         sharing.publish(10)
-        counting = asyncio.create_task(count(sharing.url, 4, 20.0))
+        counting = asyncio.create_task(run_listeners(sharing.url, 4, 20.0))
         await until(lambda: sharing.relay.sent["wholes"] == 4)
         for size in (11, 14):
             sharing.publish(size)
@@ -50,7 +50,7 @@ async def test_listeners_that_count_have_the_digest_of_the_last_model() -> None:
 async def test_a_listener_that_counts_misses_no_gap() -> None:
     async with shared() as sharing:
         sharing.publish(10)
-        counting = asyncio.create_task(count(sharing.url, 1, 20.0))
+        counting = asyncio.create_task(run_listeners(sharing.url, 1, 20.0))
         await until(lambda: sharing.relay.sent["wholes"] == 1)
         sharing.publisher.publish(model_of(11), about(11))  # which nobody gets
         number, whole, change = sharing.publisher.publish(model_of(12), about(12))
@@ -68,7 +68,7 @@ async def test_a_listener_that_counts_misses_no_gap() -> None:
 async def test_who_is_refused_says_why() -> None:
     async with shared(most=2) as sharing:
         sharing.publish(10)
-        finding = asyncio.create_task(count(sharing.url, 3, 20.0))
+        finding = asyncio.create_task(run_listeners(sharing.url, 3, 20.0))
         await until(lambda: sharing.relay.sent["wholes"] == 2)
         await asyncio.sleep(0.5)
         sharing.relay.finish("completed")

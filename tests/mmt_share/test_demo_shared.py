@@ -14,7 +14,7 @@ from player_samples import Browserless
 from service_processes import Service, scene, session
 from sharing_samples import LONGEST_S, shared, until
 
-from mmt_share.commands.visiting import VisitorsPage, qr_code
+from mmt_share.commands.visitors_page import VisitorsPage, qr_code
 
 SOON = {
     "MMT_SHARING__PORT": "0",
@@ -80,7 +80,7 @@ async def test_a_page_that_cannot_be_served_says_why() -> None:
 
 STARTER = """
 import asyncio, sys
-from mmt_share.commands.visiting import VisitorsPage
+from mmt_share.commands.visitors_page import VisitorsPage
 page = VisitorsPage(code=False)
 print(asyncio.run(page.open(sys.argv[1])), flush=True)
 page.wait()

@@ -15,7 +15,7 @@ from mmt_share.messages import SHARING_VERSION
 async def test_a_listener_turns_from_a_full_hub_to_another() -> None:
     async with AsyncExitStack() as stack:
         full, other = [await stack.enter_async_context(shared(most=1)) for _ in range(2)]
-        await full.server.tell_hubs(["rubbish", other.url])
+        await full.server.send_hubs(["rubbish", other.url])
         await stack.enter_async_context(listening(full.url))
         other.publish(10)
         heard = await stack.enter_async_context(listening(full.url))
@@ -28,7 +28,7 @@ async def test_where_all_are_full_the_first_ones_refusal_is_told_at_once() -> No
     async with AsyncExitStack() as stack:
         hubs = [await stack.enter_async_context(shared(most=1)) for _ in range(2)]
         for one, another in (hubs, hubs[::-1]):
-            await one.server.tell_hubs([another.url])
+            await one.server.send_hubs([another.url])
             await stack.enter_async_context(listening(one.url))
         async with asyncio.timeout(4.0):  # each is asked once
             with pytest.raises(MmtError, match=f"{hubs[0].url} refused: 1 are listening already"):
@@ -57,7 +57,7 @@ async def test_a_stock_client_is_told_the_others_if_it_shows_the_token(
     monkeypatch.setenv("MMT_SHARING_TOKEN", "0123456789abcdef0123")
     refusals: list[dict[str, Any]] = []
     async with shared(most=1) as full, listening(full.url):
-        await full.server.tell_hubs(["http://hub2.lab:8766"])
+        await full.server.send_hubs(["http://hub2.lab:8766"])
         stock = socketio.AsyncClient(serializer="msgpack", reconnection=False)
         stock.on("connect_error", refusals.append)
         hello = {"sharing": SHARING_VERSION, "role": "listener", "token": token}

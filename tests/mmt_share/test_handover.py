@@ -47,15 +47,15 @@ def take(over: HandOver, what: str, value: int) -> bool:
     try:
         match what:
             case "ask":
-                over.ask(value, f"listener {value}")
+                over.request_control(value, f"listener {value}")
             case "leave":
                 over.leave(value, "it left")
             case "refuse":
                 over.refuse(value)
             case "give":
-                over.give(value)
+                over.grant_control(value)
             case "take back":
-                over.take_back("wanted back")
+                over.revoke_control("wanted back")
             case "move":
                 return over.accepts(value, over.grant)
             case "stale":
@@ -124,13 +124,13 @@ def test_who_is_told_of_control_is_told_of_its_end(steps: list[tuple[str, int]])
 
 def test_the_hold_lasts_its_ticks_to_the_last() -> None:
     over = machine()
-    over.ask(1, "ann")
-    over.give(1)
+    over.request_control(1, "ann")
+    over.grant_control(1)
     over.tick(HOLD - 1)
     assert not over.accepts(1, over.grant)
     over.tick(1)
     assert over.accepts(1, over.grant)
-    over.take_back("wanted back")
+    over.revoke_control("wanted back")
     over.tick(HOLD - 1)
     states = [over.state]
     over.tick(1)
@@ -139,8 +139,8 @@ def test_the_hold_lasts_its_ticks_to_the_last() -> None:
 
 def test_motion_before_the_hold_is_over_is_refused_and_silence_ends_control() -> None:
     over = machine()
-    over.ask(1, "ann")
-    over.give(1)
+    over.request_control(1, "ann")
+    over.grant_control(1)
     assert not over.accepts(1, over.grant)
     over.tick(HOLD)
     states = []
@@ -155,7 +155,7 @@ def test_motion_before_the_hold_is_over_is_refused_and_silence_ends_control() ->
 def test_more_who_ask_than_a_person_can_read_are_refused() -> None:
     over = machine()
     for who in range(1, 30):
-        over.ask(who, "x")
+        over.request_control(who, "x")
     assert len(over.asking) == 20
     assert over.changes[-1].what == "refused"
 
@@ -272,7 +272,11 @@ class Robot:
         tick = self.tick
         tick.now_ns, tick.elapsed = self.ns, elapsed
         tick.state = InterfaceState(own, velocity, 0.0, contact=False)
-        tick.operating, tick.given, tick.offset_mm = None, self.part.away, (0.0, 0.0, 0.0)
+        tick.operating, tick.overridden, tick.offset_mm = (
+            None,
+            self.part.overridden,
+            (0.0, 0.0, 0.0),
+        )
         command = self.part.command(tick, own)
         assert command is not None
         self.part.tick(tick)
@@ -292,7 +296,7 @@ def test_whatever_happens_the_command_moves_by_no_more_than_the_limit(data: st.D
         robot = Robot(monkeypatch)
         robot.step((0.0, 0.0, 0.0))
         robot.part.receive({"control": "ask", "who": 1, "name": "ann"})
-        robot.part.give(1)
+        robot.part.grant_control(1)
         for _ in range(data.draw(st.integers(5, 30))):
             match data.draw(
                 st.sampled_from(["step", "send", "send", "ask", "back", "give", "wait"])
@@ -312,7 +316,7 @@ def test_whatever_happens_the_command_moves_by_no_more_than_the_limit(data: st.D
                 case "ask":
                     robot.part.receive({"control": "ask", "who": 1, "name": ""})
                 case "back":
-                    robot.part.take_back()
+                    robot.part.revoke_control()
                 case "give":
                     robot.part.toggle()
                 case "wait":
@@ -332,7 +336,7 @@ def test_the_robot_holds_follows_the_operator_holds_and_follows_the_leader(
     held = robot.commands[-1]
     robot.part.receive({"control": "ask", "who": 7, "name": "ann"})
     assert robot.part.shown()["control"]["asking"] == [[7, "ann"]]
-    robot.part.give(7)
+    robot.part.grant_control(7)
     for _ in range(FADE_TICKS):
         robot.step((50.0, 5.0, 5.0), (100.0, 0.0, 0.0))
     assert set(robot.commands[-FADE_TICKS + 1 :]) == {held}
@@ -371,7 +375,7 @@ def test_motion_of_another_grant_or_listener_is_refused_and_counted(
     robot = Robot(monkeypatch)
     robot.step((1.0, 2.0, 3.0))
     robot.part.receive({"control": "ask", "who": 1, "name": "ann"})
-    robot.part.give(1)
+    robot.part.grant_control(1)
     for _ in range(FADE_TICKS + 1):
         robot.step((1.0, 2.0, 3.0))
     far = np.zeros(1, MOTION_DTYPE)
@@ -383,7 +387,7 @@ def test_motion_of_another_grant_or_listener_is_refused_and_counted(
     assert robot.step((9.0, 9.0, 9.0)) == (1.0, 2.0, 3.0)
     assert robot.part.summary(1.0)["control"]["refused_messages"] == 4
     with pytest.raises(InputError, match="does not ask"):
-        robot.part.give(5)
+        robot.part.grant_control(5)
 
 
 def test_the_metrics_say_whose_hand_moves_the_robot(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -404,7 +408,7 @@ def test_the_metrics_say_whose_hand_moves_the_robot(monkeypatch: pytest.MonkeyPa
     for who in (1, 2):
         robot.part.receive({"control": "ask", "who": who, "name": "ann"})
     robot.part.refuse(2)
-    robot.part.give(1)
+    robot.part.grant_control(1)
     for _ in range(FADE_TICKS):
         assert hands() == {"leader": 0, "listener": 0, "none": 1}
         robot.step((0.0, 0.0, 0.0))
@@ -428,7 +432,7 @@ def test_control_is_not_given_where_there_is_no_robot(monkeypatch: pytest.Monkey
     robot = Robot(monkeypatch)
     robot.part.receive({"control": "ask", "who": 1, "name": "ann"})
     with pytest.raises(InputError, match="no robot"):
-        robot.part.give(1)
+        robot.part.grant_control(1)
     robot.part.toggle()
     assert robot.part.shown()["control"]["state"] == "own"
 

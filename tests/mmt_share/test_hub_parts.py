@@ -19,7 +19,7 @@ from mmt_share.client import ListenerClient
 from mmt_share.hub.copy import HubCopy
 from mmt_share.hub.descriptors import make_room
 from mmt_share.hub.manager import HubManager
-from mmt_share.hub.peers import FIRST_S, LOST_S, Beat, Peers
+from mmt_share.hub.peers import FIRST_S, LOST_S, Heartbeat, Peers
 from mmt_share.hub.scene import load_hub_scene
 from mmt_share.messages import CHANGE, MODEL, WELCOME
 from mmt_share.publishing import ModelPublisher
@@ -27,8 +27,8 @@ from mmt_share.relay import ListenerFeed, Relay
 from mmt_share.tables import Listening
 
 
-def beat(name: str, **what: object) -> Beat:
-    return Beat(name, f"http://{name}:1", **what)  # type: ignore[arg-type]
+def beat(name: str, **what: object) -> Heartbeat:
+    return Heartbeat(name, f"http://{name}:1", **what)  # type: ignore[arg-type]
 
 
 def test_the_oldest_hub_feeds_once_it_has_listened_for_others() -> None:
@@ -40,30 +40,30 @@ def test_the_oldest_hub_feeds_once_it_has_listened_for_others() -> None:
 def test_a_younger_hub_waits_for_each_older_one() -> None:
     peers = Peers("c", 0.0)
     for name in "abd":
-        peers.hear(beat(name), 1.0)
+        peers.record_heartbeat(beat(name), 1.0)
     turns = [peers.should_feed(1.0 + 0.1 * step, feeding=False) for step in range(10)]
     assert not any(turns)
     for name in "abd":
-        peers.hear(beat(name), FIRST_S + 1.0)
+        peers.record_heartbeat(beat(name), FIRST_S + 1.0)
     assert not peers.should_feed(FIRST_S + 1.9, feeding=False)
     assert peers.should_feed(FIRST_S + 2.0, feeding=False)
 
 
 def test_of_two_that_feed_the_older_one_stays() -> None:
     peers = Peers("b", 0.0)
-    peers.hear(beat("c", feeding=True), 5.0)
+    peers.record_heartbeat(beat("c", feeding=True), 5.0)
     assert peers.should_feed(5.0, feeding=True)
-    peers.hear(beat("a", feeding=True), 5.0)
+    peers.record_heartbeat(beat("a", feeding=True), 5.0)
     assert not peers.should_feed(5.0, feeding=True)
 
 
 def test_a_hub_without_a_beat_is_gone_and_so_is_one_that_leaves() -> None:
     peers = Peers("b", 0.0)
-    peers.hear(beat("a", feeding=True), 5.0)
-    peers.hear(beat("c"), 5.0)
+    peers.record_heartbeat(beat("a", feeding=True), 5.0)
+    peers.record_heartbeat(beat("c"), 5.0)
     assert [each.id for each in peers.alive(5.0 + LOST_S)] == ["a", "c"]
     assert not peers.should_feed(5.0 + LOST_S, feeding=False)
-    peers.hear(beat("c", leaving=True), 5.0 + LOST_S)
+    peers.record_heartbeat(beat("c", leaving=True), 5.0 + LOST_S)
     assert [each.id for each in peers.alive(5.0 + LOST_S)] == ["a"]
     assert peers.should_feed(5.1 + LOST_S, feeding=False)
     assert peers.alive(5.1 + LOST_S) == []
@@ -71,16 +71,16 @@ def test_a_hub_without_a_beat_is_gone_and_so_is_one_that_leaves() -> None:
 
 def test_a_hub_hears_itself_and_does_not_count_itself() -> None:
     peers = Peers("b", 0.0)
-    peers.hear(beat("b", feeding=True), 5.0)
+    peers.record_heartbeat(beat("b", feeding=True), 5.0)
     assert peers.alive(5.0) == []
 
 
 def test_beats_go_over_the_wire() -> None:
-    one = Beat("a", "http://a:1", 3, True, "abc", 7)
-    assert Beat.from_message(one.as_dict()) == one
+    one = Heartbeat("a", "http://a:1", 3, True, "abc", 7)
+    assert Heartbeat.from_message(one.as_dict()) == one
     for malformed in (None, [], {"id": "a"}, {**one.as_dict(), "number": "x"}):
         with pytest.raises(InputError, match="beat is malformed"):
-            Beat.from_message(malformed)
+            Heartbeat.from_message(malformed)
 
 
 class Leader:
@@ -102,7 +102,7 @@ class Leader:
 @pytest.fixture
 def copy() -> HubCopy:
     one = HubCopy(Relay(), 20.0)
-    one.take(WELCOME, Leader().welcome)
+    one.receive(WELCOME, Leader().welcome)
     return one
 
 
@@ -112,10 +112,10 @@ def test_what_two_hubs_feed_is_taken_once(copy: HubCopy) -> None:
     (first, _), (second, change) = leader.publish(10), leader.publish(11)
     listener = ListenerFeed(relay)
     for event, message in ((MODEL, first), (MODEL, first), (CHANGE, change), (CHANGE, change)):
-        copy.take(event, message)
-        copy.take(WELCOME, leader.welcome)
-    copy.take(MODEL, second)
-    copy.take(MODEL, first)
+        copy.receive(event, message)
+        copy.receive(WELCOME, leader.welcome)
+    copy.receive(MODEL, second)
+    copy.receive(MODEL, first)
     assert (copy.number, copy.lacking) == (2, False)
     assert listener.next() is not None
     assert listener.next() is None
@@ -125,26 +125,26 @@ def test_where_a_change_is_missing_the_whole_is_asked_for_and_taken(copy: HubCop
     leader = Leader()
     (first, _), (_, missing), (whole, change) = (leader.publish(count) for count in (10, 11, 12))
     assert missing is not None
-    copy.take(MODEL, first)
-    copy.take(CHANGE, change)
+    copy.receive(MODEL, first)
+    copy.receive(CHANGE, change)
     assert (copy.number, copy.lacking) == (1, True)
-    copy.take(MODEL, whole)
+    copy.receive(MODEL, whole)
     assert (copy.number, copy.lacking) == (3, False)
-    assert copy.whole() == whole
+    assert copy.whole_model() == whole
 
 
 def test_a_late_hub_has_the_same_whole_as_one_that_took_every_change(copy: HubCopy) -> None:
     leader = Leader()
     first, _ = leader.publish(10)
-    copy.take(MODEL, first)
+    copy.receive(MODEL, first)
     for count in (12, 13):
         newest, change = leader.publish(count)
-        copy.take(CHANGE, change)
+        copy.receive(CHANGE, change)
     late = HubCopy(Relay(), 20.0)
-    late.take(WELCOME, leader.welcome)
-    late.take(MODEL, copy.whole())
+    late.receive(WELCOME, leader.welcome)
+    late.receive(MODEL, copy.whole_model())
     assert (late.number, late.lacking) == (3, False)
-    assert late.whole() == newest
+    assert late.whole_model() == newest
 
 
 @pytest.mark.parametrize("states_hz", [20.0, 5.0, 3.0])
@@ -160,22 +160,22 @@ def test_states_are_thinned_to_the_rate_that_is_wanted(states_hz: float) -> None
 def test_another_session_begins_anew_and_a_model_of_an_unknown_one_is_not_taken() -> None:
     copy = HubCopy(Relay(), 20.0)
     whole, _ = Leader().publish(10)
-    copy.take(MODEL, whole)
+    copy.receive(MODEL, whole)
     assert (copy.number, copy.lacking) == (0, True)
-    copy.take(WELCOME, Leader().welcome)
+    copy.receive(WELCOME, Leader().welcome)
     assert not copy.lacking
-    copy.take(MODEL, whole)
-    copy.take(WELCOME, Leader("def").welcome)
-    assert (copy.number, copy.session_id, copy.whole()) == (0, "def", None)
+    copy.receive(MODEL, whole)
+    copy.receive(WELCOME, Leader("def").welcome)
+    assert (copy.number, copy.session_id, copy.whole_model()) == (0, "def", None)
 
 
 @pytest.mark.parametrize("message", [None, 7, b"abc", {}, {"session_id": "abc", "number": 3}])
 @pytest.mark.parametrize("event", [MODEL, CHANGE, "state", "nothing"])
 def test_what_makes_no_sense_is_survived(copy: HubCopy, event: str, message: object) -> None:
     first, _ = Leader().publish(10)
-    copy.take(MODEL, first)
-    copy.take(event, message)
-    assert copy.whole() == first
+    copy.receive(MODEL, first)
+    copy.receive(event, message)
+    assert copy.whole_model() == first
 
 
 @pytest.mark.parametrize(
@@ -280,7 +280,7 @@ def test_a_password_of_redis_is_never_printed(secret: str, scheme: str) -> None:
 
 @pytest.mark.parametrize("address", ["javascript:alert(1)", "ftp://host", "", "//host", "data:x"])
 def test_a_hub_whose_address_no_listener_could_open_is_not_heard(address: str) -> None:
-    beat = Beat("a", "http://host:1").as_dict()
-    assert Beat.from_message(beat).address == "http://host:1"
+    beat = Heartbeat("a", "http://host:1").as_dict()
+    assert Heartbeat.from_message(beat).address == "http://host:1"
     with pytest.raises(InputError, match="none of http or https"):
-        Beat.from_message({**beat, "address": address})
+        Heartbeat.from_message({**beat, "address": address})

@@ -20,7 +20,7 @@ from mmt.texture.model.file_arrays import file_arrays
 from mmt_share.difference import apply, digest
 from mmt_share.hub import peers
 from mmt_share.hub.manager import FORBIDDEN, HubManager
-from mmt_share.messages import SHARING_VERSION, About
+from mmt_share.messages import SHARING_VERSION, ModelDescription
 
 pytestmark = needs_redis
 
@@ -38,7 +38,7 @@ def alone(redis: RedisServer, monkeypatch: pytest.MonkeyPatch) -> RedisServer:
     return redis
 
 
-def other_about(count: int) -> About:
+def other_about(count: int) -> ModelDescription:
     """What is said of a model in another session."""
     return replace(about(count), session_id="def")
 
@@ -208,12 +208,12 @@ async def test_a_change_that_redis_loses_is_noticed(
         hubs = [await stack.enter_async_context(serving(leader.url, redis.url)) for _ in range(2)]
         heard = await stack.enter_async_context(listening(hubs[1].url))
         await until(lambda: is_model_of(heard, 10))
-        take = hubs[1].hub.copy.take
-        monkeypatch.setattr(hubs[1].hub.copy, "take", lambda *_: None)
+        take = hubs[1].hub.copy.receive
+        monkeypatch.setattr(hubs[1].hub.copy, "receive", lambda *_: None)
         leader.publish(11)  # and then nothing more: only the beats tell that it was there
         await until(lambda: hubs[0].hub.copy.number == 2)
         await asyncio.sleep(0.2)
-        monkeypatch.setattr(hubs[1].hub.copy, "take", take)
+        monkeypatch.setattr(hubs[1].hub.copy, "receive", take)
         await until(lambda: is_model_of(heard, 11))
 
 
@@ -282,7 +282,7 @@ async def test_a_slow_listener_holds_up_nobody_and_gets_what_is_newest(alone: Re
                 await until(lambda count=count: is_model_of(quick, count))
             assert slow.models == [1]
             listeners[0].next = given  # type: ignore[method-assign]
-            listeners[0].give()
+            listeners[0].send_newest()
             await until(lambda: is_model_of(slow, 13))
             assert slow.models == [1, 4]
 
@@ -329,7 +329,7 @@ async def test_a_channel_that_redis_forbids_is_said_and_the_documented_rules_suf
                 manager.server = socketio.AsyncServer(async_mode="aiohttp")
                 manager.initialize()
             await asyncio.sleep(0.5)
-            await managers[0].tell("beat", {})
+            await managers[0].publish("beat", {})
             await until(lambda: len(heard) == 2)
         else:
             with pytest.raises(MmtError, match=r"forbids this user the channel .*: allow it &mmt"):

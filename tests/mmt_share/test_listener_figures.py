@@ -12,7 +12,7 @@ from sharing_samples import listening, shared, until
 from mmt.core.errors import InputError
 from mmt_share import relay as relay_module
 from mmt_share import server as server_module
-from mmt_share.lag import Have, Lag
+from mmt_share.lag import Lag, ListenerState
 from mmt_share.messages import PING_S, SHARING_VERSION
 from mmt_share.parts.listeners import Listeners
 from mmt_share.relay import Relay
@@ -32,8 +32,8 @@ def test_the_lag_is_that_of_the_way_there_whatever_the_clocks(
         there_ms, back_ms = 40.0 + jitter_ms * rng.random(2) ** 2
         there_ns, back_ns = round(there_ms * MS), round(back_ms * MS)
         true_ms.append(there_ms)
-        have = Have(k, made_ns + there_ns + offset_ns, 0.05 * k)
-        lag.take(have, made_ns, made_ns + there_ns + back_ns)
+        have = ListenerState(k, made_ns + there_ns + offset_ns, 0.05 * k)
+        lag.record_answer(have, made_ns, made_ns + there_ns + back_ns)
         assert (lag.last_ms is None) == (k < 7)
         if lag.last_ms is not None and k > 60:
             assert lag.last_ms == pytest.approx(there_ms, abs=0.1 + 0.1 * jitter_ms)
@@ -49,7 +49,9 @@ def test_a_stall_is_lag_and_moves_no_clock() -> None:
     for k in range(60):
         made_ns = 10**12 + k * 1000 * MS
         there_ns = (4000 if k == 40 else 10) * MS
-        lag.take(Have(1, made_ns + there_ns, float(k)), made_ns, made_ns + there_ns + 10 * MS)
+        lag.record_answer(
+            ListenerState(1, made_ns + there_ns, float(k)), made_ns, made_ns + there_ns + 10 * MS
+        )
         if k >= 7:
             assert lag.last_ms == pytest.approx(4000.0 if k == 40 else 10.0, abs=0.5)
 
@@ -57,7 +59,7 @@ def test_a_stall_is_lag_and_moves_no_clock() -> None:
 def test_a_state_that_is_not_known_gives_no_lag() -> None:
     lag = Lag()
     for k in range(20):
-        lag.take(Have(3, k * MS, 0.0), None, k * MS)
+        lag.record_answer(ListenerState(3, k * MS, 0.0), None, k * MS)
     assert (lag.number, lag.last_ms) == (3, None)
     relay = Relay()
     for k in range(700):
@@ -71,9 +73,9 @@ def test_a_state_that_is_not_known_gives_no_lag() -> None:
 @pytest.mark.parametrize("data", [None, b"", b"x" * 21, 5, {"number": 1}])
 def test_what_is_malformed_is_refused(data: object) -> None:
     with pytest.raises(InputError, match="malformed"):
-        Have.unpack(data)
+        ListenerState.unpack(data)
     with pytest.raises(InputError, match="clock"):
-        Have.unpack(Have(1, -1, 0.0).pack())
+        ListenerState.unpack(ListenerState(1, -1, 0.0).pack())
 
 
 async def test_who_listens_since_when_and_how_far_behind() -> None:
@@ -187,7 +189,7 @@ def test_the_leader_keeps_what_a_person_wants_to_know_at_the_end() -> None:
     for number in range(150):
         for kind, now in (("listener joined", 1), ("listener left", 0)):
             details = {"kind": kind, "listeners": now, "listener": {"id": number}}
-            listeners.take_event(details)
+            listeners.record_event(details)
     sent = {"wholes": 150, "wholes_bytes": 300_000, "skipped": 7}
     figures = {"joined": 150, "sent": sent, "lag_median_ms": 20.0, "lag_most_ms": None}
     listeners.take_figures(figures, 12.5)

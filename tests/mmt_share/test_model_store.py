@@ -84,8 +84,10 @@ def test_only_hashes_name_files(tmp_path: Path, digest: str) -> None:
 )
 def test_who_pushes_must_give_a_name(said: dict[str, Any]) -> None:
     with pytest.raises(InputError):
-        Entry.said(said)
-    assert Entry.said({"name": "\x1b[31m" + 999 * "x"}).name.startswith("\N{REPLACEMENT CHARACTER}")
+        Entry.from_description(said)
+    assert Entry.from_description({"name": "\x1b[31m" + 999 * "x"}).name.startswith(
+        "\N{REPLACEMENT CHARACTER}"
+    )
 
 
 async def test_an_error_is_a_finite_number_and_may_be_nought(tmp_path: Path) -> None:

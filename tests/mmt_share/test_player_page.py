@@ -285,7 +285,7 @@ async def test_a_texture_that_grows_is_taken_over_while_it_is_stroked(
     async with a_player(browser, tmp_path) as (page, server):
         await stroke(page, 0)
         await hears(page, 0.7, 1.3)
-        server.player.use([flat_texture(5.0), *textures()[1:]])
+        server.player.set_models([flat_texture(5.0), *textures()[1:]])
         await hears(page, 4.0, 6.0)
 
 

@@ -46,13 +46,13 @@ async def test_a_model_that_has_grown_is_sent_again_and_one_too_large_is_not(
     async with playing(tmp_path, count=1) as server, visiting(server) as page:
         before = await page.model()
         grown = flat_texture(7.0)
-        server.player.use([grown])
+        server.player.set_models([grown])
         after = await page.model()
         assert after == json.loads(model_json(grown, NAMES[0])) != before
         monkeypatch.setattr("mmt.texture.model.json_form.MOST_ROWS", 3)
         sent = server.player.model_messages
         with pytest.raises(InputError, match="select fewer samples"):
-            server.player.use([flat_texture(1.0)])
+            server.player.set_models([flat_texture(1.0)])
         assert server.player.model_messages is sent
 
 

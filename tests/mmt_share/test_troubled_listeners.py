@@ -9,13 +9,13 @@ import pytest
 from sharing_samples import listening, shared, until
 
 from mmt_lab.sharing.memory import Memory
-from mmt_lab.sharing.troubled import STEADY, Troubled
+from mmt_lab.sharing.troubled import STEADY, TroubledListeners
 
 
 async def test_troubles_disturb_nobody() -> None:
     async with shared() as sharing, listening(sharing.url) as heard:
         sharing.publish(10)
-        troubled = Troubled(sharing.url, 1)
+        troubled = TroubledListeners(sharing.url, 1)
         running = asyncio.create_task(troubled.run(60.0))
         await until(lambda: len(sharing.relay.listeners) >= STEADY + 1)
         await asyncio.gather(*map(troubled.make, ("rubbish", "visits", "vanished")))
@@ -47,6 +47,6 @@ def test_memory_that_grows_is_told(slope_mb_h: float) -> None:
 async def test_trouble_for_nobody_leaves_no_session_open(caplog: pytest.LogCaptureFixture) -> None:
     with socket.socket() as nobody:
         nobody.bind(("127.0.0.1", 0))
-        await Troubled(f"http://127.0.0.1:{nobody.getsockname()[1]}", 1).make("rubbish")
+        await TroubledListeners(f"http://127.0.0.1:{nobody.getsockname()[1]}", 1).make("rubbish")
     gc.collect()
     assert "Unclosed" not in caplog.text

@@ -54,7 +54,7 @@ async def test_a_session_starts_and_stops_by_the_expected_share(tmp_path: Path) 
         assert unpack(seen.opening())["criterion"]["title"] == "expected share"
         course = unpack(seen.growth())["arrays"]["value"]
         assert ((course >= 0.0) & (course <= 1.0)).all()
-        last = unpack(seen.moment(1e9))["completion"]
+        last = unpack(seen.state_at(1e9))["completion"]
         assert last["value"] >= 0.9
         assert (len(last["cells"]), last["advice"]) == (9, None)
     finally:

@@ -74,7 +74,7 @@ async def test_a_handle_is_lost_and_comes_back_elsewhere(
                for sentence in together.leader.health.faults())  # fmt: skip
     await together.until(lambda: len(sent) > since + 100)
     assert {position for _, position in sent[since:]} == {held}
-    await together.until(lambda: emulated.look().motor_n == (0.0, 0.0, 0.0))
+    await together.until(lambda: emulated.tip_state().motor_n == (0.0, 0.0, 0.0))
     emulated.fail(fault, on=False)
     emulated.place((12.0, 6.0, 0.0))
     emulated.hold((12.0, 6.0, 0.0), 1.0)

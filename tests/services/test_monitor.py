@@ -191,7 +191,7 @@ async def test_a_fault_of_the_monitor_does_not_end_the_session(
 
     socket = await browser.look_on(together)
     await until(socket, "live")
-    monkeypatch.setattr(monitor, "look", fail)
+    monkeypatch.setattr(monitor, "publish_changes", fail)
     assert (await until(socket, "end"))["outcome"] == "the monitor has failed"
     ticks = together.leader.ticker.statistics.ticks
     await together.until(lambda: together.leader.ticker.statistics.ticks > ticks)

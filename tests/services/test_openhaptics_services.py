@@ -79,7 +79,7 @@ async def test_arms_that_are_unplugged_while_they_run_come_back_and_the_recordin
     await asyncio.sleep(1.5)
     emulated.unplug()
     await asyncio.sleep(0.5)
-    motors = emulated.look(device=0).motor_n, emulated.look(device=1).motor_n
+    motors = emulated.tip_state(device=0).motor_n, emulated.tip_state(device=1).motor_n
     emulated.plug()
     leader, follower = await running
     assert motors == ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))

@@ -24,7 +24,7 @@ from mmt.scene.files import scene_from_tables
 from mmt.session import read_session, write_session
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.online.modeller import OnlineModeller
-from mmt.texture.online.work import Work
+from mmt.texture.online.updates import UpdateWork
 
 
 def bad_blocks() -> list[RecordArray]:
@@ -51,7 +51,7 @@ async def test_bad_frames_are_counted_and_the_model_never_sees_them(
     seen: list[RecordArray] = []
     segment = OnlineModeller.segment
 
-    def watched(self: OnlineModeller, frames: RecordArray) -> Iterator[Work]:
+    def watched(self: OnlineModeller, frames: RecordArray) -> Iterator[UpdateWork]:
         seen.append(frames)
         return segment(self, frames)
 

@@ -25,7 +25,7 @@ from mmt.testing.simulation.course import CourseChange, SurfaceCourse
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.online.surface_changes import SaidSurface, said_surfaces
+from mmt.texture.online.surface_changes import SurfaceStatement, surface_statements
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt.texture.surfaces.tracking import surface_changes
 
@@ -167,14 +167,14 @@ async def test_a_surface_that_a_person_names_is_rendered_at_once(
 
     recording = tmp_path / "session.mcap"
     recorded = read_session(recording)
-    (word,) = said_surfaces(recorded.events)
+    (word,) = surface_statements(recorded.events)
     assert word.surface == 1
     assert 14_900 < word.sample <= 15_000
     settings = ModellingSettings(surfaces=SurfaceSettings())
     again = surface_changes(recorded.frames, settings, [word])
     assert [(change.kind, change.surface) for change in again] == found
     first = int(recorded.frames["sequence"][0])
-    assert replayed_words(Replay(file=recording)) == [SaidSurface(word.sample - first, 1)]
+    assert replayed_words(Replay(file=recording)) == [SurfaceStatement(word.sample - first, 1)]
     assert replayed_words(Replay(file=tmp_path / "elsewhere.mcap")) == []
     assert replayed_words(Replay(file=recording, gaps="skip")) == []
     attached = [e["surface"] for e in recorded.events if e.get("kind") == "model"]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from frame_samples import made_frames
 
-from mmt.session.importing.modelled import modelled_sentence
+from mmt.session.importing.modelled_share import modelled_sentence
 
 
 @pytest.mark.parametrize(("x", "share"), [(0.0, 0), (1.0, 50), (3.0, 90)])

@@ -372,7 +372,7 @@ def test_neither_scipy_nor_numba_is_imported():
         "import sys, mmt.session, mmt.session.recorder, mmt.session.replay, mmt.session.recover,"
         " mmt.session.info, mmt.session.export_files, mmt.session.importing.recording,"
         " mmt.session.importing.array_file, mmt.session.importing.text_file,"
-        " mmt.session.importing.modelled\n"
+        " mmt.session.importing.modelled_share\n"
         "heavy = {'scipy', 'numba', 'pandas', 'pyarrow', 'h5py', 'matplotlib'}\n"
         "sys.exit(', '.join(heavy & set(sys.modules)) or None)"
     )

@@ -16,7 +16,7 @@ from mmt.texture.completion.uncertainty import (
     CompletionGrid,
     StrokingDensity,
     UncertaintyCriterion,
-    outlook,
+    predict_gains,
 )
 from mmt.texture.field.cells import FieldCells
 from mmt.texture.field.observations import BLOCK_VARIANCE
@@ -89,13 +89,13 @@ def seconds_of(seen: StrokingDensity) -> FloatArray:
 
 
 def share(field: LevelField, grid: CompletionGrid) -> float:
-    return float(outlook(field, grid, np.full(len(grid), 1 / len(grid)))[0].mean())
+    return float(predict_gains(field, grid, np.full(len(grid), 1 / len(grid)))[0].mean())
 
 
 @DIMENSIONS
 def test_strokes_are_wanted_where_the_level_is_least_sure(dimensions):
     grid, field = grid_of(dimensions), field_of(near := strokes(40, dimensions, largest=0.3))
-    right, gain = outlook(field, grid, np.full(len(grid), 1 / len(grid)))
+    right, gain = predict_gains(field, grid, np.full(len(grid), 1 / len(grid)))
     _, deviation_db = field.level_db(grid.points)
     best, worst = int(np.argmax(gain)), int(np.argmin(gain))
     assert deviation_db[best] > deviation_db[worst]
@@ -107,7 +107,7 @@ def test_strokes_are_wanted_where_the_level_is_least_sure(dimensions):
 
 def test_blocks_that_repeat_without_end_stay_finite():
     grid = grid_of(2)
-    right, gain = outlook(
+    right, gain = predict_gains(
         field_of(np.tile([[0.4, 0.5]], (300, 1))), grid, np.full(len(grid), 1 / len(grid))
     )
     assert np.isfinite(gain).all()

@@ -11,7 +11,7 @@ from stream_samples import stroke_frames
 
 from mmt.core.arrays import RecordArray
 from mmt.texture.online.modeller import OnlineModeller
-from mmt.texture.online.surface_changes import SaidSurface
+from mmt.texture.online.surface_changes import SurfaceStatement
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt.texture.signals.faults import SignalFaults
 from mmt.texture.surfaces.modeller import SurfaceModeller
@@ -67,18 +67,18 @@ def test_a_fault_is_told_when_it_begins_and_at_each_doubling(
     said, sentences = SignalFaults(), 0
     for total_s in np.cumsum(parts_s).tolist():
         now = SignalFaults(missing_s=5.0, **{cause: total_s})
-        if now.worth_saying(said):
+        if now.should_report(said):
             said, sentences = now, sentences + 1
         assert getattr(said, cause) > 0.5 * total_s
     assert sentences <= 1 + np.log2(sum(parts_s) / parts_s[0])
 
 
 def test_lost_frames_and_what_was_said_of_the_whole_time_are_not_told_again() -> None:
-    assert not SignalFaults(missing_s=3.0).worth_saying(SignalFaults())
+    assert not SignalFaults(missing_s=3.0).should_report(SignalFaults())
     dead = SignalFaults(constant_s=1.0, throughout=True)
-    assert dead.worth_saying(SignalFaults())
-    assert not SignalFaults(constant_s=9.0, throughout=True).worth_saying(dead)
-    assert SignalFaults(constant_s=9.0, held_s=0.1).worth_saying(dead)
+    assert dead.should_report(SignalFaults())
+    assert not SignalFaults(constant_s=9.0, throughout=True).should_report(dead)
+    assert SignalFaults(constant_s=9.0, held_s=0.1).should_report(dead)
 
 
 def test_an_update_says_what_was_no_measurement_so_far() -> None:
@@ -111,8 +111,8 @@ def test_faults_are_of_the_whole_stream_where_surfaces_are_told_apart() -> None:
     settings = ModellingSettings(surfaces=SurfaceSettings())
     alone = OnlineModeller(ModellingSettings()).update(frames).faults
     modeller = SurfaceModeller(settings, 500)
-    modeller.say(SaidSurface(2000, 2))
-    modeller.say(SaidSurface(4000, 1))
+    modeller.state_surface(SurfaceStatement(2000, 2))
+    modeller.state_surface(SurfaceStatement(4000, 1))
     updates = [modeller.update(part) for part in np.array_split(frames, 12)]
     last = updates[-1]
     assert last is not None

@@ -96,7 +96,7 @@ def covariance_written_out(a, b, h):
 @DIRECTED
 def test_mean_and_deviation_are_those_of_the_formulas_written_out(directed):
     points = scattered(40, directed)
-    cells = FieldCells.of(points, measured(points), in_turn(40))
+    cells = FieldCells.from_blocks(points, measured(points), in_turn(40))
     asked = scattered(5, directed, seed=9)
     field = LevelField(cells)
     found = observed(cells)
@@ -141,7 +141,7 @@ def test_a_field_drawn_from_the_prior_is_recovered_and_its_error_is_as_large_as_
         root = np.linalg.cholesky(prior + 1e-9 * np.eye(len(prior)))
         drawn = root @ random.standard_normal(len(prior)) + at.law
         power = measured(points, seed, level=lambda _, drawn=drawn: drawn[:300])
-        field = LevelField(FieldCells.of(points, power, in_turn(300)))
+        field = LevelField(FieldCells.from_blocks(points, power, in_turn(300)))
         found = field.predict(covariance.coordinates(asked))
         error = found.mean - np.logaddexp(drawn[300:], math.log(field_cells.FELT_POWER))
         squares.append(np.mean(np.square(error / found.deviation)))
@@ -162,13 +162,15 @@ def unsteady(count, variance, seed):
 
 def test_moments_that_scatter_are_found_to_and_those_that_do_not_are_not():
     for variance, low, high in ((0.0, 0.009, 0.04), (0.5, 0.25, 0.75)):
-        found = [observed(FieldCells.of(*unsteady(3000, variance, seed))) for seed in range(8)]
+        found = [
+            observed(FieldCells.from_blocks(*unsteady(3000, variance, seed))) for seed in range(8)
+        ]
         assert low < np.mean([one.moment for one in found]) < high
         assert np.mean([one.block for one in found]) == pytest.approx(BLOCK_VARIANCE, rel=0.2)
 
 
 def test_an_unknown_surface_is_taken_for_a_usual_one_until_it_tells():
-    found = observed(FieldCells.of(scattered(1), np.ones(1), at_once(1)))
+    found = observed(FieldCells.from_blocks(scattered(1), np.ones(1), at_once(1)))
     assert (found.block, found.moment) == pytest.approx((BLOCK_VARIANCE, MOMENT_VARIANCE))
 
 
@@ -176,20 +178,20 @@ def test_moments_that_scatter_make_the_level_unsure_and_it_is_as_wrong_as_stated
     squares, deviations = [], []
     asked = scattered(80, seed=77)
     for seed in range(24):
-        field = LevelField(FieldCells.of(*unsteady(600, 0.5, seed)))
+        field = LevelField(FieldCells.from_blocks(*unsteady(600, 0.5, seed)))
         mean, deviation = field.level_db(asked)
         error = mean - DB * (law(asked) + 0.25)  # the mean power of all moments
         squares.append(np.mean(np.square(error / deviation)))
         deviations.append(deviation.mean())
     assert 0.6 < np.sqrt(np.mean(squares)) < 1.4
-    even = LevelField(FieldCells.of(*unsteady(600, 0.0, 1))).level_db(asked)[1].mean()
+    even = LevelField(FieldCells.from_blocks(*unsteady(600, 0.0, 1))).level_db(asked)[1].mean()
     assert np.mean(deviations) > 1.5 * even
 
 
 @DIRECTED
 def test_a_row_is_predicted_as_if_it_had_not_been_there(directed):
     points = np.repeat(scattered(12, directed), 2, axis=0)
-    cells = FieldCells.of(points, measured(points), in_turn(24))
+    cells = FieldCells.from_blocks(points, measured(points), in_turn(24))
     cell, level = cells.cell_of_row, cells.sums[:, 1] - cells.centres.law[cells.cell_of_row]
     scatter, trust = np.linspace(0.1, 0.3, len(level)), np.linspace(0.2, 1.0, len(level))
     setting = covariance.settings(16, directed=directed)[3]
@@ -219,8 +221,8 @@ def moved_by_a_moment(directed, stroke, off_db, seed):
     spoilt = power.copy()
     spoilt[10 * stroke : 10 * stroke + 6] *= 10.0 ** (off_db / 10.0)
     asked = scattered(100, directed, seed + 1)
-    usual, _ = LevelField(FieldCells.of(points, power, number)).level_db(asked)
-    found, _ = LevelField(FieldCells.of(points, spoilt, number)).level_db(asked)
+    usual, _ = LevelField(FieldCells.from_blocks(points, power, number)).level_db(asked)
+    found, _ = LevelField(FieldCells.from_blocks(points, spoilt, number)).level_db(asked)
     return np.sort(np.abs(found - usual))
 
 
@@ -249,7 +251,7 @@ def test_a_loud_moment_makes_no_texture_unsteady():
     points[10:20] = points[:10]  # a second moment of the same stroke, which is spoilt
     power = measured(points)
     power[10:20] *= 1e6
-    found = observed(FieldCells.of(points, power, np.arange(240)))
+    found = observed(FieldCells.from_blocks(points, power, np.arange(240)))
     assert found.moment < 0.1
 
 
@@ -258,7 +260,7 @@ def test_a_region_that_was_stroked_and_is_silent_is_known_to_be(directed):
     points = np.repeat(scattered(120, directed, seed=4), 10, axis=0)
     slow = np.hypot(*points[:, :-1].T) < 0.3 if directed else points[:, 0] < 0.3
     power = np.where(slow, 0.0, measured(points))
-    field = LevelField(FieldCells.of(points, power, np.arange(len(points))))
+    field = LevelField(FieldCells.from_blocks(points, power, np.arange(len(points))))
     asked = scattered(400, directed, seed=5)
     speed = np.hypot(*asked[:, :-1].T) if directed else asked[:, 0]
     found = field.predict(covariance.coordinates(asked))
@@ -272,7 +274,7 @@ def test_a_region_that_was_stroked_and_is_silent_is_known_to_be(directed):
 @DIRECTED
 def test_a_power_law_is_found_within_the_plane(directed):
     points = scattered(600, directed)
-    field = LevelField(FieldCells.of(points, measured(points), in_turn(600)))
+    field = LevelField(FieldCells.from_blocks(points, measured(points), in_turn(600)))
     asked = scattered(200, directed, seed=5)
     mean, deviation = field.level_db(asked)
     error = mean - DB * law(asked)
@@ -284,7 +286,7 @@ def test_more_blocks_make_it_surer_and_one_is_enough():
     points = scattered(400)
     deviations = [
         LevelField(
-            FieldCells.of(points[:count], measured(points[:count]), in_turn(count))
+            FieldCells.from_blocks(points[:count], measured(points[:count]), in_turn(count))
         ).level_db(np.array([[0.4, 0.4]]))[1][0]
         for count in (1, 20, 400)
     ]
@@ -293,11 +295,11 @@ def test_more_blocks_make_it_surer_and_one_is_enough():
 
 def test_how_blocks_come_changes_no_sum():
     points, power, number = unsteady(500, 0.5, 3)
-    whole = FieldCells.of(points, power, number)
-    parts = FieldCells.of(points[:0], power[:0], number[:0])
+    whole = FieldCells.from_blocks(points, power, number)
+    parts = FieldCells.from_blocks(points[:0], power[:0], number[:0])
     for start in range(0, 500, 70):
         part = slice(start, start + 70)
-        parts = parts.joined(FieldCells.of(points[part], power[part], number[part]))
+        parts = parts.joined(FieldCells.from_blocks(points[part], power[part], number[part]))
     np.testing.assert_array_equal(parts.keys, whole.keys)
     np.testing.assert_allclose(parts.sums, whole.sums, rtol=1e-9, atol=1e-12)
 
@@ -305,10 +307,10 @@ def test_how_blocks_come_changes_no_sum():
 def test_if_there_are_too_many_moments_they_are_made_longer(monkeypatch):
     monkeypatch.setattr(field_cells, "LARGEST", 1000)
     points = scattered(2000)
-    cells = FieldCells.of(points, measured(points), in_turn(2000))
+    cells = FieldCells.from_blocks(points, measured(points), in_turn(2000))
     assert cells.moment_blocks > field_cells.MOMENT_BLOCKS
     assert cells.sums[:, 0].sum() == 2000
-    fine = FieldCells.of(points[:10], measured(points[:10]), in_turn(10))
+    fine = FieldCells.from_blocks(points[:10], measured(points[:10]), in_turn(10))
     assert fine.joined(cells).sums[:, 0].sum() == 2010
     assert fine.joined(cells).moment_blocks == cells.moment_blocks
 
@@ -318,7 +320,7 @@ def test_if_there_are_too_many_moments_they_are_made_longer(monkeypatch):
     [("sums", np.nan), ("sums", 0.0), ("keys", -5), ("moment_blocks", 0)],
 )
 def test_sums_that_no_blocks_have_are_refused(name, value):
-    cells = FieldCells.of(scattered(3), np.ones(3), in_turn(3))
+    cells = FieldCells.from_blocks(scattered(3), np.ones(3), in_turn(3))
     spoilt = value if name == "moment_blocks" else np.full_like(getattr(cells, name), value)
     with pytest.raises(InputError, match="field's blocks"):
         replace(cells, **{name: spoilt}).check()
@@ -368,13 +370,13 @@ def test_a_rough_level_is_as_wrong_as_stated_and_a_power_law_is_known_better():
     for seed in range(16):
         points = np.repeat(scattered(60, seed=seed), 10, axis=0)  # half a second of each stroke
         number = np.arange(600)
-        field = LevelField(FieldCells.of(points, measured(points, seed, rough), number))
+        field = LevelField(FieldCells.from_blocks(points, measured(points, seed, rough), number))
         found = field.predict(covariance.coordinates(asked))
         error = found.mean - rough(asked)
         squares.append(np.mean(np.square(error / found.deviation)))
         expected.append(found.within(JND_DB / DB).mean())
         right.append(np.mean(np.abs(error) <= JND_DB / DB))
-        field = LevelField(FieldCells.of(points, measured(points, seed), number))
+        field = LevelField(FieldCells.from_blocks(points, measured(points, seed), number))
         smooth.append(field.predict(covariance.coordinates(asked)).within(JND_DB / DB).mean())
     assert 0.8 < np.sqrt(np.mean(squares)) < 1.25
     assert np.mean(expected) == pytest.approx(np.mean(right), abs=0.12)
@@ -446,7 +448,9 @@ def test_whatever_is_felt_the_level_is_finite_and_not_negative(
     random = np.random.default_rng(seed)
     power = 10.0 ** (exponent + spread * random.uniform(-1.0, 1.0, count))
     power[random.random(count) < 0.2] = 0.0
-    felt = FieldCells.of(points, power, random.integers(0, 10**6, count)) if blocks else None
+    felt = (
+        FieldCells.from_blocks(points, power, random.integers(0, 10**6, count)) if blocks else None
+    )
     samples = samples_of(points, power, np.full(count, effective))
     model = TextureModel(samples, field=felt)
     asked = np.vstack([scattered(50, directed, seed + 1), np.zeros((1, points.shape[1]))])
@@ -467,7 +471,7 @@ def test_whatever_is_felt_the_level_is_finite_and_not_negative(
 def test_a_saved_model_has_the_same_level_when_it_is_loaded(directed, tmp_path: Path):
     points = scattered(60, directed)
     samples = samples_of(points[:20], measured(points)[:20], np.full(20, 80.0))
-    for felt in (None, FieldCells.of(points, measured(points), in_turn(60))):
+    for felt in (None, FieldCells.from_blocks(points, measured(points), in_turn(60))):
         model = TextureModel(samples, field=felt)
         model.save(tmp_path / "model.npz")
         loaded = TextureModel.load(tmp_path / "model.npz")
@@ -478,7 +482,7 @@ def test_a_saved_model_has_the_same_level_when_it_is_loaded(directed, tmp_path: 
 def test_a_file_whose_blocks_are_spoilt_is_refused_in_words(tmp_path: Path):
     points = scattered(10)
     model = model_of(points, measured(points))
-    felt = FieldCells.of(points, measured(points), in_turn(10))
+    felt = FieldCells.from_blocks(points, measured(points), in_turn(10))
     TextureModel(model.samples, field=felt).save(tmp_path / "a.npz")
     with np.load(tmp_path / "a.npz") as file:
         content = dict(file)

@@ -112,7 +112,7 @@ def test_blocks_get_back_what_the_nearest_filter_says():
     inputs = np.array([[60.0, 0.5], [200.0, 2.0]])
     lsf = reflection_to_lsf(np.vstack([SLOW, FLAT]))
     samples = TextureSamples(inputs, lsf, np.ones(2), np.ones(2))
-    cells = FieldCells.of(samples.points, np.array([2.0, 5.0]), np.array([0, 10]))
+    cells = FieldCells.from_blocks(samples.points, np.array([2.0, 5.0]), np.array([0, 10]))
     plain = LevelField(cells)
     model = TextureModel(samples, field=cells)
     more_db = model.level_db(*inputs.T)[0] - plain.level_db(samples.points)[0]

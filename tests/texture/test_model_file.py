@@ -115,7 +115,7 @@ def test_a_file_of_parts_is_read_as_the_method_that_comes_nearest(
 
 def test_blocks_of_a_file_are_used_with_smoothed_spectra_alone() -> None:
     samples = make_samples(ISOTROPIC, 30)
-    cells = FieldCells.of(samples.points, samples.power, np.arange(30))
+    cells = FieldCells.from_blocks(samples.points, samples.power, np.arange(30))
     data = TextureModel(samples, field=cells).to_bytes()
     parts = {"interpolate": np.array("power"), "interpolator": np.array("delaunay")}
     for shape, used in (("smoothed", True), ("measured", False)):

@@ -16,7 +16,7 @@ from mmt.texture.completion.distance import distance_sum
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import build, stream_blocks
 from mmt.texture.online.modeller import OnlineModeller
-from mmt.texture.online.work import ModelUpdate
+from mmt.texture.online.updates import ModelUpdate
 from mmt.texture.segmentation.segments import SampleRange
 from mmt.texture.settings import Method, ModellingSettings
 

@@ -43,7 +43,7 @@ def test_the_level_is_that_of_the_texture_without_the_noise():
     points = random.uniform(0.1, 0.9, (800, 2))
     texture = points[:, 0] * points[:, 1] ** 0.7
     power = (texture + 0.1) * random.chisquare(13.0, 800) / 13.0
-    cells = FieldCells.of(points, power, 10 * np.arange(800))
+    cells = FieldCells.from_blocks(points, power, 10 * np.arange(800))
     asked = random.uniform(0.3, 0.85, (40, 2))
     true = 10 * np.log10(asked[:, 0] * asked[:, 1] ** 0.7)
     with_noise, _ = LevelField(cells).level_db(asked)
@@ -54,6 +54,6 @@ def test_the_level_is_that_of_the_texture_without_the_noise():
 
 def test_a_power_below_the_noise_still_has_a_level():
     points = np.array([[0.5, 0.5], [0.6, 0.6]])
-    cells = FieldCells.of(points, np.array([0.1, 1.0]), 10 * np.arange(2))
+    cells = FieldCells.from_blocks(points, np.array([0.1, 1.0]), 10 * np.arange(2))
     field = LevelField(cells, noise_power=0.5)
     assert np.isfinite(field.level_db(np.array([[0.5, 0.5]]))).all()

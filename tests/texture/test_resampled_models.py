@@ -76,7 +76,7 @@ def test_only_the_power_within_the_band_goes_down_in_samples_and_blocks():
     slow, fast = np.array([[-0.99, 0.9]]), np.array([[0.9, 0.5]])  # most power below, and above
     lsf = reflection_to_lsf(np.vstack([slow, fast]))
     samples = TextureSamples(inputs, lsf, np.ones(2), np.full(2, 3.0), noise_power=0.1)
-    cells = FieldCells.of(samples.points, np.full(2, 3.0), np.array([0, 10]))
+    cells = FieldCells.from_blocks(samples.points, np.full(2, 3.0), np.array([0, 10]))
     other = TextureModel(samples, field=cells, rate_hz=10_000.0).at_rate(1000.0)
     left = other.samples.power / 3.0
     assert left[0] > 0.9

@@ -15,8 +15,8 @@ from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.completion.distance import CompletionMonitor
 from mmt.texture.online.modeller import OnlineModeller
-from mmt.texture.online.surface_changes import SaidSurface, SurfaceChange, said_surfaces
-from mmt.texture.online.work import ModelUpdate
+from mmt.texture.online.surface_changes import SurfaceChange, SurfaceStatement, surface_statements
+from mmt.texture.online.updates import ModelUpdate
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt.texture.signals.faults import SignalFaults
 from mmt.texture.surfaces import modeller as modelling
@@ -97,14 +97,14 @@ def test_each_model_is_made_of_the_frames_of_its_surface_alone(
     models = modeller.models()
     parts = [frames[:1000], frames[1000:2000], frames[2000:3000], frames[3000:4000]]
     first = alone(*parts, frames[4000:4050])
-    first.forget(4050)
+    first.remove_after(4050)
     for part in (frames[8250:8600], frames[8600:9600], frames[9600:10_600], frames[10_600:11_600]):
         first.update(part)
     assert first.model is not None
     np.testing.assert_array_equal(models[1].samples.power, first.model.samples.power)
     cuts = [4050, 4300, 5300, 6300, 7300, 8250]
     second = alone(*(frames[a:b] for a, b in pairwise(cuts)))
-    second.forget(8250)
+    second.remove_after(8250)
     assert second.model is not None
     np.testing.assert_array_equal(models[2].samples.power, second.model.samples.power)
     np.testing.assert_array_equal(models[2].samples.inputs, second.model.samples.inputs)
@@ -209,7 +209,7 @@ def over_two() -> RecordArray:
 
 
 def test_each_change_opens_a_model_of_the_frames_of_one_surface(over_two: RecordArray) -> None:
-    under = OVER_TWO.along(over_two["force_n"][:, 2].astype(float))
+    under = OVER_TWO.places_by_frame(over_two["force_n"][:, 2].astype(float))
     edges = (np.flatnonzero(np.diff(under)) + 1).tolist()
     modeller = SurfaceModeller(SETTINGS, 1000)
     found = [c for u in updates(modeller, over_two) for c in u.changes]
@@ -226,7 +226,7 @@ def test_a_person_says_that_the_new_surface_is_one_met_before(over_two: RecordAr
     powers = []
     for look in (50, 170, 1000):
         modeller = SurfaceModeller(SETTINGS, 1000)
-        modeller.say(SaidSurface(16_000, 1))
+        modeller.state_surface(SurfaceStatement(16_000, 1))
         found = [c for u in updates(modeller, over_two, look) for c in u.changes]
         assert [(c.kind, c.surface) for c in found] == [("new", 2), ("new", 3), ("identified", 1)]
         assert found[2].from_sample == found[1].from_sample
@@ -239,20 +239,25 @@ def test_a_person_says_that_the_new_surface_is_one_met_before(over_two: RecordAr
 
 def test_what_a_person_says_is_found_again_in_the_events(over_two: RecordArray) -> None:
     modeller = SurfaceModeller(SETTINGS, 1000)
-    modeller.say(SaidSurface(13_500, 1))
+    modeller.state_surface(SurfaceStatement(13_500, 1))
     found = [c for u in updates(modeller, over_two) for c in u.changes]
-    said = said_surfaces([*({"kind": c.kind} | asdict(c) for c in found), {"event": "mark"}])
-    assert said == [SaidSurface(13_500, 1)]
+    said = surface_statements([*({"kind": c.kind} | asdict(c) for c in found), {"event": "mark"}])
+    assert said == [SurfaceStatement(13_500, 1)]
     assert list(surface_changes(over_two, SETTINGS, said)) == found
 
 
-def tracked(frames: RecordArray, *said: SaidSurface) -> list[tuple[str, int, int, int]]:
+def tracked(frames: RecordArray, *said: SurfaceStatement) -> list[tuple[str, int, int, int]]:
     changes = surface_changes(frames, SETTINGS, said)
     return [(c.kind, c.before, c.surface, c.from_sample) for c in changes]
 
 
 def test_a_word_long_after_a_change_is_a_change_of_its_own(frames: RecordArray) -> None:
-    words = [SaidSurface(2000, 2), SaidSurface(4000, 1), SaidSurface(4000, 1), SaidSurface(6000, 7)]
+    words = [
+        SurfaceStatement(2000, 2),
+        SurfaceStatement(4000, 1),
+        SurfaceStatement(4000, 1),
+        SurfaceStatement(6000, 7),
+    ]
     assert tracked(frames, *words) == [
         ("new", 1, 2, 2000),
         ("recalled", 2, 1, 4000),
@@ -263,14 +268,14 @@ def test_a_word_long_after_a_change_is_a_change_of_its_own(frames: RecordArray) 
 def test_a_word_is_about_the_surface_since_the_detected_change(over_two: RecordArray) -> None:
     first, second = tracked(over_two)
     (found, *_) = surface_changes(over_two, SETTINGS)
-    in_time = SaidSurface(found.at_sample + 200, 1)  # the filters delay what is found
+    in_time = SurfaceStatement(found.at_sample + 200, 1)  # the filters delay what is found
     merged = tracked(over_two[: found.at_sample + 300], in_time)
     assert merged == [first, ("identified", 2, 1, first[3])]
     named = round(NAMED_S * SETTINGS.rate_hz)
     longer = np.concatenate([over_two[:12_000], over_two[6500:12_000]])
     longer["sequence"] = np.arange(len(longer))
     longer["time_ns"] = 1_000_000 * np.arange(len(longer))
-    late = SaidSurface(found.at_sample + named + 1, 1)
+    late = SurfaceStatement(found.at_sample + named + 1, 1)
     assert tracked(longer, late)[-1][0] == "recalled"
     assert second[0] == "new"
 
@@ -279,7 +284,7 @@ def test_the_surface_left_longest_ago_is_dropped(frames: RecordArray) -> None:
     settings = replace(SETTINGS, surfaces=SurfaceSettings(most=2))
     modeller = SurfaceModeller(settings, 1000)
     for sample, surface in ((3000, 2), (6000, 1), (9000, 3)):
-        modeller.say(SaidSurface(sample, surface))
+        modeller.state_surface(SurfaceStatement(sample, surface))
     list(updates(modeller, frames))
     assert sorted(modeller.models()) == [1, 3]
 

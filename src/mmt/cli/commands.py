@@ -6,7 +6,7 @@ from typing import Any, Final
 import typer
 from typer.core import TyperGroup
 
-from mmt.cli.plain_help import made_plain
+from mmt.cli.plain_help import simplify_help
 from mmt.core.errors import InputError
 from mmt.core.plugins import load, offered
 
@@ -31,13 +31,13 @@ class Commands(TyperGroup):
         added = self._added()
         if cmd_name not in added:
             own = super().get_command(ctx, cmd_name)
-            return None if own is None else made_plain(own)
+            return None if own is None else simplify_help(own)
         target = _load(added[cmd_name])
         if not isinstance(target, typer.Typer):
             alone = typer.Typer(add_completion=False)
             alone.command(cmd_name)(target)
             target = alone
-        command = made_plain(typer.main.get_command(target))
+        command = simplify_help(typer.main.get_command(target))
         command.name = cmd_name
         if isinstance(command, Commands):
             command.prefix = f"{self.prefix}{cmd_name}."

@@ -15,11 +15,11 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from mmt.cli.plain_help import made_plain
+from mmt.cli.plain_help import simplify_help
 from mmt.core.end_signals import on_end_signal, restoring_end_signals
 from mmt.core.errors import InputError, MmtError
 from mmt.core.existing_files import free_folder, write_file
-from mmt.core.extras import requiring
+from mmt.core.extras import optional_import
 from mmt.core.inventory import Inventory
 from mmt.core.labels import label
 from mmt.core.printable import printable
@@ -77,8 +77,8 @@ def run_app(app: typer.Typer, program: str) -> None:
         Name of the program in the help.
     """
     try:
-        with requiring():
-            made_plain(typer.main.get_command(app))(prog_name=program)
+        with optional_import():
+            simplify_help(typer.main.get_command(app))(prog_name=program)
     except MmtError as error:
         print_error(str(error))
         sys.exit(error.exit_code)

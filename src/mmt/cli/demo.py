@@ -22,9 +22,9 @@ from mmt.cli.common import (
     write_json,
 )
 from mmt.cli.emulated_pair import SceneFiles, coil_log, hand_log, pair_named, write_emulated
-from mmt.cli.ending import print_ending, typed
-from mmt.cli.guests import invite, with_flags
+from mmt.cli.ending import command_text, print_ending
 from mmt.cli.scene_services import DemoRun, run_services
+from mmt.cli.side_services import create_side_services, with_flags
 from mmt.core.end_signals import on_end_signal
 from mmt.core.errors import InputError, MmtError
 from mmt.core.existing_files import free_folder
@@ -98,7 +98,7 @@ def demo(
         require("matplotlib")
     _check(scene, output_directory)
     having = [flag for flag in added_flags("demo") if {*flag.tables} <= {*scene.added}]
-    guests = invite(having, scene)
+    side_services = create_side_services(having, scene)
     queue_output()
     on_end_signal(_end)
     try:
@@ -109,21 +109,21 @@ def demo(
                 duration,
                 replay,
                 realtime=realtime,
-                guests=guests,
+                side_services=side_services,
                 follower_file=None if pair is None else pair.follower,
                 verbose=verbose,
                 shows_monitor=sys.stderr.isatty(),
             )
         )
         _report(run, output_directory, recording, pair, json_file, verbose=verbose, play=monitor)
-        for guest in guests if not run.interrupted else ():
-            if guest.lasting is not None:
+        for service in side_services if not run.interrupted else ():
+            if service.after_session is not None:
                 with suppress(KeyboardInterrupt):
-                    messages.print(f"until Ctrl-C {guest.lasting}", highlight=False)
-                    guest.wait()
+                    messages.print(f"until Ctrl-C {service.after_session}", highlight=False)
+                    service.wait()
     finally:
-        for guest in guests:
-            guest.close()
+        for service in side_services:
+            service.close()
 
 
 def _end() -> None:
@@ -169,7 +169,7 @@ def _report(
     if run.leader or run.follower:
         print_ending("mmt demo", run.tables(), content.get("evaluation"), report)
     if play and model is not None and "play" in offered(COMMANDS):
-        output.print(f"stroke it yourself:  {typed('mmt', 'play', model)}", highlight=False)
+        output.print(f"stroke it yourself:  {command_text('mmt', 'play', model)}", highlight=False)
     with noting(problems):
         write_json(json_file, content)
     raise_problems([*problems, *map(MmtError, run.errors)])

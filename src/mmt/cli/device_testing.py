@@ -29,7 +29,7 @@ class NamedDevice(NamedTuple):
         return f"{ROLE_NAMES[self.role] if self.role else 'device'} ({self.driver})"
 
 
-def try_all(
+def observe_all(
     devices: list[NamedDevice], duration_s: float, *, calibrate: bool, json_file: Path | None
 ) -> bool:
     """Observe devices one after the other, show the results, return whether all are good."""

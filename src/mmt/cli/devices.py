@@ -55,10 +55,10 @@ def try_devices(
     json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
 ) -> None:
     """Read devices and show values, rates, jitter and faults; nothing moves or sounds."""
-    from mmt.cli.device_testing import devices_named, try_all
+    from mmt.cli.device_testing import devices_named, observe_all
 
     devices = devices_named(what, role, settings or [])
-    if not try_all(devices, duration, calibrate=calibrate, json_file=json_file):
+    if not observe_all(devices, duration, calibrate=calibrate, json_file=json_file):
         raise typer.Exit(1)
 
 

@@ -68,7 +68,7 @@ def ending_lines(
     steps = [] if report is None else [_to_open(report)]
     if recording.get("file"):
         verb = "recover" if recording.get("error") else "view"
-        steps.append(typed("mmt", "session", verb, recording["file"]))
+        steps.append(command_text("mmt", "session", verb, recording["file"]))
     return lines + [Text.assemble(("next:", "bold"), f"  {step}") for step in steps]
 
 
@@ -97,7 +97,7 @@ def _rows(parts: tuple[str, ...], width: int) -> Iterator[str]:
     yield row
 
 
-def typed(program: str, *arguments: object) -> str:
+def command_text(program: str, *arguments: object) -> str:
     """Return a command for the user to type.
 
     The program is named by its path if the shell would not find this installation's program, as

@@ -107,7 +107,7 @@ def compare(
     found = compare_reports(left, right)
     for table in found.answers:
         output.print(as_rich(table))
-    for sentence in [*found.alone, f"{found.verdict} --report DIR shows them all."]:
+    for sentence in [*found.missing_parts, f"{found.verdict} --report DIR shows them all."]:
         output.print(sentence, highlight=False)
     write_json(json_file, found.as_dict())
     if report is not None:

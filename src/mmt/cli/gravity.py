@@ -103,7 +103,7 @@ def _rest(sensor: Adxl335, up: Up, duration_s: float) -> Rest | None:
         answer = typer.prompt(f"{up[1]} points {where}", default="", show_default=False, err=True)
         if str(answer).strip().lower() == _SKIP:
             return None
-        rest = sensor.rest(up, duration_s)
+        rest = sensor.measure_rest(up, duration_s)
         try:
             check_still(rest, sensor.supply_v)
         except InputError as error:

@@ -178,7 +178,7 @@ def import_file(
 ) -> None:
     """Import a recording at any rate: a table, arrays, a ROS bag or a LeRobot data set."""
     from mmt.session import export_session
-    from mmt.session.importing.modelled import modelled_sentence
+    from mmt.session.importing.modelled_share import modelled_sentence
     from mmt.session.importing.recording import import_recording
 
     options = _options(locals())
@@ -187,8 +187,8 @@ def import_file(
     export_session(session, target)
     print_report(", ".join(source.name for source in sources), report)
     rates = [c.rate_hz for c in report.channels if c.channel == "acceleration"]
-    if rates and (said := modelled_sentence(session.frames, rates[0])):
-        output.print(said, highlight=False, soft_wrap=True)
+    if rates and (sentence := modelled_sentence(session.frames, rates[0])):
+        output.print(sentence, highlight=False, soft_wrap=True)
     messages.print(f"{len(session.frames)} frames written to {target}", highlight=False)
     found = {**asdict(report), "told": sorted(report.told)}
     write_json(json_file, {"frames": len(session.frames), **found})

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from mmt.cli.common import MODEL_NAME, OPTIONS, Force, run_app, write_line
-from mmt.cli.guests import StayingGuest, invite, with_flags
 from mmt.cli.service import (
     JsonFile,
     JsonLines,
@@ -24,6 +23,7 @@ from mmt.cli.service import (
     Verbose,
     Version,
 )
+from mmt.cli.side_services import LastingSideService, create_side_services, with_flags
 from mmt.core.errors import InputError
 from mmt.core.existing_files import free_folder
 from mmt.core.extras import require
@@ -90,14 +90,14 @@ def leader(
         tables=[*(["monitor"] if monitor else []), *tables_of(flags)],
         options=OPTIONS,
     )
-    guests = invite(flags, scene, terminal=not json_lines)
+    side_services = create_side_services(flags, scene, terminal=not json_lines)
     if report is not None and scene.recording is None:
         raise InputError("--report needs a recording: give --record FILE or add [recording]")
     if report is not None:
         require("matplotlib")
         report = report if force else free_folder(report, MODEL_NAME)
     options = ServiceOptions(json_file, json_lines, log, log_level, realtime, verbose)
-    LeaderRun(scene, options, report, guests).run()
+    LeaderRun(scene, options, report, side_services).run()
 
 
 class LeaderRun(ServiceRun["Leader"]):
@@ -111,8 +111,8 @@ class LeaderRun(ServiceRun["Leader"]):
         Options of the command line.
     report
         Directory for a report of the recording, or None.
-    guests
-        Guests, which start at events of the leader.
+    side_services
+        Side services, which start at events of the leader.
     """
 
     def __init__(
@@ -120,13 +120,13 @@ class LeaderRun(ServiceRun["Leader"]):
         scene: Scene,
         options: ServiceOptions,
         report: Path | None,
-        guests: Sequence[StayingGuest] = (),
+        side_services: Sequence[LastingSideService] = (),
     ) -> None:
         super().__init__("leader", scene, options)
         self._report = report
-        self._guests = guests
+        self._side_services = side_services
         self._entering: list[asyncio.Task[None]] = []
-        self._modelling = ModellingProcess.of(scene)
+        self._modelling = ModellingProcess.from_scene(scene)
 
     def run(self) -> None:
         """Compile the numerics if needed, and run the leader; see `ServiceRun.run`."""
@@ -142,8 +142,8 @@ class LeaderRun(ServiceRun["Leader"]):
         finally:
             if self._modelling is not None:
                 self._modelling.close()
-            for guest in self._guests:
-                guest.close()
+            for service in self._side_services:
+                service.close()
 
     def build(self, logs: Logs) -> "Leader":
         """Return the leader."""
@@ -175,9 +175,9 @@ class LeaderRun(ServiceRun["Leader"]):
             return
         link = self.scene.link
         where = f"{link.host}:{service.port}" if link is not None else "no link"
-        self.line.say(f"ready after {ready_s} s: {where}")
+        self.line.print_line(f"ready after {ready_s} s: {where}")
         if self.scene.monitor is not None and link is not None:
-            self.line.say(f"monitor:  {link.url(service.port)}/monitor/")
+            self.line.print_line(f"monitor:  {link.url(service.port)}/monitor/")
 
     def on_status(self, status: LeaderStatus) -> None:
         """Report progress: a JSON line, or the status line of the terminal."""
@@ -187,15 +187,15 @@ class LeaderRun(ServiceRun["Leader"]):
             write_line("status", **status.as_dict())
 
     def on_event(self, sentence: str) -> None:
-        """Report an event, and start guests that wait for it."""
+        """Report an event, and start the side services that wait for it."""
         super().on_event(sentence)
-        for guest in self._guests:
-            entering = guest.entering(sentence)
+        for service in self._side_services:
+            entering = service.start_on_event(sentence)
             if entering is not None:
                 loop = asyncio.get_running_loop()
-                self._entering.append(loop.create_task(self._let_in(entering)))
+                self._entering.append(loop.create_task(self._start_side_service(entering)))
 
-    async def _let_in(self, entering: Coroutine[Any, Any, str]) -> None:
+    async def _start_side_service(self, entering: Coroutine[Any, Any, str]) -> None:
         self.on_event(await entering)
 
     @property

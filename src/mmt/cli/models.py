@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from mmt.session.stream import Recording
     from mmt.texture.model.texture_model import TextureModel
     from mmt.texture.online.history import ModelHistory
-    from mmt.texture.online.work import ModelUpdate
+    from mmt.texture.online.updates import ModelUpdate
     from mmt.texture.settings import ModellingSettings
 
 SUFFIX = ".npz"
@@ -72,7 +72,7 @@ def build_model(
     messages.print(f"model: {target}", highlight=False)
 
 
-class Built(NamedTuple):
+class ModelBuild(NamedTuple):
     """A model built from recordings, the update that it belongs to, and all updates."""
 
     model: "TextureModel"
@@ -86,7 +86,7 @@ def built(
     surface: int | None = None,
     *,
     whole: bool = False,
-) -> Built:
+) -> ModelBuild:
     """Build the model of recordings as the live leader does, up to the stop criterion.
 
     Parameters
@@ -123,7 +123,7 @@ def built(
         named = ", ".join(str(each.path) for each in recordings)
         remark = _remark(recordings[0], settings)
         raise MmtError(f"session {named}: too few steady strokes. {remark}")
-    return Built(model, history.updates[number], history)
+    return ModelBuild(model, history.updates[number], history)
 
 
 @app.command()
@@ -225,7 +225,7 @@ def _remark(recording: "Recording", settings: "ModellingSettings") -> str:
     from mmt.evaluation.strokes_made import StrokesMade
     from mmt.session.stream import blocks_of
 
-    strokes = StrokesMade.of(blocks_of(recording), settings)
+    strokes = StrokesMade.from_frames(blocks_of(recording), settings)
     return coverage(strokes, np.empty((0, 2)), settings, stopped=False).remark
 
 

@@ -19,7 +19,7 @@ _WORDS: Final = {
 _VALUES: Final = {"true", "false", "yes", "no", "on", "off"}
 
 
-def made_plain(command: Any) -> Any:
+def simplify_help(command: Any) -> Any:
     """Simplify the help of a typer command and its error for ``--switch true``; return it."""
     if "get_params" in vars(command):
         return command  # already done
@@ -39,7 +39,7 @@ def made_plain(command: Any) -> Any:
 
     command.get_params, command.parse_args = plain_params, explaining_parse
     for each in getattr(command, "commands", {}).values():
-        made_plain(each)
+        simplify_help(each)
     return command
 
 

@@ -11,7 +11,7 @@ from rich.console import Console
 from mmt.cli.browser import open_page
 from mmt.cli.child import Child
 from mmt.cli.common import messages, stopping_on_signals
-from mmt.cli.guests import Guest
+from mmt.cli.side_services import SideService
 from mmt.cli.status_line import StatusLine
 from mmt.scene import Scene
 from mmt.scene.added import added_flags
@@ -53,7 +53,7 @@ async def run_services(
     console: Console = messages,
     environment: Mapping[str, str] | None = None,
     realtime: bool = False,
-    guests: Sequence[Guest] = (),
+    side_services: Sequence[SideService] = (),
     on_link: Callable[[str], None] = lambda _: None,
     follower_file: Path | None = None,
     verbose: bool = False,
@@ -73,8 +73,8 @@ async def run_services(
         Environment of the processes; None for this process's environment.
     realtime
         Whether the services tick by real-time scheduling.
-    guests
-        Guests, which start at events of the leader.
+    side_services
+        Side services, which start at events of the leader.
     on_link
         Called with the URL of the leader's link when the leader listens.
     follower_file
@@ -92,7 +92,7 @@ async def run_services(
         [str(scene_file), *shared, *_leader_options(scene, duration_s)],
         [str(follower_file or scene_file), *shared],
         environment,
-        guests,
+        side_services,
         on_link,
         StatusLine(console),
         verbose=verbose,
@@ -107,7 +107,7 @@ def _leader_options(scene: Scene, duration_s: float | None) -> list[str]:
     if scene.monitor is not None:
         options += ["--monitor"]
     for flag in added_flags("leader"):
-        if not flag.guest and {*flag.tables} <= {*scene.added}:
+        if not flag.side_service and {*flag.tables} <= {*scene.added}:
             options += [flag.name]
     if scene.recording is not None:
         options += ["--record", str(scene.recording.file)]
@@ -122,13 +122,13 @@ class _Services:
     leader_arguments: list[str]
     follower_arguments: list[str]
     environment: Mapping[str, str] | None
-    guests: Sequence[Guest]
+    side_services: Sequence[SideService]
     on_link: Callable[[str], None]
     line: StatusLine
     verbose: bool
     shows_monitor: bool
     found: DemoRun = field(default_factory=DemoRun)
-    entering: list[asyncio.Task[None]] = field(default_factory=list)
+    starting: list[asyncio.Task[None]] = field(default_factory=list)
     children: list[Child] = field(default_factory=list)
     begun: bool = False
     page_until_s: float = 0.0
@@ -139,12 +139,12 @@ class _Services:
                 self.line.show({}, "starting")
                 leader = await self._start("leader", self.leader_arguments)
                 await self._watch_leader(leader)
-                if self.entering and not self.found.interrupted:
-                    # on a busy machine, guests may be ready only after a short session
-                    await asyncio.wait(self.entering, timeout=_LAST_SECONDS)
+                if self.starting and not self.found.interrupted:
+                    # on a busy machine, these may be ready only after a short session
+                    await asyncio.wait(self.starting, timeout=_LAST_SECONDS)
             finally:
                 self.line.clear()
-                for entering in self.entering:
+                for entering in self.starting:
                     entering.cancel()
                 await asyncio.gather(*(child.kill() for child in self.children))
         return self.found
@@ -155,7 +155,7 @@ class _Services:
             "mmt.cli.child",
             [name, *arguments],
             self.environment,
-            lambda sentence: self.line.say(f"{name}: {sentence}"),
+            lambda sentence: self.line.print_line(f"{name}: {sentence}"),
         )
         self.children.append(child)
         if self.found.interrupted:
@@ -177,7 +177,7 @@ class _Services:
                 url = self.scene.link.url(line["port"])
                 self.on_link(url)
                 if self.scene.monitor is not None:
-                    self.line.say(f"monitor: {url}/monitor/")
+                    self.line.print_line(f"monitor: {url}/monitor/")
                     if self.shows_monitor and open_page(f"{url}/monitor/"):
                         self.page_until_s = leader.age_s + _LONGEST_OPENING_S
             if url and follower is None and not self._awaits_page(leader, line):
@@ -201,7 +201,7 @@ class _Services:
         async for line in follower.lines():
             self._take(follower, line)
             if line["kind"] == "event" and self.verbose:
-                self.line.say(f"follower: {line['event']}")
+                self.line.print_line(f"follower: {line['event']}")
             elif line["kind"] == "summary":
                 self.found.follower = {key: v for key, v in line.items() if key != "kind"}
         if await self._note_end(follower) != 0:
@@ -220,8 +220,8 @@ class _Services:
         elif line["kind"] == "inventory":
             self.found.inventories[child.name] = {k: v for k, v in line.items() if k != "kind"}
 
-    async def _let_in(self, entering: Coroutine[Any, Any, str]) -> None:
-        self.line.say(await entering)
+    async def _start_side_service(self, entering: Coroutine[Any, Any, str]) -> None:
+        self.line.print_line(await entering)
 
     def _take_leader(self, line: dict[str, Any]) -> None:
         kind = line["kind"]
@@ -229,11 +229,11 @@ class _Services:
             self.line.show(line["verdict"])
         elif kind == "event":
             if self.verbose or not self.begun:  # early events, such as of compiling
-                self.line.say(f"leader: {line['event']}")
-            for guest in self.guests:
-                entering = guest.entering(line["event"])
+                self.line.print_line(f"leader: {line['event']}")
+            for service in self.side_services:
+                entering = service.start_on_event(line["event"])
                 if entering is not None:
-                    self.entering.append(asyncio.create_task(self._let_in(entering)))
+                    self.starting.append(asyncio.create_task(self._start_side_service(entering)))
         elif kind == "ready":
             self.begun = True
         elif kind == "summary":

@@ -121,6 +121,6 @@ def _print_costs(costs: "SceneCosts", scene: Scene) -> None:
 
 def _figures(costs: "SceneCosts", scene: Scene) -> dict[str, Any]:
     from mmt.cli.scene.results import costs_as_dict
-    from mmt.evaluation.report import machine
+    from mmt.evaluation.report import machine_table
 
-    return {"machine": machine(), **costs_as_dict(costs, scene)}
+    return {"machine": machine_table(), **costs_as_dict(costs, scene)}

@@ -29,7 +29,7 @@ from mmt.cli.common import (
 from mmt.cli.ending import print_ending
 from mmt.cli.status_line import StatusLine
 from mmt.core.errors import MmtError
-from mmt.core.extras import requiring
+from mmt.core.extras import optional_import
 from mmt.core.logs import Logs, details
 from mmt.core.queued_output import drain_output
 from mmt.core.realtime import be_real_time, require_real_time
@@ -134,7 +134,7 @@ class ServiceRun(ABC, Generic[AnyService]):
         if self.options.json_lines:
             write_line("event", event=sentence)
         else:
-            self.line.say(sentence)
+            self.line.print_line(sentence)
 
     @property
     def report(self) -> Path | None:
@@ -162,7 +162,7 @@ class ServiceRun(ABC, Generic[AnyService]):
             require_real_time()
         if options.verbose and not options.json_lines:
             print_parts(self.scene, self.name)
-        with Logs(self.name, options.log, options.log_level) as logs, requiring():
+        with Logs(self.name, options.log, options.log_level) as logs, optional_import():
             logger.info("started", extra=details(version=__version__, scene=self.scene.dump()))
             summary = asyncio.run(self._run(logs))
             content = summary.as_dict()

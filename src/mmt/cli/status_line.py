@@ -49,7 +49,7 @@ class StatusLine:
             self._console.control(_ERASE)
             self._shown = False
 
-    def say(self, sentence: str) -> None:
+    def print_line(self, sentence: str) -> None:
         """Print a permanent line."""
         self.clear()
         self._console.print(sentence, highlight=False, soft_wrap=True)

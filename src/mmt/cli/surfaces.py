@@ -23,7 +23,7 @@ def say_surface(
     """Tell a running leader which surface is under the tool, as its monitor's page can."""
     from mmt.link.access import Access
     from mmt.scene import Link
-    from mmt.web.monitor.ordering import give_order
+    from mmt.web.monitor.order_client import give_order
 
     try:
         number = None if surface == _ANOTHER else int(surface)
@@ -32,4 +32,4 @@ def say_surface(
             f"surface is {surface!r}: give the number of one met before, or {_ANOTHER}"
         ) from error
     order = {"do": "surface", "surface": number}
-    output.print(asyncio.run(give_order(leader, Access.of(Link()), order)))
+    output.print(asyncio.run(give_order(leader, Access.from_settings(Link()), order)))

@@ -166,7 +166,7 @@ class ForcePort:
         self._withheld_n += self._force_n - force_n
         self._force_n = force_n
 
-    def rest(self) -> None:
+    def pause(self) -> None:
         """Stop displaying a force; the next step starts at a new position."""
         self._position_m = None
         self._force_n = self._withheld_n = 0.0

@@ -80,7 +80,7 @@ class LocalContact:
         if model is not None:
             self._target = self._no_stiffer(model)
 
-    def rest(self) -> None:
+    def reset_position(self) -> None:
         """Reset the position of the hand; the model is kept."""
         self._speed = SmoothSpeed(_FILTER_S)
 

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from mmt.core.errors import InputError, brief
+from mmt.core.errors import InputError, short_message
 
 _DAMAGE: Final = (
     *(ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile, zlib.error),
@@ -52,7 +52,9 @@ def load_arrays(
                 names = [name for name in archive.files if wanted is None or wanted(name)]
                 return {name: archive[name] for name in names}, list(archive.files)
     except _DAMAGE as error:
-        raise InputError(f"this is not a .npz archive of numbers: {brief(error)}") from error
+        raise InputError(
+            f"this is not a .npz archive of numbers: {short_message(error)}"
+        ) from error
 
 
 def _check_size(stream: Any) -> None:

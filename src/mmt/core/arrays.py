@@ -39,7 +39,7 @@ def clipped(position: Vector, low: Vector, high: Vector) -> Vector:
     return (x, y, z)
 
 
-def towards(start: Vector, goal: Vector, most: float) -> Vector:
+def step_towards(start: Vector, goal: Vector, most: float) -> Vector:
     """Return `goal`, or the point at distance `most` towards it if `goal` is farther away.
 
     Return `goal` if `start` is not finite; else `start` if `goal` is not finite. Large values

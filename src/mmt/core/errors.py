@@ -40,7 +40,7 @@ class DeviceLost(MmtError):  # noqa: N818 - it is what has happened to the devic
     """A device that worked before no longer answers; it may be connected again later."""
 
 
-def brief(error: object) -> str:
+def short_message(error: object) -> str:
     """Return another library's error as one short, printable line, to quote in a message.
 
     The library may quote any bytes of a damaged file.
@@ -64,4 +64,4 @@ def located(error: BaseException) -> str:
             file = frame.f_code.co_filename
         if frame.f_code.co_filename == file:
             place = f" ({file}, line {line})"
-    return f"{type(error).__name__}{': ' * bool(str(error))}{brief(error)}{place}"
+    return f"{type(error).__name__}{': ' * bool(str(error))}{short_message(error)}{place}"

@@ -62,7 +62,7 @@ def require(package: str) -> None:
 
 
 @contextmanager
-def requiring() -> Iterator[None]:
+def optional_import() -> Iterator[None]:
     """Raise the error of `require` if the block cannot import an optional package."""
     try:
         yield

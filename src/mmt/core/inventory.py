@@ -34,13 +34,13 @@ class Inventory:
         this_task = asyncio.current_task()
         if this_task is not None:
             this_task.set_name(_MAIN)
-        looking = asyncio.create_task(self._look_on(), name=_OWN)
+        looking = asyncio.create_task(self._sample_until_cancelled(), name=_OWN)
         try:
             return await running
         finally:
             looking.cancel()
 
-    def look(self) -> None:
+    def sample(self) -> None:
         """Count the tasks of the running loop and the threads of the process."""
         self._looks += 1
         names = (name_of(task) for task in asyncio.all_tasks())
@@ -61,10 +61,10 @@ class Inventory:
             "modules": [name for name, module in list(sys.modules.items()) if _imported(module)],
         }
 
-    async def _look_on(self) -> None:
+    async def _sample_until_cancelled(self) -> None:
         while True:
             await asyncio.sleep(PERIOD_S)
-            self.look()
+            self.sample()
 
 
 def _imported(module: object) -> bool:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Final
 
 from mmt.core.children import python_command
-from mmt.core.extras import requiring
+from mmt.core.extras import optional_import
 
 _MOST_PROCESSES: Final = 4
 """Each process first imports the modules and the compiler: more are hardly faster."""
@@ -42,7 +42,7 @@ def compile_kernels(
     InputError
         A package that the numerics need is not installed.
     """
-    with requiring():
+    with optional_import():
         from mmt.core.compiled import are_cached, collect_kernels, compile_collected
 
         kernels = collect_kernels(modules)

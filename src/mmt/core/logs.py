@@ -34,7 +34,7 @@ def details(**values: object) -> dict[str, Any]:
     return {"details": values}
 
 
-def told(**values: object) -> dict[str, Any]:
+def details_for_log(**values: object) -> dict[str, Any]:
     """Return `details` for an event that the user sees anyway, so that the terminal omits it."""
     return {**details(**values), "told": True}
 
@@ -110,7 +110,7 @@ class Logs:
         self._own.setLevel(self._levels)
         if self._file is not None:
             self._file.end()
-            if not self._file.behind:
+            if not self._file.has_pending:
                 os.close(self._file.fileno())
 
     def _open(self, file: Path, level: str) -> None:

@@ -22,7 +22,7 @@ def shortest_period_ns(rate_hz: float, fastest: float) -> int:
     return max(1, round(1e9 / (rate_hz * fastest * _CATCH_UP_FACTOR)))
 
 
-def most_ahead(silence_ns: int, shortest_ns: int) -> int:
+def largest_advance(silence_ns: int, shortest_ns: int) -> int:
     """Return how far the sequence numbers may advance during a silence of this length (ns)."""
     return (silence_ns + MARGIN_NS) // shortest_ns
 

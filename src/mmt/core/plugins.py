@@ -10,8 +10,8 @@ from functools import lru_cache
 from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from typing import Any
 
-from mmt.core.errors import InputError, brief, located
-from mmt.core.extras import DISTRIBUTION, requiring
+from mmt.core.errors import InputError, located, short_message
+from mmt.core.extras import DISTRIBUTION, optional_import
 
 
 def offered(group: str) -> Mapping[str, EntryPoint]:
@@ -37,7 +37,7 @@ def load(entry: EntryPoint, what: str) -> Any:
         The object cannot be imported; the message begins with `what`.
     """
     try:
-        with requiring():
+        with optional_import():
             return entry.load()
     except InputError:
         raise
@@ -47,7 +47,7 @@ def load(entry: EntryPoint, what: str) -> Any:
 
 def not_imported(what: str, error: Exception) -> InputError:
     """Return the error that says why `what` cannot be imported, and what to do."""
-    reason = brief(error) if isinstance(error, ModuleNotFoundError) else located(error)
+    reason = short_message(error) if isinstance(error, ModuleNotFoundError) else located(error)
     if not isinstance(error, ImportError | OSError):
         return InputError(f"{what} cannot be imported ({reason})")
     return InputError(

@@ -104,7 +104,7 @@ def prefer_even_ticks() -> None:
     release_compiler()
 
 
-def step_back() -> None:
+def lower_priority() -> None:
     """Lower the priority of this process, which is the only one of its process session.
 
     If Linux groups processes by session, the group's niceness counts and is raised as well. Short

@@ -65,7 +65,7 @@ class QueuedStream(io.TextIOBase):
         return self._encoding
 
     @property
-    def behind(self) -> bool:
+    def has_pending(self) -> bool:
         """Whether something waits to be written."""
         return self._writing or bool(self._waiting)
 
@@ -96,7 +96,7 @@ class QueuedStream(io.TextIOBase):
         """Wait until all is written, or until nothing was taken for `patience_s`."""
         with self._changed:
             taken = -1
-            while self.behind and taken != self._taken:
+            while self.has_pending and taken != self._taken:
                 taken = self._taken
                 self._changed.wait_for(self._progress(taken), self.patience_s)
 
@@ -106,11 +106,11 @@ class QueuedStream(io.TextIOBase):
         with self._changed:
             self._ended = True
             self._changed.notify_all()
-        if not self.behind:
+        if not self.has_pending:
             self._thread.join()
 
     def _progress(self, taken: int) -> Callable[[], bool]:
-        return lambda: self._taken != taken or not self.behind
+        return lambda: self._taken != taken or not self.has_pending
 
     def _run(self) -> None:
         while text := self._next():
@@ -188,7 +188,7 @@ def is_queued() -> bool:
 
 def is_behind(stream: TextIO) -> bool:
     """Return whether texts of a stream wait to be written; outdated ones can then be skipped."""
-    return bool(getattr(stream, "behind", False))
+    return bool(getattr(stream, "has_pending", False))
 
 
 def hurry_output() -> None:

@@ -35,13 +35,13 @@ class AnswerError(MmtError):
     ----------
     status
         HTTP status.
-    said
+    reply
         First line of the answer, or the status in words; printable.
     """
 
-    def __init__(self, url: str, status: int, said: str) -> None:
-        super().__init__(f"{url} answers: {said}")
-        self.status, self.said = status, said
+    def __init__(self, url: str, status: int, reply: str) -> None:
+        super().__init__(f"{url} answers: {reply}")
+        self.status, self.reply = status, reply
 
 
 class _NoRedirect(urllib.request.HTTPRedirectHandler):
@@ -134,21 +134,21 @@ def open_answer(
         asked = urllib.request.Request(server + path, data=data, headers=dict(headers or {}))  # noqa: S310 - the scheme is checked
         response = opener.open(asked, timeout=timeout_s)
     except urllib.error.HTTPError as error:
-        raise AnswerError(server, error.code, _said(error)) from error
+        raise AnswerError(server, error.code, _first_line(error)) from error
     except (OSError, ValueError, HTTPException) as error:
         raise MmtError(f"{server} does not answer ({getattr(error, 'reason', error)})") from error
     with response:
         yield Answer(server, response)
 
 
-def _said(error: urllib.error.HTTPError) -> str:
+def _first_line(error: urllib.error.HTTPError) -> str:
     """Return the first line of a refusal."""
     with error:
         if error.code in range(300, 400):
             other = printable(str(error.headers.get("Location"))[:_MOST_SAID])
             return f"go to {other}, which is not followed: give that address if you trust it"
         try:
-            said = error.read(_MOST_SAID).decode(errors="replace").strip().partition("\n")[0]
+            line = error.read(_MOST_SAID).decode(errors="replace").strip().partition("\n")[0]
         except (OSError, HTTPException):
-            said = ""
-        return printable(said or str(error.reason))
+            line = ""
+        return printable(line or str(error.reason))

@@ -2,7 +2,7 @@
 
 import xml.etree.ElementTree as ET
 
-from mmt.core.errors import InputError, brief
+from mmt.core.errors import InputError, short_message
 
 
 class _PlainBuilder(ET.TreeBuilder):
@@ -27,5 +27,5 @@ def parse_xml(content: bytes) -> ET.Element:
         parser.feed(content)
         root: ET.Element = parser.close()
     except (ET.ParseError, ValueError, LookupError) as error:  # of odd encodings as well
-        raise InputError(f"it is no XML: {brief(error)}") from error
+        raise InputError(f"it is no XML: {short_message(error)}") from error
     return root

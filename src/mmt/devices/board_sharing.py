@@ -25,7 +25,7 @@ _MOST_WAITING: Final = 16_384
 _NUMBERS: Final = count()
 
 
-class Arrived(NamedTuple):
+class StreamData(NamedTuple):
     """Data received from a stream."""
 
     scans: list[VoltageReading]
@@ -47,10 +47,10 @@ class BoardStream(Protocol):
         """Identifier of the board."""
 
     @property
-    def flows(self) -> bool:
+    def is_streaming(self) -> bool:
         """Whether scans are still arriving."""
 
-    def take(self) -> Arrived:
+    def read_scans(self) -> StreamData:
         """Return the data received since the last call; never blocks.
 
         Raises
@@ -124,7 +124,7 @@ class SharedInputs(ABC, Generic[Channel]):
         """Raise if several boards are connected, since the options name none."""
 
     @abstractmethod
-    def misfit(self, others: "Sequence[SharedInputs[Channel]]") -> str:
+    def conflict_with(self, others: "Sequence[SharedInputs[Channel]]") -> str:
         """Return why one stream cannot hold these channels and the others', or ''."""
 
     @property
@@ -185,7 +185,7 @@ class SharedInputs(ABC, Generic[Channel]):
                 if not shared.readers and shared in OPEN_BOARDS:
                     OPEN_BOARDS.remove(shared)
 
-    def give(self, arrived: Arrived, scans: Sequence[VoltageReading]) -> None:
+    def buffer_scans(self, arrived: StreamData, scans: Sequence[VoltageReading]) -> None:
         """Buffer this driver's part of the received scans until `read`."""
         self._faults.update(arrived.faults)
         if scans:
@@ -195,7 +195,7 @@ class SharedInputs(ABC, Generic[Channel]):
                 self._faults["lost scans"] += dropped
             self._waiting.extend(scans)
 
-    def conflict(self, others: "Sequence[SharedInputs[Channel]]") -> str:
+    def find_conflict(self, others: "Sequence[SharedInputs[Channel]]") -> str:
         """Return why one stream cannot serve this driver and the others, or ''."""
         for other in others:
             if other.rate_hz != self.rate_hz:
@@ -203,7 +203,7 @@ class SharedInputs(ABC, Generic[Channel]):
                     f"one asks for {self.rate_hz:g} scans a second, another for "
                     f"{other.rate_hz:g}, and it has one clock: give them the same rate_hz"
                 )
-        return self.misfit(others)
+        return self.conflict_with(others)
 
     def same_kind(self, other: "SharedInputs[Any]") -> bool:
         """Return whether another driver has the same kind of board and the same backend."""
@@ -236,11 +236,15 @@ class SharedBoard(Generic[Channel]):
     def admit(self, reader: SharedInputs[Channel]) -> None:
         """Add a reader, and restart the stream unless the running one has the reader's channels."""
         others = [other for other in self.readers if other is not reader]
-        if problem := reader.conflict(others):
+        if problem := reader.find_conflict(others):
             shared = f" is shared by {len(others) + 1} drivers" if others else ""
             raise InputError(f"a {reader.what}{shared}: {problem}")
         stream = self.stream
-        if stream is None or not stream.flows or not set(reader.channels) <= set(self._channels):
+        if (
+            stream is None
+            or not stream.is_streaming
+            or not set(reader.channels) <= set(self._channels)
+        ):
             self._begin([*others, reader])
         self._route([*others, reader])
 
@@ -277,14 +281,14 @@ class SharedBoard(Generic[Channel]):
             raise DeviceLost(f"the {what} is gone: plug it in again")
         if self.stream is None:
             return
-        arrived = self.stream.take()
+        arrived = self.stream.read_scans()
         for reader, columns in self._picks:
             scans = arrived.scans
             if columns is not None:
                 scans = [
                     VoltageReading(t, tuple([volts[at] for at in columns])) for t, volts in scans
                 ]
-            reader.give(arrived, scans)
+            reader.buffer_scans(arrived, scans)
 
     def _begin(self, readers: Sequence[SharedInputs[Channel]]) -> None:
         """Open the board again and start a stream for these readers.
@@ -332,6 +336,6 @@ def _with_those_to_come(
     chosen = sorted(readers, key=lambda reader: reader.number)
     for other in sorted(_MADE, key=lambda reader: reader.number):
         same = other.same_kind(readers[0]) and other.board in {None, board}
-        if same and other not in chosen and not other.conflict(chosen):
+        if same and other not in chosen and not other.find_conflict(chosen):
             chosen.append(other)
     return chosen

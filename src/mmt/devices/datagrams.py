@@ -40,7 +40,7 @@ class StampedSocket:
                 udp.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
                 self._stamps = True
 
-    def look(self) -> Callable[[bytearray], int]:
+    def receiver(self) -> Callable[[bytearray], int]:
         """Return the function that receives the waiting packets, one in each call.
 
         The function takes a buffer and returns the packet's length. It raises `BlockingIOError`

@@ -115,7 +115,7 @@ def check_device(
         Returned even if the device failed: `problems` then says how.
     """
     seen = DeviceCheck(role, driver, samples_hz=samples_hz)
-    watching = _Watching(seen, device)
+    watching = _Observation(seen, device)
     try:
         device.connect()
         if calibrate and hasattr(device, "calibrate"):
@@ -136,7 +136,7 @@ def check_device(
     return seen
 
 
-class _Watching:
+class _Observation:
     """Reads the device and keeps the values and times for the figures."""
 
     def __init__(self, seen: DeviceCheck, device: Any) -> None:
@@ -242,7 +242,7 @@ def _vector(values: Any) -> Values:
     return tuple(values.tolist())
 
 
-def _judge(seen: DeviceCheck, watching: _Watching) -> list[str]:
+def _judge(seen: DeviceCheck, watching: _Observation) -> list[str]:
     """Return the problems of the readings or the playback."""
     busy = seen.waited_p99_ms is not None and seen.waited_p99_ms > _BUSY_MS
     problems = _judge_played(seen) + _judge_values(seen, watching)
@@ -268,7 +268,7 @@ def _judge(seen: DeviceCheck, watching: _Watching) -> list[str]:
     return problems
 
 
-def _judge_values(seen: DeviceCheck, watching: _Watching) -> list[str]:
+def _judge_values(seen: DeviceCheck, watching: _Observation) -> list[str]:
     if seen.mean is None:
         return []
     finite = all(map(math.isfinite, seen.mean))

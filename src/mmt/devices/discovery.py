@@ -11,7 +11,7 @@ from typing import Final
 from mmt.core.errors import MmtError
 from mmt.core.extras import require
 from mmt.core.plugins import is_own
-from mmt.devices.drivers import Role, drivers, load_factory, roles_of, told_roles
+from mmt.devices.drivers import Role, drivers, entry_points_by_role, load_factory, roles_of
 
 KNOWN_USB: Final[dict[tuple[int, int], str]] = {
     (0x0CD5, 0x0006): "LabJack U6",
@@ -69,14 +69,14 @@ def _found(name: str, entries: Mapping[str, EntryPoint]) -> FoundDriver:
     package = "?" if first.dist is None else first.dist.name
     if is_own(first):
         package = first.module.partition(".")[0]
-    targets = told_roles(name) or entries
+    targets = entry_points_by_role(name) or entries
     factories = tuple(entry.value for entry in targets.values())
     try:
         roles = roles_of(name)
         for role in roles or (None,):
             load_factory(name, role)
     except MmtError as error:
-        return FoundDriver(name, tuple(told_roles(name)), factories, package, str(error))
+        return FoundDriver(name, tuple(entry_points_by_role(name)), factories, package, str(error))
     lacking = (getattr(sys.modules[each.module], "missing", str)() for each in entries.values())
     rates = getattr(sys.modules[first.module], "RATES", "")
     return FoundDriver(name, roles, factories, package, next(filter(None, lacking), ""), rates)
@@ -160,10 +160,10 @@ def find_usb_devices() -> list[FoundPort]:
     return found
 
 
-def _usb_name(vendor: int | None, product: int | None, said: str) -> str:
+def _usb_name(vendor: int | None, product: int | None, given: str) -> str:
     if vendor is None or product is None:
-        return said
-    return f"{KNOWN_USB.get((vendor, product), said)} ({vendor:04x}:{product:04x})"
+        return given
+    return f"{KNOWN_USB.get((vendor, product), given)} ({vendor:04x}:{product:04x})"
 
 
 def access_problem(path: str, vendor: int | None = None) -> str:

@@ -19,7 +19,7 @@ from typing import Any, Final, NoReturn
 
 from mmt.core.children import python_command
 from mmt.core.end_signals import handle_end_signals
-from mmt.core.errors import MmtError, brief
+from mmt.core.errors import MmtError, short_message
 from mmt.core.process import prefer_even_ticks
 
 ENDED: Final = b"E"
@@ -90,7 +90,7 @@ class DriverProcess:
             os.set_blocking(file, False)
         self._arrival_ns = time.monotonic_ns()
 
-    def take(self) -> list[Message]:
+    def receive(self) -> list[Message]:
         """Return the received messages except those kept in `ended` and the counts."""
         with self._lock:
             if self.child is None:
@@ -155,7 +155,7 @@ class DriverPipes:
         self._commands, self._messages = commands, messages
         self._received = b""
 
-    def take(self, layout: struct.Struct) -> list[tuple[Any, ...]] | None:
+    def receive(self, layout: struct.Struct) -> list[tuple[Any, ...]] | None:
         """Return the received commands, or None if the driver has gone."""
         try:
             data = os.read(self._commands, _AT_ONCE)
@@ -168,7 +168,7 @@ class DriverPipes:
         self._received = data[whole:]
         return list(layout.iter_unpack(data[:whole]))
 
-    def tell(self, kind: bytes, body: bytes | str = b"") -> bool:
+    def send(self, kind: bytes, body: bytes | str = b"") -> bool:
         """Send a message; return False if the pipe is full because the driver does not read.
 
         Raises
@@ -209,9 +209,9 @@ def run_process(run: Callable[[dict[str, Any], DriverPipes], None], device: str)
         except BrokenPipeError:
             raise
         except MmtError as error:
-            pipes.tell(ENDED, str(error))
+            pipes.send(ENDED, str(error))
         except Exception as error:  # noqa: BLE001 - whatever it is, the driver is told
-            pipes.tell(ENDED, f"the process of {device} failed: {brief(error)}")
+            pipes.send(ENDED, f"the process of {device} failed: {short_message(error)}")
     os._exit(code)  # without waiting for threads of a library, which may hang
 
 

@@ -12,7 +12,7 @@ from typing import Any, Final, Literal, TypeVar, get_type_hints, overload
 from pydantic import BaseModel, ValidationError
 
 from mmt.core.errors import InputError, MmtError, located
-from mmt.core.extras import requiring
+from mmt.core.extras import optional_import
 from mmt.core.plugins import not_imported, offered
 from mmt.devices.protocols import (
     Accelerometer,
@@ -67,7 +67,7 @@ def drivers() -> dict[str, dict[str, EntryPoint]]:
     return found
 
 
-def told_roles(driver: str) -> dict[Role, EntryPoint]:
+def entry_points_by_role(driver: str) -> dict[Role, EntryPoint]:
     """Return those of a driver's entry points that name a role, by role."""
     told = drivers().get(driver, {})
     return {role: told[role] for role in ROLE_NAMES if role in told}
@@ -113,14 +113,14 @@ def locate(driver: str, role: Role | None = None) -> str:
             "package.module:factory, and the names that other packages offer as entry points of "
             f"{GROUP}"
         )
-    targets = told_roles(driver)
+    targets = entry_points_by_role(driver)
     if not targets:
         return known[driver][""].value
     if role is None:
         return next(iter(targets.values())).value
     if role in targets:
         return targets[role].value
-    able = [name for name in sorted(known) if role in told_roles(name)]
+    able = [name for name in sorted(known) if role in entry_points_by_role(name)]
     raise InputError(
         f"driver {driver!r} is for {_named(targets)}, it cannot be the {ROLE_NAMES[role]}; "
         f"drivers for that are {', '.join([*able, ''])}package.module:factory, and "
@@ -209,7 +209,7 @@ def load_factory(driver: str, role: Role | None = None) -> Any:
     """Import the driver's module and return its factory; see `load_device`."""
     module_name, _, factory_name = locate(driver, role).partition(":")
     try:
-        with requiring():
+        with optional_import():
             module = importlib.import_module(module_name)
     except InputError:
         raise
@@ -247,7 +247,7 @@ def roles_of(driver: str) -> tuple[Role, ...]:
     InputError
         There is no such driver, or it cannot be imported.
     """
-    if roles := told_roles(driver):
+    if roles := entry_points_by_role(driver):
         return tuple(roles)
     made = _class_of(load_factory(driver))
     reads, writes = (callable(getattr(made, name, None)) for name in ("read", "write"))
@@ -270,7 +270,7 @@ def role_for(driver: str, wanted: str | None) -> Role | None:
     """
     able = roles_of(driver)
     if wanted is None:
-        return able[0] if len(able) == 1 or told_roles(driver) else None
+        return able[0] if len(able) == 1 or entry_points_by_role(driver) else None
     allowed: tuple[Role, ...] = able or tuple(ROLE_NAMES)
     for role in allowed:
         if role == wanted.replace("-", "_").replace(" ", "_"):

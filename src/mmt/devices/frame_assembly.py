@@ -148,7 +148,7 @@ class ReadingAges:
     def __init__(self, lanes: Iterable[Lane]) -> None:
         self._looks: list[tuple[Lane, list[tuple[int, int]]]] = [(lane, []) for lane in lanes]
 
-    def look(self, now_ns: int) -> None:
+    def record(self, now_ns: int) -> None:
         """Note the newest readings at a time of the host."""
         for lane, looks in self._looks:
             if lane.newest is not None:

@@ -16,7 +16,7 @@ class OverloadNotice:
     def __init__(self) -> None:
         self._quiet_until_s = 0.0
 
-    def tell(self, sentence: str) -> None:
+    def warn(self, sentence: str) -> None:
         """Warn with this sentence, unless a warning was given lately."""
         now_s = time.monotonic()
         if now_s >= self._quiet_until_s:

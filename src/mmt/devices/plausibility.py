@@ -22,7 +22,7 @@ OUT_OF_REACH: Final = "positions out of reach"
 JUMP: Final = "positions that jump"
 
 
-class Watch:
+class PlausibilityCheck:
     """Judge one device's measurements, in the order in which they come.
 
     Attributes

@@ -131,7 +131,7 @@ class PositionKeeping(Protocol):
         """
 
 
-def survived(device: Device) -> dict[str, Any]:
+def fault_table(device: Device) -> dict[str, Any]:
     """Return the ``faults`` table of a summary with a driver's counts, {} if there are none.
 
     Counts are optional for drivers of polled sensors, robots and handles.
@@ -144,7 +144,7 @@ def survived(device: Device) -> dict[str, Any]:
 class FaultExplaining(Protocol):
     """A sensor that can report why it gives no readings; optional for a driver."""
 
-    def complaint(self) -> str:
+    def explain_fault(self) -> str:
         """Return why the received data is unusable, empty if no data comes or all is well."""
 
 

@@ -177,7 +177,7 @@ class ReconnectingDevice(Generic[AnyDevice]):
             away_ns += time.monotonic_ns() - self._lost_ns
         return {"losses": self.losses, "lost_s": round(away_ns / 1e9, 3)}
 
-    def _there(self) -> bool:
+    def _is_usable(self) -> bool:
         """Return whether the device may be used now, and report its return."""
         connecting = self._reconnection
         if connecting is None:
@@ -225,7 +225,7 @@ class ReconnectingHandle(ReconnectingDevice[LeaderInterface]):
 
     def read(self, elapsed_ticks: int) -> InterfaceState | None:
         """Return the state now, None while the handle is lost."""
-        if not self._there():
+        if not self._is_usable():
             return None
         try:
             return self.device.read(elapsed_ticks)
@@ -235,7 +235,7 @@ class ReconnectingHandle(ReconnectingDevice[LeaderInterface]):
 
     def write(self, force_n: Vector) -> None:
         """Display a force (N), unless the handle is lost."""
-        if self._there():
+        if self._is_usable():
             try:
                 self.device.write(force_n)
             except DeviceLost as error:
@@ -252,7 +252,7 @@ class ReconnectingActuator(ReconnectingDevice[VibrationActuator]):
 
     def write(self, samples_m_s2: Sequence[float] | FloatArray) -> None:
         """Play samples (n,), m/s2, or count them if the actuator is lost."""
-        if self._there():
+        if self._is_usable():
             try:
                 self.device.write(samples_m_s2)
             except DeviceLost as error:

@@ -101,7 +101,7 @@ def explain_refusal(error: Exception) -> str:
     return str(error)
 
 
-def stuff(plain: bytes) -> bytes:
+def cobs_encode(plain: bytes) -> bytes:
     """Return bytes in COBS encoding: none of them is zero.
 
     Raises
@@ -115,7 +115,7 @@ def stuff(plain: bytes) -> bytes:
     return b"".join(bytes((len(block) + 1,)) + block for block in blocks)
 
 
-def unstuff(stuffed: bytes) -> bytes | None:
+def cobs_decode(stuffed: bytes) -> bytes | None:
     """Decode COBS-encoded bytes, or return None if they are invalid."""
     plain = bytearray(stuffed)
     at, end = 0, len(plain)
@@ -130,7 +130,7 @@ def unstuff(stuffed: bytes) -> bytes | None:
 
 def framed(plain: bytes) -> bytes:
     """Return a frame's content as it goes over the wire, with its check and its final zero."""
-    return stuff(plain + crc_hqx(plain, 0xFFFF).to_bytes(2, "little")) + b"\0"
+    return cobs_encode(plain + crc_hqx(plain, 0xFFFF).to_bytes(2, "little")) + b"\0"
 
 
 Content = TypeVar("Content")
@@ -182,7 +182,7 @@ class FrameDecoder(ABC, Generic[Content]):
         return frames
 
     def _decode(self, stuffed: bytes) -> Content | None:
-        plain = (unstuff(stuffed) if len(stuffed) <= self._longest else None) or b""
+        plain = (cobs_decode(stuffed) if len(stuffed) <= self._longest else None) or b""
         beyond = len(plain) - self._shortest
         if beyond < 0 or beyond % self._step:
             self.faults["bad frames"] += 1

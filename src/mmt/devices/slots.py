@@ -17,7 +17,7 @@ from mmt.devices.protocols import (
     Robot,
     SampledSensor,
     Vector,
-    survived,
+    fault_table,
 )
 from mmt.devices.reconnection import Reasons, Reconnection
 
@@ -128,7 +128,7 @@ class Slot(ABC):
     def summary(self) -> dict[str, Any]:
         """Counts of the device and faults that its driver tolerated, for a program."""
         name = type(self.device).__name__
-        return {"device": name, "losses": self.losses, **survived(self.device)}
+        return {"device": name, "losses": self.losses, **fault_table(self.device)}
 
     def _connect(self) -> None:
         self._reconnection = Reconnection(self.device)
@@ -219,7 +219,9 @@ class SampledSlot(Slot):
         self._empty += 1
         silent_ns = now_ns - self._last_ns
         if self._empty >= _EMPTY_READS and silent_ns >= self._silence_ns(SILENT_NS):
-            complaint = self.device.complaint() if isinstance(self.device, FaultExplaining) else ""
+            complaint = (
+                self.device.explain_fault() if isinstance(self.device, FaultExplaining) else ""
+            )
             raise DeviceLost(
                 complaint
                 or f"no reading for {silent_ns / 1e6:.0f} ms; check its cable, its power, "

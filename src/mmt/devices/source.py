@@ -113,7 +113,7 @@ class DeviceSource:
         self._sequence = 0
         self._merger = self._make_merger()
         self._prober = PhasePoller(self.probe, PERIOD_NS)
-        self._retry = Retry(self.look_again)
+        self._retry = Retry(self.retry)
 
     def _make_merger(self, needed_ns: int | None = None) -> FrameAssembler | None:
         if not self._sampled:
@@ -187,7 +187,7 @@ class DeviceSource:
                     slot.poll()
                 except Exception as error:
                     raise failure(slot, error) from error
-            ages.look(time.monotonic_ns())
+            ages.record(time.monotonic_ns())
             time.sleep(5e-5)
         for slot in self._sampled:
             if not slot.lane.clock.known:
@@ -200,9 +200,9 @@ class DeviceSource:
         """Warn if the sensor's band of acceleration is smaller than the frames can hold."""
         slot = self._measuring.get(FIELD_OF_CHANNEL["acceleration"])
         if slot is not None and slot.lane.period_ns and self._acceleration_hz > FRAMES_HZ:
-            said = missing_band(1e9 / slot.lane.period_ns, self._acceleration_hz)
-            if said:
-                LOG.warning("the accelerometer %s", said)
+            remark = missing_band(1e9 / slot.lane.period_ns, self._acceleration_hz)
+            if remark:
+                LOG.warning("the accelerometer %s", remark)
             band_hz = getattr(slot.device, "band_hz", math.inf)
             if 2.0 * band_hz < self._acceleration_hz:
                 LOG.warning(
@@ -223,7 +223,7 @@ class DeviceSource:
                 except Exception as error:  # noqa: BLE001 - raised by the next step
                     self._probed = (slot, error)
 
-    def look_again(self, now_ns: int) -> bool:  # noqa: ARG002 - as above
+    def retry(self, now_ns: int) -> bool:  # noqa: ARG002 - as above
         """Look for readings that the last tick lacked; return whether any are still lacking."""
         merger, taker = self._merger, self._taker
         if merger is None or taker is None or not merger.lacking:

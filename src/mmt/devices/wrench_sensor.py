@@ -129,12 +129,12 @@ class WrenchSensor(ABC):
         self._tell_overload()
 
     def _tell_overload(self) -> None:
-        self._notice.tell(
+        self._notice.warn(
             f"{self.name} is overloaded: beyond the range of its calibration what it says is not "
             "to be trusted, and a transducer can be destroyed; press more gently"
         )
 
-    def complaint(self) -> str:
+    def explain_fault(self) -> str:
         """Return why the received data is unusable, empty if no data comes or all is well."""
         return ""
 

@@ -111,7 +111,7 @@ class Comparison:
         return tables
 
     @property
-    def alone(self) -> list[str]:
+    def missing_parts(self) -> list[str]:
         """Return a sentence for each report that has parts which the other lacks."""
         parts: dict[str, list[str]] = {"A": [], "B": []}
         for each in self.differences:
@@ -131,7 +131,8 @@ class Comparison:
     def as_dict(self) -> dict[str, Any]:
         """Return everything for a program."""
         first = [
-            {"figure": h.title, "a": h.left, "b": h.right, "b_is": h.said} for h in self.headlines
+            {"figure": h.title, "a": h.left, "b": h.right, "b_is": h.verdict}
+            for h in self.headlines
         ]
         differences = [
             {"section": d.section, "name": d.name, "a": d.left, "b": d.right}
@@ -167,12 +168,13 @@ def compare_reports(left: Path, right: Path) -> Comparison:
     first, second = dict(figures(one[1])), dict(figures(other[1]))
     both = [*first, *(key for key in second if key not in first)]
     tables = [
-        {table for section, _ in each for table in _around(section)} for each in (first, second)
+        {table for section, _ in each for table in _enclosing_tables(section)}
+        for each in (first, second)
     ]
     common = set.intersection(*tables)
 
     def lone(section: str) -> str:
-        return next((table for table in _around(section) if table not in common), "")
+        return next((table for table in _enclosing_tables(section) if table not in common), "")
 
     differences = tuple(
         Difference(*key, first.get(key), second.get(key), lone(key[0]))
@@ -180,7 +182,7 @@ def compare_reports(left: Path, right: Path) -> Comparison:
         if not _same(first.get(key), second.get(key))
     )
     names = sorted(_figure_names(left) | _figure_names(right))
-    steps = [_only_steps(data) for _, data in (one, other)]
+    steps = [_steps_of_single_session(data) for _, data in (one, other)]
     return Comparison(
         left,
         right,
@@ -207,7 +209,7 @@ def figures(data: Mapping[str, Any]) -> Iterator[tuple[tuple[str, str], object]]
     yield from _walk(data, ())
 
 
-def _only_steps(data: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
+def _steps_of_single_session(data: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
     """Return the scores over time of a single session, none if there are several."""
     sessions = data.get("sessions") or []
     return sessions[0].get("steps") or [] if len(sessions) == 1 else []
@@ -261,7 +263,7 @@ def _walk(
             yield (section, name), value
 
 
-def _around(section: str) -> list[str]:
+def _enclosing_tables(section: str) -> list[str]:
     """Return the tables that a section is in, from the outermost to itself; none of the whole."""
     names = section.split(_WITHIN) if section else []
     return [_WITHIN.join(names[: number + 1]) for number in range(len(names))]

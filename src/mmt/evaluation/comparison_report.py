@@ -40,7 +40,7 @@ def write_comparison(comparison: Comparison, directory: Path) -> Path:
     blocks: list[Block] = [
         Heading(title, 1),
         Paragraph(f"A is {comparison.left}, B is {comparison.right}. {comparison.verdict}"),
-        *map(Paragraph, comparison.alone),
+        *map(Paragraph, comparison.missing_parts),
     ]
     blocks += comparison.answers
     if comparison.steps:
@@ -71,7 +71,7 @@ def _both_over_time(steps: Sequence[Sequence[Mapping[str, Any]]]) -> "Figure":
     """Draw the scores of two sessions, as a report's data has them, on the same axes."""
     from matplotlib.figure import Figure
 
-    from mmt.evaluation.figures import line_style, make_plain
+    from mmt.evaluation.figures import line_style, style_axes
 
     panels = (
         ("within_jnd", "within JND, strokes made"),
@@ -89,7 +89,7 @@ def _both_over_time(steps: Sequence[Sequence[Mapping[str, Any]]]) -> "Figure":
             axis.axhline(JND_DB, color=LIGHT["faint"], linestyle="--", linewidth=1.0)
         axis.set_title(title, fontsize=10)
         axis.set_xlabel("session time (s)")
-        make_plain(axis)
+        style_axes(axis)
     figure.legend(
         *axis.get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False
     )

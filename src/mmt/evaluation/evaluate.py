@@ -23,7 +23,7 @@ from mmt.evaluation.coverage import coverage
 from mmt.evaluation.held_out import choose_held_out
 from mmt.evaluation.recorded_surfaces import SurfaceParts, part_by_surface
 from mmt.evaluation.results import Evaluation
-from mmt.evaluation.scoring import Scorer, method_beside
+from mmt.evaluation.scoring import Scorer, method_to_compare
 from mmt.evaluation.strokes_made import StrokesMade
 from mmt.evaluation.truth import KnownTexture, known_texture
 from mmt.scene import Scene, Texture
@@ -125,11 +125,11 @@ def evaluate_session(
     def blocks() -> Iterator[RecordArray]:
         return stream_blocks(blocks_of(session), period_frames)
 
-    seen = _Seen(settings)
+    seen = _FrameFigures(settings)
     truth, basis_reason = known_texture(session.annotations, settings)
-    beside, other_method = method_beside(settings)
+    beside, other_method = method_to_compare(settings)
     leader, other = build_together(
-        map(seen.passed, blocks()),
+        map(seen.count, blocks()),
         [settings, other_method],
         observe=seen.strokes.add,
         on_progress=on_progress,
@@ -287,7 +287,7 @@ def _of_other_inputs(
     return build(blocks, others)
 
 
-class _Seen:
+class _FrameFigures:
     """Figures of a session's frames, gathered while they are modelled."""
 
     def __init__(self, settings: ModellingSettings) -> None:
@@ -296,7 +296,7 @@ class _Seen:
         self.missing = 0
         self._last: RecordArray | None = None
 
-    def passed(self, block: RecordArray) -> RecordArray:
+    def count(self, block: RecordArray) -> RecordArray:
         """Count the next frames (n,), n > 0, and return them."""
         if self._last is None:
             self.first = int(block["sequence"][0])

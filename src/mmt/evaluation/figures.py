@@ -31,7 +31,7 @@ def to_png(figure: Figure) -> bytes:
     return few.getvalue()
 
 
-def make_narrow(figure: Figure) -> None:
+def stack_panels(figure: Figure) -> None:
     """Lay a figure out anew for a telephone: all panels in one column."""
     placed = [(axis, place) for axis in figure.axes if (place := axis.get_subplotspec())]
     grid = placed[0][1].get_gridspec()
@@ -54,7 +54,7 @@ def make_narrow(figure: Figure) -> None:
     figure.set_size_inches(_NARROW_INCHES, max(0.75, _NARROW_INCHES / width) * height)
 
 
-def make_plain(axis: Axes) -> None:
+def style_axes(axis: Axes) -> None:
     """Give axes the grid and the two spines that every plot has."""
     axis.grid(color=LIGHT["line"], linewidth=0.6)
     axis.set_axisbelow(True)
@@ -224,7 +224,7 @@ def _draw_spectra(axis: Axes, segment: HeldOutSegment) -> None:
     axis.set_title(f"{segment.speed_mm_s:.0f} mm/s, {segment.force_n:.2f} N{score}", fontsize=9)
     axis.set_xlim(0.0, segment.frequencies_hz[-1])
     axis.set_xlabel("frequency (Hz)")
-    make_plain(axis)
+    style_axes(axis)
 
 
 def _time_axes(evaluations: Sequence[Evaluation]) -> tuple[Figure, Axes]:
@@ -238,7 +238,7 @@ def _time_axes(evaluations: Sequence[Evaluation]) -> tuple[Figure, Axes]:
 def lay_out_time(axis: Axes) -> None:
     """Lay axes out for session time."""
     axis.set_xlabel("session time (s)")
-    make_plain(axis)
+    style_axes(axis)
 
 
 def line_style(number: int) -> dict[str, Any]:
@@ -290,7 +290,7 @@ def errors_by_heading(evaluation: Evaluation) -> Figure:
         axis.set_title(title, fontsize=10)
         axis.set_xlabel("heading (degrees)")
         axis.set(xlim=(0, 360), xticks=range(0, 361, 90))
-        make_plain(axis)
+        style_axes(axis)
         if name == "gfc":
             axis.set_ylim(top=1.0)
         else:

@@ -38,12 +38,12 @@ class Headline:
     title: str
     left: str
     right: str
-    said: str
+    verdict: str
 
     @property
     def row(self) -> tuple[str, ...]:
         """Return a row of `headline_table`."""
-        return self.title, self.left, self.right, self.said
+        return self.title, self.left, self.right, self.verdict
 
 
 def headlines(left: Mapping[str, Any], right: Mapping[str, Any]) -> list[Headline]:
@@ -58,7 +58,7 @@ def headlines(left: Mapping[str, Any], right: Mapping[str, Any]) -> list[Headlin
     told = [_verdict(data) for data in (left, right)]
     verdicts = [Headline("verdict", told[0], told[1], "")] if all(told) else []
     return verdicts + [
-        Headline(title, text(values[0]), text(values[1]), _said(values, better))
+        Headline(title, text(values[0]), text(values[1]), _verdict_on(values, better))
         for title, values, better, text in found
         if any(value is not None for value in values)
     ]
@@ -86,7 +86,7 @@ def _of_sessions(data: Mapping[str, Any], key: str) -> float | None:
     )
 
 
-def _said(values: Sequence[float | None], better: str) -> str:
+def _verdict_on(values: Sequence[float | None], better: str) -> str:
     never = math.inf if better == "sooner" else None
     left, right = (never if value is None else value for value in values)
     if left == right:

@@ -90,7 +90,7 @@ def bounded_error_db(values: FloatArray, reference: FloatArray) -> FloatArray:
     return np.clip(power_error_db(values, reference), -LARGEST_ERROR_DB, LARGEST_ERROR_DB)
 
 
-class Across(NamedTuple):
+class PooledFigure(NamedTuple):
     """One figure across sessions.
 
     ``worst`` is the mean of the `WORST` worst ones, ``below_half`` how many are below 0.5.
@@ -103,11 +103,11 @@ class Across(NamedTuple):
     below_half: int
 
 
-def across(values: Iterable[float], *, larger_is_better: bool = True) -> Across:
+def across(values: Iterable[float], *, larger_is_better: bool = True) -> PooledFigure:
     """Gather one figure across sessions, at least one."""
     ordered = np.sort(np.fromiter(values, np.float64))
     worst = ordered[:WORST] if larger_is_better else ordered[-WORST:]
-    return Across(
+    return PooledFigure(
         len(ordered),
         float(np.median(ordered)),
         float(ordered.mean()),

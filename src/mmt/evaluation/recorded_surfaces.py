@@ -12,7 +12,7 @@ from mmt.core.errors import InputError
 from mmt.session.data import RecordedSession, missing_frames
 from mmt.testing.simulation.course import SurfaceCourse, course_from_annotations
 from mmt.texture.online.history import trials
-from mmt.texture.online.surface_changes import SurfaceChange, said_surfaces
+from mmt.texture.online.surface_changes import SurfaceChange, surface_statements
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.numbering import StreamNumbering
 from mmt.texture.surfaces.tracking import surface_changes
@@ -72,8 +72,8 @@ def part_by_surface(session: RecordedSession, settings: ModellingSettings) -> Su
         Settings of the modelling; ``surfaces`` sets how surfaces are told apart.
     """
     frames = StreamNumbering().number(session.frames)
-    said = said_surfaces(session.events)
-    edges = _stays(list(surface_changes(frames, settings, said)), frames)
+    statements = surface_statements(session.events)
+    edges = _stays(list(surface_changes(frames, settings, statements)), frames)
     course = _course(session)
     truth = _truth(course, frames)
     sequence = frames["sequence"].astype(np.int64)
@@ -151,7 +151,7 @@ def _truth(course: SurfaceCourse | None, frames: RecordArray) -> IntArray | None
     sequence = frames["sequence"].astype(np.int64)
     last_known = np.searchsorted(sequence, np.arange(int(sequence.max()) + 1), side="right") - 1
     force_n = frames["force_n"][:, 2].astype(np.float64)[np.maximum(last_known, 0)]
-    return course.along(force_n)[sequence]
+    return course.places_by_frame(force_n)[sequence]
 
 
 def _name(course: SurfaceCourse | None, under: IntArray) -> str | None:

@@ -118,7 +118,7 @@ def environment() -> dict[str, str]:
     return {**versions, "machine": machine, "processors": str(os.cpu_count() or "unknown")}
 
 
-def machine() -> dict[str, str]:
+def machine_table() -> dict[str, str]:
     """Return what the figures were measured on: processor, load, system and versions."""
     known = hasattr(os, "getloadavg")
     load = ", ".join(f"{value:.2f}" for value in os.getloadavg()) if known else "unknown"
@@ -185,7 +185,7 @@ def _errors(evaluation: Evaluation, prefix: str) -> list[Block]:
     )
     return [
         picture(f"{prefix}errors", caption, figures.power_error_map(evaluation)),
-        tables.worst(evaluation),
+        tables.worst_table(evaluation),
     ]
 
 

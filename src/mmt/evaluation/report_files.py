@@ -21,10 +21,10 @@ def picture(name: str, caption: str, figure: "Figure") -> Picture:
 
     The figure itself is made narrow for the second variant, which only the page holds.
     """
-    from mmt.evaluation.figures import make_narrow, to_png
+    from mmt.evaluation.figures import stack_panels, to_png
 
     wide = to_png(figure)
-    make_narrow(figure)
+    stack_panels(figure)
     return Picture(f"{FIGURES}/{name}.png", wide, caption, to_png(figure))
 
 

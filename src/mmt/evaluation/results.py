@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 from mmt.core.arrays import FloatArray
-from mmt.core.drawn import Drawn
+from mmt.core.plottable import Plottable
 from mmt.evaluation.definitions import DEFINITIONS
 from mmt.evaluation.grid_errors import HeadingErrors
 from mmt.session.operators import ControlPeriod, control_sentence
@@ -178,7 +178,7 @@ class PowerMap:
 
 
 @dataclass(frozen=True, repr=False)
-class Evaluation(Drawn):
+class Evaluation(Plottable):
     """One session, evaluated as in paper A; ``print`` shows its table.
 
     ``beside`` is the name of the other method, which is scored on the same session.
@@ -248,20 +248,20 @@ class Evaluation(Drawn):
     def remark(self) -> str:
         """Sentences on coverage, signal faults, changes of control, actuator and touch-downs."""
         fault = self.faults.sentence()
-        said = [self.coverage.remark] + [f"Not measured: {fault}."] * bool(fault)
+        sentences = [self.coverage.remark] + [f"Not measured: {fault}."] * bool(fault)
         if self.control:
-            said.append(control_sentence(self.control))
-            said.append("The figures are by the strokes of all of them.")
+            sentences.append(control_sentence(self.control))
+            sentences.append("The figures are by the strokes of all of them.")
         if self.at_skin is not None:
             skin = self.at_skin
             sentence = skin_sentence(skin.played_share, skin.low_hz)
-            said.append(
+            sentences.append(
                 f"{sentence[0].upper()}{sentence[1:]}; with the model's own error "
                 f"{skin.power_error_db:.1f} dB there."
             )
         if self.touch_downs is not None:
-            said.append(self.touch_downs.sentence)
-        return " ".join(said)
+            sentences.append(self.touch_downs.sentence)
+        return " ".join(sentences)
 
     def model_at(self, time_s: float | None) -> TextureModel | None:
         """Return the model that the leader had at a session time, None before the first."""

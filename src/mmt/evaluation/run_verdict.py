@@ -77,7 +77,7 @@ def run_verdict(
     faults = [
         sentence
         for name, table in summaries.items()
-        for sentence in unusual(name, table)
+        for sentence in fault_sentences(name, table)
         if not (signal_faults and _NOT_MEASURED in sentence)  # the leader's end earlier
     ]
     faults += signal_faults
@@ -102,7 +102,7 @@ def run_verdict(
     )
 
 
-def unusual(name: str, summary: Mapping[str, Any]) -> list[str]:
+def fault_sentences(name: str, summary: Mapping[str, Any]) -> list[str]:
     """Return a sentence for each fault in a service's summary."""
     filled = "filled" in summary.get("backfill", {})
     told = {"link.lost"} if filled else set()  # `backfill.lost` tells of those never filled in

@@ -32,7 +32,7 @@ MODEL_NAMES: Final[dict[Inputs, str]] = {
 """Names in errors by heading of a model of these inputs."""
 
 
-def method_beside(settings: ModellingSettings) -> tuple[str, ModellingSettings]:
+def method_to_compare(settings: ModellingSettings) -> tuple[str, ModellingSettings]:
     """Return the name of the method that settings do not name, and its settings for the data."""
     other: Method = "field" if settings.method == "published" else "published"
     auto: dict[str, Any] = dict.fromkeys(THRESHOLDS[settings.method], "auto")

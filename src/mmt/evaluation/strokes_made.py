@@ -34,7 +34,7 @@ class StrokesMade:
         self._parts: list[FloatArray] = []
 
     @classmethod
-    def of(cls, blocks: Iterable[RecordArray], settings: ModellingSettings) -> Self:
+    def from_frames(cls, blocks: Iterable[RecordArray], settings: ModellingSettings) -> Self:
         """Return the strokes of frames, in blocks of shape (n,)."""
         made, stream = cls(settings), StreamFilter(settings)
         for block in blocks:

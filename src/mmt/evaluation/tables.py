@@ -8,7 +8,7 @@ from mmt.evaluation.document import Block, Heading, ReportTable, SmallTables
 from mmt.evaluation.grid_errors import SECTOR_DEG, SectorErrors
 from mmt.evaluation.levels import WORST, across
 from mmt.evaluation.results import Evaluation, Levels, Score
-from mmt.evaluation.texts import number, plain, seconds, share
+from mmt.evaluation.texts import number, plain_text, seconds, share
 
 
 def overview(evaluations: Sequence[Evaluation]) -> ReportTable:
@@ -200,7 +200,7 @@ def bands(evaluation: Evaluation) -> ReportTable:
     return ReportTable(("band (Hz)", "power error (dB)"), rows, "Error by bands")
 
 
-def worst(evaluation: Evaluation) -> ReportTable:
+def worst_table(evaluation: Evaluation) -> ReportTable:
     """Return where the model is farthest from the known texture, and why."""
     columns = (
         "worst in",
@@ -302,11 +302,11 @@ def _flat(content: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def _pairs(content: Mapping[str, object], caption: str = "") -> ReportTable:
-    rows = [(name, plain(value)) for name, value in content.items()]
+    rows = [(name, plain_text(value)) for name, value in content.items()]
     return ReportTable(("figure", "value"), rows, caption)
 
 
 def _rows(content: Sequence[Mapping[str, object]], caption: str) -> ReportTable:
     names = list(dict.fromkeys(name for row in content for name in row))
-    rows = [tuple(plain(row.get(name)) for name in names) for row in content]
+    rows = [tuple(plain_text(row.get(name)) for name in names) for row in content]
     return ReportTable(tuple(label(name) for name in names), rows, caption)

@@ -20,7 +20,7 @@ def share(value: float | None) -> str:
     return "-" if value is None else f"{100 * value:.0f} %"
 
 
-def plain(value: object) -> str:
+def plain_text(value: object) -> str:
     """Return any value of a summary as text."""
     if value is None:
         return "-"
@@ -29,7 +29,7 @@ def plain(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.4g}"
     if isinstance(value, Mapping):
-        return ", ".join(f"{label(name)} {plain(item)}" for name, item in value.items())
+        return ", ".join(f"{label(name)} {plain_text(item)}" for name, item in value.items())
     if isinstance(value, Sequence) and not isinstance(value, str):
-        return "; ".join(plain(item) for item in value)
+        return "; ".join(plain_text(item) for item in value)
     return str(value)

@@ -34,7 +34,7 @@ from mmt.evaluation.levels import (
     power_level_error_db,
 )
 from mmt.evaluation.results import PowerMap, Worst
-from mmt.evaluation.worst import Error, explain
+from mmt.evaluation.worst import StrokeError, explain
 from mmt.testing.simulation.known_surfaces import KnownSurface, surface_from_annotations
 from mmt.texture.autoregression.forms import lsf_output_power, lsf_to_ar
 from mmt.texture.autoregression.spectra import ar_spectra, ar_spectrum
@@ -209,7 +209,7 @@ class KnownTexture:
         *,
         shape: bool,
     ) -> Worst:
-        def own(stroke: Strokes) -> Error:
+        def own(stroke: Strokes) -> StrokeError:
             return _at(self.at(stroke).errors(model), 0)
 
         return explain(
@@ -274,5 +274,5 @@ def _errors(own: _Spectra, truth: _Spectra) -> GridErrors:
     )
 
 
-def _at(errors: GridErrors, index: int) -> Error:
-    return Error(float(errors.power_error_db[index]), float(errors.gfc[index]))
+def _at(errors: GridErrors, index: int) -> StrokeError:
+    return StrokeError(float(errors.power_error_db[index]), float(errors.gfc[index]))

@@ -15,13 +15,13 @@ _SPARSE: Final = 0.2  # of the normalised plane
 _MUCH: Final = 0.5
 
 
-class Error(NamedTuple):
+class StrokeError(NamedTuple):
     """Level (dB) and shape of one stroke against the truth."""
 
     power_error_db: float
     gfc: float
 
-    def much_of(self, other: "Error", *, shape: bool) -> bool:
+    def explains(self, other: "StrokeError", *, shape: bool) -> bool:
         """Return whether this error is at least half of another one, and of the same sign."""
         if shape:
             return 1.0 - self.gfc >= _MUCH * (1.0 - other.gfc)
@@ -37,9 +37,9 @@ class Error(NamedTuple):
 def explain(
     model: TextureModel,
     stroke: Strokes,
-    error: Error,
-    own: Callable[[Strokes], Error],
-    without_heading: Error | None,
+    error: StrokeError,
+    own: Callable[[Strokes], StrokeError],
+    without_heading: StrokeError | None,
     *,
     shape: bool,
 ) -> Worst:
@@ -74,7 +74,7 @@ def explain(
     far = f"{distances[nearest]:.2f} of the {'space' if model.space.directed else 'plane'} away"
     limit: Limit
     unaware = None if model.space.directed else without_heading
-    if unaware is not None and unaware.much_of(error, shape=shape):
+    if unaware is not None and unaware.explains(error, shape=shape):
         limit = "heading"
         reason = (
             f"the {what} depends on the heading, which the model does not know: the mean over "
@@ -93,7 +93,7 @@ def explain(
         if model.interpolant.is_network:
             beyond = "the network goes beyond its samples here"
         reason = f"{beyond}; {place} is {far}"
-    elif there.much_of(error, shape=shape):
+    elif there.explains(error, shape=shape):
         limit = "fit"
         reason = f"the model's {what} at {place} itself has {value}"
     elif distances[nearest] > _SPARSE:

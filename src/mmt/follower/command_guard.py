@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, Final, Literal
 
-from mmt.core.arrays import RecordArray, clipped, difference, towards
+from mmt.core.arrays import RecordArray, clipped, difference, step_towards
 from mmt.core.frames import steps_ahead
 from mmt.core.logs import RepeatLimit
 from mmt.devices.protocols import Vector
@@ -188,7 +188,7 @@ class CommandGuard:
         if self._silent:
             self._silent_ticks += 0 if self._halted else elapsed
             most_mm = min(self._recovery_mm * elapsed, self._limit_mm)
-            self._position = towards(self._position, self._target, most_mm)
+            self._position = step_towards(self._position, self._target, most_mm)
         else:
             self._advance(self._position, elapsed)
         return self._position
@@ -273,8 +273,8 @@ class CommandGuard:
         along, square = behind[0] * u + behind[1] * v + behind[2] * w, u * u + v * v + w * w
         share = min(max(along / square, 0.0), float(elapsed)) if square > 0.0 else 0.0
         moved = (x + share * u, y + share * v, z + share * w)
-        wanted = towards(moved, self._target, self._recovery_mm * elapsed)
-        self._position = towards(position, wanted, self._limit_mm)
+        wanted = step_towards(moved, self._target, self._recovery_mm * elapsed)
+        self._position = step_towards(position, wanted, self._limit_mm)
         if self._position is not self._target:
             self._slowed += elapsed
 

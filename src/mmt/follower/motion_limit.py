@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from typing import Final
 
-from mmt.core.arrays import Vector, clipped, difference, towards
+from mmt.core.arrays import Vector, clipped, difference, step_towards
 from mmt.scene.motion_limits import MotionLimits
 
 _AT_REST: Final = (0.0, 0.0, 0.0)
@@ -85,7 +85,7 @@ class MotionLimit:
     def _next_velocity(self, here: Vector, goal: Vector, velocity: Vector) -> Vector:
         """Return the velocity (mm a tick) of the next tick."""
         change = self._change_mm
-        wanted = difference(towards(here, goal, self._fastest_mm), here)
+        wanted = difference(step_towards(here, goal, self._fastest_mm), here)
         steps = []
         for want, distance, before in zip(wanted, difference(goal, here), velocity, strict=True):
             most = _stoppable(abs(distance), change)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 from mmt.core.ending import Ending
 from mmt.core.errors import FAILED, MmtError
 from mmt.core.extras import require
-from mmt.core.logs import told
+from mmt.core.logs import details_for_log
 from mmt.core.process import ProcessCost, ProcessMeter, prefer_even_ticks
 from mmt.core.ticking import Ticker
 from mmt.core.verdict import has_failed
@@ -90,7 +90,7 @@ class Follower:
         self._tell = on_event or (lambda _: None)
         self._on_session = on_session or (lambda _: None)
         self.session_id: str | None = None
-        self._access = Access.of(self._link)
+        self._access = Access.from_settings(self._link)
         self.source = build_source(scene)
         feedback = _build_feedback(scene)
         self._guarded = GuardedSource(scene, self.source, feedback, self._report, self._send)
@@ -172,7 +172,7 @@ class Follower:
 
     def _say(self, sentence: str) -> None:
         self._tell(sentence)
-        LOG.info(sentence, extra=told())
+        LOG.info(sentence, extra=details_for_log())
 
     def _report(self, sentence: str) -> None:
         """Report what the robot does to the user and to the leader, which records it."""
@@ -183,7 +183,7 @@ class Follower:
         if session_id != self.session_id:
             self.session_id = session_id
             self._on_session(session_id)
-            LOG.info("connected to the leader", extra=told())
+            LOG.info("connected to the leader", extra=details_for_log())
 
     async def _serve_metrics(self) -> "Listener | None":
         metrics = self.scene.metrics

@@ -58,18 +58,18 @@ class Backfill:
         """Note the follower that is connected from now on."""
         self.settled = False
         if self._numbering.anew:
-            self.started_anew()
+            self.restart()
         self.missing.connect(hello.keep_frames)
 
-    def started_anew(self, skipped: int = 0) -> None:
+    def restart(self, skipped: int = 0) -> None:
         """Give up frames that the earlier follower had buffered, and those between the two."""
-        self.missing.forget()
-        self.missing.skip(skipped)
-        self._look_again()
+        self.missing.give_up_all()
+        self.missing.add_unsent(skipped)
+        self._report_settled()
 
     def receive(self, frames: RecordArray) -> None:
         """Handle frames (n,) that were sent again, in the follower's numbers."""
-        frames = self.missing.fill(self._numbering.renumber(frames))
+        frames = self.missing.take_missing(self._numbering.renumber(frames))
         if not len(frames):
             return
         arrival_ns = self._numbering.expected_arrival_ns(
@@ -77,17 +77,17 @@ class Backfill:
         )
         self._call("on_backfill", frames, arrival_ns)
 
-    def gone(self, ranges: list[Range]) -> None:
+    def give_up(self, ranges: list[Range]) -> None:
         """Give up ranges of frames, in the follower's numbers."""
-        self.missing.gone([self._of_session(first, stop) for first, stop in ranges])
-        self._look_again()
+        self.missing.give_up([self._of_session(first, stop) for first, stop in ranges])
+        self._report_settled()
 
-    def settle(self, sent: int) -> list[Range]:
+    def missing_ranges(self, sent: int) -> list[Range]:
         """Return the missing ranges of the numbers below `sent`, both in the follower's numbers."""
         newest = self._numbering.newest
         stop = self._numbering.of_session(sent)
         if newest >= 0 and stop > newest + 1:
-            self.missing.lack(newest + 1, stop)
+            self.missing.add_gap(newest + 1, stop)
             self._numbering.extend(stop)
         self.settled = True
         return self._own(self.missing.outstanding())
@@ -95,12 +95,12 @@ class Backfill:
     def tick(self, elapsed: int) -> None:
         """Request and give up frames if it is time; call this while the follower is connected."""
         if self.missing.tick(elapsed):
-            self._look_again()
+            self._report_settled()
 
     def close(self) -> None:
         """Stop waiting for frames: the session is over."""
         self.missing.close()
-        self._look_again()
+        self._report_settled()
 
     def _ask(self, ranges: list[Range]) -> None:
         self._request(self._own(ranges))
@@ -122,5 +122,5 @@ class Backfill:
         start -= SEQUENCES * (start > self._numbering.newest)
         return start, start + stop - first
 
-    def _look_again(self) -> None:
+    def _report_settled(self) -> None:
         self._call("on_settled")

@@ -34,7 +34,7 @@ class RunHealth:
         self._completing, self._vibration = completing, vibration
         self._ticks: deque[tuple[int, int]] = deque(maxlen=_LOOKS)
 
-    def look(self) -> None:
+    def update(self) -> None:
         """Note how many ticks were late, from the first frame on; call it five times a second."""
         remote = self._session.remote
         if remote is not None and not remote.has_begun:

@@ -101,11 +101,11 @@ class MissingFrames:
         self._asked.clear()
         self._idle_ticks = 0
 
-    def forget(self) -> None:
+    def give_up_all(self) -> None:
         """Give up all missing frames, for instance if the follower that had them is gone."""
         self._lose(list(self._missing))
 
-    def skip(self, frames: int) -> None:
+    def add_unsent(self, frames: int) -> None:
         """Count frames as missing and lost that were never sent, because no follower ran."""
         self._seen += frames
         self._lost += frames
@@ -115,10 +115,10 @@ class MissingFrames:
         before = newest
         for number in frames["sequence"].tolist():
             if number > before + 1:
-                self.lack(before + 1, number)
+                self.add_gap(before + 1, number)
             before = number
 
-    def lack(self, first: int, stop: int) -> None:
+    def add_gap(self, first: int, stop: int) -> None:
         """Note that the numbers from `first` up to `stop` did not arrive."""
         self._seen += stop - first
         self._gaps.append(_Gap(first, stop))
@@ -130,7 +130,7 @@ class MissingFrames:
         while len(self._missing) > MOST_RANGES:
             self._lose([next(iter(self._missing))])
 
-    def fill(self, frames: RecordArray) -> RecordArray:
+    def take_missing(self, frames: RecordArray) -> RecordArray:
         """Return those of the frames (n,) that were missing, ascending; count them as filled in."""
         numbers = frames["sequence"].tolist()
         wanted: BoolArray = np.array([self._missing.remove(n, n + 1) == 1 for n in numbers])
@@ -143,7 +143,7 @@ class MissingFrames:
             taken = taken[np.argsort(taken["sequence"], kind="stable")]
         return taken
 
-    def gone(self, ranges: list[Range]) -> None:
+    def give_up(self, ranges: list[Range]) -> None:
         """Give up ranges that the follower does not have."""
         self._idle_ticks = 0
         self._lose(ranges)
@@ -160,7 +160,7 @@ class MissingFrames:
         if self._missing:
             self._idle_ticks += PERIOD_TICKS
             if self._idle_ticks >= max(self._keeps, LEAST_PATIENCE_TICKS):
-                self.forget()
+                self.give_up_all()
             else:
                 self._ask_for_missing()
         closed, self._resolved = self._resolved, False
@@ -172,7 +172,7 @@ class MissingFrames:
         """Give up all missing frames and record this, at the end of the session."""
         if self._unnoted:
             self._note_gaps()
-        self.forget()
+        self.give_up_all()
         self._note_closed()
 
     def outstanding(self) -> list[Range]:

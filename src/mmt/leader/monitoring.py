@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from mmt.link.http import Page
     from mmt.link.server import LeaderServer
     from mmt.texture.model.texture_model import TextureModel
-    from mmt.texture.online.work import ModelUpdate
+    from mmt.texture.online.updates import ModelUpdate
 
 
 class SessionView:
@@ -143,7 +143,7 @@ class SessionView:
         recorder = self._recording.running
         return None if recorder is None else recorder.path
 
-    def tell(self, sentence: str, **details: object) -> None:
+    def log_event(self, sentence: str, **details: object) -> None:
         """Record an event and tell the user."""
         self._session.journal.event(sentence, **details)
 
@@ -156,10 +156,10 @@ class SessionView:
         if self._modelling is not None:
             self._modelling.freeze(frozen)
 
-    def say_surface(self, surface: int) -> None:
-        """Take a person's word that the tool is on this surface from now on."""
+    def state_surface(self, surface: int) -> None:
+        """Set the surface under the tool from now on, as stated by a person."""
         if self._modelling is not None:
-            self._modelling.say_surface(surface)
+            self._modelling.state_surface(surface)
 
     def force(self, mode: Literal["streamed", "synthesized"] | None) -> None:
         """Fix one vibration, or let the criterion decide (None)."""

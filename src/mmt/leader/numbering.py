@@ -6,7 +6,7 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import SEQUENCES, steps_ahead
-from mmt.core.pacing import most_ahead, shortest_period_ns
+from mmt.core.pacing import largest_advance, shortest_period_ns
 
 _SAME_CLOCK_NS: Final = 1_000_000_000
 """Times that differ from the expected time by more than this come from another clock."""
@@ -132,10 +132,10 @@ class SessionNumbering:
     def _go_on(self, sequence: int, time_ns: int, arrival_ns: int) -> int:
         ahead = steps_ahead(sequence, self._newest - self._shift)
         silence_ns = arrival_ns - self.arrival_ns
-        most = most_ahead(silence_ns, self._shortest_ns)
+        most = largest_advance(silence_ns, self._shortest_ns)
         if self._same:
             passed_ns = arrival_ns - self._first_arrival_ns
-            most = most_ahead(passed_ns, self._shortest_ns) - self.frames
+            most = largest_advance(passed_ns, self._shortest_ns) - self.frames
         if not self.anew and 0 < ahead <= most:
             return 0
         missing = max(1, round(silence_ns / self._period_ns))

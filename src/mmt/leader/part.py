@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from mmt.link.protocol import FollowerHello, LinkStatistics
     from mmt.link.server import LeaderServer
     from mmt.scene import Scene
-    from mmt.texture.online.work import ModelUpdate
+    from mmt.texture.online.updates import ModelUpdate
 
 
 @dataclass
@@ -61,14 +61,14 @@ class Tick:
     begun: bool = False
     state: InterfaceState | None = None
     hand_lost: bool = False
-    given: bool = False
+    overridden: bool = False
     operating: InterfaceState | None = None
     offset_mm: Vector = (0.0, 0.0, 0.0)
 
     @property
     def moving(self) -> InterfaceState | None:
         """State of the hand that moves the robot: a listener's, or the leader's own."""
-        return self.operating if self.given else self.state
+        return self.operating if self.overridden else self.state
 
 
 class Part:
@@ -129,8 +129,8 @@ class Part:
     def on_event(self, event: dict[str, Any], sentence: str | None) -> None:
         """Note an event, with a sentence if the user is told."""
 
-    def look(self) -> None:
-        """Check, five times a second; an `MmtError` ends the session as failed."""
+    def poll(self) -> None:
+        """Check state, five times a second; an `MmtError` ends the session as failed."""
 
     # --- reports
 
@@ -187,9 +187,9 @@ class Parts:
     def __iter__(self) -> Iterator[Part]:
         return iter(self._all)
 
-    def of(self, kind: type[AnyPart]) -> AnyPart | None:
+    def get(self, part_class: type[AnyPart]) -> AnyPart | None:
         """Return the part of this class, or None if there is none."""
-        return next((part for part in self if isinstance(part, kind)), None)
+        return next((part for part in self if isinstance(part, part_class)), None)
 
     def add(self, part: Part) -> None:
         """Add a part after the others."""

@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, Final, Generic, NamedTuple, Protocol, TypeVar
 
 from mmt.core.arrays import RecordArray
-from mmt.core.errors import brief
+from mmt.core.errors import short_message
 from mmt.leader.part import Part, Session
 from mmt.session.data import to_json
 
@@ -137,7 +137,7 @@ class PublishingPart(Part, Generic[AnyOutlet]):
 
     # --- reports
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Report once that the outlet has failed."""
         if self.error is not None and not self._told:
             self._told = True
@@ -174,7 +174,7 @@ class PublishingPart(Part, Generic[AnyOutlet]):
                 self._push()
             self._push()
         except Exception as error:  # noqa: BLE001 - any failure of the outlet is reported
-            reason = brief(error).rstrip(".") or type(error).__name__
+            reason = short_message(error).rstrip(".") or type(error).__name__
             self.error = f"{self.name} has failed: {reason}"
 
     def _push(self) -> None:

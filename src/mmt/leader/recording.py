@@ -67,7 +67,7 @@ class RecordingPart(Part):
         """
         if self.running is not None:
             raise InputError("a recording runs already")
-        self.look()
+        self.poll()
         recorder = await asyncio.to_thread(self._made, path, self._session.time_s(), "refuse")
         if self._session.ending.reached:
             await asyncio.to_thread(recorder.close)
@@ -133,7 +133,7 @@ class RecordingPart(Part):
 
     # --- reports
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Report once that the recording has failed, for instance on a full disk."""
         recorder = self.recorder
         if recorder is None or recorder.error is None or recorder in self._failed:

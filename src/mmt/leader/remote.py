@@ -153,8 +153,8 @@ class RemoteFollower:
                 on_lost=self._on_lost,
                 on_jump=self._on_jump,
                 on_backfill=self.backfill.receive,
-                on_gone=self.backfill.gone,
-                on_settle=self.backfill.settle,
+                on_gone=self.backfill.give_up,
+                on_settle=self.backfill.missing_ranges,
                 on_error=self._ending.fail,
             ),
             samples_per_frame=self._scene.session.samples_per_frame,
@@ -178,12 +178,12 @@ class RemoteFollower:
         self._ending.cancel_timeout()
         if self.server is not None:
             await self.server.stop()
-        self.look(last=True)
+        self.record_clocks(last=True)
 
-    def look(self, *, last: bool = False) -> None:
+    def record_clocks(self, *, last: bool = False) -> None:
         """Record the clocks' offset if it is time; call this several times a second."""
         if self._clock_notes is not None:
-            self._clock_notes.look(last=last)
+            self._clock_notes.record_if_due(last=last)
 
     def command(self, now_ns: int, position_mm: Vector) -> None:
         """Ask the follower to take a position (mm)."""
@@ -214,7 +214,7 @@ class RemoteFollower:
         newest = self._numbering.newest
         frames, left_out = self._numbering.number(frames, arrival_ns)
         if left_out:
-            self.backfill.started_anew(left_out)
+            self.backfill.restart(left_out)
             self._journal.event(
                 f"the follower started anew, {left_out} frames are missing before it"
             )
@@ -294,7 +294,7 @@ class ClockNotes:
         self._note = note
         self._noted_ns: int | None = None
 
-    def look(self, *, last: bool = False) -> None:
+    def record_if_due(self, *, last: bool = False) -> None:
         """Record the offset if it is time; call this several times a second, and at the end."""
         estimate = self._clock.estimate
         if estimate is None:
@@ -307,10 +307,10 @@ class ClockNotes:
             {
                 "event": "clocks compared",
                 "clock_time_ns": estimate.time_ns,
-                "clock_offset_ns": 0 if self._clock.same else estimate.offset_ns,
-                "clock_drift_ppm": 0.0 if self._clock.same else round(estimate.drift * 1e6, 3),
-                "clock_uncertainty_ns": 0 if self._clock.same else estimate.uncertainty_ns,
-                "same_clock": self._clock.same,
+                "clock_offset_ns": 0 if self._clock.is_shared else estimate.offset_ns,
+                "clock_drift_ppm": 0.0 if self._clock.is_shared else round(estimate.drift * 1e6, 3),
+                "clock_uncertainty_ns": 0 if self._clock.is_shared else estimate.uncertainty_ns,
+                "same_clock": self._clock.is_shared,
             }
         )
 

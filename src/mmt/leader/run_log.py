@@ -12,7 +12,7 @@ from mmt.core.ticking import TimeHistogram
 
 if TYPE_CHECKING:
     from mmt.leader.surface_log import SurfaceLog
-    from mmt.texture.online.work import ModelUpdate
+    from mmt.texture.online.updates import ModelUpdate
 
 LOG: Final = logging.getLogger("mmt.leader")
 
@@ -48,7 +48,7 @@ class Journal:
     def event(self, sentence: str, **details: object) -> None:
         """Record an event and tell the user."""
         self.say(sentence)
-        LOG.info(sentence, extra=logs.told(time_s=self.time_s, **details))
+        LOG.info(sentence, extra=logs.details_for_log(time_s=self.time_s, **details))
         self._tell({"event": sentence, **details}, sentence)
 
     def record(self, event: dict[str, Any]) -> None:

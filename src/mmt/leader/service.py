@@ -73,7 +73,7 @@ class Leader:
         self._remote: RemoteFollower | None = None
         if scene.link is not None:
             self.session.remote = self._remote = RemoteFollower(
-                self.session, self._told_more(), self.parts.modelling
+                self.session, self._extra_handler(), self.parts.modelling
             )
         self.health = RunHealth(self.session, self.parts.completing, self.parts.vibration)
         self.session.verdict = self.health.verdict
@@ -81,7 +81,7 @@ class Leader:
         self._now = Tick()
         self._steps: list[Callable[[Tick], None]] = []
 
-    def _told_more(self) -> "FeedbackSide | None":
+    def _extra_handler(self) -> "FeedbackSide | None":
         """Return the handler of the follower's further event: force feedback, hand, or None."""
         displayed, hand = self.parts.force_feedback, self.parts.hand
         if displayed is not None and displayed.feedback.event is not None:
@@ -252,18 +252,18 @@ class Leader:
             self.ending.stop("completed")
 
     async def _report_status(self) -> None:
-        looks = self.parts.verbs("look")
+        polls = self.parts.verbs("poll")
         while True:
             await asyncio.sleep(_STATUS_PERIOD_S)
-            self.health.look()
+            self.health.update()
             status = self.status()
             self._on_status(status)
             if LOG.isEnabledFor(logging.DEBUG):
                 LOG.debug("status", extra=logs.details(status=status.as_dict()))
             if self.remote is not None:
-                self.remote.look()
+                self.remote.record_clocks()
             try:
-                for look in looks:
+                for look in polls:
                     look()
             except MmtError as error:
                 self.ending.fail(error)

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.errors import MmtError
 from mmt.scene.recording_tables import Replay
-from mmt.texture.online.surface_changes import SaidSurface, SurfaceChange, said_surfaces
-from mmt.texture.online.work import ModelUpdate
+from mmt.texture.online.surface_changes import SurfaceChange, SurfaceStatement, surface_statements
+from mmt.texture.online.updates import ModelUpdate
 
 if TYPE_CHECKING:
     from mmt.texture.model.texture_model import TextureModel
@@ -139,7 +139,7 @@ class SurfaceLog:
         }
 
 
-def replayed_words(replay: Replay) -> list[SaidSurface]:
+def replayed_words(replay: Replay) -> list[SurfaceStatement]:
     """Return the surfaces that persons named in the session that is replayed.
 
     Their sequence numbers are those of the replay, which begin at 0. Empty if the file is not on
@@ -151,12 +151,12 @@ def replayed_words(replay: Replay) -> list[SaidSurface]:
         return []
     session = open_windows(replay.file)
     try:
-        words = said_surfaces(session.events)
+        words = surface_statements(session.events)
         beginning = session.window(0.0, min(1.0, session.duration_s)).frames["sequence"]
     finally:
         session.close()
     first = int(beginning[0]) if len(beginning) else 0
-    return [SaidSurface(max(0, word.sample - first), word.surface) for word in words]
+    return [SurfaceStatement(max(0, word.sample - first), word.surface) for word in words]
 
 
 def model_file(recording: Path, surface: int) -> Path:

@@ -58,7 +58,7 @@ class _Connection:
     requests: int = 0
 
     @property
-    def gone(self) -> bool:
+    def is_closed(self) -> bool:
         """Whether the connection is closed."""
         if self.opening is not None:
             return False
@@ -146,7 +146,7 @@ class Acceptor:
             listening.close()
         self._sockets.clear()
 
-    def hear(self, protocol: web.RequestHandler) -> bool:
+    def record_request(self, protocol: web.RequestHandler) -> bool:
         """Note a request; return whether its connection may stay open for another one."""
         connection = self._connections.get(protocol)
         if connection is None:
@@ -168,7 +168,7 @@ class Acceptor:
 
     def _having(self, *, admitted: bool) -> list[_Connection]:
         """Return the open connections that are admitted, or are not; the oldest first."""
-        self._connections = {p: c for p, c in self._connections.items() if not c.gone}
+        self._connections = {p: c for p, c in self._connections.items() if not c.is_closed}
         return [c for c in self._connections.values() if c.admitted is admitted]
 
     async def _accept(
@@ -252,7 +252,7 @@ def watch_connections(application: web.Application, acceptor: Acceptor) -> None:
 
     @web.middleware
     async def hear(request: web.Request, handler: Handler) -> web.StreamResponse:
-        if not acceptor.hear(request.protocol):
+        if not acceptor.record_request(request.protocol):
             request.protocol.close()
         try:
             return await handler(request)

@@ -56,7 +56,7 @@ class Access:
     table: str = "link"
 
     @classmethod
-    def of(
+    def from_settings(
         cls,
         settings: SecuredTable,
         environment: Mapping[str, str] = os.environ,

@@ -53,7 +53,7 @@ class RemoteClock:
         self._pending: OrderedDict[int, tuple[int, ...]] = OrderedDict()
 
     @property
-    def same(self) -> bool:
+    def is_shared(self) -> bool:
         """Whether both sides read the same clock."""
         return self._other == clock_id()
 
@@ -65,7 +65,7 @@ class RemoteClock:
     @property
     def offset_ns(self) -> int | None:
         """The remote clock minus the local one now (ns), or None while it is unknown."""
-        if self.same:
+        if self.is_shared:
             return 0
         estimate = self._offset.estimate
         return None if estimate is None else estimate.at(time.monotonic_ns())
@@ -107,7 +107,7 @@ class RemoteClock:
     def add(self, time_ns: int, least_ns: int, most_ns: int) -> None:
         """Use an exchange: its time of completion, and the bounds of the offset (ns)."""
         jump = self._offset.add(time_ns, least_ns, most_ns)
-        if not self.same:
+        if not self.is_shared:
             self._reader.use_clock_offset(self.offset_ns)
         if jump is not None:
             self._on_jump(jump)

@@ -200,7 +200,7 @@ class EmulatedNetwork:
         self._on_change = on_change
         self._outboxes: list[EmulatedSendQueue] = []
 
-    def outbox(self, capacity: int) -> EmulatedSendQueue:
+    def send_queue(self, capacity: int) -> EmulatedSendQueue:
         """Return a send queue of this capacity that follows these settings."""
         outbox = EmulatedSendQueue(capacity, self._own_settings(), self._seed())
         self._outboxes.append(outbox)
@@ -244,7 +244,7 @@ class EmulatedNetwork:
         application.router.add_put(PATH, replace)
 
     def _own_settings(self) -> Network:
-        return self.settings if self.settings.concerns(self._direction) else Network()
+        return self.settings if self.settings.applies_to(self._direction) else Network()
 
     def _seed(self) -> int:
         own = self.settings.seed

@@ -201,7 +201,7 @@ class Endpoint:
         extra: ExtraEvent | None = None,
     ) -> None:
         self.reader = reader
-        self.outbox = SendQueue(capacity) if network is None else network.outbox(capacity)
+        self.outbox = SendQueue(capacity) if network is None else network.send_queue(capacity)
         self.rate_limit = RateLimit(rate_hz, reader.reject, on_exceeded)
         self.extra = extra
         self._events = events

@@ -95,7 +95,7 @@ class LeaderServer:
     ) -> None:
         self._events = events
         self._slot = FollowerSlot()
-        access = Access.of(settings)
+        access = Access.from_settings(settings)
         channels = ordered_channels(channels)
         dtype = frame_dtype(channels, samples_per_frame)
         self.endpoint = endpoint = Endpoint(

@@ -64,7 +64,7 @@ class Textures:
                     self.estimator.estimate()
                     self._due += self._period
                 part = min(count, math.ceil(self._due - self._given))
-            self.output.use(self.estimator.newest)
+            self.output.set_estimate(self.estimator.newest)
             blocks.append(self.output.generate(part))
             self._given += part
             count -= part

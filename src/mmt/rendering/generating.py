@@ -44,11 +44,11 @@ class OutputGenerator:
             for rate_hz in sorted(set(rates_hz))
         }
 
-    def use(self, estimate: Estimate | None) -> None:
+    def set_estimate(self, estimate: Estimate | None) -> None:
         """Use another estimate; None decays to silence."""
         for rate_hz, (generator, _) in self._lanes.items():
             wanted = estimate is not None and estimate.rate_hz == rate_hz
-            generator.use(estimate.filter if wanted and estimate is not None else None)
+            generator.set_filter(estimate.filter if wanted and estimate is not None else None)
 
     def generate(self, count: int) -> FloatArray:
         """Return the next samples in m/s2, shape (count,)."""

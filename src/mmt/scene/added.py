@@ -31,10 +31,10 @@ class Flag(NamedTuple):
     tables: tuple[str, ...]
     """Tables that the flag adds, with default values, if the scene's file lacks them."""
     command: Literal["leader", "demo"] = "leader"
-    guest: str = ""
-    """``module:function`` that makes an `mmt.cli.guests.Guest` from the scene, or "" for none.
+    side_service: str = ""
+    """``module:function`` that makes a `mmt.cli.side_services.SideService`, or "" for none.
 
-    The demo also makes the guest without the flag if the scene has the tables.
+    The demo also makes it without the flag if the scene has the tables.
     """
 
 
@@ -68,7 +68,7 @@ class AddedPart(NamedTuple):
 def added_parts() -> Mapping[str, AddedPart]:
     """Return the added parts of installed packages, by name.
 
-    A part that cannot be loaded is left out; `problem_of` returns the reason.
+    A part that cannot be loaded is left out; `import_problem` returns the reason.
 
     Raises
     ------
@@ -117,6 +117,6 @@ def added_tables() -> Mapping[str, type[PartTable]]:
 _problems: dict[str, str] = {}
 
 
-def problem_of(name: str) -> str | None:
+def import_problem(name: str) -> str | None:
     """Return why the added part of this name was left out, or None if it was not."""
     return _problems.get(name)

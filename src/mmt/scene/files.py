@@ -31,7 +31,7 @@ class Overrides(NamedTuple):
     """Name of each value's source for error messages, such as ``--port``."""
 
     @classmethod
-    def of(
+    def collect(
         cls,
         flags: Mapping[str, Any],
         options: Mapping[str, str] | None,
@@ -106,9 +106,9 @@ def load_scene(
     _change_parts(found, replay, record)
     for name in tables:
         found.setdefault(name, {})
-    look_beside(path, found)
+    resolve_input_files(path, found)
     foreign = {name for part in added_parts().values() for name in part.foreign}
-    given = Overrides.of(overrides or {}, options, lambda table: table not in foreign)
+    given = Overrides.collect(overrides or {}, options, lambda table: table not in foreign)
     records = "recording" in found or any(key.startswith("recording.") for key in given.values)
     if force and records:
         given.values["recording.existing"] = "replace"
@@ -208,16 +208,16 @@ def find_scene(path: Path) -> Path:
     )
 
 
-def look_beside(path: Path, tables: dict[str, Any]) -> None:
+def resolve_input_files(path: Path, tables: dict[str, Any]) -> None:
     """Resolve input files that the tables name: in the current directory, else beside `path`."""
     for name, table in tables.items():
         for key in table if isinstance(table, dict) else ():
             read = (name, key) in _READ or key in _SECURING
             if read and isinstance(table[key], str):
-                tables[name] = {**tables[name], key: _beside(path, table[key])}
+                tables[name] = {**tables[name], key: _path_beside(path, table[key])}
 
 
-def _beside(path: Path, file: str) -> str:
+def _path_beside(path: Path, file: str) -> str:
     """Return the path beside the scene if the file exists only there, else `file` unchanged."""
     beside = path.parent / file
     return str(beside) if not Path(file).exists() and beside.exists() else file

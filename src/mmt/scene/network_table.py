@@ -68,7 +68,7 @@ class Network(PartTable):
             raise ValueError("outage_s must not exceed outage_every_s, from start to start")
         return self
 
-    def concerns(self, direction: Literal["up", "down"]) -> bool:
+    def applies_to(self, direction: Literal["up", "down"]) -> bool:
         """Return whether the emulation treats messages of this direction."""
         return self.direction in {"both", direction}
 
@@ -76,7 +76,7 @@ class Network(PartTable):
         """Return a one-line summary of the emulation."""
         ways = "" if self.direction == "both" else f" {self.direction} alone"
         bandwidth = self.bandwidth_kbit_s
-        said = [
+        effects = [
             (self.delay_ms > 0, f"delay {self.delay_ms:g} +- {self.jitter_ms:g} ms"),
             (self.reorder, "reordering"),
             (self.loss > 0, f"{self.loss:.3g} lost in bursts of {self.burst_messages:g}"),
@@ -85,5 +85,5 @@ class Network(PartTable):
             (bandwidth is not None, f"{bandwidth or 0:g} kbit/s"),
             (self.outage_s > 0, f"out {self.outage_s:g} s every {self.outage_every_s:g} s"),
         ]
-        texts = [text for holds, text in said if holds]
+        texts = [text for holds, text in effects if holds]
         return ", ".join(texts) + ways if texts else "none"

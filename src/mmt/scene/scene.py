@@ -13,8 +13,8 @@ from mmt.scene.added import (
     PassingTable,
     added_parts,
     added_tables,
+    import_problem,
     imported,
-    problem_of,
 )
 from mmt.scene.device_tables import Actuator, Devices, Handle
 from mmt.scene.feedback_table import ForceFeedback
@@ -70,7 +70,7 @@ class SceneTables(Table):
     @classmethod
     def _loadable(cls, tables: Any) -> Any:
         for name in tables if isinstance(tables, dict) else ():
-            problem = problem_of(name)
+            problem = import_problem(name)
             if problem is not None:
                 raise ValueError(problem)
         return tables
@@ -120,16 +120,16 @@ class SceneTables(Table):
         session = self.session
         if session.samples_per_frame == 1 or "acceleration" not in self.channels():
             return None
-        said = f"{session.samples_per_frame} samples a frame"
+        text = f"{session.samples_per_frame} samples a frame"
         sensor = self.devices.accelerometer if self.devices is not None else None
         if sensor is None:
-            return said
+            return text
         board = sensor.options.get("board")
         rate_hz = (board if isinstance(board, dict) else sensor.options).get("rate_hz")
         if not isinstance(rate_hz, int | float):
-            return f"{said}; its start says what {sensor.driver} gives"
+            return f"{text}; its start says what {sensor.driver} gives"
         band = missing_band(rate_hz, session.acceleration_rate_hz)
-        return f"{said}; {sensor.driver} {band}" if band else said
+        return f"{text}; {sensor.driver} {band}" if band else text
 
     def describe_hand_force(self) -> str | None:
         """Describe the source and the delay of the hand's force at a real handle.

@@ -10,7 +10,6 @@ from typing import Any, TypeVar
 import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray, RecordArray
-from mmt.core.drawn import Drawn
 from mmt.core.frames import (
     FIELD_OF_CHANNEL,
     FRAMES_HZ,
@@ -19,6 +18,7 @@ from mmt.core.frames import (
     channels_of,
     samples_per_frame,
 )
+from mmt.core.plottable import Plottable
 
 FRAME_PERIOD_NS = 1_000_000
 """Frames come at 1 kHz."""
@@ -57,7 +57,7 @@ class OutputBlock:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RecordedSession(Drawn):
+class RecordedSession(Plottable):
     """One recorded session in memory.
 
     Session time, ``time_s`` below, is zero at the first frame.

@@ -36,7 +36,7 @@ _MESSAGE_HEAD: Final = 22
 """Bytes of a message before its data: channel, sequence and two times."""
 
 
-class InOrder(NamedTuple):
+class OrderedContent(NamedTuple):
     """Content of a session file beside its frames; events only if the scene has ``[control]``."""
 
     codec: FrameCodec
@@ -46,7 +46,7 @@ class InOrder(NamedTuple):
     events: Sequence[JsonObject]
 
 
-def open_in_order(path: Path) -> InOrder | None:
+def open_in_order(path: Path) -> OrderedContent | None:
     """Return a file's content beside its frames, or None if the file must be read whole.
 
     That is the case if the file was cut off, is damaged, unpacks to too much, or has back-filled
@@ -75,7 +75,7 @@ def open_in_order(path: Path) -> InOrder | None:
         return None
     if BACKFILL_TOPIC in (channel.topic for channel in summary.channels.values()):
         return None
-    return InOrder(
+    return OrderedContent(
         frame_codec(path, summary.channels, summary.schemas, metadata.get(SESSION_METADATA, {})),
         scene,
         attached[-1] if attached else b"",

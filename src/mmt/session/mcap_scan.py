@@ -52,7 +52,7 @@ DAMAGE: Final = (
 those of lz4 are RuntimeErrors."""
 
 
-class TooLarge(McapError):  # noqa: N818 - the name describes the chunk
+class ChunkTooLarge(McapError):  # noqa: N818 - the name describes the chunk
     """Raised for a chunk that would unpack to more than is allowed."""
 
 
@@ -275,7 +275,7 @@ def unpacked(chunk: Chunk, most: int) -> Chunk:
     elif chunk.compression != "lz4":
         size = len(data)
     if size > most:
-        raise TooLarge("a chunk unpacks to more than it may")
+        raise ChunkTooLarge("a chunk unpacks to more than it may")
     if chunk.compression == "zstd":
         data = zstandard.decompress(data, size)
     elif chunk.compression == "lz4":
@@ -292,7 +292,7 @@ def _scan_chunk(scan: Scan, chunk: Chunk) -> None:
         scan.left_bytes -= len(whole.data)
         records = breakup_chunk(whole, validate_crc=True)
     except DAMAGE as error:
-        scan.too_large += isinstance(error, TooLarge)
+        scan.too_large += isinstance(error, ChunkTooLarge)
         scan.damaged += 1
         return
     scan.chunks += 1

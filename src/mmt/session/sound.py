@@ -66,7 +66,7 @@ def write_wav(path: Path, session: RecordedSession) -> None:
         part.write_bytes(sound.getbuffer())
 
 
-def told_by(path: Path) -> dict[str, Any]:
+def read_comment(path: Path) -> dict[str, Any]:
     """Return the comment of a ``.wav`` by `write_wav` as a dict; {} for other files."""
     with path.open("rb") as stream:
         stream.seek(12)

@@ -7,8 +7,8 @@ from mmt.texture.settings import ModellingSettings, surface_check_frames
 
 if TYPE_CHECKING:
     from mmt.texture.online.modeller import OnlineModeller
-    from mmt.texture.online.surface_changes import SaidSurface
-    from mmt.texture.online.work import ModelUpdate
+    from mmt.texture.online.surface_changes import SurfaceStatement
+    from mmt.texture.online.updates import ModelUpdate
     from mmt.texture.surfaces.modeller import SurfaceModeller
 
 
@@ -39,12 +39,14 @@ class ModellerFactory:
         modeller = "mmt.texture.surfaces.modeller" if several else "mmt.texture.online.modeller"
         return [modeller, *(["mmt.texture.completion.uncertainty"] if field else [])]
 
-    def make(self, said: "Iterable[SaidSurface]" = ()) -> "OnlineModeller | SurfaceModeller":
+    def make(
+        self, statements: "Iterable[SurfaceStatement]" = ()
+    ) -> "OnlineModeller | SurfaceModeller":
         """Return a new modeller.
 
         Parameters
         ----------
-        said
+        statements
             Statements of persons on the surface; not used for a single model.
         """
         if self._settings.surfaces is None:
@@ -54,15 +56,15 @@ class ModellerFactory:
         from mmt.texture.surfaces.modeller import SurfaceModeller
 
         modeller = SurfaceModeller(self._settings, self._update_frames)
-        for word in said:
-            modeller.say(word)
+        for statement in statements:
+            modeller.state_surface(statement)
         return modeller
 
     @property
-    def in_step(self) -> bool:
+    def sequential(self) -> bool:
         """Whether each update must be carried out before the modeller continues."""
         return self._settings.surfaces is not None
 
-    def done(self, update: "ModelUpdate") -> bool:
+    def is_finished(self, update: "ModelUpdate") -> bool:
         """Return whether no update will follow; with several surfaces one always may."""
         return update.stopped and self._settings.surfaces is None

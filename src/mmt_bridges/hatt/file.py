@@ -15,7 +15,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.bounds import finite_number
-from mmt.core.errors import InputError, brief
+from mmt.core.errors import InputError, short_message
 from mmt.core.xml_files import parse_xml
 
 _LARGEST_BYTES: Final = 1 << 26
@@ -177,7 +177,7 @@ def _parse(text: str | None, tag: str, where: str) -> float:
         return finite_number(text or "")
     except ValueError:
         raise InputError(
-            f"{where}: <{tag}> is {brief(text)!r}, a finite number is needed"
+            f"{where}: <{tag}> is {short_message(text)!r}, a finite number is needed"
         ) from None
 
 
@@ -190,7 +190,9 @@ def _positive(root: ET.Element, tag: str) -> float:
 
 def _compare(root: ET.Element, tag: str, count: int) -> None:
     if root.find(tag) is not None and _number(root, tag, "the file") != count:
-        raise InputError(f"<{tag}> is {brief(root.findtext(tag))}, but {count} are there: cut off?")
+        raise InputError(
+            f"<{tag}> is {short_message(root.findtext(tag))}, but {count} are there: cut off?"
+        )
 
 
 def _unit(root: ET.Element, tag: str, known: dict[str, float]) -> float:
@@ -200,7 +202,7 @@ def _unit(root: ET.Element, tag: str, known: dict[str, float]) -> float:
         return 1.0
     name = text.strip().lower().replace("sec", "s")
     if name not in known:
-        raise InputError(f"<{tag}> is {brief(text)!r}, known are {', '.join(known)}")
+        raise InputError(f"<{tag}> is {short_message(text)!r}, known are {', '.join(known)}")
     return known[name]
 
 

@@ -20,7 +20,7 @@ from mmt_bridges.hatt.file import HattModelSet, format_hatt, read_hatt
 
 
 @dataclass(frozen=True)
-class Imported:
+class ImportedModel:
     """An imported model, and how it differs from the file.
 
     Attributes
@@ -49,7 +49,7 @@ class Imported:
     same_triangles: float | None
 
 
-def import_hatt(path: Path) -> Imported:
+def import_hatt(path: Path) -> ImportedModel:
     """Import a model from a file of HaTT.
 
     Every vertex of the file, its boundary points included, becomes a sample. The plane is
@@ -72,7 +72,7 @@ def import_hatt(path: Path) -> Imported:
         model = TextureModel(samples, method="published", rate_hz=content.rate_hz)
     except InputError as error:
         raise InputError(f"model {path}: {error}") from error
-    return Imported(
+    return ImportedModel(
         model,
         content.material,
         content.friction,

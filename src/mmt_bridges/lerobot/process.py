@@ -46,7 +46,7 @@ def run(settings: Settings) -> str:
     MmtError
         The session cannot begin, or has failed.
     """
-    from mmt.core.extras import requiring
+    from mmt.core.extras import optional_import
     from mmt.core.kernel_cache import compile_kernels
     from mmt.core.logs import Logs
     from mmt.leader.parts import numerics_of
@@ -54,7 +54,7 @@ def run(settings: Settings) -> str:
     scene = session_scene(settings)
     if numerics := numerics_of(scene):
         compile_kernels(numerics, _event)
-    with Logs("leader", None, None), requiring():
+    with Logs("leader", None, None), optional_import():
         return asyncio.run(_run(settings, scene))
 
 

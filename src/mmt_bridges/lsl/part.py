@@ -73,5 +73,5 @@ class LslPart(PublishingPart[Streams]):
     async def stop(self) -> None:
         """Pass on what is queued, and give recipients time to fetch it."""
         await super().stop()
-        if self._outlet is not None and self.error is None and self._outlet.have_recipients:
+        if self._outlet is not None and self.error is None and self._outlet.has_recipients:
             await asyncio.sleep(_LINGER_S)

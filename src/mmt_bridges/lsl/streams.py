@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from mmt.core.errors import InputError, brief
+from mmt.core.errors import InputError, short_message
 from mmt.core.extras import require
 from mmt.core.frames import FIELD_OF_CHANNEL, Channel
 from mmt.leader.publishing import Block, Marker
@@ -78,7 +78,7 @@ class Streams:
         self._events = outlet("events", "Markers", 1, lsl.IRREGULAR_RATE, lsl.cf_string, ())
 
     @property
-    def have_recipients(self) -> bool:
+    def has_recipients(self) -> bool:
         """Whether any of the streams has a recipient."""
         outlets = [self._events, *(outlet for outlet, _, _ in self._sampled)]
         return any(outlet.have_consumers() for outlet in outlets)
@@ -124,8 +124,8 @@ def load_pylsl() -> Any:
         import pylsl
     except (RuntimeError, OSError, AttributeError) as error:  # AttributeError: a library too old
         raise InputError(
-            f"[lsl] needs the library liblsl, which pylsl cannot load ({brief(error)}); on Linux "
-            "its package for x86-64 with glibc 2.35 or later contains it; elsewhere install "
+            f"[lsl] needs the library liblsl, which pylsl cannot load ({short_message(error)}); on "
+            "Linux its package for x86-64 with glibc 2.35 or later contains it; elsewhere install "
             "liblsl, and name the file in the variable PYLSL_LIB"
         ) from error
     return pylsl

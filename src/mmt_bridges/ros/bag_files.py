@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from mmt.core.errors import InputError, brief
+from mmt.core.errors import InputError, short_message
 from mmt.session.mcap_scan import iterate_mcap
 from mmt.session.mcap_writer import FRAMES_TOPIC
 from mmt.session.messages import message_class
@@ -62,7 +62,7 @@ def decoded_messages(path: Path, notes: list[str]) -> Iterator[DecodedMessage]:
             decode = decoders[key]
             message = decode(raw.data) if decode is not None else None
         except Exception as error:  # noqa: BLE001 - damage reaches every part of the libraries
-            why = f"type {raw.kind or 'unknown'}, {raw.encoding}: {brief(error)}"
+            why = f"type {raw.kind or 'unknown'}, {raw.encoding}: {short_message(error)}"
             lost.setdefault(raw.topic, [0, why])[0] += 1
             continue
         si = raw.encoding in {"cdr", "ros1"} or raw.kind.startswith("foxglove.")

@@ -20,7 +20,7 @@ _JUMP_NS: Final = 60_000_000_000
 """If this delay changes by more between two messages, the topic's headers mix several clocks."""
 
 
-class Stamped:
+class SourceStamps:
     """The stamps of a source's messages, in the order of their receipt.
 
     Attributes
@@ -69,7 +69,7 @@ class Stamped:
 
 
 def choose_clock(
-    sources: Sequence[Stamped], choice: StampChoice, origin: str
+    sources: Sequence[SourceStamps], choice: StampChoice, origin: str
 ) -> tuple[bool, list[str]]:
     """Return whether to use the times of receipt, and notes on this choice.
 

@@ -19,7 +19,7 @@ from mmt.session.data import JsonObject
 from mmt.session.importing.columns import SourceColumns, reading
 from mmt.session.importing.options import ImportOptions
 from mmt_bridges.ros.bag_files import decoded_messages
-from mmt_bridges.ros.clocks import Stamped, choose_clock
+from mmt_bridges.ros.clocks import SourceStamps, choose_clock
 from mmt_bridges.ros.messages import CHANNEL_TOPICS, EVENTS, SCENE, SEQUENCE
 
 _METRES: Final = {"position", "translation", "point"}
@@ -71,7 +71,7 @@ def read_bag(path: Path, wanted: Callable[[str], bool], options: ImportOptions) 
     return gathered.columns(origin, options, notes)
 
 
-class _Source(Stamped):
+class _Source(SourceStamps):
     """The messages of one publisher in one frame of reference."""
 
     def __init__(self, topic: str, frame: str) -> None:
@@ -130,7 +130,7 @@ class _Gathered:
         labels = _labels(list(self._sources.values()))
         notes += _of_several(labels)
         used = [source for source in self._sources.values() if source.values]
-        receipt, said = choose_clock(used, options.stamps, origin)
+        receipt, remarks = choose_clock(used, options.stamps, origin)
         origin_ns = min((source.first_ns(receipt=receipt) for source in used), default=0)
         values, times, names = {}, {}, set()
         units: dict[str, str] = {}
@@ -158,7 +158,7 @@ class _Gathered:
             times=times,
             scene=next(iter(self._texts[SCENE.name]), None),
             events=self._texts[EVENTS.name],
-            notes=[*notes, *said],
+            notes=[*notes, *remarks],
             began_utc_ns=origin_ns if origin_ns >= _EARLIEST_DATE_NS else None,
         )
 

@@ -101,9 +101,9 @@ class RosPart(PublishingPart["RosProcess"]):
         """Return the UTC of this machine."""
         return time.time()
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Queue the model if it is new; report once if the process has failed."""
-        super().look()
+        super().poll()
         newest = self._completing.newest
         if newest is not None and newest is not self._model:
             self._model = newest
@@ -111,7 +111,7 @@ class RosPart(PublishingPart["RosProcess"]):
 
     async def stop(self) -> None:
         """Pass on what is queued, for at most `_LEAVE_S`."""
-        self.look()
+        self.poll()
         process = self._outlet
         ending = asyncio.create_task(asyncio.to_thread(self._leave))
         done, _ = await asyncio.wait([ending], timeout=_LEAVE_S)
@@ -163,11 +163,11 @@ class RosProcess:
         )
         with suppress(OSError):  # it has ended already, and has written why
             self._send(settings)
-        said = self._said()
-        if "problem" in said:
+        answer = self._read_line()
+        if "problem" in answer:
             self.kill()
             self.release()
-            raise InputError(f"[ros] cannot publish: {said['problem']}")
+            raise InputError(f"[ros] cannot publish: {answer['problem']}")
 
     def push_frames(self, blocks: Sequence[Block]) -> None:
         """Push blocks of frames, with their times converted to UTC."""
@@ -207,14 +207,14 @@ class RosProcess:
         try:
             self._send(message)
         except OSError as error:
-            raise MmtError(str(self._said()["problem"])) from error
+            raise MmtError(str(self._read_line()["problem"])) from error
 
     def _send(self, message: object) -> None:
         assert self.process.stdin is not None  # noqa: S101 - it was asked for
         self.process.stdin.write(msgpack.packb(message))
         self.process.stdin.flush()
 
-    def _said(self) -> dict[str, Any]:
+    def _read_line(self) -> dict[str, Any]:
         """Return the next line that the process writes, or a problem if it has ended without."""
         assert self.process.stdout is not None  # noqa: S101 - it was asked for
         line = self.process.stdout.readline()

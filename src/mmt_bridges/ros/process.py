@@ -19,9 +19,9 @@ import numpy as np
 from rosbags.typesys import Stores, get_typestore
 
 from mmt.core.end_signals import handle_end_signals
-from mmt.core.errors import brief
+from mmt.core.errors import short_message
 from mmt.core.frames import Channel, frame_dtype
-from mmt.core.process import step_back
+from mmt.core.process import lower_priority
 from mmt_bridges.ros.messages import (
     CHANNEL_TOPICS,
     EVENTS,
@@ -79,7 +79,7 @@ class Publisher:
         self._publishers = {topic: self._publisher(topic) for topic in (*framed, *_KEPT)}
         self._publish(SCENE, self._messages.text(scene))
 
-    def take(self, message: Mapping[str, Any]) -> None:
+    def publish(self, message: Mapping[str, Any]) -> None:
         """Publish the content of a message from the leader."""
         for _, topic, made in self._made(message):
             self._publish(topic, made)
@@ -130,7 +130,7 @@ def _input() -> Iterator[Any]:
 def main() -> None:
     """Run the process."""
     handle_end_signals(signal.SIG_IGN)  # the leader says when it ends
-    step_back()  # so that subscribers do not delay the leader's ticks
+    lower_priority()  # so that subscribers do not delay the leader's ticks
     with os.fdopen(os.dup(sys.stdout.fileno()), "w") as leader:
         os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # keeps a middleware's prints apart
         _publish(leader)
@@ -143,10 +143,10 @@ def _publish(leader: TextIO) -> None:
         publisher = Publisher(**next(messages))
         print(json.dumps({"ready": True}), file=leader, flush=True)
         for message in messages:
-            publisher.take(message)
+            publisher.publish(message)
         publisher.close()
     except Exception as error:  # noqa: BLE001 - the leader tells it
-        problem = brief(error) or type(error).__name__
+        problem = short_message(error) or type(error).__name__
         print(json.dumps({"problem": problem}), file=leader, flush=True)
 
 

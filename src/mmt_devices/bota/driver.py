@@ -214,7 +214,7 @@ class BotaSerial(WrenchSensor):
             return False
         return True
 
-    def complaint(self) -> str:
+    def explain_fault(self) -> str:
         """Return why frames that arrive cannot be used; empty if they can, or none arrive."""
         return self._explain_unusable() if self._heard_ns > self._usable_ns else ""
 

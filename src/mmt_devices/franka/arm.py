@@ -117,7 +117,7 @@ class FrankaArm(threading.Thread):
         time.sleep((self._due_ns - now_ns) / 1e9)
         state = robot.state  # waits for the next state if nothing moves
         now_ns = time.monotonic_ns()
-        if self.control is not None and self.control.turn(robot, state, now_ns):
+        if self.control is not None and self.control.step(robot, state, now_ns):
             self.control = None
         self._take(state, now_ns)
         self.turn_ns = now_ns
@@ -145,7 +145,7 @@ class FrankaArm(threading.Thread):
         Raises
         ------
         DeviceLost
-            The arm is lost; `enter` connects it again.
+            The arm is lost; `acquire_arm` connects it again.
         MmtError
             The driver itself failed.
         """
@@ -183,7 +183,7 @@ _ARMS: Final[dict[str, FrankaArm]] = {}
 _LOCK: Final = threading.Lock()
 
 
-def enter(options: ArmOptions) -> FrankaArm:
+def acquire_arm(options: ArmOptions) -> FrankaArm:
     """Connect an arm, or share its connection; a lost connection is made anew.
 
     Raises
@@ -205,9 +205,9 @@ def enter(options: ArmOptions) -> FrankaArm:
     except DeviceLost as error:
         problem = str(error)
     except BaseException:
-        leave(arm)
+        release_arm(arm)
         raise
-    leave(arm)
+    release_arm(arm)
     raise MmtError(problem)
 
 
@@ -228,7 +228,7 @@ def _take_part(options: ArmOptions, franky: Any) -> FrankaArm:
         return arm
 
 
-def leave(arm: FrankaArm) -> None:
+def release_arm(arm: FrankaArm) -> None:
     """Remove a user; the last one to leave disconnects the arm."""
     with _LOCK:
         arm.users -= 1

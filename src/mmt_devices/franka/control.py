@@ -2,7 +2,7 @@
 
 from typing import Any, Final
 
-from mmt.core.arrays import difference, towards
+from mmt.core.arrays import difference, step_towards
 from mmt.devices.protocols import Vector
 from mmt_devices.franka.options import FrankaRobotOptions
 from mmt_devices.franka.problems import ArmProblem
@@ -46,7 +46,7 @@ class PositionControl:
         self._point = self._velocity = (0.0, 0.0, 0.0)
         self._moved_ns = 0
 
-    def turn(self, robot: Any, state: Any, now_ns: int) -> bool:
+    def step(self, robot: Any, state: Any, now_ns: int) -> bool:
         """Begin once there is a command, then advance the point; return whether control has ended.
 
         Raises
@@ -104,7 +104,7 @@ class PositionControl:
     def _move(self, target: Vector, passed_s: float) -> None:
         """Move the point towards the target (mm), and update its smoothed velocity (mm/s)."""
         step_s = min(max(passed_s, 1e-6), _LONGEST_STEP_S)
-        point = towards(self._point, target, self._options.speed_limit_mm_s * step_s)
+        point = step_towards(self._point, target, self._options.speed_limit_mm_s * step_s)
         (x, y, z), self._point = difference(point, self._point), point
         share = step_s / (step_s + _SMOOTHING_S)
         u, v, w = self._velocity

@@ -12,7 +12,7 @@ from mmt.devices.axes import Axes
 from mmt.devices.discovery import missing_package
 from mmt.devices.drivers import read_options
 from mmt.devices.protocols import Vector
-from mmt_devices.franka.arm import ArmState, FrankaArm, enter, leave
+from mmt_devices.franka.arm import ArmState, FrankaArm, acquire_arm, release_arm
 from mmt_devices.franka.control import PositionControl
 from mmt_devices.franka.options import ArmOptions, FrankaRobotOptions
 
@@ -48,13 +48,13 @@ class _ArmDriver(Generic[AnyOptions]):
             The arm cannot be used; the message says what to do.
         """
         self.close()
-        self.arm = enter(self._options)
+        self.arm = acquire_arm(self._options)
 
     def close(self) -> None:
         """Bring the arm to rest and disconnect it, unless the other driver uses it."""
         arm, self.arm = self.arm, None
         if arm is not None:
-            leave(arm)
+            release_arm(arm)
 
     @property
     def faults(self) -> Mapping[str, int]:

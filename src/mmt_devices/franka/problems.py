@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from mmt.core.errors import brief
+from mmt.core.errors import short_message
 
 
 class ArmProblem(Exception):  # noqa: N818 - a state of the arm, as a sentence without its name
@@ -86,8 +86,8 @@ def explain(error: Exception) -> str:
     meaning = next((means for word, means in _BY_TEXT if word in lowered), None)
     if meaning is None and is_of_network(error):
         meaning = _UNREACHABLE
-    said = brief(text.removeprefix("libfranka: "))
-    return f"the library reports: {said}" if meaning is None else f"{meaning} ({said})"
+    message = short_message(text.removeprefix("libfranka: "))
+    return f"the library reports: {message}" if meaning is None else f"{meaning} ({message})"
 
 
 def is_of_network(error: Exception) -> bool:

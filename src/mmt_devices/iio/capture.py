@@ -96,11 +96,11 @@ class Capture:
         except OSError as error:
             raise self._device.explain(error, self._node) from error
         if not content:
-            why = self.complaint().removeprefix(f"{self._name}: ") or "look with dmesg why"
+            why = self.explain_fault().removeprefix(f"{self._name}: ") or "look with dmesg why"
             raise DeviceLost(f"{self._name}: it captures no longer; {why}")
         return content
 
-    def complaint(self) -> str:
+    def explain_fault(self) -> str:
         """Return why no scans arrive, as far as the attributes tell; else empty."""
         try:
             if self._device.read(f"{self._buffer}/enable") == "0":

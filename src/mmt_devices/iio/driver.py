@@ -158,9 +158,9 @@ class IioAccelerometer:
         """
         return [self._convert(time_ns, raw) for time_ns, raw in self._take()]
 
-    def complaint(self) -> str:
+    def explain_fault(self) -> str:
         """Return why no samples arrive, as far as the kernel tells."""
-        return "" if self._capture is None else self._capture.complaint()
+        return "" if self._capture is None else self._capture.explain_fault()
 
     def close(self) -> None:
         """Stop the capture and restore the changed settings; calling it twice is harmless."""
@@ -227,7 +227,7 @@ class IioAccelerometer:
             time.sleep(0.001)
         if came:
             raise MmtError(self._explain_stuck())
-        why = self.complaint().removeprefix(f"{self.name}: ")
+        why = self.explain_fault().removeprefix(f"{self.name}: ")
         raise MmtError(
             f"{self.name}: no sample for {self._options.start_s:g} s though its buffer runs; "
             + (why or "check the wire from its interrupt to the pin that the overlay names")
@@ -243,7 +243,7 @@ class IioAccelerometer:
         x, y, z = a * raw[i] + p, b * raw[j] + q, c * raw[k] + r
         if abs(x) >= x_end or abs(y) >= y_end or abs(z) >= z_end:
             self._counts["overload"] += 1
-            self._notice.tell(
+            self._notice.warn(
                 f"{self.name} is overloaded: beyond {x_end / GRAVITY_M_S2:.3g} g along an axis it "
                 "cuts off what it feels; touch the surface and move more gently"
             )
@@ -273,7 +273,7 @@ class StampedAccelerometer(IioAccelerometer):
         """When the newest reading was stamped, by the host's monotonic clock."""
         return self._newest_ns
 
-    def complaint(self) -> str:
+    def explain_fault(self) -> str:
         """Return why no samples arrive, or that their time stamps are impossible."""
         if self._impossible:
             return (
@@ -281,7 +281,7 @@ class StampedAccelerometer(IioAccelerometer):
                 'row): look whether current_timestamp_clock says "monotonic"; another program may '
                 "have set it"
             )
-        return super().complaint()
+        return super().explain_fault()
 
     def _start_clock(self, capture: Capture) -> None:
         self._newest_ns = 0

@@ -175,8 +175,8 @@ class EmulatedIio:
 
     def _obey(self, now_ns: int) -> None:
         """Start or stop if the attribute ``enable`` was written, even with the same value."""
-        said = os.pread(self._switch, 8, 0).decode("ascii").strip()
-        seen = (said, os.fstat(self._switch).st_mtime_ns)
+        written = os.pread(self._switch, 8, 0).decode("ascii").strip()
+        seen = (written, os.fstat(self._switch).st_mtime_ns)
         if seen == self._seen or not seen[0]:  # empty: it is being written
             return
         self._seen = seen

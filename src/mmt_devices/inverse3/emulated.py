@@ -69,7 +69,7 @@ class EmulatedInverse3:
 
     @property
     def tip(self) -> EmulatedTip:
-        """Tip of the first device; `look` advances it to the present."""
+        """Tip of the first device; `tip_state` advances it to the present."""
         return next(iter(self.tips.values()))
 
     @property
@@ -93,7 +93,7 @@ class EmulatedInverse3:
             self._thread.join()
             self._thread = None
 
-    def look(self) -> EmulatedTip:
+    def tip_state(self) -> EmulatedTip:
         """Return the first tip as it is now."""
         with self._lock:
             self.tip.advance(time.monotonic_ns())

@@ -139,7 +139,7 @@ class ServiceLink:
 
     def poll(self) -> None:
         """Take the messages that have arrived from the process."""
-        for kind, body in self._process.take():
+        for kind, body in self._process.receive():
             if kind == to.STATE:
                 self.state = state = to.unpack_state(body)
                 self.answers += 1

@@ -90,7 +90,7 @@ class Conversation:
             socket = await self._open(session)
             try:
                 self._servo = servo = await self._first(socket)
-                self._pipes.tell(FOUND, f"{servo.kind}\n{servo.device}")
+                self._pipes.send(FOUND, f"{servo.kind}\n{servo.device}")
                 try:
                     await self._exchange(socket, servo)
                 finally:
@@ -165,7 +165,7 @@ class Conversation:
         """Send and receive until one of the two fails, or until cancelled."""
         talking = [
             asyncio.ensure_future(self._speak(socket, servo)),
-            asyncio.ensure_future(self._hear(socket, servo)),
+            asyncio.ensure_future(self._handle_answer(socket, servo)),
         ]
         try:
             await asyncio.wait(talking, return_when=asyncio.FIRST_COMPLETED)
@@ -182,7 +182,7 @@ class Conversation:
 
         The time-out counts turns, so that a pause of this process is not taken for a stuck service.
         """
-        commands = self._pipes.take(COMMAND)
+        commands = self._pipes.receive(COMMAND)
         if commands is None:
             self._turns.stop()
             return
@@ -205,34 +205,36 @@ class Conversation:
             self._turns.stop()
 
     async def _speak(self, socket: aiohttp.ClientWebSocketResponse, servo: Inverse3Servo) -> None:
-        text = servo.greet()
+        text = servo.first_message()
         try:
             while True:
                 self._turns_waited, self._asked = 0, True
                 await socket.send_str(text)
                 self._due.clear()
                 await self._due.wait()
-                text = servo.speak(time.monotonic_ns())
+                text = servo.next_message(time.monotonic_ns())
         except (aiohttp.ClientError, ConnectionError) as error:
             raise self._gone(str(error)) from error
 
-    async def _hear(self, socket: aiohttp.ClientWebSocketResponse, servo: Inverse3Servo) -> None:
+    async def _handle_answer(
+        self, socket: aiohttp.ClientWebSocketResponse, servo: Inverse3Servo
+    ) -> None:
         while True:
             text = await self._next(socket)
             self._asked = False
-            servo.hear(text)
-            self._tell(servo)
+            servo.handle_answer(text)
+            self._report(servo)
 
-    def _tell(self, servo: Inverse3Servo) -> None:
+    def _report(self, servo: Inverse3Servo) -> None:
         """Send the driver new counts, the state, and why the device is lost."""
         if servo.counts != self._told:
             for what in (servo.counts - self._told).elements():
-                self._pipes.tell(COUNT, what)
+                self._pipes.send(COUNT, what)
             self._told = servo.counts.copy()
-        self._pipes.tell(STATE, pack_state(servo.state()))
+        self._pipes.send(STATE, pack_state(servo.state()))
         problem = servo.problem()
         if problem and not self._is_lost:
-            self._is_lost = self._pipes.tell(LOST, problem)
+            self._is_lost = self._pipes.send(LOST, problem)
 
     async def _next(self, socket: aiohttp.ClientWebSocketResponse) -> str:
         """Return the next text, or "" for a binary message."""

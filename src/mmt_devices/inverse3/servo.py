@@ -6,9 +6,9 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 
-from mmt.core.arrays import towards
+from mmt.core.arrays import step_towards
 from mmt.core.guards import ForceGuard
-from mmt.devices.plausibility import Watch
+from mmt.devices.plausibility import PlausibilityCheck
 from mmt.devices.protocols import Vector
 from mmt_devices.inverse3.exchange import ABSENT, Inverse3State, ServiceAnswer
 from mmt_devices.inverse3.messages import (
@@ -55,7 +55,7 @@ class ChosenDevice(NamedTuple):
     """Its entry in the service's first message."""
 
 
-class Senseless(NamedTuple):
+class ImplausibleAnswers(NamedTuple):
     """A run of implausible answers."""
 
     problem: str
@@ -90,7 +90,7 @@ class Fade:
         self.share = max(self.share - change, 0.0)
         return self.share, begins
 
-    def cut(self) -> None:
+    def mute(self) -> None:
         """Take the force away at once."""
         self.share = 0.0
 
@@ -120,7 +120,7 @@ class Inverse3Servo(ABC):
         self.command_ns: int | None = None
         """Time of that command, or None before the first."""
         self.measured: Inverse3State | None = None
-        self.senseless: Senseless | None = None
+        self.implausible: ImplausibleAnswers | None = None
         self.fault = ""
         """Why this connection must end; empty while it can go on."""
         self.counts: Counter[str] = Counter()
@@ -131,10 +131,10 @@ class Inverse3Servo(ABC):
         self.powered = read_flag(found.entry, "power_supply")
         self.used_elsewhere = read_flag(found.entry, "in_use") is True
         """Whether another program had the device when this one connected."""
-        self._watch = Watch()
+        self._watch = PlausibilityCheck()
         self._judge(found.entry, clock())
 
-    def greet(self) -> str:
+    def first_message(self) -> str:
         """Return the first message to the service."""
         return greeting(self.device, self._names)
 
@@ -143,10 +143,10 @@ class Inverse3Servo(ABC):
         return force_command(self.device, self._names, NO_FORCE)
 
     @abstractmethod
-    def speak(self, now_ns: int) -> str:
+    def next_message(self, now_ns: int) -> str:
         """Return the next message to the service."""
 
-    def hear(self, text: str) -> None:
+    def handle_answer(self, text: str) -> None:
         """Judge an answer of the service."""
         try:
             entry = listed(parse(text)).get(self.device)
@@ -160,7 +160,7 @@ class Inverse3Servo(ABC):
 
     def problem(self) -> str:
         """Return why the device is lost, to follow "it has given"; empty while it works."""
-        senseless = self.senseless
+        senseless = self.implausible
         if self.fault or senseless is None or senseless.answers < _LEAST_ANSWERS:
             return self.fault
         if self.clock() - senseless.since_ns <= _LOST_NS:
@@ -191,15 +191,15 @@ class Inverse3Servo(ABC):
         if problem is not None:
             self._distrust(problem, now_ns)
             return
-        self.senseless = None
+        self.implausible = None
         self.measured = Inverse3State(position, velocity, now_ns)
 
     def _distrust(self, problem: str, now_ns: int) -> None:
-        """Note an implausible answer; `speak` gives no force until a plausible one comes."""
+        """Note an implausible answer; `next_message` gives no force until a plausible one comes."""
         self.counts[problem] += 1
-        before = self.senseless
+        before = self.implausible
         since_ns, answers = (now_ns, 0) if before is None else (before.since_ns, before.answers)
-        self.senseless = Senseless(problem, since_ns, answers + 1)
+        self.implausible = ImplausibleAnswers(problem, since_ns, answers + 1)
 
 
 class ForceServo(Inverse3Servo):
@@ -227,10 +227,10 @@ class ForceServo(Inverse3Servo):
         self._fade = Fade(self.stale_ns, round(ramp_ms * 1e6))
         self._guard = ForceGuard(limit_n)
 
-    def speak(self, now_ns: int) -> str:
+    def next_message(self, now_ns: int) -> str:
         """Return the force command, scaled by the fade."""
-        if self.senseless is not None:
-            self._fade.cut()
+        if self.implausible is not None:
+            self._fade.mute()
             return self.release()
         share, begins = self._fade.step(now_ns, self.command_ns)
         if begins:
@@ -268,20 +268,20 @@ class Inverse3PositionServo(Inverse3Servo):
         self._pulled_at: Vector | None = None
         self._pulled_ns = self._spoke_ns = 0
 
-    def speak(self, now_ns: int) -> str:
+    def next_message(self, now_ns: int) -> str:
         """Return the command of the next position, or of zero force."""
         passed_s = min(1e-9 * (now_ns - self._spoke_ns), _LONGEST_STEP_S)
         self._spoke_ns = now_ns
         measured, command_ns = self.measured, self.command_ns
         fresh = command_ns is not None and now_ns - command_ns < self.stale_ns
-        if measured is None or self.senseless is not None or self.fault or not fresh:
+        if measured is None or self.implausible is not None or self.fault or not fresh:
             if self._point is not None and not fresh:
                 self.counts["stale commands"] += 1
             self._point = self._pulled_at = None
             return self.release()
         tip = measured.position_mm
-        point = towards(self._point or tip, self.command, self._speed_mm_s * passed_s)
-        self._point = towards(tip, point, self._lead_mm)
+        point = step_towards(self._point or tip, self.command, self._speed_mm_s * passed_s)
+        self._point = step_towards(tip, point, self._lead_mm)
         if self._point != point and tip == self._pulled_at:
             if now_ns - self._pulled_ns > _STUCK_NS:
                 self.fault = STUCK

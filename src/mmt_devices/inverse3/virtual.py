@@ -35,7 +35,7 @@ class _VirtualInverse3(VirtualDevice[AnyDriver]):
         )  # fmt: skip
 
     def _enter(self) -> dict[str, Any]:
-        return self._lab.enter(self, str(self._role), *self._lab_arguments)["inverse3"]
+        return self._lab.acquire(self, str(self._role), *self._lab_arguments)["inverse3"]
 
 
 class VirtualInverse3Handle(_VirtualInverse3[Inverse3Handle]):

@@ -29,7 +29,7 @@ LOCAL: Final = Daqmx()
 
 
 @contextmanager
-def in_words() -> Iterator[None]:
+def explained() -> Iterator[None]:
     """Turn an error of NI-DAQmx into an `MmtError` that says what to do.
 
     Raises
@@ -58,12 +58,12 @@ def explain(error: Error) -> str:
         return " ".join(str(error).split())
     if error.error_code == DAQmxErrors.PAL_RESOURCE_RESERVED:
         return "another program has it: close that one"
-    said = [
+    lines = [
         " ".join(paragraph.split())
         for paragraph in str(error).split("\n\n")
         if not paragraph.startswith(("Task Name", "Status Code"))
     ]
-    return f"{' '.join(said)} (NI-DAQmx {error.error_code})"
+    return f"{' '.join(lines)} (NI-DAQmx {error.error_code})"
 
 
 def boards(daqmx: Daqmx) -> list[Any]:
@@ -74,7 +74,7 @@ def boards(daqmx: Daqmx) -> list[Any]:
     MmtError
         NI-DAQmx cannot be used.
     """
-    with in_words():
+    with explained():
         return [device for device in daqmx.devices() if input_names(device)]
 
 

@@ -6,7 +6,7 @@ from typing import Any, Final
 from mmt.core.errors import MmtError
 from mmt.devices.board_sharing import BoardStream, ChannelsOf, SharedInputs
 from mmt.devices.drivers import read_options
-from mmt_devices.ni.daqmx import LOCAL, Daqmx, find_board, find_ports, in_words, input_names
+from mmt_devices.ni.daqmx import LOCAL, Daqmx, explained, find_board, find_ports, input_names
 from mmt_devices.ni.options import NiOptions
 from mmt_devices.ni.stream import NiInput, NiStream
 
@@ -53,14 +53,14 @@ class NiVoltages(SharedInputs[NiInput]):
         device = self._device()
         return NiStream(self.backend, device, self.rate_hz, channels_of(device.name))
 
-    def misfit(self, others: Sequence[SharedInputs[NiInput]]) -> str:
+    def conflict_with(self, others: Sequence[SharedInputs[NiInput]]) -> str:
         """Return why one task cannot sample these inputs and the others'; empty if it can."""
         numbers = {each.number for each in self.channels}
         taken = {each.number for other in others for each in other.channels}
         if twice := sorted(numbers & taken):
             return f"ai{twice[0]} belongs to another driver already"
         device = self._device()
-        with in_words():
+        with explained():
             there = input_names(device)
             most_hz = device.ai_max_multi_chan_rate
         if strange := [f"ai{number}" for number in sorted(numbers) if f"ai{number}" not in there]:

@@ -16,10 +16,10 @@ from nidaqmx.stream_readers import AnalogMultiChannelReader
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import DeviceLost
 from mmt.core.realtime import follow_real_time
-from mmt.devices.board_sharing import Arrived
+from mmt.devices.board_sharing import StreamData
 from mmt.devices.overload import OverloadNotice
 from mmt.devices.protocols import VoltageReading
-from mmt_devices.ni.daqmx import Daqmx, explain, in_words
+from mmt_devices.ni.daqmx import Daqmx, explain, explained
 
 _TERMINALS: Final = {
     "differential": TerminalConfiguration.DIFF,
@@ -76,13 +76,13 @@ class NiStream:
         self.board: str = device.name
         self.serial = f"ni-{device.serial_num:X}"
         self._daqmx, self._wanted_hz, self._inputs = daqmx, rate_hz, tuple(inputs)
-        self._arrived: deque[Arrived] = deque(maxlen=_MOST_WAITING)
+        self._arrived: deque[StreamData] = deque(maxlen=_MOST_WAITING)
         self._ending = threading.Event()
         self._lost = ""
         self._scan = 0
         self._faults: Counter[str] = Counter()
         self._notice = OverloadNotice()
-        with in_words():
+        with explained():
             self._task, self._rate_hz = self._start()
         self._heard_ns = time.monotonic_ns()
         self._zero_ns = float(self._heard_ns)
@@ -91,23 +91,23 @@ class NiStream:
         self._thread.start()
 
     @property
-    def flows(self) -> bool:
+    def is_streaming(self) -> bool:
         """Whether the board is there and scans have arrived within the last 0.2 s."""
         return not self._lost and time.monotonic_ns() - self._heard_ns < 1e9 * _SILENT_S
 
-    def take(self) -> Arrived:
+    def read_scans(self) -> StreamData:
         """Return the scans that have arrived; see `BoardStream`."""
         waiting = self._arrived
         taken = [waiting.popleft() for _ in range(len(waiting))]
         if not taken:
             if self._lost:
                 raise DeviceLost(f"the board by NI {self.board} is gone: {self._lost}")
-            return Arrived([], 0, Counter())
+            return StreamData([], 0, Counter())
         faults: Counter[str] = Counter()
         for block in taken:
             faults.update(block.faults)
         scans = [scan for block in taken for scan in block.scans]
-        return Arrived(scans, taken[-1].arrival_ns, faults)
+        return StreamData(scans, taken[-1].arrival_ns, faults)
 
     def close(self) -> None:
         """End the task; calling it twice is harmless."""
@@ -182,7 +182,7 @@ class NiStream:
         if len(self._arrived) == _MOST_WAITING:
             self._faults["lost scans"] += len(scans)
         faults, self._faults = self._faults, Counter()
-        self._arrived.append(Arrived(scans, arrival_ns, faults))
+        self._arrived.append(StreamData(scans, arrival_ns, faults))
 
     def _begin_anew(self) -> None:
         """Start another task after an overrun; count the lost scans by the host's clock."""
@@ -192,7 +192,7 @@ class NiStream:
         missed = max(0, round(passed_s * self._rate_hz) - self._scan)
         self._scan += missed
         self._faults.update({"overruns": 1, "lost scans": missed})
-        self._notice.tell(
+        self._notice.warn(
             f"the board by NI {self.board} was read too late, and {missed} scans are lost: lower "
             "rate_hz, or take load off this machine"
         )

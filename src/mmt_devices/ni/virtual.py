@@ -103,4 +103,4 @@ class VirtualNi(NiVoltages):
         super().close()
         if self._matrix is not None:
             _INPUTS.volts_per_n = _VOLTS_PER_N
-        LAB.leave(self)
+        LAB.release(self)

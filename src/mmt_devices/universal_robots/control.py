@@ -5,7 +5,7 @@ import threading
 import time
 from typing import Any, Final
 
-from mmt.core.errors import MmtError, brief
+from mmt.core.errors import MmtError, short_message
 from mmt_devices.universal_robots import dashboard
 from mmt_devices.universal_robots.frame import Vector
 from mmt_devices.universal_robots.servo import ServoPoint, ServoSettings
@@ -91,8 +91,8 @@ class ArmControl(threading.Thread):
                 time.sleep(0.001)  # `receive` reports it a cycle later
         except Exception as error:
             raise MmtError(
-                f"the arm at {self._host} takes no commands ({brief(error)}): read what the "
-                "pendant shows; no other program may control it, and EtherNet/IP, PROFINET and "
+                f"the arm at {self._host} takes no commands ({short_message(error)}): read what "
+                "the pendant shows; no other program may control it, and EtherNet/IP, PROFINET and "
                 "MODBUS must be off in its installation"
             ) from error
         if not guarded:
@@ -114,8 +114,8 @@ class ArmControl(threading.Thread):
                 self._control.stopScript()
         except Exception as error:  # noqa: BLE001 - whatever the library raises is told
             self._lose(
-                f"takes no commands any more ({brief(error)}): check its cable, and that it is "
-                "switched on"
+                f"takes no commands any more ({short_message(error)}): check its cable, and that "
+                "it is switched on"
             )
         self._stopped.set()
         self._control.disconnect()  # so that others may control the arm; takes half a second

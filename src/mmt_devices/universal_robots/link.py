@@ -128,7 +128,7 @@ class ArmLink:
 
     def _poll(self) -> None:
         """Take the messages that have arrived from the process."""
-        for kind, body in self._process.take():
+        for kind, body in self._process.receive():
             if kind == to.STATE:
                 self.state = to.unpack_state(body)
                 self.kept.append(self.state)

@@ -8,7 +8,7 @@ by themselves. In this process they block nothing else, and end with it.
 import time
 from typing import Any, Final
 
-from mmt.core.errors import MmtError, brief
+from mmt.core.errors import MmtError, short_message
 from mmt.devices.driver_process import COUNT, DriverPipes, run_process
 from mmt_devices.universal_robots import messages as to
 from mmt_devices.universal_robots.control import ArmControl
@@ -72,7 +72,7 @@ class ArmProcess:
                 self._host, self._frequency_hz, self._settings, self._receive
             )
             self._control.start()
-            self._pipes.tell(to.CONTROLLED)
+            self._pipes.send(to.CONTROLLED)
         period_s = 1.0 / self._frequency_hz
         due_s = time.monotonic()
         while self._take_commands():
@@ -91,7 +91,7 @@ class ArmProcess:
                 self._host, self._frequency_hz, _FIELDS
             )
         except Exception as error:
-            raise MmtError(_NO_DATA.format(self._host, f" ({brief(error)})")) from error
+            raise MmtError(_NO_DATA.format(self._host, f" ({short_message(error)})")) from error
         deadline = time.monotonic() + _FIRST_S
         while not self._receive.getTimestamp():
             if time.monotonic() > deadline:
@@ -101,7 +101,7 @@ class ArmProcess:
 
     def _take_commands(self) -> bool:
         """Take the driver's commands; return whether the driver is still there."""
-        commands = self._pipes.take(to.COMMAND)
+        commands = self._pipes.receive(to.COMMAND)
         for kind, x, y, z in commands or ():
             if kind == to.RELEASE:
                 self._release(0.0)
@@ -127,7 +127,7 @@ class ArmProcess:
         if self._control is not None:
             self._control.force_n = (u, v, w)
         state = UrState(timestamp_s, (x, y, z), (u, v, w), time.monotonic_ns())
-        self._pipes.tell(to.STATE, to.pack_state(state))
+        self._pipes.send(to.STATE, to.pack_state(state))
 
     def _watch_control(self) -> None:
         """Tell the driver of periods held back, and of a loss of control."""
@@ -137,9 +137,9 @@ class ArmProcess:
         control.watch()
         if control.held_back != self._held_back:
             self._held_back = control.held_back
-            self._pipes.tell(COUNT, "periods held back by force_limit_n")
+            self._pipes.send(COUNT, "periods held back by force_limit_n")
         lost = control.lost
-        if lost and self._pipes.tell(to.LOST, f"the arm at {self._host} {lost}"):
+        if lost and self._pipes.send(to.LOST, f"the arm at {self._host} {lost}"):
             self._control = None
 
     def _release(self, patience_s: float) -> None:

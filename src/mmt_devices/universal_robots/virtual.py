@@ -47,7 +47,7 @@ class _VirtualUr(VirtualDevice[AnyDriver]):
         return self._connected().read()
 
     def _enter(self) -> dict[str, Any]:
-        addresses = self._lab.enter(self, *self._lab_arguments, "ur")
+        addresses = self._lab.acquire(self, *self._lab_arguments, "ur")
         if "ur" not in addresses:
             raise MmtError(
                 "the virtual lab has another robot already: a scene with virtual-ur as force "

@@ -8,7 +8,7 @@ from mmt.cli.common import messages
 from mmt.core.errors import InputError, MmtError
 from mmt.core.extras import install_command
 from mmt.evaluation.document import Block, Paragraph, ReportTable
-from mmt.evaluation.report import machine
+from mmt.evaluation.report import machine_table
 from mmt_lab.harness import command
 from mmt_lab.harness.experiment import listed, load
 from mmt_lab.harness.findings import Findings, SkippedMethod
@@ -43,7 +43,7 @@ def run_benches(
         else:
             print_findings(results[-1])
     print_targets(results)
-    about = machine()
+    about = machine_table()
     if report is not None:
         page = write_bench_report(report, results, about)
         messages.print(f"report: {page}", highlight=False)

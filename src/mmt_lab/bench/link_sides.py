@@ -49,12 +49,12 @@ class SideReport:
     """Highest sequence number received."""
 
 
-def lead(pipe: Connection, rate_hz: int, samples_per_frame: int, realtime: bool) -> None:
+def run_leader(pipe: Connection, rate_hz: int, samples_per_frame: int, realtime: bool) -> None:
     """Run the leader of both links."""
     asyncio.run(_lead(pipe, rate_hz, samples_per_frame, realtime))
 
 
-def follow(pipe: Connection, rate_hz: int, samples_per_frame: int, realtime: bool) -> None:
+def run_follower(pipe: Connection, rate_hz: int, samples_per_frame: int, realtime: bool) -> None:
     """Run the follower of both links."""
     asyncio.run(_follow(pipe, rate_hz, samples_per_frame, realtime))
 

@@ -18,7 +18,7 @@ from urllib.parse import urlsplit
 
 import msgpack
 
-from mmt.core.process import step_back
+from mmt.core.process import lower_priority
 from mmt.link.protocol import CONNECT_PACKET, EVENT_NAMESPACE
 from mmt.link.websocket import LINK_PATH
 
@@ -77,7 +77,7 @@ _TURN_S, _BUSY_S = 0.4, 0.002
 """Period of a stranger's turns during a session, and processor time used in a turn."""
 
 
-def _said(kind: str) -> Iterable[bytes]:
+def _chunks(kind: str) -> Iterable[bytes]:
     """Return the chunks that a stranger of one of `KINDS` sends on a connection."""
     if kind == "tokens":
         return (_UPGRADE, _hello({"token": "wrong"}))
@@ -99,20 +99,20 @@ def _flood(kind: str) -> tuple[bytes, bytes]:
     }[kind]
 
 
-def disturb(host: str, port: int, kind: str) -> int:
+def send_as_stranger(host: str, port: int, kind: str) -> int:
     """Open one connection and send all that the leader accepts; return the number of bytes."""
-    said = 0
+    sent = 0
     try:
         with socket.create_connection((host, port), _PATIENCE_S) as connection:
-            for chunk in _said(kind):
+            for chunk in _chunks(kind):
                 connection.sendall(chunk)
-                said += len(chunk)
+                sent += len(chunk)
             connection.shutdown(socket.SHUT_WR)
             while connection.recv(65_536):
                 pass
     except OSError:
         pass  # the leader closed the connection or reads no more
-    return said
+    return sent
 
 
 def _stand_by() -> None:
@@ -125,12 +125,12 @@ def _stand_by() -> None:
 
 def main() -> None:
     """Run the stranger of the command line at low priority, as if on another machine."""
-    step_back()
+    lower_priority()
     address, kind = urlsplit(sys.argv[1]), sys.argv[2]
     while kind == BYSTANDER:
         _stand_by()
     while True:
-        disturb(address.hostname or "", address.port or 80, kind)
+        send_as_stranger(address.hostname or "", address.port or 80, kind)
 
 
 if __name__ == "__main__":

@@ -110,7 +110,7 @@ class _Session:
         self._case, self._run_s = case, run_s
         self._settings = settings_of(case, "field")
         self._blocks = blocks_of(case.session())
-        self._strokes = StrokesMade.of(self._blocks, self._settings).strokes(STROKES)
+        self._strokes = StrokesMade.from_frames(self._blocks, self._settings).strokes(STROKES)
         self._expected = expected_spectra(KnownTexture(case.surface), self._strokes)
         self.rendered: list[GeneratorScore] = []
         self.faults: list[Fault] = []

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.evaluation.levels import Across, across
+from mmt.evaluation.levels import PooledFigure, across
 from mmt_lab.compare.judging import (
     FIGURES,
     LARGER_IS_BETTER,
@@ -44,7 +44,7 @@ class MethodRow:
     sessions: int
     time_s: float
     samples: float
-    figures: dict[str, Across]
+    figures: dict[str, PooledFigure]
 
 
 @dataclass(frozen=True)

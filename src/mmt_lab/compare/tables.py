@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from mmt.core.arrays import FloatArray
 from mmt.core.palette import LIGHT
 from mmt.evaluation.document import ReportTable
-from mmt.evaluation.levels import Across, across, band_edges_hz, root_mean_square
+from mmt.evaluation.levels import PooledFigure, across, band_edges_hz, root_mean_square
 from mmt.evaluation.texts import number
 from mmt_lab.compare.judging import FIGURES, SHARES, TIMES_S, Certainty, JudgedMethod
 from mmt_lab.compare.summary import RUN_TO_RUN_DB, MethodComparison
@@ -226,7 +226,7 @@ def calibration_figure(certainties: Sequence[Certainty]) -> Figure:
     return figure
 
 
-def _cell(figure: str, found: Across | None) -> str:
+def _cell(figure: str, found: PooledFigure | None) -> str:
     if found is None:
         return "-"
     values = [number(value, DIGITS[figure]) for value in (found.median, found.mean, found.worst)]

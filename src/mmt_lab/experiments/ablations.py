@@ -27,7 +27,7 @@ from mmt_lab.harness.experiment import (
     hand_of,
 )
 from mmt_lab.harness.findings import Findings
-from mmt_lab.harness.processes import each
+from mmt_lab.harness.processes import map_in_processes
 
 WHOLE: Final = "field"
 
@@ -129,7 +129,7 @@ def run(
     check_spoils(spoils)
     chosen = sets(chosen_textures(textures), seeds, spoils)
     calls = [(case, methods, spoilt) for cases, spoilt in chosen.values() for case in cases]
-    found = iter(each(judge, calls, workers=workers, what="leaving out"))
+    found = iter(map_in_processes(judge, calls, workers=workers, what="leaving out"))
     judged: dict[str, list[JudgedMethod]] = {}
     for name, (cases, spoilt) in chosen.items():
         every = [one for _ in cases for one in next(found)[0]]

@@ -176,7 +176,7 @@ def _by_offset(methods: Sequence[BurgFit]) -> Panel:
                 curves.fail(method.name, offset, str(failure))
     knob = "offset over the noise"
     title = f"White noise on an offset, order {OFFSET_ORDER}, by the {knob}"
-    return Panel("offset", title, knob, Axis(knob, "offset"), ERROR, curves.done())
+    return Panel("offset", title, knob, Axis(knob, "offset"), ERROR, curves.build())
 
 
 def _errors(
@@ -205,7 +205,7 @@ def _curves(
         for method in methods:
             time = of[method.name].times(MICROSECONDS)
             curves.add(method.name, knob, time, errors[knob][method.name])
-    return curves.done()
+    return curves.build()
 
 
 def _stiff(methods: Sequence[BurgFit]) -> FindingsTable:

@@ -53,7 +53,7 @@ from mmt_lab.harness.experiment import (
     rates_of,
 )
 from mmt_lab.harness.findings import Findings, Target
-from mmt_lab.harness.processes import each
+from mmt_lab.harness.processes import map_in_processes
 
 TITLE: Final = "Methods side by side"
 
@@ -158,7 +158,7 @@ def compare(
 ) -> MethodComparison:
     """Judge methods on every session, in local processes."""
     calls = [(case, tuple(methods), tuple(spoils)) for case in cases]
-    found = each(judge, calls, workers=workers, what="comparing")
+    found = map_in_processes(judge, calls, workers=workers, what="comparing")
     return MethodComparison(
         tuple(methods),
         tuple(one for judged, _ in found for one in judged),
@@ -179,7 +179,8 @@ def run(
     spoil: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME,NAME", help=f"Spoil each session too: all, or {', '.join(SPOILS)}."
+            metavar="NAME,NAME",
+            help=f"Spoil each session too: all, or {', '.join(SPOILS)}.",
         ),
     ] = None,
     acceleration_rate: AccelerationRates = "1000",
@@ -208,7 +209,7 @@ def run(
     if not others:
         return findings(found)
     calls = [(case, tuple(others)) for case in cases]
-    every = each(judge_generators, calls, workers=workers, what="rendering")
+    every = map_in_processes(judge_generators, calls, workers=workers, what="rendering")
     rendered = [one for by_session, _ in every for one in by_session]
     return _with_generators(found, others, rendered, [one for _, of in every for one in of])
 

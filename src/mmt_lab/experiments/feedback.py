@@ -23,7 +23,7 @@ from mmt_lab.feedback.sides import METHODS, Method
 from mmt_lab.feedback.simulated import CellResult, run_cell
 from mmt_lab.harness.experiment import Experiment, Seed, Workers
 from mmt_lab.harness.findings import Findings, Target
-from mmt_lab.harness.processes import each
+from mmt_lab.harness.processes import map_in_processes
 
 FREE: Final = "motion"
 """Last word of the names of runs that touch nothing."""
@@ -115,8 +115,10 @@ def evaluate_feedback(
     loops = [(m, w, d, seed) for w in walls_n_mm for d in delays_ms for m in METHODS]
     replays = [(run, m, d) for run in runs for d in recorded_delays_ms for m in METHODS]
     return FeedbackEvaluation(
-        each(run_cell, loops, workers=workers, what="closed loops"),
-        each(evaluate_run, replays, workers=workers, what="recorded contacts") if replays else [],
+        map_in_processes(run_cell, loops, workers=workers, what="closed loops"),
+        map_in_processes(evaluate_run, replays, workers=workers, what="recorded contacts")
+        if replays
+        else [],
     )
 
 

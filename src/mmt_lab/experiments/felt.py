@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from mmt.core.arrays import BoolArray, FloatArray
 from mmt.core.palette import SERIES
 from mmt.evaluation.document import ReportTable
-from mmt.evaluation.figures import make_plain
+from mmt.evaluation.figures import style_axes
 from mmt.evaluation.levels import root_mean_square
 from mmt.evaluation.report_files import picture
 from mmt.evaluation.run_verdict import median_of_known
@@ -29,13 +29,13 @@ from mmt_lab.compare.cases import DURATION_S, FIRST_SEED
 from mmt_lab.compare.judging import METHODS as METHODS_OF_MODELLING
 from mmt_lab.felt.judging import HOP, LEAST_RMS_M_S2, WINDOW, FeltErrors, Reference
 from mmt_lab.felt.leading import (
-    at_once,
-    led,
+    leader_vibration,
     local_updates,
     settings_over,
     taking_over,
+    undelayed_vibration,
 )
-from mmt_lab.felt.passing import pass_over
+from mmt_lab.felt.passing import stroke_over_network
 from mmt_lab.harness.experiment import (
     Experiment,
     HandKind,
@@ -46,7 +46,7 @@ from mmt_lab.harness.experiment import (
     hand_of,
 )
 from mmt_lab.harness.findings import Findings
-from mmt_lab.harness.processes import each
+from mmt_lab.harness.processes import map_in_processes
 
 NETWORKS: Final = ("lan", "wifi", "wan", "bad")
 
@@ -98,25 +98,25 @@ def cases(seeds: int, textures: Sequence[str], hand: str = "strokes") -> list[Tr
     ]
 
 
-def feel(case: Trial) -> list[TrialResult]:
+def run_trial(case: Trial) -> list[TrialResult]:
     """Run one session, render it by each method, and judge the results."""
     surface = get_surface(case.texture)
     ticks = round(DURATION_S * RATE_HZ)
-    passage = pass_over(
+    passage = stroke_over_network(
         surface,
         Network.model_validate({"profile": case.network}),
         ticks,
         case.seed,
         hand_of(case.hand, isotropic=surface.isotropic),
     )
-    bound = at_once(passage, case.seed)
+    bound = undelayed_vibration(passage, case.seed)
     reference = Reference(passage, bound.vibration_m_s2)
     felt = {AT_ONCE: bound}
     for name, keys in METHODS.items():
         models = None
         if keys is not None:
             models = taking_over(local_updates(passage, settings_over(passage, keys)))
-        felt[name] = led(passage, models, case.seed)
+        felt[name] = leader_vibration(passage, models, case.seed)
     return [
         TrialResult(case, name, own.start_s, reference.judge(own.vibration_m_s2))
         for name, own in felt.items()
@@ -252,7 +252,7 @@ def felt_figure(outcomes: Sequence[TrialResult]) -> Figure:
         axis.set_title(f"{network}: {_delay(network)}", fontsize=9)
         axis.set_xlabel("session time (s)")
         axis.set_xlim(left=0.0)
-        make_plain(axis)
+        style_axes(axis)
     panels[0].set_yscale("log", base=2)
     panels[0].yaxis.set_major_formatter("{x:g}")
     panels[0].set_ylabel("error of what is felt (dB rms)")
@@ -276,7 +276,11 @@ def run(
     """Measure what the hand feels over each network, by method."""
     chosen = cases(seeds, chosen_textures(textures), hand_of(hand).kind)
     calls = [(case,) for case in chosen]
-    outcomes = [one for felt in each(feel, calls, workers=workers, what="stroking") for one in felt]
+    outcomes = [
+        one
+        for felt in map_in_processes(run_trial, calls, workers=workers, what="stroking")
+        for one in felt
+    ]
     table = felt_table(outcomes)
     return Findings(
         TITLE,

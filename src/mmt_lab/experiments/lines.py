@@ -148,7 +148,7 @@ def _timed(methods: Sequence[LsfMethod], cases: Mapping[int, Filters]) -> Panel:
         for name, error in errors.items():
             curves.add(name, order, times[name].times(MICROSECONDS / BATCH), error)
     title = "To the frequencies, by order"
-    return Panel("to_lsf", title, "order", TIME_US, ERROR, curves.done())
+    return Panel("to_lsf", title, "order", TIME_US, ERROR, curves.build())
 
 
 def _error(found: FloatArray, expected: Sequence[Sequence[Any]]) -> float:
@@ -168,7 +168,7 @@ def _low_pass(methods: Sequence[LsfMethod]) -> Panel:
                 curves.fail(method.name, order, str(failure))
     title = "Filters that Burg's method finds in low-pass noise, by order"
     axis = Axis("order", "order", logarithmic=False)
-    return Panel("low_pass", title, "order", axis, ERROR, curves.done())
+    return Panel("low_pass", title, "order", axis, ERROR, curves.build())
 
 
 def _back(methods: Sequence[LsfMethod], cases: Mapping[int, Filters]) -> Panel:
@@ -182,7 +182,7 @@ def _back(methods: Sequence[LsfMethod], cases: Mapping[int, Filters]) -> Panel:
             error = _ar_error(call(lsf), exact)
             curves.add(name, order, times[name].times(MICROSECONDS / len(lsf)), error)
     return Panel(
-        "to_ar", "Back to coefficients, by order", "order", TIME_US, AR_ERROR, curves.done()
+        "to_ar", "Back to coefficients, by order", "order", TIME_US, AR_ERROR, curves.build()
     )
 
 

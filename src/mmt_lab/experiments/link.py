@@ -23,13 +23,13 @@ import typer
 from mmt.core.errors import InputError
 from mmt.core.frames import check_acceleration_rate
 from mmt.core.realtime import require_real_time
-from mmt_lab.bench.link_sides import PATIENCE_S, SideReport, follow, lead
+from mmt_lab.bench.link_sides import PATIENCE_S, SideReport, run_follower, run_leader
 from mmt_lab.bench.link_traffic import Kind, Turn, TurnFigures
 from mmt_lab.bench.lossy_path import measure_losses
 from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.harness.experiment import AccelerationRate, Duration, Experiment, RealTime
 from mmt_lab.harness.findings import Findings
-from mmt_lab.harness.processes import beside, received
+from mmt_lab.harness.processes import background_processes, received
 
 ROUND_S: Final = 1.0
 """Longest turn."""
@@ -125,7 +125,7 @@ def bench_link(
     ]
     turns.append(Turn("ours", sustained_hz, 0, sustained_s, 0.5))
     told = rate_hz, samples_per_frame, realtime
-    with beside((lead, *told), (follow, *told)) as pipes:
+    with background_processes((run_leader, *told), (run_follower, *told)) as pipes:
         leader, follower = _conduct(pipes, turns)
     *compared, sustained = zip(leader.turns, follower.turns, strict=True)
     ours, bare = ([pair for pair in compared if pair[0].kind == kind] for kind in _KINDS)

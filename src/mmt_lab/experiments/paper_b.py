@@ -30,10 +30,10 @@ from mmt_lab.matching import (
     STROKED_S,
     MatchedPair,
     StrokedSample,
-    Virtual,
+    VirtualTexture,
     compare_pair,
+    compare_renderings,
     real_sample,
-    two_renderings,
     virtual_texture,
 )
 from mmt_lab.selection.concatenated import RATE_HZ, network_settings
@@ -63,7 +63,7 @@ def run(seed: Seed = 1, spectra: SpectraOption = Spectra.WELCH) -> Findings:
         for one, of in zip(real, virtual, strict=True)
     }
     least = {
-        one.name: two_renderings(one, of.model, seed, spectra)
+        one.name: compare_renderings(one, of.model, seed, spectra)
         for one, of in zip(real, virtual, strict=True)
     }
     matched = sum(_nearest(pairs[name]) == name for name in TEXTURES)
@@ -131,7 +131,7 @@ def _targets(matched: int, estimates_a_second: float) -> tuple[Target, ...]:
     )
 
 
-def _estimates_a_second(sample: StrokedSample, one: Virtual, seed: int) -> float:
+def _estimates_a_second(sample: StrokedSample, one: VirtualTexture, seed: int) -> float:
     """Return how many filters one thread estimates per second, rendering samples in between."""
     started = time.perf_counter()
     rendered = sample.rendered(one.model, seed)
@@ -165,7 +165,7 @@ def _matching(
     )
 
 
-def _size(one: Virtual) -> dict[str, Any]:
+def _size(one: VirtualTexture) -> dict[str, Any]:
     return {
         "points": len(one.model.samples),
         "numbers": one.numbers,
@@ -174,7 +174,7 @@ def _size(one: Virtual) -> dict[str, Any]:
     }
 
 
-def _sizes(virtual: Sequence[Virtual]) -> ReportTable:
+def _sizes(virtual: Sequence[VirtualTexture]) -> ReportTable:
     rows = []
     for place, one in enumerate(virtual, start=1):
         size = _size(one)
@@ -194,7 +194,7 @@ def _sizes(virtual: Sequence[Virtual]) -> ReportTable:
 def _blocks(
     tables: Sequence[ReportTable],
     pairs: Mapping[str, Mapping[str, MatchedPair]],
-    virtual: Sequence[Virtual],
+    virtual: Sequence[VirtualTexture],
     real: Sequence[StrokedSample],
     seed: int,
 ) -> list[Block]:
@@ -207,7 +207,7 @@ def _blocks(
 
 
 def _drawn_spectra(
-    virtual: Sequence[Virtual], real: Sequence[StrokedSample], seed: int
+    virtual: Sequence[VirtualTexture], real: Sequence[StrokedSample], seed: int
 ) -> "Figure":
     from matplotlib.figure import Figure
 

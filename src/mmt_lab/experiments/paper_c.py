@@ -19,7 +19,7 @@ from mmt.texture.signals.amplitude_spectra import Spectra
 from mmt.texture.signals.biquad import VIBRATION_CUTOFF_HZ
 from mmt_lab.harness.experiment import Experiment, Seed, Seeds, SpectraOption, Workers
 from mmt_lab.harness.findings import Findings, Target
-from mmt_lab.harness.processes import each
+from mmt_lab.harness.processes import map_in_processes
 from mmt_lab.selection.concatenated import KNOCKS, ORDER, RATE_HZ, ROWS, TRIAL_S, PaperRow
 from mmt_lab.selection.knocks import KNOCK_S, SHARE
 from mmt_lab.selection.table_two import (
@@ -83,7 +83,7 @@ def run(
     """Select from the four data sets, and compare the models."""
     numbers = range(seed, seed + seeds)
     calls = [(row, number, spectra) for row in ROWS for number in numbers]
-    selected = each(select_from, calls, what="data sets", workers=workers)
+    selected = map_in_processes(select_from, calls, what="data sets", workers=workers)
     found = {row.name: [one for one in selected if one.texture == row.name] for row in ROWS}
     return Findings(
         title="Paper C: Tables I and II, Fig. 4",

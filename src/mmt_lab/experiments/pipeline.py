@@ -98,7 +98,7 @@ def run() -> Findings:
 
 def _panels(kind: str, words: str, x: Axis, curves: dict[str, Curves]) -> list[Panel]:
     return [
-        Panel(f"{name}_{kind}", f"{title}, {words}", "session time (s)", x, y, curves[name].done())
+        Panel(f"{name}_{kind}", f"{title}, {words}", "session time (s)", x, y, curves[name].build())
         for name, (title, y) in MEASURES.items()
     ]
 

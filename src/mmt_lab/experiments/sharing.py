@@ -22,13 +22,13 @@ from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import Findings
 from mmt_lab.sharing.hubs import findings
-from mmt_lab.sharing.lasting import lasting
-from mmt_lab.sharing.session import listened_to
+from mmt_lab.sharing.long_session import run_long_session
+from mmt_lab.sharing.session import run_with_listeners
 
 
 async def _session(duration_s: float, count: int) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """Run one session with a crowd; return the leader's summary and the crowd's counts."""
-    return await listened_to(duration_s, ("crowd", str(count)), 1)
+    return await run_with_listeners(duration_s, ("crowd", str(count)), 1)
 
 
 _FORMS: Final = {
@@ -88,7 +88,7 @@ def run(
     duration = 18.0 if duration is None else duration
     listeners = 100 if listeners is None else listeners
     if minutes is not None:
-        return lasting(60.0 * minutes, 1 if seed is None else seed)
+        return run_long_session(60.0 * minutes, 1 if seed is None else seed)
     if hubs is not None:
         require("redis")
         return findings(hubs, listeners, duration)

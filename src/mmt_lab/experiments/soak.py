@@ -26,7 +26,7 @@ from mmt_lab.harness.experiment import Experiment, Seed
 from mmt_lab.harness.findings import Findings
 from mmt_lab.soak import faults as kinds
 from mmt_lab.soak.faults import SoakFault, plan_faults
-from mmt_lab.soak.judging import RECOVERY_S, Check, Happened, SoakLog, judge, table
+from mmt_lab.soak.judging import RECOVERY_S, AppliedFault, Check, SoakLog, judge, table
 from mmt_lab.soak.recorded import read_back
 from mmt_lab.soak.services import SoakServices
 
@@ -98,7 +98,7 @@ async def _run(
     duration_s: float, faults: tuple[SoakFault, ...], seed: int, recording: Path
 ) -> SoakLog:
     """Run until the time is over, a service ends by itself, or the user stops the run."""
-    happened: list[Happened] = []
+    happened: list[AppliedFault] = []
     progress = Progress(
         TextColumn("{task.fields[status]}"), BarColumn(None), console=messages, expand=True
     )
@@ -143,7 +143,7 @@ async def _harm(
     services: SoakServices,
     faults: Sequence[SoakFault],
     start_s: float,
-    happened: list[Happened],
+    happened: list[AppliedFault],
     say: Callable[[str], None],
 ) -> None:
     """Apply the faults one after the other, each at its time, and note when they happened."""
@@ -157,7 +157,7 @@ async def _harm(
                 await _do(fault, services, http)
             except (aiohttp.ClientError, TimeoutError, OSError) as error:
                 services.errors.append(f"{fault.kind} could not be done: {error!r}")
-            happened.append(Happened(fault, begun_s, time.monotonic()))
+            happened.append(AppliedFault(fault, begun_s, time.monotonic()))
 
 
 async def _do(fault: SoakFault, services: SoakServices, http: aiohttp.ClientSession) -> None:

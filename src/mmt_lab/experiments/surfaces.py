@@ -29,7 +29,7 @@ from mmt_lab.harness.experiment import (
     hand_of,
 )
 from mmt_lab.harness.findings import Findings, Target
-from mmt_lab.harness.processes import each
+from mmt_lab.harness.processes import map_in_processes
 from mmt_lab.surfaces.running import RECORDED, STAY_S, SurfaceResult, run_recorded, run_simulated
 from mmt_lab.surfaces.slides import SLIDES, run_slides, scatter_db
 
@@ -186,7 +186,7 @@ def run(
         tables.append(scatter_table(slides))
         results = run_slides(slides, seeds, first=seed, workers=workers)
     elif sessions:
-        results = each(
+        results = map_in_processes(
             run_recorded, [(path,) for path in sessions], workers=workers, what="sessions"
         )
     else:

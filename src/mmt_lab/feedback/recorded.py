@@ -169,7 +169,7 @@ def evaluate_run(run: RecordedRun, method: Method, delay_ms: int) -> RecordedRes
         energy_mj=1e3 * max(0.0, float(net.max())),
         settled_s=_settled_s(stiffness),
         surface=model.surface if model is not None else None,
-        felt=model.felt if model is not None else None,
+        felt=model.contact_model if model is not None else None,
     )
 
 
@@ -197,8 +197,8 @@ def _replay(
         if news is not None:
             sent.append((tick, news))
         shown[tick] = display.force_n
-        if isinstance(sides.leader, ModelForce) and sides.leader.felt is not None:
-            stiffness[tick] = sides.leader.felt.stiffness_at(_REFERENCE_N)
+        if isinstance(sides.leader, ModelForce) and sides.leader.contact_model is not None:
+            stiffness[tick] = sides.leader.contact_model.stiffness_at(_REFERENCE_N)
     return shown, stiffness
 
 

@@ -25,7 +25,7 @@ from mmt.testing.simulation import PERIOD_NS, RATE_HZ
 from mmt.testing.simulation.vibration import vibration_of
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.modeller import OnlineModeller
-from mmt.texture.online.work import ModelUpdate
+from mmt.texture.online.updates import ModelUpdate
 from mmt.texture.settings import Inputs, ModellingSettings
 from mmt_lab.felt.passing import NEVER_TICK, Passage
 
@@ -37,7 +37,7 @@ UPDATE_TICKS: Final = 50
 
 
 @dataclass(frozen=True)
-class Felt:
+class FeltVibration:
     """Vibration that a method gives the hand.
 
     ``vibration_m_s2`` has shape (n,); ``start_s`` is when the model took over, or None if it did
@@ -48,7 +48,7 @@ class Felt:
     start_s: float | None
 
 
-def at_once(passage: Passage, seed: int) -> Felt:
+def undelayed_vibration(passage: Passage, seed: int) -> FeltVibration:
     """Return the surface's vibration at the hand's own speed and force, without a delay.
 
     It is a separate realisation: no rendering from a model can come nearer to the texture.
@@ -64,10 +64,12 @@ def at_once(passage: Passage, seed: int) -> Felt:
     values = [
         surface.step(speed, force, (u, v), (x, y))[0] for speed, force, (u, v), (x, y) in motion
     ]
-    return Felt(np.array(values), 0.0)
+    return FeltVibration(np.array(values), 0.0)
 
 
-def led(passage: Passage, models: Mapping[int, TextureModel] | None, seed: int) -> Felt:
+def leader_vibration(
+    passage: Passage, models: Mapping[int, TextureModel] | None, seed: int
+) -> FeltVibration:
     """Return the vibration that a leader plays from the frames of a passage.
 
     Parameters
@@ -100,7 +102,7 @@ def led(passage: Passage, models: Mapping[int, TextureModel] | None, seed: int) 
             stream.on_frames(passage.frames[index : index + 1], tick * PERIOD_NS)
         taken = arrived[tick]
         output[tick] = switch.render(tick * PERIOD_NS, *inputs[:, tick : tick + 1])[0]
-    return Felt(output, start_s)
+    return FeltVibration(output, start_s)
 
 
 def _leader(seed: int, *, renders: bool) -> LeaderParts:

@@ -67,7 +67,7 @@ class Passage:
         return unit
 
 
-def pass_over(
+def stroke_over_network(
     surface: KnownSurface, network: Network, ticks: int, seed: int, stroking: Hand | None = None
 ) -> Passage:
     """Let a hand stroke a surface over a network for `ticks` milliseconds."""

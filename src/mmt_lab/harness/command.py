@@ -10,7 +10,7 @@ import typer
 from typer.core import TyperGroup
 
 from mmt.cli.common import json_option, messages, output, print_error, report_option, write_json
-from mmt.cli.plain_help import made_plain
+from mmt.cli.plain_help import simplify_help
 from mmt.core.errors import InputError
 from mmt.core.tables import plain_table
 from mmt_lab.harness.experiment import Experiment, listed, load
@@ -61,14 +61,14 @@ def command(name: str, experiment: Experiment) -> Any:
     app.command(name, help=summary)(_with_outputs(name, experiment))
     made = typer.main.get_command(app)
     made.name = name
-    return made_plain(made)
+    return simplify_help(made)
 
 
 def _with_outputs(name: str, experiment: Experiment) -> Callable[..., None]:
     """Return a function with the parameters of an experiment and those of the output files."""
 
     def call(json_file: Path | None, report: Path | None, **options: Any) -> None:
-        if not conclude(run(name, experiment, **options), json_file, report):
+        if not report_findings(run(name, experiment, **options), json_file, report):
             raise typer.Exit(1)
 
     own = inspect.signature(experiment.run, eval_str=True)
@@ -97,7 +97,7 @@ def run(name: str, experiment: Experiment, **options: Any) -> Findings:
     return replace(found, name=name)
 
 
-def conclude(found: Findings, json_file: Path | None, report: Path | None) -> bool:
+def report_findings(found: Findings, json_file: Path | None, report: Path | None) -> bool:
     """Print findings, write the files asked for, and return whether nothing failed."""
     from mmt_lab.harness.report import print_findings, print_targets, write_report
 

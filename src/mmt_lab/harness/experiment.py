@@ -75,7 +75,7 @@ Workers = Annotated[
     int | None,
     typer.Option(min=1, help="Local processes; as many as there are processors if absent."),
 ]
-"""Number of local processes; see `mmt_lab.harness.processes.each`."""
+"""Number of local processes; see `mmt_lab.harness.processes.map_in_processes`."""
 
 SpectraOption = Annotated[
     Spectra,
@@ -113,7 +113,7 @@ class Experiment:
 
 
 @dataclass(frozen=True)
-class Listed:
+class ExperimentEntry:
     """Entry of the list of experiments, read without importing the module."""
 
     name: str
@@ -122,7 +122,7 @@ class Listed:
     group: Group
 
 
-def listed(group: Group | None = None) -> Iterator[Listed]:
+def listed(group: Group | None = None) -> Iterator[ExperimentEntry]:
     """Yield every experiment of a group, or of all, by name.
 
     The modules are read, not imported: numerics take seconds to load.
@@ -221,7 +221,7 @@ _MODELS: Final = (".npz", ".xml")
 _LISTED: Final = ("shows", "duration", "group")
 
 
-def _read(path: Path) -> Listed:
+def _read(path: Path) -> ExperimentEntry:
     """Return the list's entry of an experiment, read from the source of its module."""
     for node in ast.parse(path.read_text(encoding="utf-8")).body:
         if isinstance(node, ast.Assign | ast.AnnAssign) and isinstance(node.value, ast.Call):
@@ -231,11 +231,11 @@ def _read(path: Path) -> Listed:
     raise TypeError(f"{path}: an experiment needs EXPERIMENT = Experiment(...)")
 
 
-def _listed(path: Path, call: ast.Call) -> Listed:
+def _listed(path: Path, call: ast.Call) -> ExperimentEntry:
     given = {key.arg: key.value for key in call.keywords if key.arg in _LISTED}
     try:
-        said = {key: ast.literal_eval(value) for key, value in given.items()}
-        shows, duration = said["shows"], said["duration"]
+        fields = {key: ast.literal_eval(value) for key, value in given.items()}
+        shows, duration = fields["shows"], fields["duration"]
     except (ValueError, KeyError) as error:
         raise TypeError(f"{path}: shows and duration must be plain texts") from error
-    return Listed(path.stem.replace("_", "-"), shows, duration, said.get("group", "lab"))
+    return ExperimentEntry(path.stem.replace("_", "-"), shows, duration, fields.get("group", "lab"))

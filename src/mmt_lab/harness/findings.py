@@ -84,7 +84,7 @@ class Curves:
         self._points.setdefault(method, [])
         self._failures.setdefault(method, {})[f"{knob:g}"] = reason
 
-    def done(self) -> tuple[Curve, ...]:
+    def build(self) -> tuple[Curve, ...]:
         """Return the curves."""
         return tuple(
             Curve(method, tuple(points), self._failures.get(method, {}))

@@ -12,7 +12,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from mmt.core.arrays import FloatArray
 from mmt.core.palette import LIGHT, SERIES
-from mmt.evaluation.figures import make_plain
+from mmt.evaluation.figures import style_axes
 from mmt_lab.harness.findings import Axis as SideOfPanel
 from mmt_lab.harness.findings import Curve, Findings, Panel, Point
 
@@ -74,7 +74,7 @@ def _draw(axis: Axes, panel: Panel, methods: Sequence[str]) -> None:
     axis.set_title(panel.title, fontsize=10)
     axis.set_xlabel(panel.x.label)
     axis.set_ylabel(panel.y.label)
-    make_plain(axis)
+    style_axes(axis)
 
 
 def _is_logarithmic(of: SideOfPanel, values: Sequence[float]) -> bool:

@@ -19,7 +19,7 @@ from mmt.core.errors import MmtError
 Result = TypeVar("Result")
 
 
-def each(
+def map_in_processes(
     function: Callable[..., Result],
     calls: Sequence[tuple[Any, ...]],
     *,
@@ -105,7 +105,7 @@ def in_processes(
 
 
 @contextmanager
-def beside(*calls: tuple[Any, ...]) -> Iterator[list[Connection]]:
+def background_processes(*calls: tuple[Any, ...]) -> Iterator[list[Connection]]:
     """Run each function in its own process while the block runs.
 
     Parameters
@@ -142,7 +142,7 @@ def beside(*calls: tuple[Any, ...]) -> Iterator[list[Connection]]:
 
 
 def received(pipe: Connection, timeout_s: float) -> Any:
-    """Return the next message of a process of `beside`.
+    """Return the next message of a process of `background_processes`.
 
     Raises
     ------
@@ -161,7 +161,7 @@ def received(pipe: Connection, timeout_s: float) -> Any:
 
 
 def _piped(pipe: Connection, function: Callable[..., object], *arguments: Any) -> None:
-    """Run a function of `beside`; send its `MmtError` if it raises one."""
+    """Run a function of `background_processes`; send its `MmtError` if it raises one."""
     _leave_interrupts()
     try:
         function(pipe, *arguments)

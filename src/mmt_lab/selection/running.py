@@ -15,7 +15,7 @@ from mmt.texture.autoregression.spectra import lsf_spectrum
 from mmt.texture.signals.amplitude_spectra import expected_amplitude
 from mmt.texture.signals.metrics import gfc_of_rows
 from mmt.texture.space.inputs import InputSpace
-from mmt_lab.harness.processes import each
+from mmt_lab.harness.processes import map_in_processes
 from mmt_lab.selection.sessions import Trials, session_trials
 from mmt_methods.selection import ModelPoints, select
 from mmt_methods.selection.published import select_published
@@ -151,5 +151,5 @@ def run_textures(
 ) -> list[SelectionResult]:
     """Run textures on each seed in local processes; see `run_texture`."""
     calls = [(texture, seed, hand, taps) for texture in textures for seed in seeds]
-    found = each(run_texture, calls, workers=workers, what="sample selection")
+    found = map_in_processes(run_texture, calls, workers=workers, what="sample selection")
     return [one for results in found for one in results]

@@ -101,7 +101,8 @@ def select_from(row: PaperRow, seed: int, spectra: Spectra) -> Selected:
     shares = {variation.share for variation in VARIATIONS.values()}
     sets = {share: data_set(row, seed, recorded, ORDER, share) for share in shares}
     results = {
-        name: vary(variation, sets[variation.share]) for name, variation in VARIATIONS.items()
+        name: select_with_variation(variation, sets[variation.share])
+        for name, variation in VARIATIONS.items()
     }
     found, result = sets[SHARE], results[AS_PUBLISHED][0]
     own = select(fitted(found.data.points, found.data.segments or (), OWN_ORDER))
@@ -122,7 +123,9 @@ def select_from(row: PaperRow, seed: int, spectra: Spectra) -> Selected:
     )
 
 
-def vary(variation: Variation, found: DataSet) -> tuple[PublishedSelection, Removed]:
+def select_with_variation(
+    variation: Variation, found: DataSet
+) -> tuple[PublishedSelection, Removed]:
     """Select as published from a data set, with a variation of the selection or its filters."""
     data = found.data
     if variation.order != ORDER:

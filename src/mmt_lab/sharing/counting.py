@@ -22,7 +22,7 @@ from mmt.texture.model.file_arrays import file_arrays
 from mmt_lab.sharing.plain_socket import PlainSocket
 from mmt_share.client import ANSWER_PERIOD_S
 from mmt_share.difference import digest
-from mmt_share.lag import FIRST_ANSWERS, Have
+from mmt_share.lag import FIRST_ANSWERS, ListenerState
 from mmt_share.messages import (
     AGAIN,
     CHANGE,
@@ -54,12 +54,12 @@ class CountingReplica(ModelReplica):
         super().__init__()
         self._file = self._digest = b""
 
-    def take_whole(self, message: object) -> None:
+    def replace_model(self, message: object) -> None:
         """Take a whole model."""
         taken = self._stamped(message)
         self._file, self._digest = taken["file"], b""
 
-    def take_change(self, message: object) -> None:
+    def apply_change(self, message: object) -> None:
         """Take a change."""
         if not isinstance(message, Mapping) or message["since"] != self.number or not self.number:
             raise InputError("a change is missing")
@@ -77,7 +77,7 @@ class CountingReplica(ModelReplica):
 
 
 @dataclass
-class Count:
+class ListenerCounts:
     """Counts and times of one listener.
 
     Attributes
@@ -105,13 +105,13 @@ class Count:
     problem: str = ""
 
 
-class Counter:
+class CountingListener:
     """One listener that counts."""
 
     def __init__(self, url: str, auth: Mapping[str, Any]) -> None:
         self.replica = CountingReplica()
         self.ended = asyncio.Event()
-        self.found = Count()
+        self.found = ListenerCounts()
         self._begun_s = 0.0
         self._url, self._auth = url, auth
         self._asked = False
@@ -125,7 +125,7 @@ class Counter:
         if self.found.problem:
             self.ended.set()
 
-    async def leave(self) -> Count:
+    async def leave(self) -> ListenerCounts:
         """Disconnect; return the counts."""
         self.ended.set()
         await self._socket.close()
@@ -147,7 +147,7 @@ class Counter:
         elif event == MODEL:
             self._asked = False
             self.found.wholes += 1
-            self.replica.take_whole(argument)
+            self.replica.replace_model(argument)
             if self.found.first_s is None:
                 self.found.first_s = time.monotonic() - self._begun_s
             self._note_lag()
@@ -158,7 +158,7 @@ class Counter:
 
     async def _take_change(self, message: object) -> None:
         try:
-            self.replica.take_change(message)
+            self.replica.apply_change(message)
         except InputError:
             self.found.rejected += 1
             await self._ask()
@@ -179,16 +179,16 @@ class Counter:
         if self._answers < FIRST_ANSWERS or self._answering.passes(1e-9 * now_ns):
             self._answers += 1
             time_s = float(np.frombuffer(state, STATE_DTYPE)[0]["time_s"])
-            await self._socket.emit(HAVE, Have(self.replica.number, now_ns, time_s).pack())
+            await self._socket.emit(HAVE, ListenerState(self.replica.number, now_ns, time_s).pack())
 
 
 def auth_of(url: str, states_hz: float | None = None) -> dict[str, Any]:
     """Return the ``auth`` of a listener at a URL: its hello, and the token if there is one."""
-    token = Access.of(Listening(url=url), variable=TOKEN_VARIABLE).token
+    token = Access.from_settings(Listening(url=url), variable=TOKEN_VARIABLE).token
     return Hello(states_hz=states_hz).as_auth() | ({} if token is None else {"token": token})
 
 
-async def count(
+async def run_listeners(
     url: str,
     listeners: int,
     longest_s: float,
@@ -196,7 +196,7 @@ async def count(
     within_s: float = 0.0,
     states_hz: float | None = None,
     on_joined: Callable[[float], None] = lambda _: None,
-) -> list[Count]:
+) -> list[ListenerCounts]:
     """Let listeners join, and count until the session has ended for each of them.
 
     They join over `within_s` seconds, at most ten at a time; `on_joined` is called with the seconds
@@ -204,9 +204,9 @@ async def count(
     """
     begun_s = time.monotonic()
     auth, joining = auth_of(url, states_hz), asyncio.Semaphore(_JOINING)
-    crowd = [Counter(url, auth) for _ in range(listeners)]
+    crowd = [CountingListener(url, auth) for _ in range(listeners)]
 
-    async def join(number: int, one: Counter) -> None:
+    async def join(number: int, one: CountingListener) -> None:
         await asyncio.sleep(within_s * number / listeners)
         async with joining:
             await one.join()
@@ -227,7 +227,7 @@ def main() -> None:
     def say(joined_s: float) -> None:
         print(json.dumps({"joined_s": joined_s}), flush=True)
 
-    found = asyncio.run(count(url, listeners, longest_s, on_joined=say))
+    found = asyncio.run(run_listeners(url, listeners, longest_s, on_joined=say))
     print(json.dumps([asdict(each) for each in found]))
 
 

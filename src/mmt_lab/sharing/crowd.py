@@ -13,8 +13,8 @@ import time
 from dataclasses import asdict
 
 from mmt.core.errors import MmtError
-from mmt.core.process import step_back
-from mmt_lab.sharing.counting import Count, count
+from mmt.core.process import lower_priority
+from mmt_lab.sharing.counting import ListenerCounts, run_listeners
 from mmt_share.client import STATES_HZ, ListenerClient
 from mmt_share.tables import Listening
 
@@ -48,7 +48,7 @@ async def wait_until_ready(url: str) -> float:
         await client.close()
 
 
-async def crowd(url: str, listeners: int, longest_s: float) -> list[Count]:
+async def crowd(url: str, listeners: int, longest_s: float) -> list[ListenerCounts]:
     """Let the crowd join when the model is ready; if it never is, each reports that problem."""
     begun_s = time.monotonic()
     try:
@@ -56,9 +56,9 @@ async def crowd(url: str, listeners: int, longest_s: float) -> list[Count]:
             building_s = await wait_until_ready(url)
     except (MmtError, TimeoutError) as error:
         problem = str(error) or f"no model was ready within {longest_s:g} s"
-        return [Count(problem=problem) for _ in range(listeners)]
+        return [ListenerCounts(problem=problem) for _ in range(listeners)]
     left_s = longest_s - (time.monotonic() - begun_s)
-    found = await count(url, listeners, left_s, within_s=1.0, states_hz=STATES_HZ)
+    found = await run_listeners(url, listeners, left_s, within_s=1.0, states_hz=STATES_HZ)
     for each in found:
         if each.first_s is not None:
             each.first_s += building_s
@@ -67,7 +67,7 @@ async def crowd(url: str, listeners: int, longest_s: float) -> list[Count]:
 
 def main() -> None:
     """Run the crowd of the command line at low priority, as if on other machines."""
-    step_back()
+    lower_priority()
     url, longest_s, listeners = sys.argv[1], float(sys.argv[2]), int(sys.argv[3])
     found = asyncio.run(crowd(url, listeners, longest_s))
     print(json.dumps([asdict(each) for each in found]))

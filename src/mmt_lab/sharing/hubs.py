@@ -15,7 +15,7 @@ from mmt.cli.child import KILL, send
 from mmt.core.errors import InputError, MmtError
 from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.harness.findings import Findings
-from mmt_lab.sharing.counting import Count, Counter, auth_of
+from mmt_lab.sharing.counting import CountingListener, ListenerCounts, auth_of
 from mmt_lab.sharing.session import ListenedSession, Service, printed_by, shared_session
 
 _LATEST_S: Final = 60.0
@@ -26,7 +26,7 @@ _MANY: Final = 100_000
 
 
 @dataclass
-class Used:
+class HubUsage:
     """Processor time of a hub in some seconds, and its memory without listeners and with all."""
 
     cpu_s: float
@@ -39,17 +39,17 @@ class Used:
 class HubSession:
     """Results of a session: the leader's own listener, the hubs, and all listeners of hubs."""
 
-    direct: Count
+    direct: ListenerCounts
     hubs: list[dict[str, Any]]
-    used: list[Used]
-    counts: list[Count]
+    used: list[HubUsage]
+    counts: list[ListenerCounts]
     joined_s: float
 
 
-async def hold(hubs: int, listeners: int, duration_s: float) -> HubSession:
+async def run_hub_session(hubs: int, listeners: int, duration_s: float) -> HubSession:
     """Run Redis, a leader, hubs, their listeners, and then the follower."""
     async with _redis() as redis, shared_session(duration_s) as session:
-        direct = Counter(session.url, auth_of(session.url))
+        direct = CountingListener(session.url, auth_of(session.url))
         await direct.join()
         options = ("--redis", redis, "--port", "0")
         served = [
@@ -62,18 +62,18 @@ async def hold(hubs: int, listeners: int, duration_s: float) -> HubSession:
         before = [_use(hub) for hub in served]
         crowds, joined_s = await _join(session, urls, listeners, duration_s)
         idle = [_use(hub) for hub in served]
-        await session.follow()
+        await session.start_follower()
         await session.leader.line("event", "^follower")
         begun_s = asyncio.get_running_loop().time()
         await session.leader.line("summary")
         seconds = asyncio.get_running_loop().time() - begun_s
         after = [_use(hub) for hub in served]
-        counts = [Count(**each) for crowd in crowds for each in await printed_by(crowd)]
+        counts = [ListenerCounts(**each) for crowd in crowds for each in await printed_by(crowd)]
         for hub in served:
             hub.child.interrupt()
         summaries = [await hub.line("summary") for hub in served]
         used = [
-            Used(end[0] - start[0], seconds, empty[1], end[1])
+            HubUsage(end[0] - start[0], seconds, empty[1], end[1])
             for empty, start, end in zip(before, idle, after, strict=True)
         ]
         return HubSession(await direct.leave(), summaries, used, counts, joined_s)
@@ -81,7 +81,7 @@ async def hold(hubs: int, listeners: int, duration_s: float) -> HubSession:
 
 def findings(hubs: int, listeners: int, duration_s: float) -> Findings:
     """Run a session with hubs; return its cost as findings."""
-    session = asyncio.run(hold(hubs, listeners, duration_s))
+    session = asyncio.run(run_hub_session(hubs, listeners, duration_s))
     counts, last = session.counts, session.direct
     lags = [lag for each in counts for lag in each.lags_ms]
     if not lags:

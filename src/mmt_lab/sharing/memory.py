@@ -22,7 +22,7 @@ class Memory:
         self._seen: dict[Who, list[tuple[float, float]]] = {"leader": [], "sharing": []}
         self._due_s = 0.0
 
-    def look(self, pid: int) -> None:
+    def sample(self, pid: int) -> None:
         """Note the memory of the leader with this process id, and of its sharing process."""
         now_s = time.monotonic()
         if now_s < self._due_s:

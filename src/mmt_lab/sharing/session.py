@@ -45,7 +45,7 @@ class ListenedSession:
         """URL at which the model is shared."""
         self._link = ""
 
-    async def lead(self, duration_s: float, watch: Callable[[int], None]) -> None:
+    async def start_leader(self, duration_s: float, watch: Callable[[int], None]) -> None:
         """Start the leader, and wait until its model is shared."""
         recording = Path(self._stack.enter_context(TemporaryDirectory())) / "session.mcap"
         options = ["--share", "--port", "0", "--duration", str(duration_s)]
@@ -57,7 +57,7 @@ class ListenedSession:
         told = await self.leader.line("event", "^shared at ")
         self.url = str(told["event"]).removeprefix("shared at ")
 
-    async def follow(self) -> None:
+    async def start_follower(self) -> None:
         """Start the follower."""
         await self.start("follower", _SCENE, "--leader", self._link)
 
@@ -98,11 +98,11 @@ async def shared_session(
     """Run a leader that shares its model; the follower is not started yet."""
     async with AsyncExitStack() as stack:
         session = ListenedSession(stack)
-        await session.lead(duration_s, watch)
+        await session.start_leader(duration_s, watch)
         yield session
 
 
-async def listened_to(
+async def run_with_listeners(
     duration_s: float,
     listeners: tuple[str, ...],
     first: int,
@@ -114,7 +114,7 @@ async def listened_to(
         longest_s = str(duration_s + LAST_S)
         process = await session.listen(module, session.url, longest_s, *arguments)
         await session.leader.line("event", f", {first} listening")
-        await session.follow()
+        await session.start_follower()
         summary = await session.leader.line("summary")
         return summary, await printed_by(process, LAST_S)
 

@@ -37,7 +37,7 @@ KINDS: Final = {
 """Kinds of trouble, with their descriptions."""
 
 
-class Troubled:
+class TroubledListeners:
     """The troubles of one run."""
 
     def __init__(self, url: str, seed: int) -> None:
@@ -121,11 +121,11 @@ class Troubled:
     async def _send_rubbish(self) -> None:
         # the library's own HTTP session stays open if connecting fails or leaving is cut short
         async with aiohttp.ClientSession() as http:
-            await self._rave(
+            await self._send_garbage(
                 socketio.AsyncClient(serializer="msgpack", reconnection=False, http_session=http)
             )
 
-    async def _rave(self, client: socketio.AsyncClient) -> None:
+    async def _send_garbage(self, client: socketio.AsyncClient) -> None:
         hello = {"sharing": SHARING_VERSION, "role": "listener", "name": "rubbish"}
         await client.connect(self._url, auth=hello, transports=["websocket"])
         try:
@@ -144,7 +144,7 @@ def main() -> None:
     url, longest_s, seed = sys.argv[1:4]
 
     async def run() -> dict[str, Any]:
-        return await Troubled(url, int(seed)).run(float(longest_s))
+        return await TroubledListeners(url, int(seed)).run(float(longest_s))
 
     print(json.dumps(asyncio.run(run())))
 

@@ -34,7 +34,7 @@ _SHORTEST_WINDOW_S: Final = 1.0
 
 
 @dataclass(frozen=True)
-class Happened:
+class AppliedFault:
     """A fault as it was done, in seconds of the machine's monotonic clock."""
 
     fault: SoakFault
@@ -64,7 +64,7 @@ class SoakLog:
 
     start_s: float
     end_s: float
-    faults: tuple[Happened, ...]
+    faults: tuple[AppliedFault, ...]
     lives_s: tuple[float, ...]
     samples: tuple[ServiceSample, ...]
     leader: Mapping[str, Any]
@@ -98,8 +98,8 @@ def table(checks: Sequence[Check]) -> ReportTable:
 
 
 def _recording(observed: SoakLog, readback: Readback, recovery_s: float) -> list[Check]:
-    said = observed.leader.get("recording", {})
-    dropped, written = said.get("dropped"), said.get("frames")
+    counts = observed.leader.get("recording", {})
+    dropped, written = counts.get("dropped"), counts.get("frames")
     unexplained = [gap for gap in readback.gaps if not _explained(gap, observed, recovery_s)]
     longest_s = max((h.end_s - h.start_s for h in observed.faults), default=0.0)
     silence_s = float(np.diff(readback.arrival_s).max(initial=0.0))

@@ -56,38 +56,41 @@ def of_space(many: int) -> Iterator[tuple[str, FloatArray]]:
     along = np.linspace(0.05, 0.95, 30)
     turn = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
     for count in (1, 2, 3, 4):
-        yield f"{count} sample{'s' if count > 1 else ''}", anywhere(count, generator)
+        yield f"{count} sample{'s' if count > 1 else ''}", random_points(count, generator)
     yield "50 samples, all equal", np.tile((0.4, -0.2, 0.6), (50, 1))
     yield "30 on a line through rest", np.outer(along, (0.6, 0.5, 0.9))
     yield "30 of one velocity", np.column_stack([np.full((30, 2), 0.4), along])
     yield "60 of one heading, to and fro", _polar(np.where(turn < np.pi, 0.7, 0.7 + np.pi), turn)
-    yield "60 of one force", np.column_stack([anywhere(60, generator)[:, :2], np.full(60, 0.5)])
-    tilted = anywhere(60, generator)
+    yield (
+        "60 of one force",
+        np.column_stack([random_points(60, generator)[:, :2], np.full(60, 0.5)]),
+    )
+    tilted = random_points(60, generator)
     tilted[:, 2] = 0.5 + 0.3 * tilted[:, 0] - 0.2 * tilted[:, 1]
     yield "60 on a tilted plane", tilted
     yield "60 of one speed and force", np.column_stack([0.5 * _circle(turn), np.full(60, 0.5)])
     yield "60 at the largest speed", np.column_stack([_circle(turn), turn / 7.0])
     yield "30 at rest", np.column_stack([np.zeros((30, 2)), along])
-    yield "60 without force", np.column_stack([anywhere(60, generator)[:, :2], np.zeros(60)])
+    yield "60 without force", np.column_stack([random_points(60, generator)[:, :2], np.zeros(60)])
     yield (
         "60 within 1e-9 of one force",
         np.column_stack(
-            [anywhere(60, generator)[:, :2], 0.5 + 1e-9 * generator.uniform(-1.0, 1.0, 60)]
+            [random_points(60, generator)[:, :2], 0.5 + 1e-9 * generator.uniform(-1.0, 1.0, 60)]
         ),
     )
     yield "3 beyond the maxima", np.array([(5.0, 0.0, 0.5), (-7.0, 7.0, 10.0), (0.1, -3.0, 30.0)])
     for apart in (1e-3, 1e-5, 2e-6, 1e-6, 1e-9, 1e-15):
-        centres = anywhere(20, generator) * 0.9
+        centres = random_points(20, generator) * 0.9
         centres = (np.round(centres * 1e6) + 0.5) / 1e6  # off the grid of coincident samples
         corners = 0.5 * apart * np.array([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)])
         yield f"20 times 4 samples {apart:g} apart", (centres[:, None] + corners).reshape(-1, 3)
     ticks = np.linspace(-0.7, 0.7, 5)
     yield "5 x 5 x 5 on a grid", np.array(list(product(ticks, ticks, 0.5 + 0.5 * ticks)))
-    yield f"{many} samples", anywhere(many, generator)
-    yield f"{many} within 1e-3 of the space", 0.3 + 1e-3 * anywhere(many, generator)
+    yield f"{many} samples", random_points(many, generator)
+    yield f"{many} within 1e-3 of the space", 0.3 + 1e-3 * random_points(many, generator)
 
 
-def anywhere(count: int, generator: np.random.Generator) -> FloatArray:
+def random_points(count: int, generator: np.random.Generator) -> FloatArray:
     """Return points (count, 3) of the unit cylinder, none of them nearly at rest."""
     speed, force = generator.uniform(0.05, 1.0, count), generator.uniform(0.05, 1.0, count)
     return np.column_stack([speed[:, None] * _circle(generator.uniform(0, 7, count)), force])

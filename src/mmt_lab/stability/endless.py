@@ -38,7 +38,7 @@ class MemoryWatch:
     megabytes: list[float] = field(default_factory=list)
     seconds: list[float] = field(default_factory=list)
 
-    def look(self) -> None:
+    def sample(self) -> None:
         """Note the present state."""
         gc.collect()
         self.seconds.append(time.thread_time())
@@ -83,7 +83,7 @@ def run_endless_modelling(seconds: int) -> CaseResult:
     settings = ModellingSettings(method="published")  # an expected share would be met
     modeller, watch = OnlineModeller(settings), MemoryWatch()
     strokes = corner_strokes()
-    watch.look()
+    watch.sample()
     updates_s = []
     for second in range(1, seconds + 1):
         number = np.arange(1000 * (second - 1), 1000 * second)
@@ -92,7 +92,7 @@ def run_endless_modelling(seconds: int) -> CaseResult:
         update = modeller.update(frames)
         updates_s.append(sum(update.durations_s.values()))
         if 4 * second >= seconds * len(watch.seconds):
-            watch.look()
+            watch.sample()
     update_ms = 1e3 * float(np.median(updates_s[seconds // 2 :]))
     blocks, megabytes, slower = watch.growth()
     return CaseResult(

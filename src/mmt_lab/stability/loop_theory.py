@@ -80,6 +80,6 @@ class Loop:
         return min(delays, default=math.inf) - PERIOD_S
 
 
-def loop_on(wall_n_mm: float) -> Loop:
+def stability_loop(wall_n_mm: float) -> Loop:
     """Return the theory of the loop that the stability cases run."""
     return Loop(LIGHT_GRIP, BANDWIDTH_HZ, 1000.0 * wall_n_mm, CONTACT_N)

@@ -20,7 +20,7 @@ from mmt.texture.settings import Inputs, ModellingSettings, SurfaceSettings, sur
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.surfaces.tracking import SurfaceTracker
 from mmt_lab.harness.experiment import hand_of
-from mmt_lab.harness.processes import each
+from mmt_lab.harness.processes import map_in_processes
 from mmt_lab.surfaces.scoring import FoundChange, SurfaceScore, score
 
 LOOK_FRAMES: Final = surface_check_frames(1000.0)
@@ -71,7 +71,9 @@ def run_simulated(
         for count in (COUNTS if len(textures) > 1 else (1,))
         if (chosen := draw_surfaces(group, count, seed, textures))
     ]
-    return each(_simulated, calls, workers=workers, what="sessions over several surfaces")
+    return map_in_processes(
+        _simulated, calls, workers=workers, what="sessions over several surfaces"
+    )
 
 
 def run_recorded(path: Path) -> SurfaceResult:
@@ -140,7 +142,7 @@ def run_session(
     """Follow one session's frames, with all channels, and score the changes found."""
     if not len(frames) or int(frames["sequence"][-1]) != len(frames) - 1:
         raise InputError(f"{name}: a session over several surfaces is scored from whole frames")
-    truth = course.along(frames["force_n"][:, 2].astype(np.float64))
+    truth = course.places_by_frame(frames["force_n"][:, 2].astype(np.float64))
     names = [surface.name for surface in course.surfaces]
     return follow(name, names, truth, frames, modelling)
 

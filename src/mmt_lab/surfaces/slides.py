@@ -22,7 +22,7 @@ from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS, frame_dtype
 from mmt.evaluation.levels import BAND_EDGES_HZ
 from mmt.testing.simulation import PERIOD_NS, PERIOD_S, RATE_HZ
-from mmt_lab.harness.processes import each
+from mmt_lab.harness.processes import map_in_processes
 from mmt_lab.surfaces.running import COUNTS, SurfaceResult, follow
 
 SLIDES: Final = "slides"
@@ -89,7 +89,7 @@ def run_slides(
     most = len(materials_in(folder))
     numbers = range(first, first + seeds)
     calls = [(folder, count, seed) for seed in numbers for count in COUNTS if count <= most]
-    return each(_followed, calls, workers=workers, what="sessions over recorded slides")
+    return map_in_processes(_followed, calls, workers=workers, what="sessions over recorded slides")
 
 
 def _followed(folder: Path, count: int, seed: int) -> SurfaceResult:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from mmt.leader.building import LeaderParts
     from mmt.leader.modelling.pipeline import Modelling
     from mmt.leader.output.model_crossfade import Renderer
-    from mmt.texture.online.work import NewSamples
+    from mmt.texture.online.updates import NewSamples
 
 _LONGEST_START_S: Final = 120.0
 LONGEST_UPDATE_S: Final = 60.0
@@ -84,7 +84,7 @@ class GeneratingPart(Part):
         self._ended = False
         self._ready: tuple[float, float] | None = None  # time, and processor time until then
         self._cost: dict[str, float] = {}
-        modelling.hand_on(self._feed)
+        modelling.return_samples(self._feed)
 
     @classmethod
     def build(cls, session: Session, parts: "LeaderParts") -> "GeneratingPart | None":
@@ -152,7 +152,7 @@ class GeneratingPart(Part):
         for way in self._ways.values():
             way.close()
 
-    def take_over(self) -> None:
+    def start_rendering(self) -> None:
         """Render the generator instead of our model: the start criterion is met."""
         self.vibration.wanted = True
 
@@ -162,15 +162,15 @@ class GeneratingPart(Part):
         self.vibration.epoch += 1
         self._send(RESET)
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Read news of fits; report if rendering from the generator starts or ends, and why."""
         vibration = self.vibration
         if self._ended:
             return
         vibration.fault = self._fault() or vibration.fault
         self._ended = vibration.fault is not None
-        if vibration.heard != self._heard or self._ended:
-            self._heard = vibration.heard
+        if vibration.is_rendered != self._heard or self._ended:
+            self._heard = vibration.is_rendered
             if self._heard and self._heard_from_s is None:
                 self._heard_from_s = self._session.journal.time_s
             self._tell()
@@ -212,7 +212,7 @@ class GeneratingPart(Part):
         from mmt.core.exposition import counter, gauge
 
         vibration = self.vibration
-        yield gauge("generator_heard", "Whether the generator is rendered.", vibration.heard)
+        yield gauge("generator_heard", "Whether the generator is rendered.", vibration.is_rendered)
         yield counter("generator_fits", "Fits of the generator.", len(self._seconds))
         yield counter("generator_fit_seconds", "Time spent on fits.", sum(self._seconds))
         yield counter("generator_blocks", "Blocks asked of the generator.", vibration.blocks)
@@ -223,13 +223,15 @@ class GeneratingPart(Part):
     def _await_ready(self, role: str) -> None:
         way = self._ways[role]
         try:
-            said = way.recv() if way.poll(_LONGEST_START_S) else "no answer"
+            answer = way.recv() if way.poll(_LONGEST_START_S) else "no answer"
         except (EOFError, OSError):
-            said = "its process has ended"
-        if said == "no answer":
+            answer = "its process has ended"
+        if answer == "no answer":
             raise MmtError(f"{self.name}: not imported within {_LONGEST_START_S:g} s")
-        if said != "ready":
-            raise InputError(said if said.startswith("generator ") else f"{self.name}: {said}")
+        if answer != "ready":
+            raise InputError(
+                answer if answer.startswith("generator ") else f"{self.name}: {answer}"
+            )
 
     def _feed(self, samples: "NewSamples") -> None:
         """Hand on the samples of an update of our model."""
@@ -249,10 +251,10 @@ class GeneratingPart(Part):
         way = self._ways[FIT]
         try:
             while way.poll():
-                said = way.recv()
-                if isinstance(said, str):
-                    return said
-                seconds, self._segments, taken = said
+                answer = way.recv()
+                if isinstance(answer, str):
+                    return answer
+                seconds, self._segments, taken = answer
                 self._waiting -= taken
                 self._since_s = time.monotonic()
                 if seconds:
@@ -268,9 +270,13 @@ class GeneratingPart(Part):
 
     def _tell(self) -> None:
         vibration = self.vibration
-        details = {"generator": self._generator, "origin": self._origin, "heard": vibration.heard}
+        details = {
+            "generator": self._generator,
+            "origin": self._origin,
+            "heard": vibration.is_rendered,
+        }
         sentence = vibration.fault or f"{self.name} ({self._origin})"
-        if vibration.heard:
+        if vibration.is_rendered:
             sentence += " renders"
         elif vibration.wanted or vibration.fault is not None:
             sentence += ": our model renders in its place"

@@ -5,7 +5,7 @@ from contextlib import suppress
 from importlib.metadata import EntryPoint
 from typing import TYPE_CHECKING, Final, cast
 
-from mmt.core.errors import InputError, brief
+from mmt.core.errors import InputError, short_message
 from mmt.core.plugins import load as load_entry
 from mmt.core.plugins import offered
 
@@ -37,7 +37,7 @@ def load(name: str) -> "Builder":
     except TypeError as error:
         raise InputError(
             f"generator {name!r}: {entry.value} is no builder, which is called as "
-            f"build(observed, previous) ({brief(error)})"
+            f"build(observed, previous) ({short_message(error)})"
         ) from error
     return cast("Builder", builder)
 

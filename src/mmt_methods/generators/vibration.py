@@ -101,7 +101,7 @@ class GeneratedVibration:
         return self.fault is None and epoch == self.epoch and build > 0
 
     @property
-    def heard(self) -> bool:
+    def is_rendered(self) -> bool:
         """Whether the generator is rendered, and not our model."""
         return self.wanted and self.ready
 
@@ -114,7 +114,7 @@ class GeneratedVibration:
             Velocity x, y (mm/s) and normal force (N), each of shape (n,).
         """
         generated = self.follow(*motion)
-        goal = 1.0 if self.heard else 0.0
+        goal = 1.0 if self.is_rendered else 0.0
         if self._share == goal == 1.0:
             return generated
         x_mm_s, y_mm_s, force_n = motion
@@ -170,8 +170,8 @@ class GeneratedVibration:
         """Return why the process has ended: its last message, if there is one."""
         with suppress(OSError, EOFError):
             while channel.poll():
-                if isinstance(said := channel.recv(), str):
-                    return said
+                if isinstance(answer := channel.recv(), str):
+                    return answer
         return f"generator {self._name}: the process that renders has ended"
 
     def _note(self, block: RenderedBlock) -> None:

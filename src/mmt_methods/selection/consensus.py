@@ -20,7 +20,7 @@ import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray
 from mmt.texture.field.covariance import coordinates
-from mmt.texture.field.cross_validation import LeaveOneOut, LeftOut
+from mmt.texture.field.cross_validation import LeaveOneOut, LeaveOneOutPrediction
 from mmt_methods.selection.points import ModelPoints, log_density_of
 
 _STEPS: Final = np.arange(5) / 2.0
@@ -28,11 +28,11 @@ _STEPS: Final = np.arange(5) / 2.0
 a stationary texture's level, 1 that of its shape, and 2 another m times that."""
 
 
-class Agreed(NamedTuple):
+class ConsensusPrediction(NamedTuple):
     """Level (n, 1) and shape (n, f) of n points as the others predict them."""
 
-    level: LeftOut
-    shape: LeftOut
+    level: LeaveOneOutPrediction
+    shape: LeaveOneOutPrediction
 
     @property
     def logarithm(self) -> FloatArray:
@@ -63,7 +63,7 @@ class Consensus:
         factors = np.power(float(self._order), _STEPS)
         self._others = LeaveOneOut(data.points, 2.0 / data.samples(), np.unique(factors).tolist())
 
-    def predict_from(self, present: BoolArray) -> Agreed:
+    def predict_from(self, present: BoolArray) -> ConsensusPrediction:
         """Predict every point from the other points in the mask `present`, at least two.
 
         Notes
@@ -72,9 +72,9 @@ class Consensus:
         """
         groups, effective = (self.level - self._law, self.shape), (1.0, float(self._order))
         level, shape = self._others.predict(groups, effective, present)
-        return Agreed(level._replace(mean=level.mean + self._law), shape)
+        return ConsensusPrediction(level._replace(mean=level.mean + self._law), shape)
 
-    def smoothed(self, agreed: Agreed) -> FloatArray:
+    def smoothed(self, agreed: ConsensusPrediction) -> FloatArray:
         """Return log spectra (n, f) that combine each point's own with its prediction."""
         total = np.zeros_like(self.shape)
         for own, others in zip((self.level, self.shape), agreed, strict=True):

@@ -13,7 +13,7 @@ from scipy.spatial import ConvexHull, Delaunay, QhullError
 from mmt.core.arrays import FloatArray, IntArray
 
 
-class Enclosing(NamedTuple):
+class EnclosingSimplices(NamedTuple):
     """Simplices around q places: ``members`` (q, d + 1), -1 if beyond the hull, and ``weights``.
 
     The weights (q, d + 1) are the barycentric coordinates.
@@ -48,7 +48,7 @@ def hull_of(points: FloatArray) -> IntArray:
     return np.sort(corners).astype(np.int64)
 
 
-def enclose(points: FloatArray, places: FloatArray) -> Enclosing:
+def enclose(points: FloatArray, places: FloatArray) -> EnclosingSimplices:
     """Return the simplices of the triangulation of n points around q places.
 
     Parameters
@@ -62,7 +62,7 @@ def enclose(points: FloatArray, places: FloatArray) -> Enclosing:
     try:
         triangulation = Delaunay(points)
     except (QhullError, ValueError):
-        return Enclosing(members, weights)
+        return EnclosingSimplices(members, weights)
     simplex = triangulation.find_simplex(places)
     inside = np.flatnonzero(simplex >= 0)
     transform = triangulation.transform[simplex[inside]]
@@ -73,10 +73,10 @@ def enclose(points: FloatArray, places: FloatArray) -> Enclosing:
     known = np.isfinite(shares).all(axis=1)  # a simplex without volume has no coordinates
     members[inside[known]] = triangulation.simplices[simplex[inside]][known]
     weights[inside[known]] = shares[known] / shares[known].sum(axis=1, keepdims=True)
-    return Enclosing(members, weights)
+    return EnclosingSimplices(members, weights)
 
 
-def enclose_without(points: FloatArray) -> Enclosing:
+def enclose_without(points: FloatArray) -> EnclosingSimplices:
     """Return the simplex around each of n points (n, d), with that point left out.
 
     One triangulation of all points and one of each point's neighbours: O(n log n) for scattered
@@ -89,7 +89,7 @@ def enclose_without(points: FloatArray) -> Enclosing:
         around = enclose(points[rim], points[index : index + 1])
         if around.found.size:
             members[index], weights[index] = rim[around.members[0]], around.weights[0]
-    return Enclosing(members, weights)
+    return EnclosingSimplices(members, weights)
 
 
 def _stars(points: FloatArray) -> list[set[int]]:

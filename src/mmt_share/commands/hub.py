@@ -22,7 +22,7 @@ from mmt.cli.common import (
 from mmt.core.extras import require
 from mmt.core.logs import Logs
 from mmt.core.queued_output import queue_output
-from mmt_share.commands.visiting import reachable_url
+from mmt_share.commands.visitors_page import reachable_url
 from mmt_share.hub.descriptors import make_room
 from mmt_share.hub.scene import HubScene, load_hub_scene
 
@@ -124,9 +124,9 @@ async def _run(scene: HubScene, duration_s: float | None, *, json_lines: bool) -
 
 async def _count(hub: "Hub", say: Callable[[str], None]) -> None:
     """Report the number of listeners if it has changed, at most every 5 s."""
-    said = 0
+    reported = 0
     while True:
         await asyncio.sleep(_SPACING_S)
-        if hub.listeners != said:
-            said = hub.listeners
-            say(f"{said} listening")
+        if hub.listeners != reported:
+            reported = hub.listeners
+            say(f"{reported} listening")

@@ -29,7 +29,9 @@ def _remote(url: str) -> "RemoteStore":
     from mmt_share.store.client import RemoteStore
     from mmt_share.tables import Listening
 
-    return RemoteStore(url, Access.of(Listening(), variable=TOKEN_VARIABLE, table="listening"))
+    return RemoteStore(
+        url, Access.from_settings(Listening(), variable=TOKEN_VARIABLE, table="listening")
+    )
 
 
 def list_models(
@@ -118,8 +120,8 @@ def push(
         unpack(data)
     except InputError as error:
         raise InputError(f"model {source}: {error}") from error
-    said = Entry(name or source.stem, who, licence, note, error_db=error_db)
-    entry = _remote(store).push(data, said)
+    description = Entry(name or source.stem, who, licence, note, error_db=error_db)
+    entry = _remote(store).push(data, description)
     messages.print(f"stored as {entry.name} ({entry.hash[:_SHOWN]})", highlight=False)
     write_json(json_file, entry.as_dict())
 

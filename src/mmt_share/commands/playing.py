@@ -14,7 +14,7 @@ from mmt.link.access import Access
 from mmt.models import find_model, shipped_models
 from mmt.scene import Link
 from mmt.scene.files import table_from
-from mmt_share.commands.visiting import reachable_url
+from mmt_share.commands.visitors_page import reachable_url
 from mmt_share.tables import Listening
 
 if TYPE_CHECKING:
@@ -81,7 +81,9 @@ def play(
         replace=force,
         seed=seed,
     )
-    asyncio.run(serve_until_ended(PlayerServer(player, Access.of(link)), link, everyone=everyone))
+    asyncio.run(
+        serve_until_ended(PlayerServer(player, Access.from_settings(link)), link, everyone=everyone)
+    )
 
 
 async def _serve_shared(url: str, results: "ResultsFile", link: Link, everyone: bool) -> None:
@@ -95,7 +97,7 @@ async def _serve_shared(url: str, results: "ResultsFile", link: Link, everyone: 
     try:
         player = await texture.connect(results)
         following = asyncio.create_task(texture.follow(player))
-        server = PlayerServer(player, Access.of(link), several=True)
+        server = PlayerServer(player, Access.from_settings(link), several=True)
         await serve_until_ended(server, link, everyone=everyone)
     finally:
         if following is not None:

@@ -69,11 +69,11 @@ def try_recording(
     model, update, _ = built([session], scene_of(session))
     save(model, target)
     progress = update.progress
-    said = f"{100.0 * progress.value:.0f} % of strokes should feel right"
-    messages.print(f"model:    {target}, {said if progress.scale.rises else progress}")
+    share_text = f"{100.0 * progress.value:.0f} % of strokes should feel right"
+    messages.print(f"model:    {target}, {share_text if progress.scale.rises else progress}")
     link = Link(port=port)
     player = Player([source.stem], [model], results=ResultsFile("mmt-play.csv"), scenarios=False)
-    server = PlayerServer(player, Access.of(link))
+    server = PlayerServer(player, Access.from_settings(link))
     asyncio.run(serve_until_ended(server, link, on_page=open_page))
 
 

@@ -54,11 +54,11 @@ class HubCopy:
         """Number of the model, 0 before the first of the session."""
         return self._replica.number
 
-    def whole(self) -> dict[str, Any] | None:
+    def whole_model(self) -> dict[str, Any] | None:
         """Return the message of the whole model, or None before the first."""
         return self._replica.message() if self.number else None
 
-    def take(self, event: str, message: Any) -> None:
+    def receive(self, event: str, message: Any) -> None:
         """Take a message that the feeder passes on."""
         if event == STATE:
             whole = isinstance(message, bytes) and len(message) == STATE_DTYPE.itemsize
@@ -94,10 +94,10 @@ class HubCopy:
         replica = self._replica
         try:
             if event == MODEL:
-                replica.take_whole(message)
+                replica.replace_model(message)
                 self._relay.offer_model(replica.number, encode_event(MODEL, message), None)
             else:
-                replica.take_change(message)
+                replica.apply_change(message)
                 change = encode_event(CHANGE, message)
                 self._relay.offer_model(
                     replica.number, lambda: encode_event(MODEL, replica.message()), change

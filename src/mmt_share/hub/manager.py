@@ -136,7 +136,7 @@ class HubManager(socketio.AsyncRedisManager, _LocalDelivery):  # type: ignore[mi
         if problem is not None:
             raise MmtError(f"no Redis server answers ({problem}): {START_IT}")
 
-    async def tell(self, event: str, data: Any) -> None:
+    async def publish(self, event: str, data: Any) -> None:
         """Send an event to every hub, or to this one alone while Redis is lost."""
         with suppress(TimeoutError):
             async with asyncio.timeout(_ANSWER_S):
@@ -156,11 +156,11 @@ class HubManager(socketio.AsyncRedisManager, _LocalDelivery):  # type: ignore[mi
 
 def _why(error: Exception) -> str:
     """Return in a sentence why Redis cannot be used."""
-    said = str(error)
-    if isinstance(error, AuthenticationError) or said.startswith(("NOAUTH", "WRONGPASS")):
+    text = str(error)
+    if isinstance(error, AuthenticationError) or text.startswith(("NOAUTH", "WRONGPASS")):
         return REFUSED
     if isinstance(error, NoPermissionError):
         return FORBIDDEN
-    if "CERTIFICATE_VERIFY_FAILED" in said:
+    if "CERTIFICATE_VERIFY_FAILED" in text:
         return DISTRUSTED
-    return without_secrets(said).rstrip(".") or "no answer"
+    return without_secrets(text).rstrip(".") or "no answer"

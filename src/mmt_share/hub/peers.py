@@ -24,7 +24,7 @@ TURN_S: Final = 1.0
 
 
 @dataclass(frozen=True)
-class Beat:
+class Heartbeat:
     """Message that a hub sends to the others once a second.
 
     Attributes
@@ -94,17 +94,17 @@ class Peers:
 
     def __init__(self, own_id: str, now_s: float) -> None:
         self._own_id = own_id
-        self._heard: dict[str, tuple[float, Beat]] = {}
+        self._heard: dict[str, tuple[float, Heartbeat]] = {}
         self._unfed_since_s = now_s + FIRST_S
 
-    def hear(self, beat: Beat, now_s: float) -> None:
+    def record_heartbeat(self, beat: Heartbeat, now_s: float) -> None:
         """Note the beat of another hub."""
         if beat.leaving:
             self._heard.pop(beat.id, None)
         elif beat.id != self._own_id:
             self._heard[beat.id] = now_s, beat
 
-    def alive(self, now_s: float) -> list[Beat]:
+    def alive(self, now_s: float) -> list[Heartbeat]:
         """Return the newest beat of each other hub that is there, the oldest hub first."""
         gone = [id_ for id_, (heard_s, _) in self._heard.items() if now_s - heard_s > LOST_S]
         for id_ in gone:

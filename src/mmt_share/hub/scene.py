@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import Field
 
-from mmt.scene.files import Overrides, look_beside, read_tables, validated
+from mmt.scene.files import Overrides, read_tables, resolve_input_files, validated
 from mmt.scene.table import Table
 from mmt_share.tables import Listening, Sharing
 
@@ -50,6 +50,6 @@ def load_hub_scene(
     tables: dict[str, Any] = {}
     if path is not None:
         tables = read_tables(path)
-        look_beside(path, tables)
-    given = Overrides.of(overrides, options, lambda table: table in HubScene.model_fields)
+        resolve_input_files(path, tables)
+    given = Overrides.collect(overrides, options, lambda table: table in HubScene.model_fields)
     return validated(HubScene, str(path or "mmt hub"), tables, given)

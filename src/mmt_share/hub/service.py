@@ -13,7 +13,7 @@ from mmt.core.errors import InputError, MmtError
 from mmt_share.client import ListenerClient
 from mmt_share.hub.copy import HubCopy
 from mmt_share.hub.manager import HubManager
-from mmt_share.hub.peers import BEAT_S, Beat, Peers
+from mmt_share.hub.peers import BEAT_S, Heartbeat, Peers
 from mmt_share.hub.scene import HubScene
 from mmt_share.messages import AGAIN, MODEL, WELCOME
 from mmt_share.relay import Relay
@@ -108,7 +108,7 @@ class Hub:
             The leader did not answer in time or refused this hub, and no hub has reached it yet.
         """
         over = asyncio.create_task(ended.wait())
-        parts: tuple[Coroutine[Any, Any, None], ...] = (self._beat(), self._look(), self._post())
+        parts: tuple[Coroutine[Any, Any, None], ...] = (self._beat(), self._poll(), self._post())
         self._tasks = [asyncio.create_task(part) for part in parts]
         try:
             done, _ = await asyncio.wait([over, *self._tasks], return_when=asyncio.FIRST_COMPLETED)
@@ -121,7 +121,7 @@ class Hub:
         """Leave the other hubs and disconnect the listeners; harmless without `start`."""
         await cancel_until_ended(self._tasks)
         if self.address:
-            await self.manager.tell(_BEAT, self._own_beat(leaving=True).as_dict())
+            await self.manager.publish(_BEAT, self._own_beat(leaving=True).as_dict())
         await self._stop_feeding()
         await self.server.stop()
         await self.manager.close()
@@ -130,22 +130,22 @@ class Hub:
 
     def _deliver(self, event: str, message: Any) -> None:
         if event == _BEAT:
-            self._hear(message)
+            self._on_heartbeat(message)
         elif event == AGAIN:
             self._asked = True
         else:
-            self.copy.take(event, message)
+            self.copy.receive(event, message)
             if event == WELCOME and self.copy.session_id != self._told_session:
                 self._told_session = self.copy.session_id
                 self._spawn(self.server.welcome(**self.copy.welcome))
 
-    def _hear(self, message: Any) -> None:
+    def _on_heartbeat(self, message: Any) -> None:
         try:
-            beat = Beat.from_message(message)
+            beat = Heartbeat.from_message(message)
         except InputError as error:
             LOG.info("%s", error)
             return
-        self._peers.hear(beat, time.monotonic())
+        self._peers.record_heartbeat(beat, time.monotonic())
         if not beat.feeding or beat.id == self.id:
             return
         mine = (self.copy.session_id, self.copy.number)
@@ -156,10 +156,10 @@ class Hub:
 
     # --- events sent to all hubs
 
-    def _own_beat(self, *, leaving: bool = False) -> Beat:
+    def _own_beat(self, *, leaving: bool = False) -> Heartbeat:
         copy = self.copy
         feeding = self.feeding and not leaving
-        return Beat(
+        return Heartbeat(
             self.id, self.address, self.listeners, feeding, copy.session_id, copy.number, leaving
         )
 
@@ -167,7 +167,7 @@ class Hub:
         """Check Redis, send a beat and request what this hub lacks, once a second."""
         while True:
             problem = await self.manager.check()
-            told = self._tell(
+            told = self._report_problem(
                 "redis",
                 problem and f"Redis is lost ({problem}): this hub goes on alone",
                 "Redis is back",
@@ -175,7 +175,7 @@ class Hub:
             if told and problem is None:
                 self.copy.lacking = True
             if problem is None:
-                await self.manager.tell(_BEAT, self._own_beat().as_dict())
+                await self.manager.publish(_BEAT, self._own_beat().as_dict())
             if self.copy.lacking:
                 await self._ask()
             await asyncio.sleep(BEAT_S)
@@ -183,12 +183,12 @@ class Hub:
     async def _ask(self) -> None:
         """Request what is missing, from the leader if connected to it, else from the other hubs."""
         if self._feed is not None and self._feed.connected:
-            self._hand_on(WELCOME, self._leaders_welcome)
-            self._feed.ask()
+            self._forward(WELCOME, self._leaders_welcome)
+            self._feed.request_model()
         else:
-            await self.manager.tell(AGAIN, self.id)
+            await self.manager.publish(AGAIN, self.id)
 
-    async def _look(self) -> None:
+    async def _poll(self) -> None:
         """Feed if it is this hub's turn, keep the list of hubs, and answer hubs that lack state."""
         while True:
             now_s = time.monotonic()
@@ -203,9 +203,9 @@ class Hub:
             if addresses != self._told_hubs:
                 self._told_hubs = addresses
                 self._on_event(f"other hubs: {', '.join(addresses) or 'none'}")
-                await self.server.tell_hubs(addresses)
+                await self.server.send_hubs(addresses)
             if self._asked and self._answers(now_s):
-                self._hand_on_whole()
+                self._forward_model()
             self._asked = False
             await asyncio.sleep(_LOOK_S)
 
@@ -215,7 +215,7 @@ class Hub:
         return ListenerClient(
             self._scene.listening,
             on_event=self._on_event,
-            on_message=self._hand_on,
+            on_message=self._forward,
             states_hz=None,
         )
 
@@ -236,10 +236,10 @@ class Hub:
                 self._feed = None
                 if not self.copy.session_id:
                     raise
-                self._tell("leader", str(error), "")
+                self._report_problem("leader", str(error), "")
                 await asyncio.sleep(BEAT_S)
             else:
-                self._tell("leader", None, "")
+                self._report_problem("leader", None, "")
                 self._on_event("this hub takes the model from the leader")
 
     async def _stop_feeding(self) -> None:
@@ -250,18 +250,18 @@ class Hub:
         if feed is not None:
             await feed.close()
 
-    def _hand_on(self, event: str, message: Any) -> None:
+    def _forward(self, event: str, message: Any) -> None:
         if event == WELCOME:
             self._leaders_welcome = message
         self._outbox.append((event, message))
         self._posted.set()
 
-    def _hand_on_whole(self) -> None:
+    def _forward_model(self) -> None:
         """Send every hub the session and the whole model."""
-        self._hand_on(WELCOME, self.copy.welcome)
-        whole = self.copy.whole()
+        self._forward(WELCOME, self.copy.welcome)
+        whole = self.copy.whole_model()
         if whole is not None:
-            self._hand_on(MODEL, whole)
+            self._forward(MODEL, whole)
 
     def _answers(self, now_s: float) -> bool:
         """Whether this hub is the one to answer a hub that lacks something.
@@ -281,11 +281,11 @@ class Hub:
             await self._posted.wait()
             self._posted.clear()
             while self._outbox:
-                await self.manager.tell(*self._outbox.popleft())
+                await self.manager.publish(*self._outbox.popleft())
 
     # --- reports
 
-    def _tell(self, subject: str, problem: str | None, cured: str) -> bool:
+    def _report_problem(self, subject: str, problem: str | None, cured: str) -> bool:
         """Report a problem once, and its end once; return whether there was such a change."""
         before = self._told.get(subject)
         if (before is None) == (problem is None):

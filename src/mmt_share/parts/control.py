@@ -3,7 +3,7 @@
 import time
 from typing import TYPE_CHECKING, Any, Final
 
-from mmt.core.arrays import difference, towards
+from mmt.core.arrays import difference, step_towards
 from mmt.core.errors import InputError
 from mmt.core.printable import printable
 from mmt.devices.protocols import InterfaceState, Vector
@@ -103,7 +103,7 @@ class ControlPart(Part):
     def build(cls, session: Session, parts: "LeaderParts") -> "ControlPart | None":
         """Return the part, or None if the scene has no ``[control]``, hand or ``[sharing]``."""
         table, hand = session.scene.table(Control), parts.hand
-        sharing = parts.of(SharingPart)
+        sharing = parts.get(SharingPart)
         if table is None or hand is None or sharing is None:
             return None
         displayed = parts.force_feedback
@@ -134,12 +134,12 @@ class ControlPart(Part):
         if not isinstance(who, int):
             raise InputError("who is the number of a listener that asks")
         if decision == "take back":
-            self.take_back()
+            self.revoke_control()
         else:
-            (self.give if decision == "give" else self.refuse)(who)
+            (self.grant_control if decision == "give" else self.refuse)(who)
         return _DECISIONS[decision]
 
-    def give(self, who: int) -> None:
+    def grant_control(self, who: int) -> None:
         """Give control to a listener that asks for it.
 
         Raises
@@ -150,10 +150,10 @@ class ControlPart(Part):
         remote = self._session.remote
         if self._command_mm is None or remote is None or not remote.connected:
             raise InputError("there is no robot to give control of: start the follower")
-        self._over.give(who)
+        self._over.grant_control(who)
         self._motion, self._clutch = OperatorMotion(self._silence_ns), None
         self._grants += 1
-        self._tell()
+        self._report_changes()
 
     def refuse(self, who: int) -> None:
         """Refuse a listener that asks for control.
@@ -164,23 +164,23 @@ class ControlPart(Part):
             The listener does not ask.
         """
         self._over.refuse(who)
-        self._tell()
+        self._report_changes()
 
-    def take_back(self) -> None:
+    def revoke_control(self) -> None:
         """Give control back to the leader's hand."""
-        self._over.take_back("the leader has taken it back")
-        self._tell()
+        self._over.revoke_control("the leader has taken it back")
+        self._report_changes()
 
     def toggle(self) -> None:
         """Take control back, or give it to the listener that has asked for longest."""
         over, tell = self._over, self._session.journal.event
         if over.operator is not None:
-            self.take_back()
+            self.revoke_control()
         elif not over.asking:
             tell("nobody asks for control")
         else:
             try:
-                self.give(next(iter(over.asking)))
+                self.grant_control(next(iter(over.asking)))
             except InputError as error:
                 tell(str(error))
 
@@ -191,7 +191,7 @@ class ControlPart(Part):
         who = line["who"]
         match line["control"]:
             case "ask":
-                self._over.ask(who, printable(line["name"]) or f"listener {who}")
+                self._over.request_control(who, printable(line["name"]) or f"listener {who}")
             case "release":
                 self._over.leave(who, "it was given back")
             case "gone":
@@ -200,7 +200,7 @@ class ControlPart(Part):
                 self._refused += line["count"]
             case "motion":
                 self._receive_motion(who, bytes.fromhex(line["data"]))
-        self._tell()
+        self._report_changes()
 
     def _receive_motion(self, who: int, data: bytes) -> None:
         try:
@@ -217,7 +217,7 @@ class ControlPart(Part):
     # --- while it runs
 
     @property
-    def away(self) -> bool:
+    def overridden(self) -> bool:
         """Whether the robot does not follow the leader's hand now."""
         return self._over.state != "own"
 
@@ -267,14 +267,14 @@ class ControlPart(Part):
     def _go(self, wanted_mm: Vector, elapsed: int) -> None:
         """Move the command towards a position, no faster than the robot may move."""
         assert self._command_mm is not None  # noqa: S101 - the callers have looked
-        self._command_mm = towards(self._command_mm, wanted_mm, self._limit_mm * elapsed)
+        self._command_mm = step_towards(self._command_mm, wanted_mm, self._limit_mm * elapsed)
 
     def tick(self, tick: Tick) -> None:
         """Advance the time, and send the operator the contact for its own force."""
         over = self._over
         over.tick(tick.elapsed)
         if over.changes:
-            self._tell()
+            self._report_changes()
         if over.operator is None:
             return
         self._contact_ticks += tick.elapsed
@@ -283,11 +283,11 @@ class ControlPart(Part):
             self._sharing.send_to(over.operator, self._contact().encode())
 
     def _contact(self) -> SharedContact:
-        model = None if self._feedback is None else self._feedback.felt
+        model = None if self._feedback is None else self._feedback.contact_model
         table = self._session.scene.force_feedback
         return SharedContact(model, self._normal, 0.0 if table is None else table.limit_n)
 
-    def _tell(self) -> None:
+    def _report_changes(self) -> None:
         """Report and record the changes of control, and send them to the listeners concerned."""
         changes = self._over.changes
         while changes:

@@ -66,11 +66,11 @@ class SharedContactForce(StreamedForce):
         self._show(self._ports.step(wanted, state, elapsed))
         return None
 
-    def rest(self, elapsed: int) -> None:
+    def pause(self, elapsed: int) -> None:
         """Display nothing; see `Feedback`. The model stays."""
-        self._ports.rest()
-        self._contact.rest()
-        super().rest(elapsed)
+        self._ports.pause()
+        self._contact.reset_position()
+        super().pause(elapsed)
 
     def _modelled(self, state: InterfaceState, elapsed: int, normal: int, limit_n: float) -> Vector:
         depth_m = -_M * (state.position_mm[normal] + self.offset_mm[normal])

@@ -66,15 +66,15 @@ class HandOver:
         """Name of the operator, empty if there is none."""
         return "" if self.operator is None else self._names[self.operator]
 
-    def ask(self, who: int, name: str) -> None:
+    def request_control(self, who: int, name: str) -> None:
         """Note that a listener asks for control, unless it asks already or is the operator."""
         if who in self.asking or who == self.operator:
             return
         if len(self.asking) >= _MOST_ASKING:
-            self._tell("refused", who, name, "too many ask at once")
+            self._record_change("refused", who, name, "too many ask at once")
             return
         self.asking[who] = name
-        self._tell("asked", who, name)
+        self._record_change("asked", who, name)
 
     def leave(self, who: int, why: str) -> None:
         """Note that a listener has left, withdraws its request, or gives control back."""
@@ -90,9 +90,9 @@ class HandOver:
         InputError
             The listener does not ask.
         """
-        self._tell("refused", who, self._asker(who))
+        self._record_change("refused", who, self._asker(who))
 
-    def give(self, who: int) -> None:
+    def grant_control(self, who: int) -> None:
         """Give control to a listener: the robot holds until the listener's motion comes.
 
         Raises
@@ -106,9 +106,9 @@ class HandOver:
         self.grant += 1
         self.operator, self._names = who, {who: name}
         self._hold("giving")
-        self._tell("giving", who, name)
+        self._record_change("giving", who, name)
 
-    def take_back(self, why: str) -> None:
+    def revoke_control(self, why: str) -> None:
         """Give control back to the leader's own hand."""
         if self.operator is not None:
             self._end(why)
@@ -120,7 +120,7 @@ class HandOver:
         self._silent_ticks = 0
         if self.state == "giving":
             self.state = "given"
-            self._tell("moves", who, self.name)
+            self._record_change("moves", who, self.name)
         return True
 
     def tick(self, elapsed: int) -> None:
@@ -137,10 +137,10 @@ class HandOver:
             return
         if self.operator is None:
             self.state = "own"
-            self._tell("back", 0, "")
+            self._record_change("back", 0, "")
         else:
             self._may_move = True
-            self._tell("given", self.operator, self.name)
+            self._record_change("given", self.operator, self.name)
 
     def _asker(self, who: int) -> str:
         if who not in self.asking:
@@ -149,7 +149,7 @@ class HandOver:
 
     def _end(self, why: str) -> None:
         assert self.operator is not None  # noqa: S101 - the callers have looked
-        self._tell("ended", self.operator, self.name, why)
+        self._record_change("ended", self.operator, self.name, why)
         self.operator = None
         self._hold("returning")
 
@@ -159,6 +159,6 @@ class HandOver:
         self._held_ticks = self._silent_ticks = 0
         self._may_move = False
 
-    def _tell(self, what: What, who: int, name: str, why: str = "") -> None:
+    def _record_change(self, what: What, who: int, name: str, why: str = "") -> None:
         self.refusals += what == "refused"
         self.changes.append(Change(what, who, name, self.grant, why))

@@ -24,7 +24,7 @@ class Listeners:
         """Totals sent to all listeners; empty until the end."""
         self._left: deque[dict[str, Any]] = deque(maxlen=_MOST_LEFT)
 
-    def take_event(self, details: dict[str, Any]) -> None:
+    def record_event(self, details: dict[str, Any]) -> None:
         """Note that a listener has joined or left."""
         self.now = details["listeners"]
         self.most = max(self.now, self.most)

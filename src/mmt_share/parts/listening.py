@@ -62,7 +62,7 @@ class ListeningPart(Part):
         if session.scene.table(Operating) is not None:
             from mmt_share.parts.operating import OperatingPart
 
-            operating = parts.of(OperatingPart)
+            operating = parts.get(OperatingPart)
         return cls(session, table, parts.completing, operating)
 
     def tasks(self) -> dict[str, Coroutine[Any, Any, None]]:
@@ -118,7 +118,7 @@ class ListeningPart(Part):
         while True:
             about, model = await self.client.next_state()
             if model is None:
-                self._completing.withhold()
+                self._completing.withhold_model()
                 continue
             await self._completing.use_shared(model, about.surface)
             if self.first_s is None:

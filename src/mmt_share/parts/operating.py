@@ -72,7 +72,7 @@ class OperatingPart(Part):
         if self.client.wants:
             self.client.release()
         else:
-            self.client.ask()
+            self.client.request_control()
 
     def tick(self, tick: Tick) -> None:
         """Send the robot's wanted position, which begins where the robot holds."""

@@ -15,7 +15,7 @@ from mmt.core.children import python_command
 from mmt.core.errors import MmtError
 from mmt.leader.part import Part, Session, Tick
 from mmt.link.protocol import encode_event
-from mmt_share.messages import STATE, STATE_DTYPE, About
+from mmt_share.messages import STATE, STATE_DTYPE, ModelDescription
 from mmt_share.parts.listeners import Listeners
 from mmt_share.publishing import ModelPublisher, PublishedModel
 from mmt_share.store.store import Entry, ModelStore
@@ -52,7 +52,7 @@ class SharingPart(Part):
         self._session = session
         self._table = table
         self._publisher = ModelPublisher()
-        self._shared: tuple[TextureModel, About] | None = None
+        self._shared: tuple[TextureModel, ModelDescription] | None = None
         self._state: Tick | None = None
         self._completing = completing
         self._process: asyncio.subprocess.Process | None = None
@@ -107,9 +107,9 @@ class SharingPart(Part):
             return
         model, about = newest
         session, log = self._session.scene.session, self._session.log
-        said = Entry(session.name, note=f"session {log.session_id}, {about.completion}")
+        description = Entry(session.name, note=f"session {log.session_id}, {about.completion}")
         try:
-            entry = ModelStore(self._table.store).add(model.to_bytes(), said)
+            entry = ModelStore(self._table.store).add(model.to_bytes(), description)
         except (OSError, MmtError) as error:
             self._session.journal.say(f"the model is not in the store {self._table.store}: {error}")
         else:
@@ -196,7 +196,7 @@ class SharingPart(Part):
             elif "figures" in line:
                 self.listeners.take_figures(line["figures"], line.get("listened_s"))
             else:
-                self.listeners.take_event(line["details"])
+                self.listeners.record_event(line["details"])
                 self._session.journal.event(line["event"], **line["details"])
 
     async def _hand_on(self) -> None:
@@ -218,7 +218,7 @@ class SharingPart(Part):
         self._write({"model": list(published)})
         self.models += 1
 
-    def _now(self) -> "tuple[TextureModel, About] | None":
+    def _now(self) -> "tuple[TextureModel, ModelDescription] | None":
         """Return the newest model and its description, or None before the first."""
         log, completing = self._session.log, self._completing
         update = log.update
@@ -228,7 +228,7 @@ class SharingPart(Part):
                 return None
             model, about = self._shared  # the model was reset
             return model, replace(about, ready=False)
-        return model, About(
+        return model, ModelDescription(
             session_id=log.session_id,
             time_s=0.0 if update is None else update.time_s,
             ready=completing.takes_over or log.start_s is not None,

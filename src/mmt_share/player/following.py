@@ -67,7 +67,7 @@ class SharedTexture:
             if model is None:
                 continue
             try:
-                await asyncio.to_thread(player.use, [model])
+                await asyncio.to_thread(player.set_models, [model])
             except InputError as error:
                 self._say(str(error))
 

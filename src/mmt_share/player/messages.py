@@ -67,7 +67,7 @@ def steps_of(message: dict[str, Any]) -> tuple[Step, ...]:
     return tuple(_step(step) for step in steps)
 
 
-def whole(message: dict[str, Any], name: str, largest: int, least: int = 0) -> int:
+def whole_number(message: dict[str, Any], name: str, largest: int, least: int = 0) -> int:
     """Return a whole number of a message.
 
     Raises

@@ -88,15 +88,15 @@ class Player:
             self._recorder = TouchRecorder(record, names, models, seed=seed, replace=replace)
         self.hand: tuple[float, float, bool] | None = None
         self.said = self.completion = ""
-        self.use(models)
+        self.set_models(models)
 
     def close(self) -> list[tuple[Path, float]]:
         """End the scenario and the recordings; return each recording with its duration in s."""
         recorded = [] if self._recorder is None else self._recorder.close()
-        self.leave()
+        self.end_scenario()
         return recorded
 
-    def use(self, models: Sequence[TextureModel]) -> None:
+    def set_models(self, models: Sequence[TextureModel]) -> None:
         """Replace the models of the textures.
 
         Raises
@@ -143,7 +143,7 @@ class Player:
         """Take a part of a stroke over a tile: it counts for the scenario, and is recorded."""
         texture = tile if self.study is None else self.study.texture(tile)
         if texture is None:
-            self.lift()
+            self.end_touch()
             return
         if self.study is not None:
             moved = (s for s in steps if math.hypot(*s.velocity_mm_s) >= _SLOWEST_STROKE_MM_S)
@@ -151,10 +151,10 @@ class Player:
         if self._recorder is not None:
             self._recorder.record(texture, steps)
 
-    def lift(self) -> None:
+    def end_touch(self) -> None:
         """End the touch."""
         if self._recorder is not None:
-            self._recorder.lift()
+            self._recorder.end_touch()
 
     def begin(self, scenario: str, participant: str) -> str:
         """Begin a scenario; return a message for the page.
@@ -170,11 +170,11 @@ class Player:
             raise InputError("this page plays a shared surface: it has no scenarios")
         if scenario not in SCENARIOS:
             raise InputError(f"scenario {scenario}: allowed are {', '.join(SCENARIOS)}")
-        self.leave()
+        self.end_scenario()
         self.study = SCENARIOS[scenario](self.names, participant, self._seed, self.results.write)
         return f"{scenario} of {participant} begins"
 
-    def leave(self) -> str:
+    def end_scenario(self) -> str:
         """End the scenario, if one runs; return a message for the page."""
         study, self.study = self.study, None
         if study is not None:

@@ -97,7 +97,7 @@ class TouchRecorder:
                 return f"recording {file.recorder.path}: {file.recorder.error}"
         return None
 
-    def lift(self) -> None:
+    def end_touch(self) -> None:
         """End the touch: the next one starts anew."""
         if self._down is not None:
             self._down = None
@@ -119,7 +119,7 @@ class TouchRecorder:
                 self._refusal = str(error)
                 return
         if file is not self._down:
-            self.lift()
+            self.end_touch()
             self._down = file
             file.begin(steps[0])
         for step in steps:

@@ -20,7 +20,7 @@ from mmt.link.http import Listener
 from mmt.link.rate_limit import RateLimit
 from mmt.web.binary_messages import pack
 from mmt.web.page_server import add_page, open_socket, page_files
-from mmt_share.player.messages import line, parse, steps_of, whole
+from mmt_share.player.messages import line, parse, steps_of, whole_number
 from mmt_share.player.player import Player
 from mmt_share.player.study import BEST
 
@@ -164,7 +164,7 @@ class PageConnection:
             for task in (reporting, *self._orders):
                 task.cancel()
             await asyncio.gather(reporting, *self._orders, return_exceptions=True)
-            self._player.lift()
+            self._player.end_touch()
 
     async def _handle(self, text: str) -> None:
         message: dict[str, Any] = {}
@@ -186,9 +186,9 @@ class PageConnection:
         """Take a part of a stroke, or its end if the tile is null."""
         player = self._player
         if message.get("tile") is None:
-            player.lift()
+            player.end_touch()
             return
-        tile, steps = whole(message, "tile", len(player.names) - 1), steps_of(message)
+        tile, steps = whole_number(message, "tile", len(player.names) - 1), steps_of(message)
         now_s = time.monotonic()
         earned_ms = self._earned_ms + _FASTER * 1e3 * (now_s - self._then_s)
         self._earned_ms, self._then_s = min(earned_ms, _MOST_HELD_MS), now_s
@@ -217,15 +217,18 @@ class PageConnection:
             scenario, participant = message.get("scenario"), line(message, "participant")
             return lambda: player.begin(str(scenario), participant)
         if what == "leave":
-            return player.leave
+            return player.end_scenario
         if player.study is None:
             raise InputError("begin a scenario first")
         study = player.study
         if what == "rate":
-            rating = whole(message, "rating", BEST, 1)
+            rating = whole_number(message, "rating", BEST, 1)
             return lambda: study.rate(rating)
         if what == "answer":
-            sample, tile = whole(message, "sample", last), whole(message, "tile", last)
+            sample, tile = (
+                whole_number(message, "sample", last),
+                whole_number(message, "tile", last),
+            )
             return lambda: study.answer(sample, tile)
         if what == "finish":
             return study.finish

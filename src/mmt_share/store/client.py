@@ -55,7 +55,7 @@ class RemoteStore:
         with suppress(ValueError, RecursionError, InputError):
             listed = json.loads(text)
             if isinstance(listed, list) and len(listed) <= MOST_MODELS:
-                return [Entry.listed(each) for each in listed]
+                return [Entry.from_listing(each) for each in listed]
         raise MmtError(f"{self._url} has no store of models that this program reads")
 
     def find(self, name: str) -> Entry:
@@ -109,7 +109,7 @@ class RemoteStore:
                 for chunk in answer.chunks(LARGEST_BYTES - (begun if goes_on else 0)):
                     file.write(chunk)
 
-    def push(self, data: bytes, said: Entry) -> Entry:
+    def push(self, data: bytes, description: Entry) -> Entry:
         """Add a model and return its entry in the store; a model that is there already stays.
 
         Raises
@@ -117,12 +117,12 @@ class RemoteStore:
         MmtError
             The store does not answer, or does not accept the model; the message says why.
         """
-        given = said.as_dict().items()
+        given = description.as_dict().items()
         about = {k: v for k, v in given if v or (k == "error_db" and v is not None)}
         path = f"/models?{urllib.parse.urlencode(about)}"
         answer = self._request(path, _LARGEST_ENTRY, data=data)
         try:
-            return Entry.listed(json.loads(answer))
+            return Entry.from_listing(json.loads(answer))
         except (ValueError, RecursionError, InputError) as error:
             raise MmtError(f"what {self._url} says of the model cannot be read") from error
 

@@ -32,8 +32,8 @@ def store_pages(store: ModelStore, *, accepts: bool) -> "Page":
 
     async def pushed(request: web.Request) -> web.Response:
         try:
-            said = Entry.said(_said(request.query))
-            entry = await asyncio.to_thread(store.add, await request.read(), said)
+            description = Entry.from_description(_description(request.query))
+            entry = await asyncio.to_thread(store.add, await request.read(), description)
         except InputError as error:
             return web.Response(status=400, text=f"{error}\n")
         except (OSError, MmtError) as error:
@@ -53,13 +53,13 @@ def store_pages(store: ModelStore, *, accepts: bool) -> "Page":
     return add
 
 
-def _said(query: Mapping[str, str]) -> dict[str, Any]:
-    said: dict[str, Any] = dict(query)
-    if "error_db" in said:
+def _description(query: Mapping[str, str]) -> dict[str, Any]:
+    description: dict[str, Any] = dict(query)
+    if "error_db" in description:
         try:
-            said["error_db"] = finite_number(said["error_db"])
+            description["error_db"] = finite_number(description["error_db"])
         except ValueError as error:
             raise InputError(
-                f"error_db is {said['error_db']!r}: it must be a finite number"
+                f"error_db is {description['error_db']!r}: it must be a finite number"
             ) from error
-    return said
+    return description

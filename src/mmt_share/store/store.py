@@ -67,7 +67,7 @@ class Entry:
         return asdict(self)
 
     @classmethod
-    def listed(cls, given: Any) -> Self:
+    def from_listing(cls, given: Any) -> Self:
         """Parse an entry that a store has listed, which is not trusted.
 
         Raises
@@ -90,7 +90,7 @@ class Entry:
         return replace(entry, **texts)
 
     @classmethod
-    def said(cls, said: Mapping[str, Any]) -> Self:
+    def from_description(cls, description: Mapping[str, Any]) -> Self:
         """Parse a person's description of a model, which is not trusted; other fields stay empty.
 
         Raises
@@ -99,12 +99,12 @@ class Entry:
             There is no name, or ``error_db`` is not a number.
         """
         name, who, licence, note = (
-            printable(str(said.get(key, ""))[:LONGEST_TEXT])
+            printable(str(description.get(key, ""))[:LONGEST_TEXT])
             for key in ("name", "who", "licence", "note")
         )
         if not name.strip():
             raise InputError("the model has no name: give it one")
-        error_db = said.get("error_db")
+        error_db = description.get("error_db")
         check("error_db", error_db, float | None)
         return cls(name, who, licence, note, error_db=None if error_db is None else float(error_db))
 
@@ -183,6 +183,6 @@ def _is_hash(text: str) -> bool:
 def _read(path: Path) -> Entry | None:
     """Read the entry beside a model; return None if it is damaged."""
     try:
-        return Entry.listed(json.loads(path.read_text(encoding="utf-8")))
+        return Entry.from_listing(json.loads(path.read_text(encoding="utf-8")))
     except (OSError, ValueError, InputError):
         return None

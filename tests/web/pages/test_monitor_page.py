@@ -320,7 +320,7 @@ async def test_a_person_hands_control_over_and_takes_it_back(
     monkeypatch.setenv("MMT_CONTROL_TOKEN", TOKEN)
     tables = {"sharing": {"port": 0}, "control": {"silence_ms": 5000}}
     async with a_page(browser, TABLET) as (page, problems), Leading(more=tables) as leading:
-        control = leading.service.parts.of(ControlPart)
+        control = leading.service.parts.get(ControlPart)
         await page.goto(leading.url)
         await shows(page, "#control-text", "The leader's hand moves the robot.")
         await api.expect(page.locator("#take-back")).to_be_disabled()
@@ -427,7 +427,7 @@ async def test_a_person_sees_who_listens(browser: Any) -> None:
     ready = asyncio.Event()
     running = asyncio.create_task(shared.run(ready.set))
     await ready.wait()
-    part = shared.parts.of(SharingPart)
+    part = shared.parts.get(SharingPart)
     follower = Follower(scene(), f"http://127.0.0.1:{shared.port}")
     async with a_page(browser, DESKTOP, "light") as (page, problems):
         await page.goto(f"http://127.0.0.1:{shared.port}/monitor/")

@@ -69,7 +69,7 @@ def reports(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     for order in (8, 16):
         curves.add("mmt", order, Spread(2.0, 1.9, 2.1), 1e-15 * order)
     panel = Panel("p", "By order", "order", Axis("time (µs)", "µs"), Axis("error", "error"),
-                  curves.done())  # fmt: skip
+                  curves.build())  # fmt: skip
     stage = Findings("Burg's method", "What was measured.", panels=(panel,), name="burg")
     walls, delays = [0.1, 1.0, 10.0], [0.0, 10.0, 100.0]
     loop = {"wall_n_mm": walls, "delay_ms": delays,

@@ -91,7 +91,7 @@ def test_the_page_is_told_the_rate_of_what_vibrates() -> None:
     frames["time_ns"] = np.arange(2000) * 1_000_000
     recording = ViewedRecording(MemoryWindows(RecordedSession(frames)))
     assert unpack(recording.opening())["rate_hz"] == 4000.0
-    measured = unpack(recording.moment(1.999))["arrays"]["measured"]
+    measured = unpack(recording.state_at(1.999))["arrays"]["measured"]
     assert (measured == 0.0).all()
 
 
@@ -177,7 +177,7 @@ def test_the_trail_is_the_mean_motion_of_each_step() -> None:
     frames = made_frames(0, 400)
     frames["position_mm"] = np.arange(400)[:, None] * np.array([0.05, -0.1, 0.0])
     frames["force_n"] = [0.0, 0.0, 1.25]
-    trail = traces.trail(Window(np.arange(400) / 1e3, frames), SETTINGS)
+    trail = traces.motion_trace(Window(np.arange(400) / 1e3, frames), SETTINGS)
     assert trail.shape == (9, 3)
     np.testing.assert_allclose(trail, np.tile([50.0, -100.0, 1.25], (9, 1)), rtol=1e-4)
 
@@ -242,7 +242,7 @@ def test_a_recording_without_force_is_shown_without_a_model(tmp_path: Path) -> N
     recording.start()
     opening = unpack(recording.opening())
     assert opening["remarks"] == ["No model: the recording has no force channel."]
-    moment = unpack(recording.moment(0.9))
+    moment = unpack(recording.state_at(0.9))
     assert (moment["model"], moment["source"]) == (None, None)
     course = unpack(recording.course(0.2, 0.9))["arrays"]
     assert np.isnan(course["force_n"]).all()

@@ -133,7 +133,7 @@ class CostDifference:
     half_width: float
 
     @property
-    def told_apart(self) -> bool:
+    def is_significant(self) -> bool:
         """Whether the difference is significant."""
         return abs(self.value) > self.half_width
 
@@ -317,11 +317,11 @@ def _importing(modules: Sequence[str]) -> str:
             check=True,
         )
     except subprocess.SubprocessError as error:
-        raise MmtError(f"the imports cannot be timed: {_said(error)}") from error
+        raise MmtError(f"the imports cannot be timed: {_cost_text(error)}") from error
     return ended.stderr
 
 
-def _said(error: subprocess.SubprocessError) -> str:
+def _cost_text(error: subprocess.SubprocessError) -> str:
     stderr = getattr(error, "stderr", None)
     lines = stderr.splitlines() if isinstance(stderr, str) else []
     own = [line for line in lines if not line.startswith("import time:")]

@@ -57,7 +57,11 @@ def part_figures(costs: SceneCosts, name: str, scene: Scene) -> dict[str, Any]:
         part = costs.part(name, service)
         result[service] = {
             **{
-                figure: {"difference": d.value, "half_width": d.half_width, "seen": d.told_apart}
+                figure: {
+                    "difference": d.value,
+                    "half_width": d.half_width,
+                    "seen": d.is_significant,
+                }
                 for figure, d in part.figures.items()
             },
             "modules": len(part.modules),

@@ -134,7 +134,7 @@ def _part_table(costs: SceneCosts, service: str, added: Mapping[str, float]) -> 
 
 
 def _difference(difference: CostDifference, digits: int) -> str:
-    value = f"{difference.value:.{digits}f}" if difference.told_apart else "≈0"
+    value = f"{difference.value:.{digits}f}" if difference.is_significant else "≈0"
     return f"{value} ±{difference.half_width:.{digits}f}"
 
 

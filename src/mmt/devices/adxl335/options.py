@@ -43,19 +43,19 @@ class Adxl335Options(AxesOptions):
         """Return a sentence for each doubtful option."""
         if self.band_hz > _Z_HZ:
             along = "xyz"[[axis[-1] for axis in self.axes].index("z")]
-            said = [
+            sentences = [
                 f"the sensor's own z axis, here the scene's {along}, ends at "
                 f"{_Z_HZ:g} Hz, the scene wants {self.band_hz:g} Hz: turn the sensor so that x or "
                 "y lies along the axis that is modelled, and say so by 'axes'"
             ]
         else:
-            said = []
+            sentences = []
         if self.bandwidth_hz >= self.band_hz:
-            return said
+            return sentences
         farads = _MICROFARAD_HZ / self.bandwidth_hz
         wanted = _MICROFARAD_HZ / self.band_hz
         return [
-            *said,
+            *sentences,
             f"the accelerometer's board passes {self.bandwidth_hz:g} Hz ({farads:.2g} uF at each "
             f"output), the scene wants {self.band_hz:g} Hz: vibration above is lost. Replace the "
             f"three capacitors by {wanted:.2g} uF or less (f = 5 uF / C), then set bandwidth_hz",

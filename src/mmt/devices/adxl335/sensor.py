@@ -87,7 +87,7 @@ class Converter:
         value = (a * volts[i] - p, b * volts[j] - q, c * volts[k] - r)
         if max(value) > RANGE_M_S2 or min(value) < -RANGE_M_S2:
             self.faults["overload"] += 1
-            self._notice.tell(_OVERLOADED)
+            self._notice.warn(_OVERLOADED)
         return SensorReading(time_ns, value)
 
 
@@ -182,7 +182,7 @@ class Adxl335(ABC):
         No bias is subtracted: an accelerometer measures gravity too, and modelling and rendering
         leave out constant parts.
         """
-        rest = self.rest("+z", _REST_S)
+        rest = self.measure_rest("+z", _REST_S)
         used = self.calibration
         felt = hypot(
             *((rest.mean_v[i] - used.zero_v[i]) / used.gain_v_per_m_s2[i] for i in range(3))
@@ -203,7 +203,7 @@ class Adxl335(ABC):
                 why,
             )
 
-    def rest(self, up: Up, duration_s: float) -> Rest:
+    def measure_rest(self, up: Up, duration_s: float) -> Rest:
         """Measure for `duration_s` at rest; blocks up to 1 s longer if too few samples came.
 
         Raises

@@ -156,7 +156,7 @@ class SerialAdxl335(Adxl335):
                 placed.append((time_ns, (x * scale, y * scale, z * scale)))
         return placed
 
-    def complaint(self) -> str:
+    def explain_fault(self) -> str:
         """Return the problem if only invalid frames have come since the last good one, else ""."""
         broken = self._decoder.faults.total() - self._survived
         if broken <= 0:

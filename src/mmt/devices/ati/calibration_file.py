@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from mmt.core.bounds import finite_number
-from mmt.core.errors import InputError, brief
+from mmt.core.errors import InputError, short_message
 from mmt.core.xml_files import parse_xml
 from mmt.devices.ati.calibration import (
     Calibration,
@@ -170,4 +170,4 @@ def _number(text: str, name: str) -> float:
     try:
         return finite_number(text)
     except ValueError:
-        raise InputError(f"its {name} is {brief(text)!r}, not a finite number") from None
+        raise InputError(f"its {name} is {short_message(text)!r}, not a finite number") from None

@@ -190,7 +190,7 @@ class DigitalFt(WrenchSensor):
             raise DeviceLost(self._explain_unusable(_BROKEN_NS / 1e9))
         return records
 
-    def complaint(self) -> str:
+    def explain_fault(self) -> str:
         """Return why the newest records are unusable, or "" if they are usable."""
         broken_ns = self._heard_ns - self._usable_ns
         return self._explain_unusable(broken_ns / 1e9) if broken_ns > 0 else ""

@@ -208,7 +208,7 @@ class NetFt(WrenchSensor):
             self._ask(udp, now_ns)
         buffer = self._buffer
         records: list[Stamped] = []
-        receive_into, unpack, stamp = packets.look(), RECORD.unpack_from, clock.stamp
+        receive_into, unpack, stamp = packets.receiver(), RECORD.unpack_from, clock.stamp
         try:
             for _ in range(_MOST_RECORDS):
                 if receive_into(buffer) != RECORD.size:
@@ -253,7 +253,7 @@ class NetFt(WrenchSensor):
             raise DeviceLost(self._explain_broken())
         return False
 
-    def complaint(self) -> str:
+    def explain_fault(self) -> str:
         """Return the box's fault if its newest records are unusable, else ""."""
         return self._explain_broken() if self._broken_ns > self._usable_ns else ""
 

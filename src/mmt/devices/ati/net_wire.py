@@ -211,7 +211,7 @@ class NetPages:
                 content = answer.content(_LARGEST_PAGE)
         except AnswerError as error:
             raise MmtError(
-                f"{self._device}: its web page {path} answers {error.status} {error.said}; "
+                f"{self._device}: its web page {path} answers {error.status} {error.reply}; "
                 "check that 'host' is a Net F/T box"
             ) from error
         except MmtError as error:

@@ -111,9 +111,9 @@ class VoltageDrive:
         self._not_finite = 0
         self._sum_squares = 0.0
         self._peak = 0.0
-        self.rest()
+        self.reset_filters()
 
-    def rest(self) -> None:
+    def reset_filters(self) -> None:
         """Reset the filters to zero, not to the steady state of the next sample."""
         for section in self._sections:
             section.reset()

@@ -96,7 +96,7 @@ class HaptuatorDriver(ABC):
             See `write`.
         """
         self._check()
-        self._play(self._to_volts.cut(volts))
+        self._play(self._to_volts.clip(volts))
 
     def _note_latency(self, latency_s: float) -> None:
         known = self._latency_s

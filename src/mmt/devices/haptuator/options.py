@@ -55,7 +55,7 @@ class HaptuatorOptions(BaseModel):
         """Largest voltage (V): the lower limit of actuator and amplifier."""
         return min(self.limit_v, self.full_scale_v)
 
-    def cut(self, volts: Sequence[float] | FloatArray) -> list[float]:
+    def clip(self, volts: Sequence[float] | FloatArray) -> list[float]:
         """Return voltages cut to the limit; those that are not finite become 0."""
         most = self.largest_v
         return [min(max(float(v), -most), most) if math.isfinite(v) else 0.0 for v in volts]

@@ -116,7 +116,7 @@ class SerialHaptuator(HaptuatorDriver):
         )
         self._resampler = self._new_resampler()
         self._resampler.follower, self._resampler.slips = previous.follower, previous.slips
-        self._drive.rest()
+        self._drive.reset_filters()
         self._report, self._report_ns = report, time.monotonic_ns()
         self._taken_ns = self._report_ns
         self._sequence = 0

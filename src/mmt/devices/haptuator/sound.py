@@ -39,7 +39,7 @@ def find_output(library: Any, device: str | int | None, channel: int) -> int:
     try:
         found = library.query_devices(device, "output")
     except (ValueError, library.PortAudioError):
-        _look_again(library)
+        _restart_library(library)
         try:
             found = library.query_devices(device, "output")
         except (ValueError, library.PortAudioError) as error:
@@ -53,7 +53,7 @@ def find_output(library: Any, device: str | int | None, channel: int) -> int:
     return int(found["index"])
 
 
-def _look_again(library: Any) -> None:
+def _restart_library(library: Any) -> None:
     # The library has no public call for this; these two are what its author recommends.
     library._terminate()
     library._initialize()
@@ -183,7 +183,7 @@ class SoundHaptuator(HaptuatorDriver):
         self._buffer = self._new_buffer()
         self._buffer.follower = previous.follower
         self._buffer.underruns, self._buffer.slips = previous.underruns, previous.slips
-        self._drive.rest()
+        self._drive.reset_filters()
         self._ended = False
         self._called_ns = self._clock_ns()
         try:

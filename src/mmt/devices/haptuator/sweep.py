@@ -181,7 +181,7 @@ class _Rig:
         settings = self._settings
         signal = sweep(level_v, settings.low_hz, settings.high_hz, duration_s)
         volts = np.concatenate([np.zeros(_BEFORE), signal, np.zeros(_AFTER)])
-        hearing = _Hearing(self._sensor, sampled=self._sampled)
+        hearing = _AccelerationLog(self._sensor, sampled=self._sampled)
         begun_ns = time.monotonic_ns()
         written = 0
         while written < len(volts):
@@ -202,7 +202,7 @@ class _Rig:
         return volts, _main(hearing.at(begun_ns, len(volts), settings.high_hz))
 
 
-class _Hearing:
+class _AccelerationLog:
     """Records the accelerometer's readings."""
 
     def __init__(self, sensor: Any, *, sampled: bool) -> None:

@@ -68,7 +68,7 @@ class U6Voltages(SharedInputs[AnalogInput]):
         assert not isinstance(box, str)  # noqa: S101 - as it was given
         return U6Stream(box, self.backend, self.rate_hz, channels_of)
 
-    def misfit(self, others: Sequence[SharedInputs[AnalogInput]]) -> str:
+    def conflict_with(self, others: Sequence[SharedInputs[AnalogInput]]) -> str:
         """Return why one stream cannot hold these inputs and the others', or ''."""
         taken = {number for other in others for number in terminals(other.channels)}
         wanted = terminals(self.channels)

@@ -4,7 +4,7 @@ from collections import Counter
 from typing import Any
 
 from mmt.core.errors import MmtError
-from mmt.devices.board_sharing import Arrived, ChannelsOf
+from mmt.devices.board_sharing import ChannelsOf, StreamData
 from mmt.devices.labjack.packets import (
     READ_CALIBRATION,
     STREAM_CONFIG,
@@ -53,16 +53,16 @@ class U6Stream:
             raise
 
     @property
-    def flows(self) -> bool:
+    def is_streaming(self) -> bool:
         """Whether packets are still arriving."""
-        return self._link.flows
+        return self._link.is_streaming
 
-    def take(self) -> Arrived:
+    def read_scans(self) -> StreamData:
         """Decode the received packets; see `BoardStream`."""
         packets, decoder = self._link.packets(), self._decoder
         scans = [scan for _, raw in packets for scan in decoder.decode(raw)]
         faults, decoder.faults = decoder.faults, Counter()
-        return Arrived(scans, packets[-1][0] if packets else 0, faults)
+        return StreamData(scans, packets[-1][0] if packets else 0, faults)
 
     def close(self) -> None:
         """End the stream and release the U6; calling it twice is harmless."""

@@ -133,7 +133,7 @@ class U6Link:
         self._thread.start()
 
     @property
-    def flows(self) -> bool:
+    def is_streaming(self) -> bool:
         """Whether the stream's packets are still arriving."""
         silent_ns = time.monotonic_ns() - self._heard_ns
         return self._thread is not None and not self._lost.is_set() and silent_ns < _SILENT_NS

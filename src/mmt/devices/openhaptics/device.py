@@ -185,7 +185,7 @@ class HdDevice(Generic[AnyServo]):
     def _in_frame(self, function: Callable[[], object]) -> object:
         """Run a function within the servo's next frame and return its result."""
         servo = self.servo
-        servo.ask(function)
+        servo.run_in_frame(function)
         while servo.request is not None:
             self.check()
             time.sleep(0.001)
@@ -198,7 +198,7 @@ class HdDevice(Generic[AnyServo]):
         status: int = stack.hd.hdCheckCalibration()
         if reset or (status == hd.CALIBRATION_NEEDS_UPDATE and style != hd.ENCODER_RESET):
             stack.hd.hdUpdateCalibration(style)
-        self.servo.measure_anew()
+        self.servo.accept_next_position()
         errors = stack.pop_errors()
         return MmtError(explain(self.name, errors[0])) if errors else status
 

@@ -4,7 +4,7 @@ import math
 from ctypes.util import find_library
 from typing import Any, Final
 
-from mmt.core.arrays import towards
+from mmt.core.arrays import step_towards
 from mmt.core.errors import InputError
 from mmt.devices.drivers import read_options
 from mmt.devices.openhaptics.driver import HdDriver
@@ -63,7 +63,7 @@ class PositionServo(Servo):
             self._pushed_ns = now_ns
             return (0.0, 0.0, 0.0)
         passed_s = min(1e-9 * (now_ns - self.tick_ns), _LONGEST_STEP_S)
-        a, b, c = self._point = towards(self._point, self.target, self._speed * passed_s)
+        a, b, c = self._point = step_towards(self._point, self.target, self._speed * passed_s)
         u, v, w = self.velocity
         stiffness, damping = self._stiffness, self._damping
         fx = stiffness * (a - x) - damping * u

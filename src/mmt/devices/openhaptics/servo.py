@@ -23,7 +23,7 @@ from mmt.devices.openhaptics.constants import (
 )
 from mmt.devices.openhaptics.library import VECTOR, Vector3
 from mmt.devices.openhaptics.options import HdOptions
-from mmt.devices.plausibility import Watch
+from mmt.devices.plausibility import PlausibilityCheck
 from mmt.devices.protocols import Vector
 
 STUCK: Final = "a position that stays the same under the largest force"
@@ -80,7 +80,7 @@ class Servo:
         self.position: Vector = (0.0, 0.0, 0.0)
         self.velocity: Vector = (0.0, 0.0, 0.0)
         self._measured = Vector3(), Vector3()
-        self._watch = Watch()
+        self._watch = PlausibilityCheck()
         self.senseless: tuple[str, int] | None = None
         """Problem of the measurements and the time (ns) of its start, or None."""
         self.force: Vector = (0.0, 0.0, 0.0)
@@ -99,7 +99,7 @@ class Servo:
         self.newest_force_error: HdError | None = None
         self._rest_until_ns = 0
 
-    def ask(self, function: Callable[[], object]) -> None:
+    def run_in_frame(self, function: Callable[[], object]) -> None:
         """Have a function run within the next frame; it has run once `request` is None again."""
         self.answer, self.request = None, function
 
@@ -156,9 +156,9 @@ class Servo:
         else:
             self.distrust(problem, now_ns)
 
-    def measure_anew(self) -> None:
+    def accept_next_position(self) -> None:
         """Accept the next position wherever it is: a calibration moves the zero."""
-        self._watch = Watch()
+        self._watch = PlausibilityCheck()
 
     def _moves(self, position: Vector) -> bool:
         """Return whether a plausible position ends the problem: a stuck one must have changed."""

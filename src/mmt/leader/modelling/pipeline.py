@@ -18,11 +18,11 @@ from mmt.core.errors import InputError, MmtError
 from mmt.leader.modelling.process import ModellingProcess
 from mmt.leader.modelling.segmenting import LONGEST_QUEUE_S, SegmentingTask
 from mmt.leader.modelling.stage import Activity, Figures, InFlight, Item, ItemQueue, StageTask
-from mmt.leader.modelling.stages import Judged, Models, received
+from mmt.leader.modelling.stages import Models, UpdateResult, received
 from mmt.leader.part import Part, Session, Tick
 from mmt.texture.modeller_factory import ModellerFactory
-from mmt.texture.online.surface_changes import SaidSurface
-from mmt.texture.online.work import ModelUpdate, NewSamples
+from mmt.texture.online.surface_changes import SurfaceStatement
+from mmt.texture.online.updates import ModelUpdate, NewSamples
 from mmt.texture.settings import ModellingSettings
 
 if TYPE_CHECKING:
@@ -101,13 +101,13 @@ class Modelling(Part):
         if scene.texture.surfaces is not None and scene.replay is not None:
             from mmt.leader.surface_log import replayed_words
 
-            made._process.tell("begin", replayed_words(scene.replay))
+            made._process.notify("begin", replayed_words(scene.replay))
         return made
 
-    def hand_on(self, on_samples: Callable[[NewSamples], None]) -> None:
+    def return_samples(self, on_samples: Callable[[NewSamples], None]) -> None:
         """Set the function to call with the samples of each judged update, from the first on."""
         self._on_samples = on_samples
-        self._process.tell("hand_on")
+        self._process.notify("return_samples")
 
     def connect(self) -> None:
         """Start the process, if necessary, and wait until it can model.
@@ -121,7 +121,7 @@ class Modelling(Part):
 
     def _make_tasks(self, rate_hz: float, keep_frames: int, capacity: int) -> None:
         process, activity = self._process, self._activity
-        queues = [ItemQueue(capacity, first, self._absorb) for first in (True, False, False)]
+        queues = [ItemQueue(capacity, first, self._merge) for first in (True, False, False)]
         self.completing = StageTask("judge", process, queues[2], activity, self._judged)
         self.synthesizing = StageTask("build", process, queues[1], activity, self.completing.put)
         self.fitting = StageTask("fit", process, queues[0], activity, self.synthesizing.put)
@@ -129,7 +129,7 @@ class Modelling(Part):
             self._factory.frames_at_once,
             rate_hz,
             keep_frames,
-            self._factory.in_step,
+            self._factory.sequential,
             process,
             activity,
             self._behind_segmenting,
@@ -166,7 +166,7 @@ class Modelling(Part):
 
     def on_settled(self) -> None:
         """Go on: some missing frames have come, or will not come."""
-        self.segmenting.look_again()
+        self.segmenting.wake()
 
     def freeze(self, frozen: bool) -> None:
         """Freeze the model, or let it grow again; an update under way still counts."""
@@ -174,17 +174,17 @@ class Modelling(Part):
         if frozen:
             self.segmenting.clear()
 
-    def say_surface(self, surface: int) -> None:
-        """Take a person's word that the tool is on this surface from the next frame on.
+    def state_surface(self, surface: int) -> None:
+        """Set the surface under the tool from the next frame on, as stated by a person.
 
         Raises
         ------
         InputError
             Surfaces are not told apart.
         """
-        if not self._factory.in_step:
+        if not self._factory.sequential:
             raise InputError("this scene has one surface: it has no [texture.surfaces]")
-        self._process.tell("say", SaidSurface(self._newest_sample + 1, surface))
+        self._process.notify("state_surface", SurfaceStatement(self._newest_sample + 1, surface))
 
     def reset(self) -> None:
         """Start a new model; discard updates under way."""
@@ -295,9 +295,9 @@ class Modelling(Part):
                 if self._session is not None:
                     self._session.journal.event(self.fault)
 
-    def _absorb(self, later: Item, earlier: Item, segments: bool) -> None:
-        self._process.tell("absorb", later.number, earlier.number, segments=segments)
-        self._behind_segmenting.leave()
+    def _merge(self, later: Item, earlier: Item, segments: bool) -> None:
+        self._process.notify("merge", later.number, earlier.number, segments=segments)
+        self._behind_segmenting.remove()
 
     @property
     def _grows(self) -> bool:
@@ -312,20 +312,20 @@ class Modelling(Part):
         for task in (self.fitting, self.synthesizing, self.completing):
             task.clear()
         self.segmenting.start_model()
-        self._process.tell("begin")
+        self._process.notify("begin")
         self._behind_segmenting.clear()
 
     def _judged(self, item: Item) -> None:
         """Report an update; after the last one discard all later work."""
-        judged: Judged = item.answer
+        judged: UpdateResult = item.answer
         if judged.samples is not None:
             self._on_samples(judged.samples)
         if judged.update is not None:
             update = received(judged.update, self._models)
             if judged.kept is not None:
                 self._models = {n: m for n, m in self._models.items() if n in judged.kept}
-            if self._factory.done(update):
+            if self._factory.is_finished(update):
                 self.finished = True
                 self._clear()
             self._on_update(update, item.seconds)
-        self._behind_segmenting.leave()
+        self._behind_segmenting.remove()

@@ -21,7 +21,7 @@ from mmt.core.children import python_command
 from mmt.core.end_signals import handle_end_signals
 from mmt.core.errors import MmtError
 from mmt.core.extras import require
-from mmt.core.process import ProcessMeter, release_compiler, step_back
+from mmt.core.process import ProcessMeter, lower_priority, release_compiler
 from mmt.texture.modeller_factory import ModellerFactory
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ class ModellingProcess:
         """Cost of the process while it modelled; None before `close`."""
 
     @classmethod
-    def of(cls, scene: "Scene") -> Self | None:
+    def from_scene(cls, scene: "Scene") -> Self | None:
         """Return the process for a scene's texture, or None if the scene has none."""
         texture = scene.texture
         if texture is None:
@@ -100,7 +100,7 @@ class ModellingProcess:
         """
         return await wrap_future(self._worker.submit(self._exchange, (name, arguments, named)))
 
-    def tell(self, name: str, *arguments: object, **named: object) -> None:
+    def notify(self, name: str, *arguments: object, **named: object) -> None:
         """Call a method without waiting for it; do nothing if the process is closed."""
         call = name, arguments, named
         if self.started is None:
@@ -183,7 +183,7 @@ def _answer(answers: IO[bytes]) -> None:
     gc.freeze()
     release_compiler()
     _write(answers, (None, None))
-    step_back()  # the leader's ticks come first
+    lower_priority()  # the leader's ticks come first
     while True:
         name, arguments, named = pickle.load(calls)  # noqa: S301 - from the leader
         _write(answers, (None, getattr(stages, name)(*arguments, **named)))

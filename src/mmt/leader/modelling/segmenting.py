@@ -82,7 +82,7 @@ class SegmentingTask:
     def put(self, frames: RecordArray) -> None:
         """Queue frames (n,); never blocks."""
         self.figures.drops += self._queue.put(frames)
-        self.figures.look()
+        self.figures.record_length()
         first = self._queue.first_sequence
         if first is not None and int(frames["sequence"][-1]) - first >= self._period_frames - 1:
             self._due.set()
@@ -93,7 +93,7 @@ class SegmentingTask:
         self.late_frames += len(frames) - len(early)
         self.figures.drops += self._queue.insert(early)
 
-    def look_again(self) -> None:
+    def wake(self) -> None:
         """Check for a due update: some missing frames have come, or will not come."""
         self._due.set()
 
@@ -123,12 +123,12 @@ class SegmentingTask:
         while number is not None and generation == self._generation:
             now = perf_counter()
             seconds += now - started
-            self._behind.enter()
+            self._behind.add()
             self._deliver(Item(number, now - started))
             if self._in_step:
-                await self._behind.until_none()
+                await self._behind.wait_until_empty()
             started = perf_counter()
-            number = await self._call("go_on")
+            number = await self._call("next_work")
         self.figures.add(seconds + perf_counter() - started)
 
     async def _call(self, name: str, *arguments: object) -> int | None:

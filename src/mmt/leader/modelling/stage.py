@@ -40,7 +40,7 @@ class Figures:
         """The median time of an item, 0 before the first."""
         return (self._times.quantile_ns(0.5) or 0.0) / _S
 
-    def look(self) -> None:
+    def record_length(self) -> None:
         """Note the length of the queue after something was put into it."""
         self.queue_most = max(self.queue_most, self._queue_length())
 
@@ -98,12 +98,12 @@ class InFlight:
     def __bool__(self) -> bool:
         return self._count > 0
 
-    def enter(self) -> None:
+    def add(self) -> None:
         """Count one more item."""
         self._count += 1
         self._none.clear()
 
-    def leave(self) -> None:
+    def remove(self) -> None:
         """Count one item less."""
         self._count -= 1
         if self._count <= 0:
@@ -114,7 +114,7 @@ class InFlight:
         self._count = 0
         self._none.set()
 
-    async def until_none(self) -> None:
+    async def wait_until_empty(self) -> None:
         """Wait until there is none."""
         await self._none.wait()
 
@@ -211,7 +211,7 @@ class StageTask:
     def put(self, item: Item) -> None:
         """Queue an item; never blocks."""
         self.figures.drops += self.queue.put(item)
-        self.figures.look()
+        self.figures.record_length()
 
     def clear(self) -> None:
         """Discard the items that wait and the one under way."""

@@ -11,24 +11,24 @@ from typing import TYPE_CHECKING, cast
 
 from mmt.core.arrays import RecordArray
 from mmt.texture.modeller_factory import ModellerFactory
-from mmt.texture.online.work import Made, ModelUpdate, NewSamples, Work
+from mmt.texture.online.updates import ModelUpdate, NewSamples, ReadyModel, UpdateWork
 from mmt.texture.settings import ModellingSettings
 
 if TYPE_CHECKING:
     from mmt.texture.model.texture_model import TextureModel
-    from mmt.texture.online.surface_changes import SaidSurface
+    from mmt.texture.online.surface_changes import SurfaceStatement
     from mmt.texture.surfaces.modeller import SurfaceModeller
 
 Models = dict[int | None, "TextureModel | None"]
 """The newest model of each surface by number, or by None if surfaces are not told apart."""
 
 
-class Unchanged(Made):
+class UnchangedModel(ReadyModel):
     """Placeholder for the model in the last update of the surface; `received` replaces it."""
 
 
 @dataclass(frozen=True)
-class Judged:
+class UpdateResult:
     """Result of an update.
 
     Attributes
@@ -38,7 +38,8 @@ class Judged:
     kept
         Numbers of the surfaces whose models are kept; None if surfaces are not told apart.
     samples
-        Observed samples, and segments added and removed; None unless `Stages.hand_on` was called.
+        Observed samples, and segments added and removed; None unless `Stages.return_samples` was
+        called.
     """
 
     update: ModelUpdate | None
@@ -59,37 +60,37 @@ class Stages:
 
     def __init__(self, settings: ModellingSettings, period_s: float) -> None:
         self._factory = ModellerFactory(settings, period_s)
-        self._hands_on = False
+        self._returns_samples = False
         self._numbers = itertools.count()
         self.begin()
 
-    def begin(self, said: "Sequence[SaidSurface]" = ()) -> None:
+    def begin(self, statements: "Sequence[SurfaceStatement]" = ()) -> None:
         """Begin a new model, and discard all work under way.
 
         Parameters
         ----------
-        said
+        statements
             As of `ModellerFactory.make`.
         """
-        self._modeller = self._factory.make(said)
-        self._steps: Iterator[Work] = iter(())
-        self._works: dict[int, Work] = {}
+        self._modeller = self._factory.make(statements)
+        self._steps: Iterator[UpdateWork] = iter(())
+        self._works: dict[int, UpdateWork] = {}
         self._sent: Models = {}
 
-    def hand_on(self) -> None:
+    def return_samples(self) -> None:
         """Return the samples of each update from now on."""
-        self._hands_on = True
+        self._returns_samples = True
 
-    def say(self, said: "SaidSurface") -> None:
-        """Take a person's word on the surface; call only if surfaces are told apart."""
-        cast("SurfaceModeller", self._modeller).say(said)
+    def state_surface(self, statement: "SurfaceStatement") -> None:
+        """Set the surface as stated by a person; call only if surfaces are told apart."""
+        cast("SurfaceModeller", self._modeller).state_surface(statement)
 
     def segment(self, frames: RecordArray) -> int | None:
         """Segment frames (n,) of one period; return the number of the first work, or None."""
         self._steps = self._modeller.segment(frames)
-        return self.go_on()
+        return self.next_work()
 
-    def go_on(self) -> int | None:
+    def next_work(self) -> int | None:
         """Continue to segment; return the number of the next work, or None if there is no more."""
         work = next(self._steps, None)
         if work is None:
@@ -98,9 +99,9 @@ class Stages:
         self._works[number] = work
         return number
 
-    def absorb(self, later: int, earlier: int, *, segments: bool) -> None:
-        """Let a work take over the rest of an earlier one; see `Work.absorb`."""
-        self._works[later].absorb(self._works.pop(earlier), segments=segments)
+    def merge(self, later: int, earlier: int, *, segments: bool) -> None:
+        """Let a work take over the rest of an earlier one; see `UpdateWork.merge`."""
+        self._works[later].merge(self._works.pop(earlier), segments=segments)
 
     def fit(self, number: int) -> None:
         """Fit the new segments."""
@@ -112,36 +113,36 @@ class Stages:
         work = self._works[number]
         work.modeller.build(work)
 
-    def judge(self, number: int) -> Judged:
+    def judge(self, number: int) -> UpdateResult:
         """Judge the model; the work is done."""
         work = self._works.pop(number)
         work.modeller.judge(work)
         update = None
         if work.announced and work.update is not None:
             update = _with_models(work.update, self._to_send)
-        samples = work.samples if self._hands_on else None
-        return Judged(update, self._modeller.kept, samples)
+        samples = work.samples if self._returns_samples else None
+        return UpdateResult(update, self._modeller.kept, samples)
 
-    def _to_send(self, update: ModelUpdate) -> Made:
+    def _to_send(self, update: ModelUpdate) -> ReadyModel:
         model, surface = update.model, update.surface
         if surface in self._sent and self._sent[surface] is model:
-            return Unchanged()
+            return UnchangedModel()
         self._sent[surface] = model
-        return Made(model)
+        return ReadyModel(model)
 
 
 def received(update: ModelUpdate, models: Models) -> ModelUpdate:
     """Return an update with all its models filled in, and store these in `models`."""
 
-    def source(each: ModelUpdate) -> Made:
-        if not isinstance(each.source, Unchanged):
+    def source(each: ModelUpdate) -> ReadyModel:
+        if not isinstance(each.source, UnchangedModel):
             models[each.surface] = each.model
-        return Made(models[each.surface])
+        return ReadyModel(models[each.surface])
 
     return _with_models(update, source)
 
 
-def _with_models(update: ModelUpdate, source: Callable[[ModelUpdate], Made]) -> ModelUpdate:
+def _with_models(update: ModelUpdate, source: Callable[[ModelUpdate], ReadyModel]) -> ModelUpdate:
     """Return an update with new sources of its models; surfaces that were left come first."""
     left = tuple(_with_models(each, source) for each in update.left)
     return replace(update, left=left, source=source(update))

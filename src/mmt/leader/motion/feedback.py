@@ -40,14 +40,14 @@ class Feedback(FeedbackSide, Protocol):
             Shape (1,), to send to the follower as the same event, or None.
         """
 
-    def rest(self, elapsed: int) -> None:
+    def pause(self, elapsed: int) -> None:
         """Display no force for the elapsed ticks, in place of `tick`: the handle is lost.
 
         Afterwards the force returns from zero, wherever the handle then is.
         """
 
     @property
-    def felt(self) -> "ContactModel | None":
+    def contact_model(self) -> "ContactModel | None":
         """The model of the contact that the hand feels, or None if it feels none."""
 
     @property
@@ -109,13 +109,13 @@ class StreamedForce:
         self._show(self._streamed(elapsed))
         return None
 
-    def rest(self, elapsed: int) -> None:
+    def pause(self, elapsed: int) -> None:
         """Display no force; see `Feedback`."""
-        self._ramp.rest(elapsed)
+        self._ramp.pause(elapsed)
         self._show((0.0, 0.0, 0.0))
 
     @property
-    def felt(self) -> "ContactModel | None":
+    def contact_model(self) -> "ContactModel | None":
         """None: the force is streamed."""
         return None
 

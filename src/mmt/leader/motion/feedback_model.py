@@ -117,12 +117,12 @@ class ModelForce(StreamedForce):
         self._show(self._ports.step(wanted, state, elapsed))
         return None
 
-    def rest(self, elapsed: int) -> None:
+    def pause(self, elapsed: int) -> None:
         """Display no force; see `Feedback`. The models stay."""
-        self._ports.rest()
-        self._contact.rest()
+        self._ports.pause()
+        self._contact.reset_position()
         self._hand_speed = SmoothSpeed()
-        super().rest(elapsed)
+        super().pause(elapsed)
 
     def _modelled_n(self, state: InterfaceState, elapsed: int) -> float:
         """Return the force along the normal (N), mixed from stream, model and force map."""
@@ -144,7 +144,7 @@ class ModelForce(StreamedForce):
         return force_n + weight * (remembered_n - force_n)
 
     @property
-    def felt(self) -> ContactModel | None:
+    def contact_model(self) -> ContactModel | None:
         """The model that the hand feels, or None before there is one."""
         return self._contact.rendered
 
@@ -168,7 +168,7 @@ class ModelForce(StreamedForce):
             else round(self._samples_to_model * self._tick_s, 3),
             "surface": _table(surface.kelvin_voigt()),
             "surface_hunt_crossley": _table(surface.hunt_crossley()),
-            "felt": _table(self.felt),
+            "felt": _table(self.contact_model),
         }
 
 

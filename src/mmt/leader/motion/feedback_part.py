@@ -75,10 +75,10 @@ class ForceFeedbackPart(Part):
 
     def tick(self, tick: Tick) -> None:
         """Display the force, and send the method's records to the follower."""
-        self._given_ticks = self._given_ticks + tick.elapsed if tick.given else 0
+        self._given_ticks = self._given_ticks + tick.elapsed if tick.overridden else 0
         self.feedback.offset_mm = tick.offset_mm
         if tick.hand_lost or self._given_ticks > FADE_TICKS:
-            self.feedback.rest(tick.elapsed)
+            self.feedback.pause(tick.elapsed)
             return
         news = self.feedback.tick(tick.elapsed, tick.state)
         if news is not None and self._session.remote is not None:

@@ -62,10 +62,10 @@ class PassiveForce(StreamedForce):
         self._show(self._ports.step(wanted, state, elapsed, self._given.energy_j))
         return self._report.make(self._ports.in_j, elapsed)
 
-    def rest(self, elapsed: int) -> None:
+    def pause(self, elapsed: int) -> None:
         """Display no force; see `Feedback`."""
-        self._ports.rest()
-        super().rest(elapsed)
+        self._ports.pause()
+        super().pause(elapsed)
 
     @property
     def summary(self) -> Mapping[str, Any]:

@@ -57,7 +57,7 @@ class ForceRamp:
             self._left = 1.0
         self._age_ticks = 0
 
-    def rest(self, elapsed: int) -> None:
+    def pause(self, elapsed: int) -> None:
         """Note that nothing is displayed for these ticks; the force then returns from zero."""
         self._age_ticks += elapsed
         self._shown = self._start = _NONE

@@ -3,8 +3,8 @@
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
-from mmt.core.arrays import RecordArray, difference, towards
-from mmt.devices.protocols import InterfaceState, LeaderInterface, Vector, survived
+from mmt.core.arrays import RecordArray, difference, step_towards
+from mmt.devices.protocols import InterfaceState, LeaderInterface, Vector, fault_table
 from mmt.devices.reconnection import ReconnectingHandle
 from mmt.leader.part import Part, Session, Tick
 from mmt.scene import Link, Simulated
@@ -22,7 +22,7 @@ class CommandSource(Protocol):
     """Decides on the robot's command if other hands may move the robot too."""
 
     @property
-    def away(self) -> bool:
+    def overridden(self) -> bool:
         """Whether this hand may not move the robot now."""
 
     def command(self, tick: Tick, own_mm: Vector | None) -> Vector | None:
@@ -65,7 +65,7 @@ class OperatorHandle(ReconnectingHandle):
         if self._offset is None:
             self.command_mm = position
             return state
-        x, y, z = towards(self._offset, (0.0, 0.0, 0.0), self._recovery_mm * elapsed_ticks)
+        x, y, z = step_towards(self._offset, (0.0, 0.0, 0.0), self._recovery_mm * elapsed_ticks)
         self.command_mm = (position[0] + x, position[1] + y, position[2] + z)
         self._offset = (x, y, z) if x or y or z else None
         return state
@@ -162,7 +162,7 @@ class HandPart(Part):
     def tick(self, tick: Tick) -> None:
         """Read the hand and command the follower, while a follower is connected."""
         tick.state = tick.operating = None
-        tick.given = self.control is not None and self.control.away
+        tick.overridden = self.control is not None and self.control.overridden
         tick.offset_mm = _NO_OFFSET
         handle, remote = self.handle, self._session.remote
         if tick.streaming:
@@ -189,9 +189,9 @@ class HandPart(Part):
         """Return how often and how long a handle was lost, and the faults its driver survived."""
         _ = duration_s
         if self.handle is None:
-            found = survived(self.device)
+            found = fault_table(self.device)
         else:
-            found = self.handle.losses_summary | survived(self.handle.device)
+            found = self.handle.losses_summary | fault_table(self.handle.device)
         if self.contact is not None and self.contact.summary:
             found = {**found, "contact": self.contact.summary}
         return {"handle": {"device": self.name, **found}} if found else {}

@@ -40,11 +40,11 @@ class PassivityPorts:
         x, y, z = self._ports
         return (x.in_j, y.in_j, z.in_j)
 
-    def rest(self) -> None:
+    def pause(self) -> None:
         """Note that nothing is displayed; travel until the next step does no work."""
         self._position = None
         for port in self._ports:
-            port.rest()
+            port.pause()
 
     def step(
         self,

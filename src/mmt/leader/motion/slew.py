@@ -3,7 +3,7 @@
 import math
 from typing import Final
 
-from mmt.core.arrays import FloatArray, towards
+from mmt.core.arrays import FloatArray, step_towards
 from mmt.core.guards import ForceGuard, SampleGuard
 from mmt.devices.protocols import Vector
 from mmt.leader.motion.feedback import ForceDisplay
@@ -39,7 +39,7 @@ class GuardedDisplay:
     def write(self, force_n: Vector) -> None:
         """Display a force (N), or go towards it by the largest step."""
         wanted = self.guard.step(force_n)
-        written = towards(self._written, wanted, self._largest_step_n)
+        written = step_towards(self._written, wanted, self._largest_step_n)
         self.limited_writes += written is not wanted
         self._written = written
         self._display.write(written)

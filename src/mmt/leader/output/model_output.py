@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from mmt.leader.recording import RecordingPart
     from mmt.session.recorder import McapRecorder
     from mmt.texture.model.texture_model import TextureModel
-    from mmt.texture.online.work import ModelUpdate
+    from mmt.texture.online.updates import ModelUpdate
 
 
 class OtherGenerator(Protocol):
@@ -25,7 +25,7 @@ class OtherGenerator(Protocol):
     def vibration(self) -> "SynthesizedVibration":
         """Vibration from the generator."""
 
-    def take_over(self) -> None:
+    def start_rendering(self) -> None:
         """Start to render: the start criterion is met."""
 
     def reset(self) -> None:
@@ -66,7 +66,7 @@ class ModelOutput(Part):
         self._since_s = 0.0
         self._said = SignalFaults()
         self._new_faults = SignalFaults()  # of the newest update
-        self._said_rate = ""  # of the newest shared model
+        self._reported_rate = ""  # of the newest shared model
         self.fell = ""
         """Why the expected share has fallen with the newest update, "" if it has not."""
         self._rendered: int | None = None  # the surface whose model is rendered
@@ -101,8 +101,8 @@ class ModelOutput(Part):
 
     def begin(self) -> None:
         """Report if a saved model has another rate, and how much of it the actuator plays."""
-        if self._synthesizing is not None and self._synthesizing.said:
-            self._event(self._synthesizing.said)
+        if self._synthesizing is not None and self._synthesizing.rate_remark:
+            self._event(self._synthesizing.rate_remark)
         self._tell_of_skin(self.rendered)
 
     def faults(self) -> list[str]:
@@ -132,7 +132,7 @@ class ModelOutput(Part):
         self._say_fall(update, before)
         log.update = update
         log.update_seconds.append(seconds)
-        if update.faults.worth_saying(self._said):
+        if update.faults.should_report(self._said):
             self._said = update.faults
             self._event(f"not measured: {update.faults.sentence()}", faults=update.faults.as_dict())
         usable = update.started and update.model is not None
@@ -141,7 +141,7 @@ class ModelOutput(Part):
         if update.model is not None and (usable or self.forced == "synthesized"):
             self._render(update.model, update.surface)
         if usable and self._generating is not None:
-            self._generating.take_over()
+            self._generating.start_rendering()
         if usable and log.start_s is None:
             log.start_s = update.time_s
             self.takes_over = True
@@ -213,15 +213,15 @@ class ModelOutput(Part):
         from mmt.leader.output.synthesis import at_session_rate
 
         rate_hz = self._session.acceleration_rate_hz
-        model, said = await asyncio.to_thread(at_session_rate, model, rate_hz)
-        if said and said != self._said_rate:
-            self._event(said)
-        self._said_rate = said
+        model, remark = await asyncio.to_thread(at_session_rate, model, rate_hz)
+        if remark and remark != self._reported_rate:
+            self._event(remark)
+        self._reported_rate = remark
         self._render(model, surface)
         self.takes_over = True
         self._choose()
 
-    def withhold(self) -> None:
+    def withhold_model(self) -> None:
         """Render no model until there is one that is ready."""
         self.takes_over = False
         self._choose()
@@ -279,9 +279,9 @@ class ModelOutput(Part):
             return
         for number, model in (modelling.models() if modelling is not None else {}).items():
             if number != update.surface:
-                from mmt.texture.online.work import Made
+                from mmt.texture.online.updates import ReadyModel
 
-                self._record(replace(update, surface=number, source=Made(model)))
+                self._record(replace(update, surface=number, source=ReadyModel(model)))
         self._record(update)
 
     def save_surfaces(self) -> list[str]:

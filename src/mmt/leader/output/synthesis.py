@@ -21,8 +21,8 @@ def at_session_rate(model: "TextureModel", rate_hz: float) -> "tuple[TextureMode
     what = (
         f"nothing {above} is in it" if model.rate_hz < rate_hz else f"what is {above} is left out"
     )
-    said = f"the model is of {model.rate_hz:g} Hz and is played at {rate_hz:g} Hz: {what}"
-    return model.at_rate(rate_hz), said
+    rate_remark = f"the model is of {model.rate_hz:g} Hz and is played at {rate_hz:g} Hz: {what}"
+    return model.at_rate(rate_hz), rate_remark
 
 
 class SynthesizingPart(Part):
@@ -34,7 +34,7 @@ class SynthesizingPart(Part):
         Renders from one model.
     crossfade
         The same synthesizer, if it crossfades from one surface's model to another's.
-    said
+    rate_remark
         Sentence for the user about the saved model, "" for none.
     """
 
@@ -42,11 +42,11 @@ class SynthesizingPart(Part):
         self,
         synthesizer: "Synthesizer | ModelCrossfade",
         crossfade: "ModelCrossfade | None" = None,
-        said: str = "",
+        rate_remark: str = "",
     ) -> None:
         self.synthesizer = synthesizer
         self.crossfade = crossfade
-        self.said = said
+        self.rate_remark = rate_remark
 
     @classmethod
     def build(cls, session: Session) -> "SynthesizingPart | None":
@@ -69,16 +69,16 @@ class SynthesizingPart(Part):
                 limit_m_s2=limit_m_s2,
             )
 
-        first, said = made(scene.session.seed), ""
+        first, rate_remark = made(scene.session.seed), ""
         if table.model is not None:
             from mmt.models import find_model
             from mmt.texture.model.texture_model import TextureModel
 
             saved = TextureModel.load(find_model(table.model))
-            first.model, said = at_session_rate(saved, session.acceleration_rate_hz)
+            first.model, rate_remark = at_session_rate(saved, session.acceleration_rate_hz)
         several = scene.texture is not None and scene.texture.surfaces is not None
         if not several and not scene.is_given("model"):
-            return cls(first, said=said)
+            return cls(first, rate_remark=rate_remark)
         samples = round(table.crossfade_ms * session.acceleration_rate_hz / 1000)
         crossfade = ModelCrossfade(first, made(scene.session.seed + 1), crossfade_samples=samples)
-        return cls(crossfade, crossfade, said)
+        return cls(crossfade, crossfade, rate_remark)

@@ -290,7 +290,7 @@ class VibrationPart(Part):
         if approach_mm_s > 0.0:
             self.switch.touch_down(approach_mm_s)
         vibration = self.switch.render(tick.now_ns, *self._courses(inputs, elapsed))
-        self._guard(vibration, silent=tick.hand_lost or tick.given)
+        self._guard(vibration, silent=tick.hand_lost or tick.overridden)
         self.actuator.write(vibration)
         mode = self.switch.mode
         behind = len(vibration) - 1

@@ -22,7 +22,7 @@ from mmt.session.importing.columns import (
     reading,
 )
 from mmt.session.importing.options import ImportOptions
-from mmt.session.sound import told_by
+from mmt.session.sound import read_comment
 
 
 def read_archive(
@@ -88,7 +88,7 @@ def read_sound(path: Path, wanted: Callable[[str], bool], _options: ImportOption
     with reading(origin, "a .wav file"), warnings.catch_warnings():
         warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks of other programs
         rate_hz, samples = wavfile.read(path)
-        told = told_by(path)
+        told = read_comment(path)
     scaled = samples.astype(np.float64)
     if samples.dtype.kind in "iu":
         middle = 128.0 if samples.dtype == np.uint8 else 0.0

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
-from mmt.core.errors import InputError, brief
+from mmt.core.errors import InputError, short_message
 from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL
 from mmt.session.data import JsonObject, axis_columns
 from mmt.session.importing.options import ImportOptions
@@ -95,11 +95,13 @@ def reading(
     try:
         yield
     except InputError as error:
-        said = str(error)
-        raise InputError(said if said.startswith(origin) else f"{origin}: {said}") from error
+        texts = str(error)
+        raise InputError(texts if texts.startswith(origin) else f"{origin}: {texts}") from error
     except damage as error:
         reason = getattr(error, "strerror", None) if isinstance(error, OSError) else None
-        raise InputError(f"{origin}: {reason or f'this is not {kind}: {brief(error)}'}") from error
+        raise InputError(
+            f"{origin}: {reason or f'this is not {kind}: {short_message(error)}'}"
+        ) from error
     except OSError as error:
         raise InputError(f"{origin}: {error.strerror or error}") from error
 
@@ -134,10 +136,10 @@ def distinct(names: Sequence[str]) -> tuple[list[str], list[str]]:
         taken.add(new)
         found.append(new)
     doubled = {name: count for name, count in counts.items() if count > 1}
-    said = [
+    texts = [
         f"{count} columns are called {name}: {name}.1 and so on" for name, count in doubled.items()
     ]
-    return found, said[:SHOWN_COLUMNS]
+    return found, texts[:SHOWN_COLUMNS]
 
 
 def listed(names: Sequence[str]) -> str:

@@ -31,7 +31,7 @@ import psutil
 
 from mmt.core.children import import_path, python_command
 from mmt.core.end_signals import handle_end_signals
-from mmt.core.errors import InputError, MmtError, brief
+from mmt.core.errors import InputError, MmtError, short_message
 from mmt.session.importing.options import ImportOptions
 
 DECODED_HERE: Final = (".csv", ".txt", ".tsv", ".dat", ".npy", ".npz", ".wav")
@@ -168,7 +168,7 @@ def _how_ended(code: int, printed: IO[bytes]) -> str:
         how = f"by {signal.Signals(-code).name}"
     printed.seek(max(0, printed.seek(0, os.SEEK_END) - _SHOWN_BYTES))
     last = printed.read().decode(errors="replace").strip().rpartition("\n")[2]
-    said = f" ({brief(last)})" if last else ""
+    said = f" ({short_message(last)})" if last else ""
     return f"the library that reads it ended {how}{said}, as on a damaged file"
 
 

@@ -15,11 +15,11 @@ from mmt.session.formats import find_format, suffixes
 from mmt.session.importing.checks import ImportReport, assess
 from mmt.session.importing.columns import SourceColumns, wanted_names
 from mmt.session.importing.framing import on_the_grid, to_frames
+from mmt.session.importing.joining import joined, options_of_each
 from mmt.session.importing.mapping import to_samples
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.reading_child import read_limited
 from mmt.session.importing.samples import ROW_NUMBER, Samples
-from mmt.session.importing.several import joined, options_of_each
 from mmt.session.importing.stamps import Stamps
 
 _TEXTS: Final = (".csv", ".txt", ".tsv", ".dat", ".gz")

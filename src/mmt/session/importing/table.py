@@ -58,7 +58,9 @@ def read_table(
             units[name] = unit.strip("[]() ")
     places = {name: place for place, name in enumerate(names) if wanted(name)}
     number = Numbers(options)
-    columns, lines, said = _read_rows(origin, chain(start[first:], rest), first + 1, places, number)
+    columns, lines, remarks = _read_rows(
+        origin, chain(start[first:], rest), first + 1, places, number
+    )
     if number.commas and any(map(number.has_point, chain(*start[first:]))):
         raise InputError(
             f"{origin}: there are numbers with a comma ({number.commas}) and with a point: say "
@@ -71,7 +73,7 @@ def read_table(
         names=names,
         units=units | dict.fromkeys(dated, DATE),
         row_name=partial(name_of, "line {}".format, lines),
-        notes=(*notes, *doubled, *said),
+        notes=(*notes, *doubled, *remarks),
         began_utc_ns=parsed_date(columns.get(BEGAN), origin),
     )
 
@@ -109,15 +111,15 @@ def _read_rows(
                 column.extend([np.nan] * (len(lines) - len(column)))
                 column.append(value)
         lines.append(line)
-    said = []
+    remarks = []
     if texts:
-        said.append(f"{len(texts)} lines of text were left out, the first is line {texts[0]}")
+        remarks.append(f"{len(texts)} lines of text were left out, the first is line {texts[0]}")
     if len(lines) > 1 and cut == [lines[-1]]:
-        said.append(f"the last line, {cut[0]}, is cut off, and was left out")
+        remarks.append(f"the last line, {cut[0]}, is cut off, and was left out")
         for column in columns.values():
             del column[len(lines) - 1 :]
         lines.pop()
-    return columns, lines, said
+    return columns, lines, remarks
 
 
 def _split(

@@ -103,7 +103,7 @@ class VirtualRobot:
     def connect(self) -> None:
         """Start the lab, and wait for the first position."""
         self.close()
-        port = LAB.enter(self, *self._options.arguments)["robot"]["port"]
+        port = LAB.acquire(self, *self._options.arguments)["robot"]["port"]
         self._robot = DatagramRobot(port)
         self._robot.connect()
 
@@ -123,7 +123,7 @@ class VirtualRobot:
         if self._robot is not None:
             self._robot.close()
             self._robot = None
-            LAB.leave(self)
+            LAB.release(self)
 
     def _connected(self) -> DatagramRobot:
         if self._robot is None:
@@ -199,7 +199,7 @@ class VirtualDevice(ABC, Generic[AnyDevice]):
         """Close the real driver and leave the lab; calling it twice is harmless."""
         if self._device is not None:
             self._device.close()
-        self._lab.leave(self)
+        self._lab.release(self)
 
     def _made(self, address: dict[str, Any]) -> AnyDevice:
         """Return the real driver, with the options of the address and of the scene."""
@@ -318,4 +318,4 @@ class VirtualHaptuator(VirtualDevice[_Haptuator]):
         return made
 
     def _enter(self) -> dict[str, Any]:
-        return self._lab.enter(self, *self._lab_arguments)["haptuator"]
+        return self._lab.acquire(self, *self._lab_arguments)["haptuator"]

@@ -74,7 +74,7 @@ def build_library(directory: Path | None = None) -> Path:
     return library
 
 
-class TipLook(NamedTuple):
+class EmulatedTipState(NamedTuple):
     """One emulated tip, in HD's axes."""
 
     position_mm: Vector
@@ -181,11 +181,11 @@ class EmulatedHd:
         """Put a tip somewhere, at rest."""
         self._stub.mmt_stub_place(device, _Three(*position_mm))
 
-    def look(self, *, device: int = 0) -> TipLook:
+    def tip_state(self, *, device: int = 0) -> EmulatedTipState:
         """Return the true state of a tip, and the force of its motors."""
         v = _Nine()
         self._stub.mmt_stub_look(device, v)
-        return TipLook((v[0], v[1], v[2]), (v[3], v[4], v[5]), (v[6], v[7], v[8]))
+        return EmulatedTipState((v[0], v[1], v[2]), (v[3], v[4], v[5]), (v[6], v[7], v[8]))
 
     @property
     def ticks(self) -> int:

@@ -33,7 +33,7 @@ class LabProcess:
         self.process: subprocess.Popen[str] | None = None
         self._addresses: dict[str, dict[str, Any]] = {}
 
-    def enter(self, user: object, *arguments: str) -> dict[str, dict[str, Any]]:
+    def acquire(self, user: object, *arguments: str) -> dict[str, dict[str, Any]]:
         """Start the process unless it runs; return the addresses."""
         with self._lock:
             if self.process is None or self.process.poll() is not None:
@@ -46,7 +46,7 @@ class LabProcess:
 
     def address(self, user: object, device: str, *arguments: str) -> dict[str, Any]:
         """Start the process and the device in it unless they run; return the device's address."""
-        self.enter(user, *arguments)
+        self.acquire(user, *arguments)
         with self._lock:
             if device not in self._addresses and self.process is not None:
                 assert self.process.stdin is not None  # noqa: S101 - a pipe was asked for
@@ -55,7 +55,7 @@ class LabProcess:
                 self._addresses |= self._answer(self.process)
             return self._addresses[device]
 
-    def leave(self, user: object) -> None:
+    def release(self, user: object) -> None:
         """End the process after its last user."""
         with self._lock:
             self._users.discard(id(user))
@@ -76,9 +76,9 @@ class LabProcess:
 
     def _answer(self, process: "subprocess.Popen[str]") -> dict[str, dict[str, Any]]:
         """Return the addresses in the next line that the process prints."""
-        said = process.stdout
-        assert said is not None  # noqa: S101 - a pipe was asked for
-        line = said.readline() if select.select([said], [], [], _START_S)[0] else ""
+        output = process.stdout
+        assert output is not None  # noqa: S101 - a pipe was asked for
+        line = output.readline() if select.select([output], [], [], _START_S)[0] else ""
         if not line:
             reason = self._end(process)
             self.process = None
@@ -89,9 +89,9 @@ class LabProcess:
     def _end(self, process: "subprocess.Popen[str]") -> str:
         """End the process and return the last line of its standard error."""
         try:
-            _, said = process.communicate(timeout=5.0)
+            _, output = process.communicate(timeout=5.0)
         except subprocess.TimeoutExpired:
             process.kill()
-            _, said = process.communicate()
-        lines = said.strip().splitlines()
+            _, output = process.communicate()
+        lines = output.strip().splitlines()
         return lines[-1] if lines else ""

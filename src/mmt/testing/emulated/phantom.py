@@ -110,7 +110,7 @@ def in_lab(world: "World", seed: int, clockwork: "Clockwork") -> ReportedTip:
     """Return the tip of the lab, which stands on the world's surface."""
     _ = seed, clockwork
     tip = ReportedTip()
-    world.stand(tip)
+    world.place_tip(tip)
     return tip
 
 
@@ -127,7 +127,7 @@ class VirtualPhantomRobot(OpenHapticsRobot):
     def connect(self) -> None:
         """Start the lab and the library, and report the library's tip to the lab."""
         self.close()
-        port = LAB.enter(self, *self._lab.arguments, "phantom")["phantom"]["port"]
+        port = LAB.acquire(self, *self._lab.arguments, "phantom")["phantom"]["port"]
         self._emulated.start()
         self._emulated.place(self._axes.place_on_device(START_MM))
         wall_mm = self._axes.place_on_device((0.0, 0.0, 0.0))[1]
@@ -145,12 +145,12 @@ class VirtualPhantomRobot(OpenHapticsRobot):
             self._thread.join()
             self._thread = None
             self._emulated.stop()
-            LAB.leave(self)
+            LAB.release(self)
 
     def _tell(self, port: int) -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as outlet:
             while not self._ended.wait(_PERIOD_S):
-                seen = self._emulated.look()
+                seen = self._emulated.tip_state()
                 place = self._axes.place_in_scene(seen.position_mm)
                 speed = self._axes.to_scene(seen.velocity_mm_s)
                 outlet.sendto(_TIP.pack(*place, *speed), ("127.0.0.1", port))
@@ -194,7 +194,7 @@ class VirtualPhantomHandle(OpenHapticsHandle):
         if self._begun_ns is None:
             self._begun_ns = time_ns
         if self._log is not None and len(self._way) < _KEPT:
-            seen = self._emulated.look()
+            seen = self._emulated.tip_state()
             now_s = 1e-9 * time.monotonic_ns()
             where = self._axes.place_in_scene(seen.position_mm)
             self._way.append((now_s, *where, *self._axes.to_scene(seen.velocity_mm_s)))

@@ -104,7 +104,7 @@ class OneDeviceBackend(usb.backend.IBackend):  # type: ignore[misc]  # pyusb has
         """Refuse to open the device, as without a udev rule."""
         self._permitted = not forbidden
 
-    def orphan(self) -> None:
+    def kill_program(self) -> None:
         """Act as if the program with the device had died: the device goes on, free for another."""
         self._claimed_by = None
 

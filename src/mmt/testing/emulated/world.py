@@ -65,7 +65,7 @@ class World:
         self.command_mm: Vector | None = None
         """Commanded position of the robot; set from any thread."""
 
-    def stand(self, tip: MovedTip) -> None:
+    def place_tip(self, tip: MovedTip) -> None:
         """Put another tip onto the surface, in the robot's place, before the start."""
         tip.friction_coefficient = self._follower.robot.friction_coefficient
         self._follower.robot = tip

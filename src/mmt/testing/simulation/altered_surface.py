@@ -152,7 +152,7 @@ def from_altered_parameters(
     return AlteredSurface(name, base, parameters["low_pass_hz"], **parts)
 
 
-def alter(
+def alter_surface(
     surface: "Surface | ModelSurface | AlteredSurface", alteration: str, seed: int
 ) -> AlteredSurface:
     """Return a surface with ``patches`` or ``bursts``, in place of those that it has.

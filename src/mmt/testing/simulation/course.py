@@ -139,7 +139,7 @@ class SurfaceCourse:
         }
         return json.dumps(truth, separators=(",", ":")).encode()
 
-    def along(self, force_n: FloatArray) -> IntArray:
+    def places_by_frame(self, force_n: FloatArray) -> IntArray:
         """Return the place of the surface under the tool in each frame, from the force (n,)."""
         watch = ContactWatch(self.changes)
         return np.array([watch.step(force) for force in force_n.tolist()], dtype=np.int64)

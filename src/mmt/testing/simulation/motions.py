@@ -15,7 +15,7 @@ import numpy as np
 
 from mmt.scene import Hand
 from mmt.testing.simulation import PERIOD_S, RATE_HZ
-from mmt.testing.simulation.strokes import REACH_MM, Aim, Phase, StrokePlanner
+from mmt.testing.simulation.strokes import REACH_MM, HeadingPlanner, Phase, StrokePlanner
 
 if TYPE_CHECKING:
     from mmt.testing.simulation.recorded_path import RecordedPath
@@ -93,7 +93,7 @@ def strokes(hand: Hand, random: np.random.Generator, place: Place) -> Iterator[I
 
 def quick(hand: Hand, random: np.random.Generator, place: Place) -> Iterator[Intent]:
     """Make strokes of 250 to 700 ms, from rest to rest, each with its own speed and force."""
-    aim = Aim(hand, random)
+    aim = HeadingPlanner(hand, random)
     while True:
         if random.random() < _LIFTED:
             yield from _lift(random)
@@ -124,7 +124,7 @@ def circles(hand: Hand, random: np.random.Generator, place: Place) -> Iterator[I
 
 def taps(hand: Hand, random: np.random.Generator, place: Place) -> Iterator[Intent]:
     """Touch for 50 to 400 ms and leave for 100 to 350 ms; half of the touches slide."""
-    aim = Aim(hand, random)
+    aim = HeadingPlanner(hand, random)
     while True:
         ticks = int(random.integers(50, 400))
         force = _force(hand, random)
@@ -139,7 +139,7 @@ def taps(hand: Hand, random: np.random.Generator, place: Place) -> Iterator[Inte
 
 def scratching(hand: Hand, random: np.random.Generator, place: Place) -> Iterator[Intent]:
     """Move fast back and forth over 6 to 25 mm, 6 to 20 times, then elsewhere."""
-    aim = Aim(hand, random)
+    aim = HeadingPlanner(hand, random)
     while True:
         if random.random() < _LIFTED_SCRATCHING:
             yield from _lift(random)
@@ -158,7 +158,7 @@ def scratching(hand: Hand, random: np.random.Generator, place: Place) -> Iterato
 
 def pauses(hand: Hand, random: np.random.Generator, place: Place) -> Iterator[Intent]:
     """Stroke as `quick` does, and rest for 0.3 to 3 s after each, on the surface or above."""
-    aim = Aim(hand, random)
+    aim = HeadingPlanner(hand, random)
     while True:
         yield from _stroke(hand, random, aim, place)
         ticks = int(random.integers(300, 3000))
@@ -195,7 +195,9 @@ def _force(hand: Hand, random: np.random.Generator) -> float:
     return float(random.uniform(hand.lightest_n, hand.strongest_n))
 
 
-def _stroke(hand: Hand, random: np.random.Generator, aim: Aim, place: Place) -> Iterator[Intent]:
+def _stroke(
+    hand: Hand, random: np.random.Generator, aim: HeadingPlanner, place: Place
+) -> Iterator[Intent]:
     """Yield a stroke whose speed is a trapezoid, short enough for the workspace."""
     x_mm, y_mm = place()
     speed, force = _speed(hand, random), _force(hand, random)

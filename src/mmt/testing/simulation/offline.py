@@ -149,7 +149,7 @@ def _friction(surface: KnownSurface | SurfaceCourse, force_n: FloatArray) -> Flo
     """Return the friction coefficient under the tool at each tick, from the force (n,)."""
     if isinstance(surface, SurfaceCourse):
         coefficients = np.array([one.friction_coefficient for one in surface.surfaces])
-        return coefficients[surface.along(force_n)]
+        return coefficients[surface.places_by_frame(force_n)]
     return np.full_like(force_n, surface.friction_coefficient)
 
 

@@ -57,7 +57,7 @@ class _Steady:
     hold_s: float
 
 
-class Aim:
+class HeadingPlanner:
     """Chooses the heading of each stroke, so that it ends within reach.
 
     Parameters
@@ -76,7 +76,7 @@ class Aim:
 
     def __call__(self, x_mm: float, y_mm: float, length_mm: float) -> float:
         """Return the heading (rad) of a stroke of this length from here."""
-        return (self._turned if self._opposite else self._anywhere)(x_mm, y_mm, length_mm)
+        return (self._turned if self._opposite else self._free_heading)(x_mm, y_mm, length_mm)
 
     def _between(self, low: float, high: float) -> float:
         return low + (high - low) * float(self._random.random())
@@ -91,7 +91,7 @@ class Aim:
         self._heading = wish
         return wish
 
-    def _anywhere(self, x_mm: float, y_mm: float, length_mm: float) -> float:
+    def _free_heading(self, x_mm: float, y_mm: float, length_mm: float) -> float:
         """Take the next heading of an even sequence for which the workspace has room.
 
         Headings without room now wait for a stroke that starts elsewhere.
@@ -122,7 +122,7 @@ class StrokePlanner:
         self._random = generator
         self._drawn = 0
         self._shift = (generator.random(), generator.random())
-        self._aim = Aim(settings, generator)
+        self._aim = HeadingPlanner(settings, generator)
         self._rest_due_s = 0.0
         self._until_lift = self._next_lift()
 

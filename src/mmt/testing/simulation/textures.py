@@ -121,7 +121,7 @@ def get_surface(name: str, rate_hz: float = RATE_HZ) -> KnownSurface:
     name
         One of `SURFACES`; a model's file; ``drawn-N``, a texture drawn for development, or
         ``final-N``, see `mmt.testing.simulation.drawn_textures`; or one of these followed by
-        ``+patches`` or ``+bursts``, see `mmt.testing.simulation.altered_surface.alter`.
+        ``+patches`` or ``+bursts``, see `mmt.testing.simulation.altered_surface.alter_surface`.
     rate_hz
         Samples of acceleration a second, a multiple of 1000; above 1000 a texture that is no model
         has bands above 500 Hz as well, see `mmt.testing.simulation.bands`.
@@ -143,9 +143,9 @@ def get_surface(name: str, rate_hz: float = RATE_HZ) -> KnownSurface:
         return load_surface(name, rate_hz)
     base, altered, alteration = name.rpartition("+")
     if altered:
-        from mmt.testing.simulation.altered_surface import alter
+        from mmt.testing.simulation.altered_surface import alter_surface
 
-        return alter(get_surface(base, rate_hz), alteration, crc32(name.encode()))
+        return alter_surface(get_surface(base, rate_hz), alteration, crc32(name.encode()))
     raise InputError(
         f"surface is {name!r}, allowed are {', '.join(SURFACES)}, drawn-N and final-N (N up to "
         "999999), and files of models (.npz, .xml), each with +patches or +bursts behind it or not"

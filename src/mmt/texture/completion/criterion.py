@@ -111,7 +111,7 @@ class Criterion:
         if self.stop_s is not None and self.stop_s > since_s:
             self.stop_s = self.stop_s if scale.meets(value, scale.stop) else None
 
-    def meet(self, value: float, time_s: float) -> None:
+    def record_value(self, value: float, time_s: float) -> None:
         """Record which thresholds a value meets at a session time (s)."""
         if self.start_s is None and self.scale.meets(value, self.scale.start):
             self.start_s = time_s

@@ -128,7 +128,7 @@ class CompletionMonitor(Criterion):
     def update(self, points: FloatArray, time_s: float) -> None:
         """Evaluate normalised samples (n, d) of a model at a session time in seconds."""
         self.progress = self._at(points)
-        self.meet(self.progress.value, time_s)
+        self.record_value(self.progress.value, time_s)
 
     def _at(self, points: FloatArray) -> Progress:
         distances = cell_distances(points)

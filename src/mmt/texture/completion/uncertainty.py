@@ -168,7 +168,7 @@ _LEAST: Final = 1e-12
 """Least variance in nepers^2: a standard deviation of 4e-6 dB."""
 
 
-def outlook(
+def predict_gains(
     field: LevelField, grid: CompletionGrid, weights: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return how likely the level is right at the nodes of a grid, and what stroking there gains.
@@ -228,11 +228,11 @@ class UncertaintyCriterion(Criterion):
             return
         self._evaluated_s = self.density.total_s
         weights = self.density.weights
-        right, gain = outlook(field, self.grid, weights)
+        right, gain = predict_gains(field, self.grid, weights)
         self.progress = Progress(
             scale=self.scale,
             value=float(np.clip(right @ weights, 0.0, 1.0)),
             cells=tuple(self.grid.mean_of_cells(right).tolist()),
             advice=tuple((self.grid.points[int(np.argmax(gain))] * self.grid.space.scale).tolist()),
         )
-        self.meet(self.progress.value, time_s)
+        self.record_value(self.progress.value, time_s)

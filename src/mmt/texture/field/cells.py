@@ -64,7 +64,7 @@ class FieldCells:
     moment_blocks: int = MOMENT_BLOCKS
 
     @classmethod
-    def of(cls, points: FloatArray, power: FloatArray, block: IntArray) -> Self:
+    def from_blocks(cls, points: FloatArray, power: FloatArray, block: IntArray) -> Self:
         """Gather blocks: normalised inputs (n, 2) or (n, 3), powers (n,), numbers in time (n,)."""
         stroke, level = _at_centres(points, power)
         keys = np.column_stack([stroke, block // MOMENT_BLOCKS])

@@ -29,7 +29,7 @@ _NEGLIGIBLE: Final = 0.1
 """Share of the largest weight below which a member is left out; 0.01 finds as many knocks."""
 
 
-class LeftOut(NamedTuple):
+class LeaveOneOutPrediction(NamedTuple):
     """Prediction of each of n observations by the others.
 
     ``mean`` (n, c), in the values' unit; ``variance`` (n,) of an observation about it, scatter
@@ -62,7 +62,7 @@ class LeaveOneOut:
 
     def predict(
         self, groups: Sequence[FloatArray], effective: Sequence[float], present: BoolArray
-    ) -> list[LeftOut]:
+    ) -> list[LeaveOneOutPrediction]:
         """Predict every observation, present or not, from the present others.
 
         Parameters
@@ -120,7 +120,7 @@ class LeaveOneOut:
         weights: FloatArray,
         inverses: dict[tuple[int, int], FloatArray],
         present: BoolArray,
-    ) -> LeftOut:
+    ) -> LeaveOneOutPrediction:
         known, absent = np.flatnonzero(present), np.flatnonzero(~present)
         middle = values[known].mean(axis=0)
         rest = values[known] - middle
@@ -148,4 +148,4 @@ class LeaveOneOut:
         variance = np.einsum("s,sn->n", shares, variances)
         for weight, each in zip(shares, means, strict=True):
             variance += weight * np.square(each - mean).mean(axis=1)
-        return LeftOut(mean + middle, variance, scatter)
+        return LeaveOneOutPrediction(mean + middle, variance, scatter)

@@ -17,9 +17,9 @@ import numpy.typing as npt
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.bounds import RateHz, check
-from mmt.core.drawn import Drawn
 from mmt.core.errors import InputError
 from mmt.core.existing_files import replacing
+from mmt.core.plottable import Plottable
 from mmt.texture.interpolation.interpolant import Interpolant
 from mmt.texture.interpolation.kernel_parameters import (
     DIMENSIONS,
@@ -52,7 +52,7 @@ _PREPARED: Final = ("interpolant", "kernel_parameters")
 """Attributes that rendering needs."""
 
 
-class TextureModel(Drawn):
+class TextureModel(Plottable):
     """Immutable texture model, which gives a filter or a spectrum at any inputs.
 
     Parameters

@@ -10,13 +10,13 @@ from annotated_types import Gt
 
 from mmt.core.arrays import RecordArray
 from mmt.core.bounds import check
-from mmt.core.drawn import Drawn
 from mmt.core.errors import InputError
 from mmt.core.frames import check_frame_rate, check_frames, samples_per_frame
+from mmt.core.plottable import Plottable
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.log import ModelLog
-from mmt.texture.online.modeller import OnlineModeller, carry_out
-from mmt.texture.online.work import ModelUpdate
+from mmt.texture.online.modeller import OnlineModeller, run_stages
+from mmt.texture.online.updates import ModelUpdate
 from mmt.texture.segmentation.bottom_up import CELL
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
@@ -25,7 +25,7 @@ from mmt.texture.signals.numbering import StreamNumbering
 
 
 @dataclass(frozen=True, repr=False)
-class ModelHistory(Drawn):
+class ModelHistory(Plottable):
     """A model as it grew over a session: every update, and when its criteria were met."""
 
     updates: tuple[ModelUpdate, ...]
@@ -217,9 +217,9 @@ def build_together(
         check_frame_rate(block, modellers[0].settings.rate_hz)
         (segmented,) = modellers[0].segment(block)
         for place, modeller in enumerate(modellers):
-            work = segmented.of(modeller)
+            work = segmented.copy_for(modeller)
             open_before = not modeller.completion.stopped
-            update = carry_out(iter([work]))
+            update = run_stages(iter([work]))
             assert update is not None  # noqa: S101 - it is announced
             logged = logs[place].add(work)
             updates[place].append(replace(update, source=logged) if deferred else update)

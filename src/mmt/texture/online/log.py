@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 from mmt.texture.field.blocks import BLOCK_S, Blocks
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.online.gathering import BlockSums
-from mmt.texture.online.methods import made
-from mmt.texture.online.work import ModelSource, Work
+from mmt.texture.online.block_sums import BlockSums
+from mmt.texture.online.methods import build_from_packed
+from mmt.texture.online.updates import ModelSource, UpdateWork
 from mmt.texture.segmentation.segments import SampleRange
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.touch_down.finding import TouchDown
@@ -52,7 +52,7 @@ class ModelLog:
     def __reduce__(self) -> tuple[object, ...]:
         return type(self), (self._settings, self._steps)
 
-    def add(self, work: Work) -> ModelSource:
+    def add(self, work: UpdateWork) -> ModelSource:
         """Log an update that has been carried out; return the source of its model."""
         came = {
             fit.number: (fit.segment.span, fit.packed)
@@ -120,4 +120,4 @@ class ModelLog:
         cells = None if self._sums is None else self._sums.cells()
         packed = [packed for _, packed in self._fits.values()]
         step = self._steps[number]
-        return made(self._settings, packed, step.noise_power, cells, step.touch_downs)
+        return build_from_packed(self._settings, packed, step.noise_power, cells, step.touch_downs)

@@ -15,7 +15,7 @@ from mmt.texture.completion.criterion import Criterion
 from mmt.texture.completion.distance import CompletionMonitor
 from mmt.texture.model.fits import Fit, fit_segments, unpacked
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.online.work import DEFERRED, Made, Stopwatch, Work
+from mmt.texture.online.updates import DEFERRED, ReadyModel, Stopwatch, UpdateWork
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.space.inputs import InputSpace
@@ -51,10 +51,12 @@ class ModellingMethod(ABC):
         behind = self._behind_high_pass
         return fit_segments(segments, numbers, self._settings, behind_high_pass=behind)
 
-    def _maker(self, work: Work, cells: "Callable[[], FieldCells] | None" = None) -> ModelMaker:
+    def _maker(
+        self, work: UpdateWork, cells: "Callable[[], FieldCells] | None" = None
+    ) -> ModelMaker:
         """Return a function, valid until the next update, that models the fits, at least one."""
         fits, noise_power, touch_downs = work.fits, work.noise_power, work.touch_downs
-        return lambda: made(
+        return lambda: build_from_packed(
             self._settings,
             [fit.packed for fit in fits],
             noise_power,
@@ -63,7 +65,7 @@ class ModellingMethod(ABC):
         )
 
     @abstractmethod
-    def model(self, work: Work, *, changed: bool) -> ModelMaker | None:
+    def model(self, work: UpdateWork, *, changed: bool) -> ModelMaker | None:
         """Return a function that builds the model of an update, or None if it is unchanged.
 
         Parameters
@@ -75,7 +77,7 @@ class ModellingMethod(ABC):
         """
 
     @abstractmethod
-    def judge(self, work: Work, points: FloatArray, *, anew: bool) -> None:
+    def judge(self, work: UpdateWork, points: FloatArray, *, anew: bool) -> None:
         """Evaluate the criterion after an update, if ``anew``.
 
         Parameters
@@ -103,11 +105,11 @@ class PublishedMethod(ModellingMethod):
         super().__init__(settings)
         self.criterion: CompletionMonitor = CompletionMonitor(settings)
 
-    def model(self, work: Work, *, changed: bool) -> ModelMaker | None:
+    def model(self, work: UpdateWork, *, changed: bool) -> ModelMaker | None:
         """See `ModellingMethod`."""
         return self._maker(work) if changed else None
 
-    def judge(self, work: Work, points: FloatArray, *, anew: bool) -> None:
+    def judge(self, work: UpdateWork, points: FloatArray, *, anew: bool) -> None:
         """See `ModellingMethod`; this criterion depends on the samples alone."""
         if anew:
             self.criterion.update(points, work.time_s)
@@ -119,32 +121,32 @@ class FieldMethod(ModellingMethod):
     def __init__(self, settings: ModellingSettings) -> None:
         from mmt.texture.completion.uncertainty import UncertaintyCriterion
         from mmt.texture.field.blocks import BlockCutter
-        from mmt.texture.online.gathering import BlockSums
+        from mmt.texture.online.block_sums import BlockSums
 
         super().__init__(settings)
         self.criterion: UncertaintyCriterion = UncertaintyCriterion(settings)
         self._cutter, self._sums = BlockCutter(settings), BlockSums(settings)
 
-    def model(self, work: Work, *, changed: bool) -> ModelMaker | None:
+    def model(self, work: UpdateWork, *, changed: bool) -> ModelMaker | None:
         """See `ModellingMethod`."""
         work.blocks = self._cutter.cut(work.observed)
         felt = self._sums.add(work.blocks, work.forget_from)
         return self._maker(work, self._sums.cells) if changed or (felt and work.fits) else None
 
-    def judge(self, work: Work, points: FloatArray, *, anew: bool) -> None:
+    def judge(self, work: UpdateWork, points: FloatArray, *, anew: bool) -> None:
         """See `ModellingMethod`; evaluated only after enough new stroking."""
         del points
         for block in work.observed:
             self.criterion.density.add(block)
         if anew and (work.forget_from is not None or self.criterion.due):
             clock, model = Stopwatch(work.durations_s), work.source()
-            if model is not None and not isinstance(work.source, Made):  # deferred
+            if model is not None and not isinstance(work.source, ReadyModel):  # deferred
                 _ = model.level_field
                 clock.lap(DEFERRED)
             self.criterion.update(model, work.time_s)
 
 
-def made(
+def build_from_packed(
     settings: ModellingSettings,
     packed: Sequence[bytes],
     noise_power: float,

@@ -22,7 +22,14 @@ from mmt.texture.completion.distance import distance_sum
 from mmt.texture.model.fits import Fit, points_of
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.methods import method_of
-from mmt.texture.online.work import DEFERRED, Made, ModelSource, ModelUpdate, Stopwatch, Work
+from mmt.texture.online.updates import (
+    DEFERRED,
+    ModelSource,
+    ModelUpdate,
+    ReadyModel,
+    Stopwatch,
+    UpdateWork,
+)
 from mmt.texture.segmentation.segmenter import OnlineSegmenter
 from mmt.texture.segmentation.segments import SampleRange
 from mmt.texture.settings import ModellingSettings
@@ -99,13 +106,13 @@ class OnlineModeller:
         InputError
             The array holds no frames, or a channel is missing.
         """
-        update = carry_out(self.segment(frames))
+        update = run_stages(self.segment(frames))
         assert update is not None  # noqa: S101 - every call gives work
         return update
 
     # --- the stages; the work goes through them in this order
 
-    def segment(self, frames: RecordArray) -> Iterator[Work]:
+    def segment(self, frames: RecordArray) -> Iterator[UpdateWork]:
         """Filter and segment frames (n,), and yield the work for an update; O(n)."""
         clock = Stopwatch()
         aligned = self._filter.process(frames)
@@ -114,7 +121,7 @@ class OnlineModeller:
         change = self._segmenter.update(aligned)
         touched = [] if self._touch_downs is None else self._touch_downs.update(aligned)
         clock.lap("segment")
-        yield Work(
+        yield UpdateWork(
             modeller=self,
             time_s=self._session_time_s(self._filter.newest + 1),
             observed=[aligned],
@@ -126,7 +133,7 @@ class OnlineModeller:
             durations_s=clock.laps,
         )
 
-    def forget(self, from_sample: int) -> Work:
+    def remove_after(self, from_sample: int) -> UpdateWork:
         """Return the work of removing all that reaches beyond a sample: it is of another surface.
 
         A criterion that was met only because of this becomes unmet.
@@ -138,12 +145,12 @@ class OnlineModeller:
         """
         known = self._noise.power, self._filter.faults
         time_s = self._session_time_s(self._filter.newest + 1)
-        return Work(self, time_s, [], [], [], *known, forget_from=from_sample)
+        return UpdateWork(self, time_s, [], [], [], *known, forget_from=from_sample)
 
     def _session_time_s(self, sequence: int) -> float:
         return (sequence - self._filter.first) / self.settings.rate_hz
 
-    def fit(self, work: Work) -> None:
+    def fit(self, work: UpdateWork) -> None:
         """Fit the new segments, and set ``work.fits`` to all fits; O(new samples x order)."""
         clock = Stopwatch(work.durations_s)
         removed = list(work.removed)
@@ -181,7 +188,7 @@ class OnlineModeller:
             gone.append(self.fits.pop(keys[older]))
         return gone
 
-    def build(self, work: Work) -> None:
+    def build(self, work: UpdateWork) -> None:
         """Build and set the model of the fits, if it changes."""
         clock = Stopwatch(work.durations_s)
         changed = bool(work.added or work.removed_count) or work.touch_downs != self._built
@@ -189,15 +196,15 @@ class OnlineModeller:
         changed |= work.forget_from is None and self._source is None and bool(work.fits)
         make = self._method.model(work, changed=changed)
         if make is not None and not work.fits:
-            self._source = Made()
+            self._source = ReadyModel()
         elif make is not None:
-            self._source = cache(make) if self._deferred else Made(make().prepared())
+            self._source = cache(make) if self._deferred else ReadyModel(make().prepared())
         work.made_anew = make is not None
         if self._source is not None:
             work.source = self._source
         clock.lap("triangulate")
 
-    def judge(self, work: Work) -> None:
+    def judge(self, work: UpdateWork) -> None:
         """Judge the model by the criterion, and set ``work.update`` to the result.
 
         A criterion that was met only by samples of another surface becomes unmet.
@@ -232,7 +239,7 @@ class OnlineModeller:
         )
 
 
-def carry_out(steps: Iterator[Work]) -> ModelUpdate | None:
+def run_stages(steps: Iterator[UpdateWork]) -> ModelUpdate | None:
     """Run every stage of each piece of work, and return the last update that is announced."""
     update = None
     for work in steps:

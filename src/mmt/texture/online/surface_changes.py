@@ -24,22 +24,22 @@ class SurfaceChange:
     evidence: float | None = None
 
 
-class SaidSurface(NamedTuple):
+class SurfaceStatement(NamedTuple):
     """Statement of a person: from this sample (sequence number) on, the tool is on a surface."""
 
     sample: int
     surface: int
 
 
-def said_surfaces(events: Iterable[Mapping[str, Any]]) -> list[SaidSurface]:
+def surface_statements(events: Iterable[Mapping[str, Any]]) -> list[SurfaceStatement]:
     """Return the statements of persons from a recording's events of surface changes."""
-    said = [
+    stated = [
         (event.get("at_sample"), event.get("surface"))
         for event in events
         if "evidence" in event and event["evidence"] is None
     ]
     return [
-        SaidSurface(sample, surface)
-        for sample, surface in said
+        SurfaceStatement(sample, surface)
+        for sample, surface in stated
         if isinstance(sample, int) and isinstance(surface, int) and sample >= 0 < surface
     ]

@@ -35,8 +35,8 @@ class SignalFaults:
         if self.throughout:
             parts = ["the accelerometer gave one value throughout"]
         else:
-            parts = self._said("the accelerometer ", _ACCELEROMETER)
-        parts += self._said("frames were ", _FRAMES)
+            parts = self._in_words("the accelerometer ", _ACCELEROMETER)
+        parts += self._in_words("frames were ", _FRAMES)
         if self.bridged_s > 0.0:
             parts.append(f"{_seconds(self.bridged_s)} of this filled in")
         return "; ".join(parts)
@@ -46,15 +46,15 @@ class SignalFaults:
         seconds = {name: max(0.0, getattr(self, name) - getattr(before, name)) for name in _JUDGED}
         return SignalFaults(**seconds, throughout=self.throughout)
 
-    def worth_saying(self, said: "SignalFaults") -> bool:
+    def should_report(self, reported: "SignalFaults") -> bool:
         """Return whether the seconds of a cause have at least doubled since they were reported.
 
         Missing frames do not count here, as they are reported as lost. Nor does a fault that was
         reported as lasting throughout and still does.
         """
-        seconds = [(getattr(self, name), getattr(said, name)) for name in _JUDGED]
+        seconds = [(getattr(self, name), getattr(reported, name)) for name in _JUDGED]
         doubled = any(now > 0.0 and now >= 2.0 * before for now, before in seconds)
-        return doubled and not (self.throughout and said.throughout)
+        return doubled and not (self.throughout and reported.throughout)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the seconds by cause, and the sentence, for a program."""
@@ -62,10 +62,10 @@ class SignalFaults:
         del table["throughout"]
         return {**{name: round(value, 6) for name, value in table.items()}, "text": self.sentence()}
 
-    def _said(self, whose: str, words: dict[str, str]) -> list[str]:
+    def _in_words(self, whose: str, words: dict[str, str]) -> list[str]:
         """Return the words for these causes, or nothing if none has occurred."""
-        values = {said: getattr(self, name) for name, said in words.items()}
-        found = [f"{said} {_seconds(value)}" for said, value in values.items() if value > 0.0]
+        values = {text: getattr(self, name) for name, text in words.items()}
+        found = [f"{text} {_seconds(value)}" for text, value in values.items() if value > 0.0]
         return [whose + ", ".join(found)] if found else []
 
 

@@ -135,7 +135,7 @@ ANISOTROPIC: Final = InputSpace("anisotropic")
 
 
 @kernel("f8(f8, f8)", inner=True)
-def from_zero(value: float, per_unit: float) -> float:
+def normalised_magnitude(value: float, per_unit: float) -> float:
     """Return a speed or force, normalised and limited to 0 ... 1; NaN counts as 0."""
     scaled = value * per_unit
     return min(scaled, 1.0) if scaled > 0.0 else 0.0
@@ -170,8 +170,8 @@ def normalise_into(
         Shape (d,), written.
     """
     if len(point) == 2:
-        point[0] = from_zero(first, per_speed)
-        point[1] = from_zero(second, per_force)
+        point[0] = normalised_magnitude(first, per_speed)
+        point[1] = normalised_magnitude(second, per_force)
     else:
         x, y = _bounded(first, per_speed), _bounded(second, per_speed)
         square = x * x + y * y
@@ -180,4 +180,4 @@ def normalise_into(
             x /= beyond
             y /= beyond
         point[0], point[1] = x, y
-        point[2] = from_zero(third, per_force)
+        point[2] = normalised_magnitude(third, per_force)

@@ -13,9 +13,9 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.online.modeller import OnlineModeller, carry_out
-from mmt.texture.online.surface_changes import SaidSurface, SurfaceChange
-from mmt.texture.online.work import ModelUpdate, Work
+from mmt.texture.online.modeller import OnlineModeller, run_stages
+from mmt.texture.online.surface_changes import SurfaceChange, SurfaceStatement
+from mmt.texture.online.updates import ModelUpdate, UpdateWork
 from mmt.texture.settings import ModellingSettings, SurfaceSettings, surface_check_frames
 from mmt.texture.surfaces.tracking import NAMED_S, SurfaceTracker
 
@@ -54,9 +54,9 @@ class SurfaceModeller:
         """The number of the surface that the tool is taken to be on."""
         return self._tracker.surface
 
-    def say(self, said: SaidSurface) -> None:
+    def state_surface(self, statement: SurfaceStatement) -> None:
         """Record a person's statement on the surface. See `SurfaceTracker`."""
-        self._tracker.say(said)
+        self._tracker.state_surface(statement)
 
     @property
     def kept(self) -> tuple[int, ...]:
@@ -70,9 +70,9 @@ class SurfaceModeller:
 
     def update(self, frames: RecordArray) -> ModelUpdate | None:
         """Add the newest frames (n,); return an update if one is due."""
-        return carry_out(self.segment(frames))
+        return run_stages(self.segment(frames))
 
-    def segment(self, frames: RecordArray) -> Iterator[Work]:
+    def segment(self, frames: RecordArray) -> Iterator[UpdateWork]:
         """Track the surface over the newest frames (n,), and yield the work of updating models.
 
         An update is due once a period, and at every change.
@@ -113,7 +113,7 @@ class SurfaceModeller:
         while int(self._recent[0]["sequence"][-1]) < oldest:
             del self._recent[0]
 
-    def _give(self, until: int, surface: int | None = None) -> Iterator[Work]:
+    def _give(self, until: int, surface: int | None = None) -> Iterator[UpdateWork]:
         """Give a surface's model (by default the current one) its frames up to a sample."""
         modeller = self._modellers[surface or self.surface]
         waiting = [
@@ -129,11 +129,11 @@ class SurfaceModeller:
             work.announced = False
             yield work
 
-    def _leave(self, change: SurfaceChange, left: list[ModelUpdate]) -> Iterator[Work]:
+    def _leave(self, change: SurfaceChange, left: list[ModelUpdate]) -> Iterator[UpdateWork]:
         """Divide the frames between the models of two surfaces at the change-point."""
         if change.kind != "identified":  # else they were the same all along
             yield from self._give(change.from_sample, change.before)
-            work = self._modellers[change.before].forget(change.from_sample)
+            work = self._modellers[change.before].remove_after(change.from_sample)
             work.announced, work.surface = False, change.before
             work.session_time_s = self._time_s(change.from_sample)
             yield work

@@ -8,7 +8,7 @@ from typing import Final, Literal, NamedTuple
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import check_frames, samples_per_frame
 from mmt.texture.field.blocks import BLOCK_S
-from mmt.texture.online.surface_changes import SaidSurface, SurfaceChange
+from mmt.texture.online.surface_changes import SurfaceChange, SurfaceStatement
 from mmt.texture.settings import ModellingSettings, SurfaceSettings, surface_check_frames
 from mmt.texture.signals.faults import SignalFaults
 from mmt.texture.signals.filtering import StreamFilter
@@ -25,8 +25,8 @@ class SurfaceTracker:
     """Tracker of the surface under the tool in a stream of frames.
 
     A detected change begins a new surface. A return to a known surface is not detected: a person
-    says it (`say`). Within `NAMED_S` of a detected change the statement is on the new surface,
-    which then was the named one all along. Otherwise it holds from the named sample on.
+    says it (`state_surface`). Within `NAMED_S` of a detected change the statement is on the new
+    surface, which then was the named one all along. Otherwise it holds from the named sample on.
 
     Cost: that of `SurfaceDetector`.
 
@@ -46,7 +46,7 @@ class SurfaceTracker:
         )
         self._most = settings.most
         self._named_samples = round(NAMED_S * modelling.rate_hz)
-        self._said: list[SaidSurface] = []
+        self._statements: list[SurfaceStatement] = []
         self._found: SurfaceChange | None = None  # the detected change by which this stay began
         self.surface = 1
         """Number of the surface that the tool is taken to be on."""
@@ -61,21 +61,25 @@ class SurfaceTracker:
         """Faults of the stream's signals so far, whatever the surface."""
         return self._filter.faults
 
-    def say(self, said: SaidSurface) -> None:
+    def state_surface(self, statement: SurfaceStatement) -> None:
         """Record a person's statement; it holds from its sample on, which may be a later one.
 
         An unknown number is that of a new surface.
         """
-        insort(self._said, said)  # in one step, as another thread may read the list
+        insort(self._statements, statement)  # in one step, as another thread may read the list
 
     def update(self, frames: RecordArray) -> list[SurfaceChange]:
         """Add the newest frames (n,); return the changes that they reveal."""
         changes = []
-        while self._said and len(frames) and self._said[0].sample <= int(frames["sequence"][-1]):
-            said = self._said.pop(0)
-            before = frames["sequence"] < said.sample
+        while (
+            self._statements
+            and len(frames)
+            and self._statements[0].sample <= int(frames["sequence"][-1])
+        ):
+            statement = self._statements.pop(0)
+            before = frames["sequence"] < statement.sample
             changes += self._detect(frames[before])
-            changes += self._follow(said)
+            changes += self._follow(statement)
             frames = frames[~before]
         return changes + self._detect(frames)
 
@@ -89,9 +93,9 @@ class SurfaceTracker:
                 changes.append(self._found)
         return changes
 
-    def _follow(self, said: SaidSurface) -> list[SurfaceChange]:
+    def _follow(self, statement: SurfaceStatement) -> list[SurfaceChange]:
         """Return the change that a person's statement makes, if any."""
-        sample, number = said
+        sample, number = statement
         if number == self.surface:
             return []
         found, self._found = self._found, None
@@ -135,7 +139,7 @@ class FoundSurface(NamedTuple):
 def follow_surfaces(
     frames: RecordArray,
     settings: ModellingSettings | None = None,
-    said: Iterable[SaidSurface] = (),
+    statement: Iterable[SurfaceStatement] = (),
 ) -> Iterator[FoundSurface]:
     """Yield each change of surface in a session, as the live leader finds it.
 
@@ -148,8 +152,8 @@ def follow_surfaces(
     settings
         Settings of the modelling; ``surfaces`` sets how surfaces are told apart. None takes the
         defaults, for both. The number of samples per frame is taken from the frames.
-    said
-        Statements of persons, which `mmt.texture.online.surface_changes.said_surfaces` returns
+    statement
+        Statements of persons, which `mmt.texture.online.surface_changes.surface_statements` returns
         from the events of a recording.
 
     Examples
@@ -163,7 +167,7 @@ def follow_surfaces(
     settings = settings or ModellingSettings()
     settings = replace(settings, samples_per_frame=samples_per_frame(frames.dtype))
     first = int(frames["sequence"][0]) if len(frames) else 0
-    for change in surface_changes(frames, settings, said):
+    for change in surface_changes(frames, settings, statement):
         yield FoundSurface(
             time_s=(change.at_sample - first) / settings.rate_hz,
             surface=change.surface,
@@ -173,12 +177,12 @@ def follow_surfaces(
 
 
 def surface_changes(
-    frames: RecordArray, settings: ModellingSettings, said: Iterable[SaidSurface] = ()
+    frames: RecordArray, settings: ModellingSettings, statement: Iterable[SurfaceStatement] = ()
 ) -> Iterator[SurfaceChange]:
     """Yield each change of surface in frames (n,) by sample numbers, see `follow_surfaces`."""
     tracker = SurfaceTracker(settings, settings.surfaces or SurfaceSettings())
-    for word in said:
-        tracker.say(word)
+    for word in statement:
+        tracker.state_surface(word)
     look = surface_check_frames(settings.rate_hz)
     numbering = StreamNumbering()
     for start in range(0, len(frames), look):

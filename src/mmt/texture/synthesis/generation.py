@@ -113,7 +113,7 @@ class Generator:
         self.release = math.exp(-1.0 / (_RELEASE_S * rate_hz))
         """Least ratio of the amplitudes of successive samples."""
 
-    def use(self, wanted: VibrationFilter | None) -> None:
+    def set_filter(self, wanted: VibrationFilter | None) -> None:
         """Set the filter; None keeps the last one and lets its amplitude decay."""
         if wanted is None:
             self.state[WANTED] = 0.0

@@ -119,7 +119,7 @@ class Synthesizer:
         if not inputs or np.ndim(inputs[0]) != 1:
             raise InputError(_unfit(inputs))
         if model is None:
-            generator.use(None)
+            generator.set_filter(None)
             return generator.generate(len(inputs[0]))
         if len(inputs) == 2 and model.dimensions == 3:
             inputs = (inputs[0], np.zeros(len(inputs[0])), inputs[1])

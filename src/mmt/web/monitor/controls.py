@@ -89,7 +89,7 @@ class Controls:
         ):
             raise InputError(f"a mark is a line of {_LONGEST_MARK} characters at most")
         name = text.strip() or "mark"
-        self._leader.tell(f"marked: {name}", mark=name)
+        self._leader.log_event(f"marked: {name}", mark=name)
         recorded = self._leader.recording is not None
         return f"marked: {name}" + ("" if recorded else " (nothing is being recorded)")
 
@@ -103,7 +103,7 @@ class Controls:
         wanted = _flag(order)
         if self._leader.frozen != wanted:
             self._leader.freeze(wanted)
-            self._leader.tell("model frozen" if wanted else "model grows again", frozen=wanted)
+            self._leader.log_event("model frozen" if wanted else "model grows again", frozen=wanted)
         return "the model stays as it is" if wanted else "the model grows"
 
     async def _surface(self, order: dict[str, Any]) -> str:
@@ -118,7 +118,7 @@ class Controls:
             raise InputError(f"surface is {surface!r}: known are {numbers}, null is another one")
         if surface == now:
             return f"surface {now} it is"
-        self._leader.say_surface(surface)
+        self._leader.state_surface(surface)
         return f"surface {surface} again" if surface in known else f"a new surface, {surface}"
 
     async def _mode(self, order: dict[str, Any]) -> str:
@@ -131,7 +131,7 @@ class Controls:
             "streamed": "held to streamed vibration",
             "synthesized": "held to the model's vibration",
         }[mode]
-        self._leader.tell(sentence, forced=mode)
+        self._leader.log_event(sentence, forced=mode)
         return sentence
 
     async def _record(self, order: dict[str, Any]) -> str:
@@ -150,7 +150,7 @@ class Controls:
             raise InputError("there is no model yet: stroke the surface first")
         path = self._free("-model", ".npz")
         await asyncio.to_thread(lambda: write_file(path, model.to_bytes()))
-        self._leader.tell(f"model saved as {path}")
+        self._leader.log_event(f"model saved as {path}")
         return f"saved {len(model.points)} samples as {path}"
 
     # ---

@@ -27,7 +27,7 @@ from mmt.web.page_server import (
 if TYPE_CHECKING:
     from mmt.link.http import Page
     from mmt.texture.model.texture_model import TextureModel
-    from mmt.texture.online.work import ModelUpdate
+    from mmt.texture.online.updates import ModelUpdate
 
 LOG: Final = logging.getLogger("mmt.web.monitor")
 
@@ -54,7 +54,7 @@ class LeaderMonitor:
         self.viewers = Viewers()
         self._leader = leader
         self._period_s = 1.0 / settings.updates_hz
-        self._slow = max(2, round(settings.updates_hz))  # calls of `look` per second
+        self._slow = max(2, round(settings.updates_hz))  # calls of `publish_changes` per second
         self._live = LiveMessages(leader.scene, self.tap)
         self._update: ModelUpdate | None = None
         self._model: TextureModel | None = None
@@ -77,17 +77,17 @@ class LeaderMonitor:
         return _monitor_page(self.viewers, self._controls)
 
     async def run(self) -> None:
-        """Call `look` periodically until cancelled. An error ends the monitor, not the session."""
+        """Call `publish_changes` until cancelled. An error ends the monitor, not the session."""
         while True:
             await asyncio.sleep(self._period_s)
             try:
-                self.look()
+                self.publish_changes()
             except Exception:
                 LOG.exception("the monitor has failed, the session goes on without it")
                 self.end("the monitor has failed")
                 return
 
-    def look(self) -> None:
+    def publish_changes(self) -> None:
         """Publish changes since the last call."""
         self._follow_model()
         if not self.viewers:
@@ -118,12 +118,12 @@ class LeaderMonitor:
         """Send the viewers the last state and the outcome of the session, and stop."""
         if not self.viewers.ended:
             if self.viewers and outcome is None:
-                self.look()
+                self.publish_changes()
                 self._publish_ticks()
                 self._publish_link()
             verdict = self._leader.verdict.as_dict()
-            said = self._leader.outcome if outcome is None else outcome
-            self.viewers.publish("end", pack("end", {"outcome": said, "verdict": verdict}, {}))
+            shown = self._leader.outcome if outcome is None else outcome
+            self.viewers.publish("end", pack("end", {"outcome": shown, "verdict": verdict}, {}))
         self.tap.watched = False
         self.viewers.close()
 
@@ -161,8 +161,8 @@ class LeaderMonitor:
     def _publish_completion(self) -> None:
         points = states.thinned(list(self._history), _SHOWN)
         update = self._update
-        said = (None, "") if update is None else (update.progress, update.faults.sentence())
-        header = states.completion_header(said[0], *self._leader.criteria_s, said[1])
+        shown = (None, "") if update is None else (update.progress, update.faults.sentence())
+        header = states.completion_header(shown[0], *self._leader.criteria_s, shown[1])
         arrays = {"time_s": [t for t, _ in points], "value": [v for _, v in points]}
         self.viewers.publish("completion", pack("completion", header, arrays))
 

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from mmt.core.ticking import Ticker
     from mmt.link.server import LeaderServer
     from mmt.texture.model.texture_model import TextureModel
-    from mmt.texture.online.work import ModelUpdate
+    from mmt.texture.online.updates import ModelUpdate
 
 
 class LeaderView(Protocol):
@@ -101,7 +101,7 @@ class LeaderView(Protocol):
 
     # --- orders
 
-    def tell(self, sentence: str, **details: object) -> None:
+    def log_event(self, sentence: str, **details: object) -> None:
         """Log an event of the session, and record it."""
 
     def reset_model(self) -> None:
@@ -110,7 +110,7 @@ class LeaderView(Protocol):
     def freeze(self, frozen: bool) -> None:
         """Suspend updates of the model, or resume them."""
 
-    def say_surface(self, surface: int) -> None:
+    def state_surface(self, surface: int) -> None:
         """Set the surface under the tool, as stated by the user."""
 
     def force(self, mode: Literal["streamed", "synthesized"] | None) -> None:

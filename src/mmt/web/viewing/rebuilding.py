@@ -25,8 +25,8 @@ from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.modeller_factory import ModellerFactory
 from mmt.texture.online.history import stream_blocks
 from mmt.texture.online.methods import method_of
-from mmt.texture.online.surface_changes import said_surfaces
-from mmt.texture.online.work import ModelUpdate
+from mmt.texture.online.surface_changes import surface_statements
+from mmt.texture.online.updates import ModelUpdate
 from mmt.texture.settings import ModellingSettings
 
 _MODELS_KEPT: Final = 8
@@ -172,13 +172,13 @@ class ModelRebuild:
         """Build one model over a span, until the model is complete or the span ends."""
         growing = _Growing(self.snapshots)
         events = [e for e in self._windows.events if span[0] <= e["at_s"] < span[1]]
-        modeller = self._modellers.make(said_surfaces(events))
+        modeller = self._modellers.make(surface_statements(events))
         for time_s, frames in self._blocks(span):
             update = modeller.update(frames)
             self.reached_s = time_s
             if update is not None:
                 self.states.append(growing.state(update, time_s))
-            if self._leave.is_set() or (update is not None and self._modellers.done(update)):
+            if self._leave.is_set() or (update is not None and self._modellers.is_finished(update)):
                 return
 
     def _blocks(self, span: Span) -> Iterator[tuple[float, RecordArray]]:

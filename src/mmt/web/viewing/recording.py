@@ -32,7 +32,7 @@ class ViewedRecording:
 
     Notes
     -----
-    Only one thread at a time may call `moment` or `course`.
+    Only one thread at a time may call `state_at` or `course`.
     """
 
     def __init__(self, windows: SessionWindows) -> None:
@@ -125,7 +125,7 @@ class ViewedRecording:
         arrays = {"time_s": times_s, "force_n": force_n, "position_mm": position_mm}
         return pack("course", {"modes": traces.modes(window.outputs)}, arrays)
 
-    def moment(self, time_s: float) -> bytes:
+    def state_at(self, time_s: float) -> bytes:
         """Return the state at a recording time, which is clamped to the recording."""
         windows = self.windows
         at_s = float(min(max(0.0, time_s), windows.duration_s))
@@ -149,7 +149,7 @@ class ViewedRecording:
             "measured": traces.measured(window, at_s, self.settings),
             "played": played.vibration_m_s2,
             "modelled": played.modelled,
-            "trail": traces.trail(window, self.settings),
+            "trail": traces.motion_trace(window, self.settings),
         }
         return pack("moment", header, arrays)
 
@@ -199,8 +199,8 @@ class ViewedRecording:
 def _completion(state: ModelState | None) -> dict[str, Any] | None:
     if state is None:
         return None
-    said = states.completion_header(state.progress, state.start_s, state.stop_s, state.faults)
-    return {**said, "advice": None}  # no advice on strokes for a recording
+    header = states.completion_header(state.progress, state.start_s, state.stop_s, state.faults)
+    return {**header, "advice": None}  # no advice on strokes for a recording
 
 
 def _verdict(at_s: float, mode: str | None, state: ModelState | None) -> Verdict:

@@ -52,7 +52,7 @@ def recording_application(recording: ViewedRecording) -> web.Application:
 
     async def moment(request: web.Request) -> web.Response:
         time_s = _number(request, "time_s")
-        return await answer(lambda: recording.moment(time_s))
+        return await answer(lambda: recording.state_at(time_s))
 
     for handler in (opening, growth, model, course, moment):
         application.router.add_get(f"{PATH}/{handler.__name__}", handler)

@@ -133,7 +133,7 @@ def modes(outputs: Sequence[OutputBlock]) -> list[tuple[float, float, str]]:
     return [span for span in spans if span[2] != "silent"]
 
 
-def trail(window: Window, settings: ModellingSettings) -> FloatArray:
+def motion_trace(window: Window, settings: ModellingSettings) -> FloatArray:
     """Return tangential velocity along two axes and normal force (k, 3) of the last seconds."""
     names = window.frames.dtype.names or ()
     if "position_mm" not in names or "force_n" not in names:

@@ -106,7 +106,7 @@ class EmulatedArm:
         self._target_m = None
         self.outputs["output_int_register_0"] = 0
 
-    def take(self, values: Mapping[str, Any], time_s: float) -> None:
+    def set_registers(self, values: Mapping[str, Any], time_s: float) -> None:
         """Take the input registers of a data package."""
         self.inputs.update(values)
         self._input_s = time_s

@@ -152,9 +152,9 @@ class EmulatedUrController:
         if self.remote:
             self.arm.start_program()
 
-    def take(self, values: dict[str, Any]) -> None:
+    def set_registers(self, values: dict[str, Any]) -> None:
         """Take input registers."""
-        self.arm.take(values, self._time_s(time.monotonic_ns()))
+        self.arm.set_registers(values, self._time_s(time.monotonic_ns()))
 
     def answer(self, line: str) -> str:
         """Return the dashboard server's answer to a line."""
@@ -235,7 +235,7 @@ class EmulatedUrController:
             data = connection.link.recv(_MOST_WAITING)
             connection.received += data
             if data:
-                connection.take()
+                connection.handle_data()
         except (OSError, ValueError, struct.error, LookupError):
             data = b""
         if not data:

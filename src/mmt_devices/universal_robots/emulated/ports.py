@@ -24,7 +24,7 @@ class Controller(Protocol):
     def run_script(self) -> None:
         """Run the control script."""
 
-    def take(self, values: dict[str, Any]) -> None:
+    def set_registers(self, values: dict[str, Any]) -> None:
         """Take input registers."""
 
     def drop(self, connection: "PortConnection") -> None:
@@ -57,7 +57,7 @@ class PortConnection:
     def greet(self) -> None:
         """Send the greeting of the port; none by default."""
 
-    def take(self) -> None:
+    def handle_data(self) -> None:
         """Handle the received data; by default, leave it."""
 
     def send_state(self, fields: dict[str, Any], tick: int) -> None:
@@ -71,7 +71,7 @@ class DashboardConnection(PortConnection):
         """Send the greeting of the dashboard server."""
         self.send(b"Connected: Universal Robots Dashboard Server\n")
 
-    def take(self) -> None:
+    def handle_data(self) -> None:
         """Answer each line."""
         while b"\n" in self.received:
             line, _, rest = self.received.partition(b"\n")
@@ -82,7 +82,7 @@ class DashboardConnection(PortConnection):
 class ScriptConnection(PortConnection):
     """Receives scripts, and answers nothing."""
 
-    def take(self) -> None:
+    def handle_data(self) -> None:
         """Start ur_rtde's control script once it is complete, down to its last ``end``."""
         if self.received.startswith(b"def rtde_control():") and self.received.endswith(b"\nend\n"):
             self.received.clear()
@@ -100,12 +100,12 @@ class RtdeConnection(PortConnection):
         self._with_frequency = False
         self._started = False
 
-    def take(self) -> None:
+    def handle_data(self) -> None:
         """Answer each package."""
         for kind, body in rtde.packages(self.received):
             if kind == rtde.DATA:
                 recipe = self._inputs[body[0] - 1]
-                self.controller.take(recipe.unpack(body[1:]))
+                self.controller.set_registers(recipe.unpack(body[1:]))
             else:
                 self.send(rtde.pack(kind, self._answer(kind, body)))
 

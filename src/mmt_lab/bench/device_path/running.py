@@ -9,7 +9,7 @@ from mmt.core.errors import MmtError
 from mmt_lab.bench.device_path.emulated import ACCELERATION_PPM, FORCE_PPM, emulate
 from mmt_lab.bench.device_path.frame_times import FrameTimes, frame_times
 from mmt_lab.bench.device_path.reader import read
-from mmt_lab.harness.processes import beside, received
+from mmt_lab.harness.processes import background_processes, received
 
 DRIVERS: Final = {
     "net_ft": "ati-net-ft",
@@ -77,7 +77,7 @@ def measure_set_up(
 ) -> SetUpFigures:
     """Measure one set-up."""
     calls = (emulate, set_up.force, set_up.acceleration, realtime), (read,)
-    with beside(*calls) as (lab, reader):
+    with background_processes(*calls) as (lab, reader):
         job = {
             **_job(set_up, received(lab, START_S)),
             "realtime": realtime,

@@ -19,7 +19,7 @@ from mmt.texture.settings import Method
 from mmt.texture.space.inputs import ANISOTROPIC, InputSpace
 from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt_lab.stability.cases import CaseResult, Extreme, Family
-from mmt_lab.stability.degenerate import anywhere, build, of_space
+from mmt_lab.stability.degenerate import build, of_space, random_points
 
 MANY: Final = 2000
 METHODS: Final[tuple[Method, ...]] = ("field", "published")
@@ -61,7 +61,7 @@ def cases(*, many: int = MANY, queries: int = 2000) -> list[Extreme]:
 
 def _space(points: FloatArray, queries: int) -> CaseResult:
     """Build the model by each method, and evaluate it everywhere and at its samples."""
-    asked = np.vstack([anywhere(queries, np.random.default_rng(4)), points])
+    asked = np.vstack([random_points(queries, np.random.default_rng(4)), points])
     least_gap, largest_k, highest, silent = np.inf, 0.0, 0.0, True
     for method in METHODS:
         if method == "published" and len(points) > _LARGEST_NETWORK:
@@ -106,7 +106,7 @@ def _missing_volume(model: TextureModel) -> float:
 
 def _units(per_speed: float, per_force: float) -> CaseResult:
     space = InputSpace("anisotropic", 300.0 / per_speed, 3.0 / per_force)
-    points, asked = (anywhere(count, np.random.default_rng(5)) for count in (60, 500))
+    points, asked = (random_points(count, np.random.default_rng(5)) for count in (60, 500))
     off = max(
         _difference(
             build(points, by).at(*(asked * ANISOTROPIC.scale).T),
@@ -118,7 +118,7 @@ def _units(per_speed: float, per_force: float) -> CaseResult:
 
 
 def _level(scale: float) -> CaseResult:
-    points, asked = (anywhere(count, np.random.default_rng(6)) for count in (60, 500))
+    points, asked = (random_points(count, np.random.default_rng(6)) for count in (60, 500))
     off = 0.0
     for by in METHODS:
         # a field's level scales in proportion only far above imperceptible levels
@@ -145,7 +145,7 @@ def _any_query() -> CaseResult:
     bounded[:, 2] = np.clip(bounded[:, 2], 0.0, 3.0)
     off, finite = 0.0, True
     for by in METHODS:
-        model = build(anywhere(60, np.random.default_rng(9)), by)
+        model = build(random_points(60, np.random.default_rng(9)), by)
         off = max(off, _difference(model.at(*bounded.T), model.at(*asked.T)))
         finite &= bool(np.isfinite(Synthesizer(model).render(*asked.T)).all())
     return CaseResult(

@@ -58,7 +58,7 @@ def _felt(count: int, directed: bool = False, seed: int = 1) -> FieldCells:
     points = _points(count, directed, seed)
     scatter = _SCATTER * random.standard_normal(count) - 0.5 * _SCATTER**2
     number = random.integers(0, 20 * count, count)
-    return FieldCells.of(points, np.exp(_law(points) + scatter), number)
+    return FieldCells.from_blocks(points, np.exp(_law(points) + scatter), number)
 
 
 def _many(many: int, directed: bool) -> CaseResult:
@@ -89,7 +89,9 @@ def _many(many: int, directed: bool) -> CaseResult:
 
 def _repeated() -> CaseResult:
     points = np.tile([[0.4, 0.5]], (10_000, 1))
-    field = LevelField(FieldCells.of(points, np.full(len(points), 2.0), np.arange(len(points))))
+    field = LevelField(
+        FieldCells.from_blocks(points, np.full(len(points), 2.0), np.arange(len(points)))
+    )
     mean, deviation = field.level_db(np.array([[0.4, 0.5], [0.05, 0.05], [1.0, 1.0]]))
     off = abs(float(mean[0]) - float(_decibel(np.log(np.array([2.0])))[0]))
     return CaseResult(
@@ -104,7 +106,7 @@ def _any_power() -> CaseResult:
     power = 10.0 ** np.random.default_rng(6).uniform(-300.0, 300.0, 500)
     power[::7] = 0.0
     points = _points(len(power), False, 6)
-    field = LevelField(FieldCells.of(points, power, np.arange(len(power))))
+    field = LevelField(FieldCells.from_blocks(points, power, np.arange(len(power))))
     found = np.concatenate([*field.level_db(points), field.table.ravel()])
     finite = bool(np.isfinite(found).all())
     return CaseResult("all finite" if finite else "not finite", held=finite)
@@ -137,7 +139,7 @@ def _calibrated(gains: Callable[[np.random.Generator, IntArray], FloatArray]) ->
         number = np.repeat(np.arange(80) * MOMENT_BLOCKS, 5)
         power = np.exp(_law(points)) * random.chisquare(13.0, 400) / 13.0
         power *= gains(random, number // MOMENT_BLOCKS)
-        field = LevelField(FieldCells.of(points, power, number))
+        field = LevelField(FieldCells.from_blocks(points, power, number))
         mean, deviation = field.level_db(asked)
         squares.append(np.mean(np.square((mean - _decibel(_law(asked))) / deviation)))
     standardised = float(np.sqrt(np.mean(squares)))

@@ -53,4 +53,4 @@ class BlockSums:
         return self._settled.joined(self._cells(self._recent))
 
     def _cells(self, blocks: Blocks) -> FieldCells:
-        return FieldCells.of(blocks.points, blocks.power, blocks.number)
+        return FieldCells.from_blocks(blocks.points, blocks.power, blocks.number)

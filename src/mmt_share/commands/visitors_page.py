@@ -50,13 +50,13 @@ class VisitorsPage:
         self.address: str | None = None
         """Address of the page, or None until it is served."""
 
-    def entering(self, sentence: str) -> Coroutine[Any, Any, str] | None:
+    def start_on_event(self, sentence: str) -> Coroutine[Any, Any, str] | None:
         """Return a coroutine that serves the page if an event says that the model is shared."""
         url = shared_at(sentence)
         return None if url is None else self.open(url)
 
     @property
-    def lasting(self) -> str | None:
+    def after_session(self) -> str | None:
         """Words that give the address of the page, or None before it is served."""
         return None if self.address is None else f"it can be felt at {self.address}"
 
@@ -86,8 +86,8 @@ class VisitorsPage:
                 return f"feel it at {self.address}{qr_code(self.address) if self._code else ''}"
             await asyncio.sleep(_POLL_S)
         self._errors.seek(0)
-        said = self._errors.read().decode(errors="replace").strip().rpartition("\n")[2]
-        return f"no page for visitors: {said or 'its process has ended'}"
+        last_line = self._errors.read().decode(errors="replace").strip().rpartition("\n")[2]
+        return f"no page for visitors: {last_line or 'its process has ended'}"
 
     def wait(self) -> None:
         """Wait until the page's process ends.
@@ -127,7 +127,7 @@ def visitors_page(scene: Scene, *, terminal: bool) -> VisitorsPage:
             "a page for visitors needs a certificate that their browsers know: share without it, "
             "or leave the page out here and run mmt play --from URL --certificate FILE --key FILE"
         )
-    return VisitorsPage(Access.of(sharing, variable=TOKEN_VARIABLE).token, code=terminal)
+    return VisitorsPage(Access.from_settings(sharing, variable=TOKEN_VARIABLE).token, code=terminal)
 
 
 def reachable_url(table: ServedTable, port: int) -> str:

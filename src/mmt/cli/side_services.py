@@ -1,4 +1,4 @@
-"""Flags that added parts give a command, and the guests that run beside the leader."""
+"""Flags that added parts give a command, and the services that run beside the leader."""
 
 import inspect
 from collections.abc import Callable, Coroutine, Iterable
@@ -11,43 +11,47 @@ from mmt.scene import Scene
 from mmt.scene.added import Flag, added_flags, imported
 
 
-class Guest(Protocol):
+class SideService(Protocol):
     """A service for other people that a command runs beside the leader, such as a page."""
 
-    def entering(self, sentence: str) -> Coroutine[Any, Any, str] | None:
-        """Return a coroutine that starts the guest on this event of the leader, or None.
+    def start_on_event(self, sentence: str) -> Coroutine[Any, Any, str] | None:
+        """Return a coroutine that starts the service on this event of the leader, or None.
 
         The coroutine returns a text for the terminal.
         """
 
 
-class StayingGuest(Guest, Protocol):
-    """A guest that may run longer than the session."""
+class LastingSideService(SideService, Protocol):
+    """A service that may run longer than the session."""
 
     @property
-    def lasting(self) -> str | None:
-        """Words after "until Ctrl-C" on what the guest offers after the session, or None."""
+    def after_session(self) -> str | None:
+        """Words after "until Ctrl-C" on what the service offers after the session, or None."""
 
     def wait(self) -> None:
-        """Wait until the guest has ended by itself."""
+        """Wait until the service has ended by itself."""
 
     def close(self) -> None:
-        """End the guest."""
+        """End the service."""
 
 
-def invite(flags: Iterable[Flag], scene: Scene, *, terminal: bool = True) -> list[StayingGuest]:
-    """Return the guests of these flags, not started.
+def create_side_services(
+    flags: Iterable[Flag], scene: Scene, *, terminal: bool = True
+) -> list[LastingSideService]:
+    """Return the side services of these flags, not started.
 
     Parameters
     ----------
     flags
-        The flags; some have no guest.
+        The flags; some have no side service.
     scene
         A scene with the flags' tables.
     terminal
-        Whether the guests' texts are shown to a person rather than read by a program.
+        Whether their texts are shown to a person rather than read by a program.
     """
-    return [imported(flag.guest)(scene, terminal=terminal) for flag in flags if flag.guest]
+    return [
+        imported(flag.side_service)(scene, terminal=terminal) for flag in flags if flag.side_service
+    ]
 
 
 def with_flags(command: Literal["leader", "demo"]) -> Callable[[Callable[..., None]], Any]:

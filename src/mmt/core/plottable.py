@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-class Drawn:
+class Plottable:
     """Base of objects that `mmt.plotting` can plot."""
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":

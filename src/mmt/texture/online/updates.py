@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 class UpdateSteps(Protocol):
     """The steps of one update; see `mmt.texture.online.modeller.OnlineModeller`."""
 
-    def fit(self, work: "Work") -> None:
+    def fit(self, work: "UpdateWork") -> None:
         """Fit the new segments."""
 
-    def build(self, work: "Work") -> None:
+    def build(self, work: "UpdateWork") -> None:
         """Build the model of the fits."""
 
-    def judge(self, work: "Work") -> None:
+    def judge(self, work: "UpdateWork") -> None:
         """Judge the model and set ``work.update``."""
 
 
@@ -40,7 +40,7 @@ DEFERRED: Final = "deferred"
 
 
 @dataclass(frozen=True)
-class Made:
+class ReadyModel:
     """Source of a model that is already built."""
 
     model: TextureModel | None = None
@@ -90,7 +90,7 @@ class ModelUpdate:
 
 
 @dataclass
-class Work:
+class UpdateWork:
     """Data of one update that each stage passes to the next.
 
     Each stage reads the results of the stages before it and keeps its own state private, so that
@@ -149,7 +149,7 @@ class Work:
     removed_count: int = 0
     blocks: "Blocks | None" = None
     made_anew: bool = False
-    source: ModelSource = Made()
+    source: ModelSource = ReadyModel()
     announced: bool = True
     surface: int | None = None
     changes: "tuple[SurfaceChange, ...]" = ()
@@ -157,7 +157,7 @@ class Work:
     session_time_s: float | None = None
     update: ModelUpdate | None = None
 
-    def of(self, modeller: UpdateSteps) -> "Work":
+    def copy_for(self, modeller: UpdateSteps) -> "UpdateWork":
         """Return a copy of new work for another modeller."""
         return replace(self, modeller=modeller, durations_s=self.durations_s.copy())
 
@@ -166,7 +166,7 @@ class Work:
         """Input of another method of modelling."""
         return NewSamples(self.time_s, self.observed, self.added, self.removed)
 
-    def absorb(self, earlier: "Work", *, segments: bool = True) -> None:
+    def merge(self, earlier: "UpdateWork", *, segments: bool = True) -> None:
         """Add the work of an earlier update of the same model that was not carried out.
 
         Parameters
@@ -186,7 +186,7 @@ class Work:
 
 
 class NewSamples(NamedTuple):
-    """Part of the `Work` of one update that is the input of another method of modelling."""
+    """Part of the `UpdateWork` of one update that is the input of another method of modelling."""
 
     time_s: float
     observed: "list[AlignedBlock]"
