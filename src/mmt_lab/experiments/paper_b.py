@@ -231,5 +231,5 @@ def _drawn_spectra(
 
 
 EXPERIMENT = Experiment(
-    shows="paper B's matching test by spectra, and its models' sizes", duration="20 s", run=run
+    shows="paper B's matching test by spectra, and its models' sizes", duration="30 s", run=run
 )
