@@ -92,7 +92,7 @@ async def run(listeners: Listeners) -> RecordedSession:
         file = Path(directory) / "session.mcap"
         overrides = {"session.duration_s": DURATION_S, "recording.file": str(file)}
         scene = load_scene(scene_file, overrides, tables=["sharing"])
-        found = await run_services(scene_file, scene, DURATION_S, None, guests=[listeners])
+        found = await run_services(scene_file, scene, DURATION_S, None, side_services=[listeners])
         if found.failed:
             raise MmtError("; ".join(found.errors))
         for task in listeners.tasks:
