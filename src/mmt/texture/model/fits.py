@@ -12,7 +12,7 @@ those before it (`mmt.texture.signals.high_pass`).
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -78,7 +78,9 @@ def fit_segments(
     rate_hz, per_frame = settings.vibration_rate_hz, settings.samples_per_frame
     shortest = min(RESOLVING_ORDER, settings.shortest_samples // 4)  # as the shortest one allows
     resolving = min(per_frame * shortest, LARGEST_ORDER)
-    fits, effective = _recursion(tuple(usable), max(order, resolving), resolving, rate_hz)
+    fits = burg_batch(vibration, max(order, resolving))
+    counts = [segment.measured_count for segment in usable]
+    effective = effective_samples(_lsf_of(fits, resolving), np.array(counts), rate_hz)
     measured = np.array([segment.measured_gain for segment in usable])
     variance, power = fits.variances[:, order] * measured, fits.power * measured
     if behind_high_pass:
@@ -91,20 +93,9 @@ def fit_segments(
         reflection, gain = without_high_pass(fits, means, order, rate_hz, settings.rate_hz)
         lsf, power = reflection_to_lsf(reflection), power * gain
         variance = power * np.prod(1.0 - np.square(reflection), axis=1)
-    counts = [segment.measured_count for segment in usable]
     columns = (each.tolist() for each in (variance, power, effective))
     fitted = [Fit(*row) for row in zip(usable, lsf, *columns, counts, numbers, strict=False)]
     return [fit for fit in fitted if _is_filter(fit)]
-
-
-@lru_cache(maxsize=1)
-def _recursion(
-    segments: tuple[Segment, ...], order: int, resolving: int, rate_hz: float
-) -> tuple[ReflectionFits, FloatArray]:
-    """Return fits of segments, and effective sample sizes; kept for the other method's turn."""
-    fits = burg_batch([each.vibration_m_s2 for each in segments], order)
-    counts = np.array([each.measured_count for each in segments])
-    return fits, effective_samples(_lsf_of(fits, resolving), counts, rate_hz)
 
 
 def unpacked(packed: Sequence[bytes], space: InputSpace) -> TextureSamples:
