@@ -34,10 +34,13 @@ class ModellerFactory:
 
     @property
     def numerics(self) -> list[str]:
-        """Names of the modules with compiled kernels that a modeller imports."""
+        """Names of the modules that a modeller imports late or that have compiled kernels."""
         several, field = self._settings.surfaces is not None, self._settings.method == "field"
         modeller = "mmt.texture.surfaces.modeller" if several else "mmt.texture.online.modeller"
-        return [modeller, *(["mmt.texture.completion.uncertainty"] if field else [])]
+        names = [modeller, "mmt.texture.model.rendered"]
+        if field:
+            names += ["mmt.texture.completion.uncertainty", "mmt.texture.field.shape_smoothing"]
+        return names
 
     def make(
         self, statements: "Iterable[SurfaceStatement]" = ()
