@@ -9,6 +9,7 @@ import struct
 import sys
 import time
 import uuid
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -24,8 +25,6 @@ SLICE_NS = 100_000
 
 _BOOT_ID: Final = Path("/proc/sys/kernel/random/boot_id")
 _OFFSETS: Final = Path("/proc/self/timens_offsets")
-
-_MAPPINGS: Final = Path("/proc/self/smaps")
 
 _MADV_DONTNEED = 4
 _NICENESS = 5
@@ -153,17 +152,15 @@ def release_file(library: str) -> int:
     library
         Part of its file's name.
     """
-    try:
-        lines = _MAPPINGS.read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError:
-        return 0
-    released, mapping = 0, ""  # the address of one that may be released
-    for line in lines:
-        words = line.split()
-        if len(words) >= 5 and "-" in words[0]:
-            mapping = words[0] if library in line and words[1] in {"r-xp", "r--p"} else ""
-        elif mapping and words[:2] == ["Anonymous:", "0"]:  # the loader has written nothing there
-            start, stop = (int(edge, 16) for edge in mapping.split("-"))
+    mappings = []
+    if sys.platform == "linux" and hasattr(psutil.Process, "memory_maps"):
+        with suppress(psutil.Error):
+            mappings = psutil.Process().memory_maps(grouped=False)
+    released = 0
+    for mapping in mappings:
+        unchanged = mapping.anonymous == 0  # the loader has written nothing there
+        if library in mapping.path and mapping.perms in {"r-xp", "r--p"} and unchanged:
+            start, stop = (int(edge, 16) for edge in mapping.addr.split("-"))
             result = ctypes.CDLL(None).madvise(
                 ctypes.c_void_p(start), ctypes.c_size_t(stop - start), _MADV_DONTNEED
             )
