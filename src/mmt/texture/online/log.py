@@ -56,11 +56,13 @@ class ModelLog:
         """Log an update that has been carried out; return the source of its model."""
         came = {
             fit.number: (fit.segment.span, fit.packed)
-            for fit in work.came
-            if fit.number not in work.gone
+            for fit in work.new_fits
+            if fit.number not in work.removed_fits
         }
         number = len(self._steps) if work.made_anew or not self._steps else self._steps[-1].model
-        step = _Step(came, list(work.gone), work.blocks, work.noise_power, work.touch_downs, number)
+        step = _Step(
+            came, list(work.removed_fits), work.blocks, work.noise_power, work.touch_downs, number
+        )
         self._steps.append(step)
         return partial(self.model, number)
 

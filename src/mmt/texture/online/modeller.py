@@ -157,11 +157,11 @@ class OnlineModeller:
         if work.forget_from is not None:
             removed += [key for key in self.fits if key[1] > work.forget_from]
         gone = [self.fits.pop(key) for key in removed if key in self.fits]
-        work.came = self._method.add(work.added, self._numbers)
-        self.fits |= {fit.segment.span: fit for fit in work.came}
+        work.new_fits = self._method.add(work.added, self._numbers)
+        self.fits |= {fit.segment.span: fit for fit in work.new_fits}
         gone += self._thin_out()
         work.removed_count += len(gone)
-        work.gone = {fit.number for fit in gone}
+        work.removed_fits = {fit.number for fit in gone}
         work.fits = tuple(self.fits.values())
         self._touched = (*self._touched, *work.touched)[-MOST_TOUCH_DOWNS:]
         if work.forget_from is not None:

@@ -115,7 +115,7 @@ class UpdateWork:
     forget_from
         The first sequence number of another surface: segments that reach beyond it are removed.
         None in a usual update.
-    fits, came, gone
+    fits, new_fits, removed_fits
         Set by ``fit``: all fits of the model, the new ones, and the numbers of removed ones.
     touch_downs
         Set by ``fit``: all touch-downs of the model.
@@ -143,8 +143,8 @@ class UpdateWork:
     touched: "list[TouchDown]" = field(default_factory=list)
     durations_s: dict[str, float] = field(default_factory=dict)
     fits: "tuple[Fit, ...]" = ()
-    came: "list[Fit]" = field(default_factory=list)
-    gone: set[int] = field(default_factory=set)
+    new_fits: "list[Fit]" = field(default_factory=list)
+    removed_fits: set[int] = field(default_factory=set)
     touch_downs: "tuple[TouchDown, ...]" = ()
     removed_count: int = 0
     blocks: "Blocks | None" = None
