@@ -113,7 +113,8 @@ def numerics_of(scene: Scene) -> list[str]:
     names = [name for entry in entries for name in entry.numerics]
     table = scene.rendering
     if table is not None and (table.model is not None or scene.is_given("model")):
-        names += ["mmt.texture.model.rendered", "mmt.texture.field.posterior"]  # to build it
+        # such a model is built in this process, a growing one in the one that models
+        names += ["mmt.texture.model.rendered", "mmt.texture.field.posterior"]
     return names
 
 

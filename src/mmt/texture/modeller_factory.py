@@ -34,7 +34,7 @@ class ModellerFactory:
 
     @property
     def numerics(self) -> list[str]:
-        """Names of the modules that a modeller imports late or that have compiled kernels."""
+        """Names of the modules to import before it models; the others follow from them."""
         several, field = self._settings.surfaces is not None, self._settings.method == "field"
         modeller = "mmt.texture.surfaces.modeller" if several else "mmt.texture.online.modeller"
         names = [modeller, "mmt.texture.model.rendered"]

@@ -44,7 +44,7 @@ class ModellingProcess:
     def __init__(self, settings: "ModellingSettings", period_s: float) -> None:
         self._setup = settings, period_s
         self.numerics = ModellerFactory(settings, period_s).numerics
-        """Names of the modules with compiled kernels that the process imports."""
+        """Names of the modules that the process imports before it models."""
         self._waiting: list[tuple[object, ...]] = []
         self._process: subprocess.Popen[bytes] | None = None
         self._meter: ProcessMeter | None = None

@@ -145,8 +145,9 @@ class TextureModel(Plottable):
     @property
     def vertices(self) -> FloatArray:
         """Points, level and LSF of samples and boundary points; see `Vertices`."""
-        rows = self.interpolant.rows
-        return self.rendered.vertices.table if self.interpolant.is_network else rows
+        if self.interpolant.is_network:
+            return self.rendered.vertices.table
+        return self.interpolant.rows
 
     @cached_property
     def interpolant(self) -> Interpolant:
