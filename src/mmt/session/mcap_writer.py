@@ -38,7 +38,6 @@ from mmt.session.messages import (
     frame_schema,
     output_schema,
 )
-from mmt.session.packed_index import pack_index
 from mmt.session.plot_messages import (
     ACCELERATION_SAMPLE,
     LOG,
@@ -248,7 +247,6 @@ def open_writer(stream: BinaryIO) -> Writer:
     writer = Writer(
         stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD, enable_data_crcs=True
     )
-    pack_index(writer)
     writer.start(profile=PROFILE, library=LIBRARY)
     return writer
 
