@@ -256,6 +256,13 @@ def test_pairs_on_the_command_line_have_one_form():
 # What looks wrong is said, with the option that mends it.
 
 
+def spoilt(vectors, row, value):
+    """Return vectors (n, 3) with one wrong number along z."""
+    return np.where(
+        (np.arange(len(vectors)) == row)[:, None] & [False, False, True], value, vectors
+    )
+
+
 def warnings_of(tmp_path, options=None, **arrays):
     held = {"position_mm": POSITION_MM, "force_n": FORCE_N, "acceleration_m_s2": ACCELERATION_M_S2}
     np.savez(tmp_path / "a.npz", **{"time_s": TIME_S, **held, **arrays})
@@ -293,6 +300,9 @@ def test_a_wrong_unit_or_axis_is_said_with_what_mends_it(tmp_path, arrays, reaso
     [
         ("position_mm", 0 * POSITION_MM + 3, "position: it never changes"),
         ("force_n", 0 * FORCE_N + 3, "force: it never changes"),
+        ("force_n", spoilt(FORCE_N, 700, 505831.25), r"z is 505831\.25 in row 701, nearly all"),
+        ("force_n", spoilt(FORCE_N, 700, -800.0), r"z is -800 in row 701"),
+        ("acceleration_m_s2", spoilt(ACCELERATION_M_S2, 9, 1e4), r"z is 10000 in row 10"),
         ("acceleration_m_s2", np.clip(ACCELERATION_M_S2, -9, 10), r"z stands at 10 in \d+ rows"),
         (
             "acceleration_m_s2",
@@ -301,7 +311,9 @@ def test_a_wrong_unit_or_axis_is_said_with_what_mends_it(tmp_path, arrays, reaso
         ),
     ],
 )
-def test_a_dead_a_clipped_and_a_held_sensor_are_said(tmp_path, channel, values, reason):
+def test_a_dead_a_clipped_a_held_sensor_and_a_wrong_number_are_said(
+    tmp_path, channel, values, reason
+):
     assert any(re.search(reason, each) for each in warnings_of(tmp_path, **{channel: values}))
 
 

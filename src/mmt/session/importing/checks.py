@@ -34,6 +34,8 @@ _LEAST_CLIPPED = 0.005
 """Least share of rows at the largest value for a warning."""
 _CLIPPED_STEP = 5
 """Least ratio of rows at the largest value to rows at the next one for a warning."""
+_OUTLIER: Final = 20.0
+"""Least ratio of a value to nearly all others (all but one row in 1000) for a warning."""
 _HIGHEST_RATE_HZ = 1e6
 _NOTED_JITTER = 0.05
 """Least jitter for a warning, in periods."""
@@ -274,6 +276,14 @@ def _of_sensor(channel: str, values: FloatArray, rate_hz: float) -> list[str]:
         sentences.append(f"{channel}: it held one value for {longest / rate_hz:.3g} s")
     for axis, column in zip("xyz", np.abs(values.T), strict=True):
         high = float(np.max(column))
+        usual = float(np.percentile(column, 99.9))
+        if high > _OUTLIER * usual > 0:
+            row = int(np.argmax(column))
+            sentences.append(
+                f"{channel}: {axis} is {values[row, 'xyz'.index(axis)]:.12g} in row {row + 1}, "
+                f"nearly all others are below {usual:.3g}; --missing VALUE --blanks-as-gaps "
+                "leaves it out"
+            )
         next_high = np.max(column, where=column < high, initial=0.0)
         rows, next_rows = (int(np.sum(column == size)) for size in (high, next_high))
         if next_high > 0 and rows > max(_LEAST_CLIPPED * len(column), _CLIPPED_STEP * next_rows):
